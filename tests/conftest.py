@@ -45,6 +45,7 @@ def run(monkeypatch, tmp_path, capsys):
 
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["jotlight", *map(str, arguments)])
+        console.shown_warnings.clear()
         with pytest.raises(SystemExit) as ended:
             app.main()
         printed = capsys.readouterr()

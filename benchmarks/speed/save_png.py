@@ -3,10 +3,10 @@
     python benchmarks/speed/save_png.py [--rounds 21]
 
 The images are photographs of 512 x 512 pixels, gray and in color, and a constant gray image of this
-size. `jl.save_image` also chooses the white level, waits until the file is on the disk, and renames
-it. All cases run in turn, round by round, so all of them meet the same state of the machine. The
-table shows the median and the shortest time of each case, the ratio of the medians to Pillow's, and
-the size of the file.
+size. `jl.save_image` also chooses the white level, and renames a complete file over the old one.
+All cases run in turn, round by round, so all of them meet the same state of the machine. The table
+shows the median and the shortest time of each case, the ratio of the medians to Pillow's, and the
+size of the file.
 """
 
 import argparse

@@ -15,7 +15,7 @@ from their bits.
 from jotlight import datasets, metrics, training
 from jotlight._engine import __version__
 from jotlight.calibration import Calibration, calibrate
-from jotlight.errors import JotlightWarning, MissingExtraError
+from jotlight.errors import JotlightWarning, MissingExtraError, PeriodicRatesWarning
 from jotlight.estimators import denoise, tv, vst
 from jotlight.estimators.admm import admm_tv
 from jotlight.estimators.mle import mle
@@ -42,11 +42,23 @@ from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import train
 
+_OTHER_NAMES = {
+    "imread": "read_image",
+    "imsave": "save_image",
+    "imwrite": "save_image",
+    "load": "open(path) for a capture, and jotlight.Network.load(path) for a network",
+    "psnr": "metrics.psnr",
+    "ssim": "metrics.ssim",
+    "photograph": "datasets.photograph",
+}
+"""Names in other libraries, and those in jotlight."""
+
 
 def __getattr__(name: str) -> object:
     """Import `jotlight.torch` when it is first used, because importing PyTorch takes seconds."""
     if name != "torch":
-        raise AttributeError(f"module 'jotlight' has no attribute {name!r}")
+        hint = f"; write jotlight.{_OTHER_NAMES[name]}" if name in _OTHER_NAMES else ""
+        raise AttributeError(f"module 'jotlight' has no attribute {name!r}{hint}")
     import importlib
 
     return importlib.import_module("jotlight.torch")
@@ -62,6 +74,7 @@ __all__ = [
     "MissingExtraError",
     "Motion",
     "Network",
+    "PeriodicRatesWarning",
     "Plan",
     "Problem",
     "Sensor",

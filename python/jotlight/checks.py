@@ -4,7 +4,10 @@ import functools
 import inspect
 import math
 import operator
+import os
 from collections.abc import Callable
+from difflib import get_close_matches
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -157,6 +160,11 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
         When an intensity is negative or not finite, or there are none.
     """
     refuse_masked("image", image)
+    if isinstance(image, str | os.PathLike):
+        raise TypeError(
+            f"image: expected an array, got the path {os.fspath(image)!r}; pass "
+            "jotlight.read_image(path)"
+        )
     array = np.asarray(image)
     if array.dtype.kind in "iub":
         raise TypeError(
@@ -181,6 +189,46 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
     return array if array.flags.aligned else array.copy()
 
 
+def refuse_path(data: object) -> None:
+    """Raise TypeError for a path in place of data."""
+    if isinstance(data, str | os.PathLike):
+        raise TypeError(
+            f"data: expected bits or counts, got the path {os.fspath(data)!r}; pass "
+            "jotlight.open(path) for a capture, and sensor.expose(jotlight.read_image(path)) for a "
+            "photograph"
+        )
+
+
+def refuse_frames(data: object) -> None:
+    """Raise TypeError for an array of bool in place of data."""
+    if isinstance(data, np.ndarray) and data.dtype == np.bool_:
+        raise TypeError(
+            "data: expected jotlight.Bits or counts, got an array of bool; pass "
+            "jotlight.Bits.from_array(frames, sensor)"
+        )
+
+
+def as_path(path: object, call: str) -> Path:
+    """Return a path. Raise TypeError for other arguments, with an example of the call."""
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(
+            f"path: expected the name of a file, as in {call}, got {type(path).__name__}"
+        )
+    return Path(path)
+
+
+def unknown_names(unknown: list[str], known: list[str]) -> str:
+    """Return unknown names, with the nearest known name.
+
+    Examples
+    --------
+    >>> unknown_names(["gains"], ["gain", "frames"])
+    'gains; did you mean gain?'
+    """
+    close = [each for name in unknown for each in get_close_matches(name, known, 1)]
+    return ", ".join(unknown) + (f"; did you mean {close[0]}?" if close else "")
+
+
 def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     """Return counts of pixels, (H, W) or with more axes, as aligned int32 in C order.
 
@@ -196,8 +244,8 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     if counts.dtype.kind not in "iu":
         raise TypeError(
             f"data: expected jotlight.Bits or an image of counts in whole numbers, got "
-            f"{counts.dtype}; pass bool to Bits.from_array, and cast rounded floats with "
-            "astype(int)"
+            f"{counts.dtype}; pass frames of bool to jotlight.Bits.from_array(frames, sensor), and "
+            "cast rounded floats with astype(int)"
         )
     if counts.ndim < 2 or counts.size == 0:
         raise ValueError(
@@ -233,7 +281,7 @@ def require_names(example: str) -> Callable[[type[T]], type[T]]:
             if unnamed:
                 text = f"parameters with names as in {example}, got {unnamed[0]!r}"
             elif unknown := sorted(set(parameters) - set(known)):
-                text = f"some of {', '.join(known)}, got {', '.join(unknown)}"
+                text = f"some of {', '.join(known)}, got {unknown_names(unknown, known)}"
             if text:
                 raise TypeError(f"{cls.__name__}: expected {text}")
             initialize(self, **parameters)

@@ -49,14 +49,21 @@ def remove_leftovers(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
+def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`, and rename it to `path` when the block ends.
 
     The temporary file is created on entry. So if the folder is not writable, an error is raised
     before any work is done. If the block raises, also because of Ctrl-C, the temporary file is
-    deleted, and an existing file at `path` stays unchanged. The content is on the disk before the
-    file is renamed, so it also survives a power failure. If `path` is itself a temporary path of a
-    surrounding block, it is yielded unchanged.
+    deleted, and an existing file at `path` stays unchanged. If `path` is itself a temporary path of
+    a surrounding block, it is yielded unchanged.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    durable : bool
+        Whether the content is on the disk before the file is renamed, so that it also survives a
+        power failure. This takes milliseconds.
 
     Raises
     ------
@@ -77,12 +84,12 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
     if path in _unfinished:
         yield path
         return
-    with atomic_write_together([path]) as (temporary,):
+    with atomic_write_together([path], durable=durable) as (temporary,):
         yield temporary
 
 
 @contextlib.contextmanager
-def atomic_write_together(paths: Sequence[Path]) -> Iterator[list[Path]]:
+def atomic_write_together(paths: Sequence[Path], *, durable: bool = True) -> Iterator[list[Path]]:
     """Yield a temporary path for each path, and rename all of them in order when the block ends.
 
     No file is renamed before the contents of all files are on the disk. So the renames together
@@ -99,10 +106,11 @@ def atomic_write_together(paths: Sequence[Path]) -> Iterator[list[Path]]:
         yield temporaries
         for path, temporary in zip(paths, temporaries, strict=True):
             temporary.chmod(_permissions(path))
-            flush_to_disk(temporary)
+            if durable:
+                flush_to_disk(temporary)
         for path, temporary in zip(paths, temporaries, strict=True):
             temporary.replace(path)
-        for folder in {path.parent for path in paths}:
+        for folder in {path.parent for path in paths if durable}:
             flush_to_disk(folder)
 
 

@@ -1,5 +1,6 @@
 """The command line as a whole: exit codes, usage errors, help, and shell completion."""
 
+import re
 import shlex
 import subprocess
 import sys
@@ -66,6 +67,15 @@ def test_every_option_with_a_value_states_its_default(run, command):
         if not (has_default or is_file or "Default" in argument.parameter.help):
             missing.append(argument.name)
     assert missing == []
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_help_page_shows_the_defaults_of_its_own_command(run, command):
+    own = command.__name__.replace("_", "-")
+    text = " ".join(run(own, "--help")[1].split())
+    others = [f"for {each.__name__.replace('_', '-')}" for each in COMMANDS]
+    found = [each for each in others if re.search(rf"Default:[^│]*\b{each}\b", text)]
+    assert found == []
 
 
 def test_each_command_has_examples():

@@ -163,7 +163,7 @@ def test_an_unsupported_sensor_gets_the_reason_and_a_network_that_serves_it(run,
     [
         (["nothing"], "there is no folder or file nothing"),
         (["empty"], "empty: expected images"),
-        (["photos", "-m", "magic"], "method: expected one of mle"),
+        (["photos", "-m", "magic"], "expected one of mle"),
         (["photos", "--model", "none.safetensors"], "none.safetensors"),
         (["photos", "--model", "cut.safetensors"], "cut.safetensors: expected"),
         (["photos", "--model", "cube.npy"], "cube.npy: expected"),
@@ -238,7 +238,7 @@ def test_a_function_in_the_current_folder_is_evaluated(run, photo_folder, tmp_pa
 @pytest.mark.parametrize(
     ("options", "status", "message"),
     [
-        (("-m", "own_cli_module"), 1, "pass MODULE:FUNCTION to the commands"),
+        (("-m", "own_cli_module"), 1, "also take MODULE:FUNCTION"),
         (("-m", "own_cli_module.py:mean"), 1, "did you mean own_cli_module:mean?"),
         (("-m", "mle", "-m", "admm-tv"), 2, "specified multiple times"),
     ],

@@ -46,7 +46,7 @@ def test_means_that_are_taken_for_counts_of_255_frames_are_warned_about(run, cou
         warnings.simplefilter("always")
         status, output = run("reconstruct", "mean.png", *options)
     assert status == 0
-    assert "warning: mean.png: the values look like means of 16 frames" in output
+    assert "warning: counts: the values look like means of 16 frames" in output
     levels = np.arange(24 * 32, dtype=np.uint8).reshape(24, 32)
     Image.fromarray(levels).save(tmp_path / "counts.png")
     assert run("reconstruct", "counts.png", *options)[0] == 0  # a warning would be an error

@@ -1,12 +1,15 @@
 """Calls as newcomers type them: each works the first time, or says what to write instead."""
 
 import pickle
+import warnings
 
 import matplotlib as mpl
 import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.formats.capture import CountStack
+from jotlight.sensing.provenance import Provenance
 
 SENSOR = jl.Sensor(frames=16)
 IMAGE = jl.datasets.photograph()[100:164, 180:260]
@@ -59,6 +62,11 @@ def test_networks_are_chosen_by_a_sensor(wrong):
 def test_a_stack_is_not_taken_for_colors():
     with pytest.raises(ValueError, match="pass a list of Merged for a stack"):
         jl.Merged(np.stack([COUNTS] * 3), 16, SENSOR)
+    for channels in (3, 4):
+        color = np.stack([COUNTS] * channels, -1)
+        with pytest.raises(ValueError, match="looks like color; pass channel_axis=-1"):
+            jl.Merged(color, 16, SENSOR)
+        assert jl.mle(jl.Merged(color, 16, SENSOR, channel_axis=-1)).shape == color.shape
     maps = np.full(COUNTS.shape, 16.0)
     estimates = jl.mle(np.stack([COUNTS] * 2), SENSOR, trials=maps)
     np.testing.assert_array_equal(estimates[1], jl.mle(COUNTS, SENSOR))
@@ -81,14 +89,69 @@ def test_networks_of_files_need_the_sensor_if_they_serve_many(tmp_path):
         network(COUNTS)
 
 
-def test_a_mosaic_of_a_camera_is_reported():
+@pytest.fixture
+def mosaic():
+    """Return simulated bits under a Bayer mosaic."""
     light = np.full((128, 128), 0.2)
     light[::2, 1::2] = light[1::2, ::2] = 0.4
-    bits = jl.Bits.from_array(jl.Sensor(frames=16).expose(light, rng=0).to_array())
-    for data in (bits, bits.counts()):
-        with pytest.warns(jl.JotlightWarning, match="color filters of a Bayer mosaic"):
-            found = jl.reconstruct(data, SENSOR)
-        np.testing.assert_array_equal(jl.reconstruct(data, SENSOR, check_mosaic=False), found)
+    return SENSOR.expose(light, rng=0)
+
+
+CALLS = {
+    "reconstruct": jl.reconstruct,
+    "mle": jl.mle,
+    "noniterative": jl.noniterative,
+    "uncertainty": jl.uncertainty,
+    "network": lambda data, sensor: jl.pretrained(sensor)(data, sensor),
+    "named method": lambda data, sensor: jl.reconstruct(data, sensor, method="network-initial"),
+    "function": lambda data, sensor: (
+        jl.reconstruct(data, method=lambda bits: jl.mle(bits, sensor))
+        if isinstance(data, jl.Bits)
+        else jl.reconstruct(data, sensor, method="held-out")
+    ),
+}
+
+
+@pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
+def test_a_mosaic_of_a_camera_is_reported_once(mosaic, call):
+    captured = jl.Bits.from_array(mosaic.to_array(), SENSOR)
+    for data in (captured, mosaic.counts(), np.stack([mosaic.counts()] * 2)):
+        with pytest.warns(jl.PeriodicRatesWarning, match="filters of a Bayer mosaic") as found:
+            call(data, SENSOR)
+        assert len(found) == 1
+    call(captured, SENSOR)  # bits are tested once
+    call(captured[:16], SENSOR)
+    call(mosaic, SENSOR)  # the sensor of simulated bits is gray
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", jl.PeriodicRatesWarning)
+        call(mosaic.counts(), SENSOR)
+
+
+def test_a_mosaic_is_reported_for_lists_and_merged_bits(mosaic):
+    for call in (jl.mle, jl.reconstruct):
+        captured = jl.Bits.from_array(mosaic.to_array(), SENSOR)
+        with pytest.warns(jl.PeriodicRatesWarning):
+            call([mosaic, captured])
+    counts = CountStack(mosaic.to_array().astype(np.uint8), Provenance("npy", "a.npy"), trials=1)
+    for data in (jl.Bits.from_array(mosaic.to_array()), counts):
+        with pytest.warns(jl.PeriodicRatesWarning):
+            jl.merge(data)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: jl.Network("mine.safetensors"), r"Network\.load\(path\) reads a network file"),
+        (lambda: jl.plan("a.npy", (0.01, 1)), r"sensor: expected a jotlight\.Sensor.*got 'a\.npy'"),
+        (lambda: jl.plan(SENSOR, "0.01:1"), r"light: expected a number .* such as \(0\.01, 1\)"),
+        (lambda: jl.compare("mle", "a.png", SENSOR), r"pass jotlight\.read_image\(path\)"),
+        (lambda: jl.compare("mle", IMAGE, "a.npy"), r"sensor: expected a jotlight\.Sensor"),
+        (lambda: jl.reconstruct(BITS, wieght=2), r"wieght: .* did you mean weight\?"),
+    ],
+)
+def test_wrong_types_say_what_to_write(call, message):
+    with pytest.raises(TypeError, match=message):
+        call()
 
 
 def test_pytorch_is_found_when_it_is_installed():
@@ -145,3 +208,35 @@ def test_calls_that_cannot_work_say_what_to_write():
         jl.mle(COUNTS, 200)
     with pytest.raises(TypeError, match=r"such as Sensor\(frames=16\) for 16 trials per pixel"):
         jl.mle(COUNTS)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: jl.Sensor(gains=2), TypeError, r"got gains; did you mean gain\?"),
+        (lambda: SENSOR.replace(frame=2), TypeError, r"got frame; did you mean frames\?"),
+        (lambda: jl.mle(BITS.to_array()), TypeError, r"Bits\.from_array\(frames, sensor\)"),
+        (lambda: jl.mle(BITS.to_array(), SENSOR), TypeError, r"Bits\.from_array\(frames, sensor\)"),
+        (
+            lambda: jl.open(COUNTS),
+            TypeError,
+            r'as in jotlight\.open\("capture\.npy"\), got ndarray',
+        ),
+        (lambda: jl.save("a.npy", BITS), TypeError, r"jotlight\.save\(bits, .*got Bits"),
+        (lambda: jl.save_image(IMAGE, "a.png"), TypeError, r"save_image\(.*, image\), got ndarray"),
+        (lambda: jl.save_film([IMAGE], "a.gif"), TypeError, r"save_film\(.*, images\), got list"),
+        (lambda: jl.read_image(IMAGE), TypeError, r"read_image\(\"photo\.png\"\), got ndarray"),
+        (lambda: jl.train([IMAGE], SENSOR), TypeError, r"jotlight\.train\(.*got list"),
+        (lambda: jl.Network.load("medium"), OSError, r"quality=medium .* shipped network"),
+        (lambda: jl.imread("a.png"), AttributeError, r"write jotlight\.read_image"),
+        (
+            lambda: jl.pretrained(SENSOR).eval(),
+            AttributeError,
+            r"jotlight\.torch\.Network\(network\)",
+        ),
+        (lambda: jl.pretrained(SENSOR).predict(COUNTS), AttributeError, r"network\(counts\)"),
+    ],
+)
+def test_habits_of_other_libraries_lead_to_the_call(call, error, message):
+    with pytest.raises(error, match=message):
+        call()

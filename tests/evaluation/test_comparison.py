@@ -64,12 +64,11 @@ def test_all_methods_are_the_default():
 @pytest.mark.parametrize(
     ("methods", "error", "message"),
     [
-        ("mle", TypeError, "expected a list of names, or a mapping"),
-        (mine, TypeError, "expected a list of names, or a mapping"),
-        (IMAGE, TypeError, "expected a list of names, or a mapping"),
+        (IMAGE, TypeError, "expected the name of a method, a network, or a function"),
+        ([mine, mine], ValueError, "different titles, got mine, mine; pass a mapping"),
         ({1: "mle", "1": mine}, ValueError, "methods: expected different titles"),
-        (["best"], ValueError, "method: expected one of mle"),
-        ({"a": "best"}, ValueError, "method: expected one of mle"),
+        (["best"], ValueError, "method: there is no 'best'"),
+        ({"a": "best"}, ValueError, "method: there is no 'best'"),
         ({"a": 3}, TypeError, "a function for 'a', got 3"),
         ({}, ValueError, "methods: expected at least one"),
         ({"a": lambda bits: np.zeros((2, 2))}, ValueError, "expected an image of shape"),
@@ -78,6 +77,15 @@ def test_all_methods_are_the_default():
 def test_what_is_no_method_is_refused(methods, error, message):
     with pytest.raises(error, match=message):
         jl.compare(methods, IMAGE, SENSOR)
+
+
+def test_one_method_and_lists_of_functions_are_compared():
+    assert [each.method for each in jl.compare("mle", IMAGE, SENSOR).results] == ["mle"]
+    assert [each.method for each in jl.compare(mine, IMAGE, SENSOR).results] == ["mine"]
+    network = jl.pretrained(SENSOR)
+    found = jl.compare([mine, "mle", network], IMAGE, SENSOR)
+    assert [each.method for each in found.results] == ["mine", "mle", "Network"]
+    assert "maximum likelihood" in repr(found)
 
 
 def test_images_that_cannot_be_shown_are_refused():

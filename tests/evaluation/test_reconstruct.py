@@ -150,7 +150,7 @@ def test_many_trials_have_another_default():
     ("arguments", "error", "message"),
     [
         ({"quality": "huge"}, ValueError, "quality: expected one of two-layer"),
-        ({"method": "best"}, ValueError, "method: expected one of mle"),
+        ({"method": "best"}, ValueError, "method: there is no 'best'; expected one of mle"),
         ({"method": 3}, TypeError, "method: expected the name of a method, a network, or a func"),
         ({"method": "mle", "quality": "small"}, ValueError, "quality: selects a shipped network"),
         ({"method": jl.mle, "quality": "small"}, ValueError, "quality: selects a shipped network"),

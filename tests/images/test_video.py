@@ -180,6 +180,7 @@ def test_a_wrong_rate_is_refused(tmp_path, name, fps, message):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.filterwarnings("ignore::jotlight.PeriodicRatesWarning")
 def test_the_video_of_a_large_capture_takes_little_memory(tmp_path):
     def read(start, stop):
         return np.full((stop - start, 256, 32), 0b01010101, np.uint8)

@@ -147,7 +147,8 @@ def test_the_probabilities_of_a_k_conditioned_network_do_not_depend_on_the_large
     counts = deep.random_counts(jl.Sensor(frames=9), 20, 30)
     wide, narrow = (jl.Sensor(frames=9, max_intensity=S) for S in (5.0, 0.4))
     expected = network.reconstruct(counts, wide).clip(0, np.float32(0.4))
-    np.testing.assert_array_equal(network.reconstruct(counts, narrow), expected)
+    # The wide one is computed from the zeros.
+    np.testing.assert_allclose(network.reconstruct(counts, narrow), expected, atol=1e-6)
 
 
 @pytest.mark.parametrize(

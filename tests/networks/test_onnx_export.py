@@ -83,6 +83,20 @@ def test_the_model_of_a_conditional_network_serves_every_exposure(sensor, tmp_pa
     assert_agrees(jl.pretrained(sensor), None, random_counts(sensor, (37, 50)), tmp_path)
 
 
+@pytest.mark.parametrize("photons", [0.01, 0.1, 1.0, 5.0, 10.0, 25.0])
+@pytest.mark.parametrize("frames", [1, 16, 256, 1000])
+def test_the_model_agrees_from_dark_to_saturated(frames, photons, tmp_path):
+    sensor = jl.Sensor(frames=frames, gain=photons * frames)
+    image = jl.datasets.photograph("camera")[100:164, 180:260]
+    scene = sensor.expose(image, rng=0).counts()
+    saturated = np.random.default_rng(0).binomial(frames, 0.99, image.shape).astype(np.int32)
+    assert_agrees(jl.pretrained(sensor), None, np.stack([scene, saturated]), tmp_path)
+    if (frames, photons) == (16, 1.0):  # the only one that the other sizes serve
+        for quality in ("small", "large"):
+            network = jl.pretrained(sensor, quality)
+            assert_agrees(network, None, np.stack([scene, saturated]), tmp_path)
+
+
 @pytest.mark.parametrize("quality", ["two-layer", "small"])
 def test_the_model_takes_account_of_other_dark_counts(quality, tmp_path):
     sensor = jl.Sensor(frames=16, gain=32.0, efficiency=0.5, dark_counts=0.04)

@@ -24,10 +24,12 @@ def test_the_type_of_an_array_counts_toward_its_memory(monkeypatch):
         np.asarray(bits, np.float32)
 
 
-def test_frames_are_not_searched_for_a_frame():
+def test_frames_are_searched_for_a_frame():
     bits = jl.Bits.from_array(random_frames((5, 4, 6)))
-    with pytest.raises(TypeError, match="expected no `in`"):
-        bits[0] in bits  # noqa: B015
+    assert bits[3] in bits
+    assert ~bits[3] not in bits[3:4]
+    with pytest.raises(ValueError, match=r"expected a frame of shape \(4, 6\), got \(\)"):
+        True in bits  # noqa: B015
 
 
 def test_the_available_memory_is_known_on_every_system(monkeypatch, tmp_path):

@@ -54,11 +54,17 @@ def test_maps_of_the_sensor_become_those_of_the_pixels():
 
 def test_channels_have_their_own_trials():
     ones, trials = np.stack([ONES, ONES // 2], -1), np.stack([TRIALS, TRIALS + 1], -1)
-    channels = list(jl.Merged(ones, trials, SENSOR).channels())
+    channels = list(jl.Merged(ones, trials, SENSOR, channel_axis=-1).channels())
+    moved = np.moveaxis(ones, -1, 0), np.moveaxis(trials, -1, 0)
+    first = jl.Merged(*moved, SENSOR, channel_axis=0)
+    assert (first.shape, first.channel_axis) == (ones.shape, -1)
+    np.testing.assert_array_equal(first.trials, trials)
     for index, channel in enumerate(channels):
         np.testing.assert_array_equal(channel.ones, ones[..., index])
         np.testing.assert_array_equal(channel.trials, trials[..., index])
-    assert [channel.trials for channel in jl.Merged(ones, 9, SENSOR).channels()] == [9, 9]
+    assert [
+        channel.trials for channel in jl.Merged(ones, 9, SENSOR, channel_axis=-1).channels()
+    ] == [9, 9]
 
 
 def test_a_constant_map_is_as_uniform_as_a_number():

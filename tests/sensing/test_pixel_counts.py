@@ -40,7 +40,7 @@ def test_lists_of_color_bits_and_of_merged_counts():
     assert jl.mle(stack).shape == (2, 6, 8, 3)
     np.testing.assert_array_equal(jl.mle(stack)[1], jl.mle(stack[1]))
     merged = [
-        jl.Merged(each.counts(), trials, SENSOR)
+        jl.Merged(each.counts(), trials, SENSOR, channel_axis=-1)
         for each, trials in zip(stack, (20, 25), strict=True)
     ]
     np.testing.assert_array_equal(jl.mle(merged)[0], jl.mle(stack[0]))

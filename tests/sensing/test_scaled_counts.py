@@ -125,3 +125,20 @@ def test_methods_propose_the_scale_of_scaled_counts():
     values = np.array([[0, 16, 64, 255]])
     with pytest.raises(ValueError, match=r"0 to K = 16 .*counts_scale=255 .* and trials=16"):
         jl.mle(values, jl.Sensor(frames=16))
+
+
+def test_floats_in_place_of_counts_say_how_to_convert_them():
+    counts = np.arange(64, dtype=int).reshape(8, 8) % 17
+    for floats, call in ((counts / 16, r"x \* 16"), (counts * 255 / 16, r"x / 255 \* 16")):
+        message = rf"np.rint\({call}\).astype\(int\), with Sensor\(frames=16\)"
+        with pytest.raises(TypeError, match=message):
+            jl.mle(floats, jl.Sensor(frames=255))
+    with pytest.raises(TypeError, match=r"cast rounded floats with astype\(int\)"):
+        jl.mle(counts.astype(float), jl.Sensor(frames=16))
+
+
+def test_counts_that_look_like_means_are_warned_about():
+    means = np.rint(np.arange(64).reshape(8, 8) % 17 * 255 / 16).astype(np.uint8)
+    with pytest.warns(jl.JotlightWarning, match=r"look like means of 16 frames times 255"):
+        jl.mle(means, jl.Sensor(frames=255))
+    jl.mle(np.arange(256).reshape(16, 16), jl.Sensor(frames=255))

@@ -215,7 +215,7 @@ BAD_IMAGES = [
     (np.zeros((4, 4), bool), TypeError, "scale is unknown"),
     (np.zeros((4, 4), complex), TypeError, "expected floats, got complex128"),
     (np.zeros((4, 4), object), TypeError, "expected floats, got object"),
-    ("image.png", TypeError, "expected floats"),
+    ("image.png", TypeError, r"path 'image.png'; pass jotlight.read_image\(path\)"),
     (None, TypeError, "expected floats, got object"),
 ]
 
@@ -236,7 +236,7 @@ def test_replace_keeps_the_light_on_each_jot_unless_gain_changes():
     assert more.threshold == 3
     assert sensor.replace(frames=5, gain=2).gain == 2
     assert sensor.replace(oversampling=3, gain=None).gain == 9
-    with pytest.raises(TypeError, match="expected a parameter of Sensor, got color, q"):
+    with pytest.raises(TypeError, match=r"got color, q$"):
         sensor.replace(q=2, color=1)
     with pytest.raises(ValueError, match="frames"):
         sensor.replace(frames=0)

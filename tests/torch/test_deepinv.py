@@ -178,7 +178,7 @@ def test_the_reconstructor_returns_the_estimate_of_the_engine(trials, output):
         assert psnr(estimate) == pytest.approx(psnr(network.reconstruct(counts)), abs=1e-3)
 
 
-@pytest.mark.parametrize("photons", [0.05, 0.2, 0.7, 1.5, 3.0])
+@pytest.mark.parametrize("photons", [0.05, 0.2, 0.7, 1.5, 3.0, 10.0])
 @pytest.mark.parametrize("dark_counts", [0.0, 0.04])
 def test_the_reconstructor_returns_the_estimate_of_the_engine_at_any_exposure(photons, dark_counts):
     sensor = jl.Sensor(frames=16, gain=photons * 16 / float(IMAGE.mean()), dark_counts=dark_counts)

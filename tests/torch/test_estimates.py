@@ -59,6 +59,31 @@ def test_the_quality_is_that_of_the_engine_at_any_exposure(photons, trials):
     assert qualities[0] == pytest.approx(qualities[1], abs=1e-3)
 
 
+@pytest.mark.parametrize("photons", [0.01, 0.1, 1.0, 5.0, 10.0, 25.0])
+@pytest.mark.parametrize("trials", [1, 16, 256, 1000])
+def test_the_intensities_are_those_of_the_engine_from_dark_to_saturated(photons, trials):
+    sensor = jl.Sensor(frames=trials, gain=photons * trials)
+    scene = sensor.expose(IMAGE, rng=0).counts()
+    saturated = np.random.default_rng(0).binomial(trials, 0.99, IMAGE.shape).astype(np.int32)
+    sizes = ["medium"] if (trials, photons) != (16, 1.0) else ["small", "medium", "large"]
+    for network in (jl.pretrained(sensor, size) for size in sizes):
+        for counts in (scene, saturated):
+            with torch.no_grad():
+                found = Network(network)(torch.from_numpy(counts).float()[None, None])
+            np.testing.assert_allclose(found[0, 0], network(counts), atol=1e-4)
+
+
+def test_gradients_near_saturation_are_finite():
+    sensor = jl.Sensor(frames=16, gain=25.0 * 16)
+    counts = torch.full((1, 1, 16, 16), 16.0, requires_grad=True)
+    network = Network(jl.pretrained(sensor))
+    network(counts).sum().backward()
+    assert torch.isfinite(counts.grad).all()
+    assert all(
+        torch.isfinite(each.grad).all() for each in network.parameters() if each.grad is not None
+    )
+
+
 def test_sensors_with_maps_are_refused():
     sensor = jl.Sensor(frames=16, dark_counts=np.full((48, 48), 0.1))
     with pytest.raises(ValueError, match="without maps of its jots"):

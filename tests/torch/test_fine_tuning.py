@@ -1,5 +1,7 @@
 """Fine-tuning of networks on the bits of a capture."""
 
+import re
+
 import numpy as np
 import pytest
 import safetensors.numpy
@@ -9,7 +11,7 @@ import jotlight as jl
 torch = pytest.importorskip("torch")
 
 from jotlight.sensing.pixel_counts import count_pixels  # noqa: E402
-from jotlight.torch import fine_tune  # noqa: E402
+from jotlight.torch import fine_tune, fine_tuning  # noqa: E402
 from jotlight.torch.bit_splitting import BitSplitter  # noqa: E402
 from jotlight.torch.fine_tuning import random_generator  # noqa: E402
 from jotlight.torch.network import Network as TorchNetwork  # noqa: E402
@@ -246,3 +248,10 @@ def test_arguments_that_do_not_fit_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         tune(**options)
     assert torch.get_num_threads() == threads
+
+
+def test_the_help_page_states_the_defaults(run):
+    text = " ".join(run("fine-tune", "--help")[1].replace("│", " ").split())
+    defaults = fine_tuning.STEPS, fine_tuning.LEARNING_RATE, fine_tuning.BATCH, fine_tuning.PATCH
+    for default in defaults:
+        assert re.search(rf"Default: {default:g}[.,] ", text), default

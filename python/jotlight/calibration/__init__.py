@@ -14,9 +14,9 @@
 from jotlight.calibration.bulk import Bulk, fit_bulk
 from jotlight.calibration.estimate import calibrate
 from jotlight.calibration.hot_jots import find_hot_jots
-from jotlight.calibration.periodic_rates import PeriodicRates, find_periodic_rates
 from jotlight.calibration.result import Calibration
 from jotlight.calibration.steadiness import Steadiness, steadiness
+from jotlight.sensing.periodic_rates import PeriodicRates, find_periodic_rates
 
 __all__ = [
     "Bulk",

@@ -179,7 +179,7 @@ def _warn_about_means(stack: CountStack, trials: float) -> None:
     values = read_frames(stack.images, 0, 1)
     hint = scaled_counts_hint(values) if stack.trials is None else None
     if hint is not None:
-        warn(f"{stack.provenance.name}: {hint}")
+        warn(f"counts: {hint}")  # as the library, so that it is shown once
 
 
 def parse_frame_range(text: str | None) -> slice | None:

@@ -19,7 +19,7 @@ from jotlight.cli.common_options import (
 )
 from jotlight.cli.console import out, progress, report
 from jotlight.cli.method_options import named_method
-from jotlight.cli.sensor_options import SensorOptions
+from jotlight.cli.sensor_options import EvaluatedSensorOptions
 from jotlight.evaluation.evaluate import COLUMNS, Evaluation
 from jotlight.evaluation.evaluate import evaluate as evaluate_method
 from jotlight.evaluation.methods import DEFAULT_METHOD, find_method
@@ -56,7 +56,7 @@ def evaluate(
         Parameter(help="Number of images to use, in the order of their names. Default: all."),
     ] = None,
     key: ImageKey = None,
-    sensor: SensorOptions = SensorOptions(),
+    sensor: EvaluatedSensorOptions = EvaluatedSensorOptions(),
     seed: Seed = 0,
     white: White = None,
     threads: Threads = None,

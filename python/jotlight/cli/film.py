@@ -232,7 +232,6 @@ def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:
         sensor,
         method=job.method,
         channel_axis=last_channel_axis(pixels),
-        check_mosaic=False,  # caution_about_jots does it once
         threads=threads,
         **job.settings,
     )

@@ -17,7 +17,7 @@ from jotlight.cli.console import caution, report, silenced
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.learners import check_device, describe_kind
 from jotlight.cli.sensor_options import CapturedSensorOptions
-from jotlight.cli.training_options import TrainingOptions
+from jotlight.cli.training_options import FineTuningOptions
 from jotlight.cli.training_run import (
     checkpoint_path,
     prepare_run,
@@ -37,7 +37,7 @@ def fine_tune(
     data: CapturePath,
     /,
     *,
-    training: TrainingOptions,
+    training: FineTuningOptions,
     quality: Annotated[
         str | None,
         Parameter(
@@ -106,7 +106,7 @@ def fine_tune(
         report(f"--quality {CONDITIONAL_SIZE}, the default, starts from a better network.")
 
 
-def _check_outputs(data: Path, training: TrainingOptions, sensor: CapturedSensorOptions) -> None:
+def _check_outputs(data: Path, training: FineTuningOptions, sensor: CapturedSensorOptions) -> None:
     """Raise ValueError for outputs that cannot be written."""
     checkpoint = checkpoint_path(training.output)
     if training.plot is not None:
@@ -143,7 +143,7 @@ def _start(path: Path | None, quality: str | None, sensor: Sensor) -> tuple[Netw
     return network, describe_kind(network, quality), origin
 
 
-def _report(training: TrainingOptions, history: History, seconds: float, kind: str) -> None:
+def _report(training: FineTuningOptions, history: History, seconds: float, kind: str) -> None:
     steps = len(history) - 1
     before, after = history.held_out[0], history.held_out[-1]
     report_training(

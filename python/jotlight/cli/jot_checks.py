@@ -8,8 +8,12 @@ from jotlight.calibration import find_hot_jots, find_periodic_rates
 from jotlight.checks import Counts
 from jotlight.cli.captured import Captured
 from jotlight.cli.console import caution, progress
+from jotlight.errors import PeriodicRatesWarning, warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
+
+PERIODIC_RATES = "periodic rates"
+"""Label of the remark about a mosaic."""
 
 _MAX_BYTES = 1 << 26
 """Maximum number of bytes of bits that are read for remarks."""
@@ -30,7 +34,7 @@ def jot_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, 
     periodic = find_periodic_rates(counts)
     if periodic is not None:
         # Under color filters, jots differ from their neighbors without being hot.
-        return [("periodic rates", periodic.describe())]
+        return [(PERIODIC_RATES, periodic.describe())]
     hot = find_hot_jots(counts, trials=trials, threshold=sensor.threshold, mask=sensor.mask)
     if not hot.any():
         return []
@@ -53,7 +57,10 @@ def caution_about_jots(captured: Captured, threads: int | None) -> None:
     found = _count_jots(captured, threads, _MAX_BYTES)
     if found is not None:
         for label, remark in jot_remarks(*found, captured.sensor):
-            caution(label, remark)
+            if label == PERIODIC_RATES:
+                warn(remark, PeriodicRatesWarning)  # the library has issued it, too, in most cases
+            else:
+                caution(label, remark)
 
 
 def mask_hot_jots(captured: Captured, threads: int | None = None) -> Captured:

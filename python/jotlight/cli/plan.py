@@ -9,7 +9,7 @@ from rich.table import Table
 
 from jotlight.calibration import Calibration
 from jotlight.cli.console import out, report
-from jotlight.cli.sensor_options import CalibratedSensorOptions
+from jotlight.cli.sensor_options import PlannedSensorOptions
 from jotlight.estimators.planning import Plan
 from jotlight.estimators.planning import plan as predict
 from jotlight.files import refuse_overwrite
@@ -45,7 +45,7 @@ def plan(
         Parameter(help="Height and width in jots, for the cost of --motion."),
     ] = "256x512",
     plot: Annotated[Path | None, Parameter(help="A figure, .png, .pdf, .svg or .jpg.")] = None,
-    sensor: CalibratedSensorOptions = CalibratedSensorOptions(),
+    sensor: PlannedSensorOptions = PlannedSensorOptions(),
 ) -> None:
     """Predict the quality of maximum likelihood by the number of frames, and the cost of motion.
 

@@ -233,7 +233,6 @@ def _estimate(
             job.captured.sensor,
             method=job.method,
             channel_axis=last_channel_axis(data),
-            check_mosaic=False,  # caution_about_jots does it once
             threads=threads,
             return_info=True,
             **{**job.settings, **settings},

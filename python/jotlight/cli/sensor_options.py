@@ -26,7 +26,7 @@ class SensorOptions:
         int | None,
         Parameter(
             alias="-k",
-            help=f"{_OVERSAMPLING} Default: 1; for train and evaluate 4.",
+            help=f"{_OVERSAMPLING} Default: 1.",
         ),
     ] = None
     frames: Annotated[
@@ -117,6 +117,19 @@ class SensorOptions:
         ]
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class EvaluatedSensorOptions(SensorOptions):
+    """Parameters of the sensor with which a method is evaluated."""
+
+    oversampling: Annotated[
+        int | None,
+        Parameter(alias="-k", help=f"{_OVERSAMPLING} Default: that of --model, or 4."),
+    ] = None
+    frames: Annotated[
+        int | None, Parameter(alias="-t", help=f"{_FRAMES} Default: those of --model, or 1.")
+    ] = None
+
+
 @Parameter(name="*", group=SENSOR_PANEL)
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ExposureOptions(SensorOptions):
@@ -141,6 +154,30 @@ class CalibratedSensorOptions(SensorOptions):
         """Return the options as words of a command line."""
         calibration = [] if self.calibration is None else ["--calibration", str(self.calibration)]
         return [*calibration, *super().to_argv()]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PlannedSensorOptions(CalibratedSensorOptions):
+    """Parameters of a sensor whose quality is predicted."""
+
+    frames: Annotated[
+        int | None,
+        Parameter(alias="-t", help=f"{_FRAMES} Default: 4096."),
+    ] = None
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TrainedSensorOptions(CalibratedSensorOptions):
+    """Parameters of the sensor for which a network is trained."""
+
+    oversampling: Annotated[
+        int | None,
+        Parameter(alias="-k", help=f"{_OVERSAMPLING} Default: that of --sensor or --start, or 4."),
+    ] = None
+    frames: Annotated[
+        int | None,
+        Parameter(alias="-t", help=f"{_FRAMES} Default: those of --sensor or --start, or 1."),
+    ] = None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

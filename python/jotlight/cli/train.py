@@ -21,7 +21,7 @@ from jotlight.cli.learners import (
     refuse_options_of_others,
     two_layer_learner,
 )
-from jotlight.cli.sensor_options import CalibratedSensorOptions
+from jotlight.cli.sensor_options import TrainedSensorOptions
 from jotlight.cli.training_data import (
     SYNTHETIC,
     files_of,
@@ -83,7 +83,7 @@ def train(
         ),
     ] = None,
     capture: TargetCaptureOptions = TargetCaptureOptions(),
-    sensor: CalibratedSensorOptions = CalibratedSensorOptions(),
+    sensor: TrainedSensorOptions = TrainedSensorOptions(),
 ) -> None:
     """Train the network for a sensor on images.
 
@@ -156,7 +156,7 @@ def _check_options(
     network: NetworkOptions,
     target: Path | None,
     capture: TargetCaptureOptions,
-    sensor: CalibratedSensorOptions,
+    sensor: TrainedSensorOptions,
 ) -> None:
     """Raise ValueError for options that do not belong together."""
     if images is None and target is None:
@@ -186,7 +186,7 @@ def _check_outputs(
     training: TrainingOptions,
     data: ImageOptions,
     target: Path | None,
-    sensor: CalibratedSensorOptions,
+    sensor: TrainedSensorOptions,
 ) -> None:
     """Raise ValueError for outputs that cannot be written."""
     checkpoint = checkpoint_path(training.output)
@@ -228,7 +228,7 @@ def _initial_network(sensor: Sensor, options: NetworkOptions, seed: int) -> Netw
     )
 
 
-def _jots(network: NetworkOptions, sensor: CalibratedSensorOptions) -> dict[str, int]:
+def _jots(network: NetworkOptions, sensor: TrainedSensorOptions) -> dict[str, int]:
     """Return the parameters of a sensor with the requested number of bits per pixel."""
     bits = parse_bits_per_pixel(network.bits_per_pixel)
     if not isinstance(bits, int):

@@ -21,55 +21,49 @@ from jotlight.training import OPTIMIZERS
 TRAINING_SECONDS = 45.0
 """Default time limit of training for a capture, so that the whole command takes a minute."""
 
+_DEVICES = " or ".join(DEVICES)
+
 _STEPS = ", ".join(f"{optimizer.steps} for {name}" for name, optimizer in OPTIMIZERS.items())
 
 
 @Parameter(name="*", group=TRAINING_PANEL)
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class TrainingOptions:
-    """A training run, for ``jotlight train`` and ``jotlight fine-tune``."""
+    """A training run, with the defaults of ``jotlight train``."""
 
     output: Annotated[Path, Parameter(alias="-o", help="The trained network, .safetensors.")]
     start: Annotated[
         Path | None,
-        Parameter(
-            help="A network to start from. Default: initial parameters, and for fine-tune the "
-            "network that ships with jotlight."
-        ),
+        Parameter(help="A network to start from. Default: initial parameters."),
     ] = None
     steps: Annotated[
         int | None,
-        Parameter(
-            help=f"Number of steps. Default: {_STEPS}, 20000 for deep networks, 500 for fine-tune."
-        ),
+        Parameter(help=f"Number of steps. Default: {_STEPS}, 20000 for deep networks."),
     ] = None
     learning_rate: Annotated[
         float | None,
         Parameter(
             help="Learning rate of the optimizer. Default: 0.01 for adam, 5e-6 for "
-            "projected-gradient, 0.003 for deep networks, 0.0005 for fine-tune."
+            "projected-gradient, 0.003 for deep networks."
         ),
     ] = None
     batch: Annotated[
         int | None,
         Parameter(
             help="Patches per step. Default: as many as hold 2^20 pixels for gauss-newton and 2^17 "
-            "for other optimizers, 16 for deep networks and fine-tune."
+            "for other optimizers, 16 for deep networks."
         ),
     ] = None
     patch: Annotated[
         int | None,
         Parameter(
-            help="Side of a patch in pixels. Default: 64, or 48 for deep networks and fine-tune, "
-            "or that of the smallest image."
+            help="Side of a patch in pixels. Default: 64, or 48 for deep networks, or that of the "
+            "smallest image."
         ),
     ] = None
     device: Annotated[
         str | None,
-        Parameter(
-            help=f"Device for deep networks and fine-tune: {' or '.join(DEVICES)}. Default: cuda "
-            "if there is a GPU."
-        ),
+        Parameter(help=f"Device for deep networks: {_DEVICES}. Default: cuda if there is a GPU."),
     ] = None
     resume: Annotated[bool, Parameter(help="Resume a run that was stopped.")] = False
     restart: Annotated[
@@ -81,6 +75,32 @@ class TrainingOptions:
     ] = None
     seed: Seed = 0
     threads: Threads = None
+
+
+@Parameter(name="*", group=TRAINING_PANEL)
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FineTuningOptions(TrainingOptions):
+    """A training run, with the defaults of ``jotlight fine-tune``."""
+
+    start: Annotated[
+        Path | None,
+        Parameter(
+            help="A network to start from. Default: the network that ships with jotlight, of the "
+            "size --quality."
+        ),
+    ] = None
+    steps: Annotated[int | None, Parameter(help="Number of steps. Default: 500.")] = None
+    learning_rate: Annotated[
+        float | None, Parameter(help="Learning rate of Adam. Default: 0.0005.")
+    ] = None
+    batch: Annotated[int | None, Parameter(help="Patches per step. Default: 16.")] = None
+    patch: Annotated[
+        int | None,
+        Parameter(help="Side of a patch in pixels. Default: 48, or that of a smaller image."),
+    ] = None
+    device: Annotated[
+        str | None, Parameter(help=f"Device: {_DEVICES}. Default: cuda if there is a GPU.")
+    ] = None
 
 
 @Parameter(name="*", group=NETWORK_PANEL)

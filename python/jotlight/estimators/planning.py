@@ -13,7 +13,7 @@ from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.pixel_counts import warn_about_smooth_kernel
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import Array, detection_probability, inverse_detection_probability
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.sensor import Sensor, require_sensor
 
 if TYPE_CHECKING:
     from jotlight.figures import Figure
@@ -172,6 +172,7 @@ def plan(
     >>> expected.psnr.round(1).tolist(), expected.required_frames
     ([12.3, 25.3], 758)
     """
+    require_sensor(sensor)
     warn_about_smooth_kernel(sensor)
     levels = _light_levels(light)
     max_frames = _MAX_BITS // sensor.oversampling**2
@@ -279,7 +280,13 @@ class _Scene:
 
 
 def _light_levels(light: float | tuple[float, float]) -> Array:
-    low, high = np.broadcast_to(np.asarray(light, np.float64), 2)
+    levels = np.asarray(light)
+    if levels.dtype.kind not in "iuf" or levels.shape not in ((), (1,), (2,)):
+        raise TypeError(
+            "light: expected a number of photons per jot and frame, or the minimum and the "
+            f"maximum such as (0.01, 1), got {light!r}"
+        )
+    low, high = np.broadcast_to(levels.astype(np.float64), 2)
     if not 0 < low <= high <= 1e4:
         raise ValueError(
             "light: expected photons per jot and frame, the minimum and the maximum, above 0 and "

@@ -19,10 +19,13 @@ from jotlight.notebook import table_of, text_table
 from jotlight.progress import Progress, equal_steps, shown_progress
 from jotlight.seeds import SeedLike
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.sensor import Sensor, require_sensor
 
 if TYPE_CHECKING:
     from jotlight.figures import Figure
+
+AnyMethod = str | Network | OwnMethod
+"""The name of a method, a network, or a function of the caller."""
 
 COLUMNS = "method", "PSNR", "SSIM", "time"
 """Titles of the columns of the table."""
@@ -77,7 +80,7 @@ class Comparison:
 
 
 def compare(
-    methods: Mapping[str, str | Network | OwnMethod] | Sequence[str] | None,
+    methods: Mapping[str, AnyMethod] | Sequence[AnyMethod] | AnyMethod | None,
     image: npt.ArrayLike,
     sensor: Sensor,
     *,
@@ -90,9 +93,9 @@ def compare(
 
     Parameters
     ----------
-    methods : mapping of str, sequence of str, or None
-        Names of methods, as :func:`jotlight.reconstruct` takes them; or a mapping of titles to
-        names, networks, and functions ``f(bits, sensor)`` or ``f(bits)``. None: all methods that
+    methods : mapping of str, sequence, one method, or None
+        Names of methods, as :func:`jotlight.reconstruct` takes them, networks, and functions
+        ``f(bits, sensor)`` or ``f(bits)``; or a mapping of titles to them. None: all methods that
         are installed and serve the sensor.
     image : array_like of float, shape (H, W)
         Intensities. With `channel_axis` also of a color image.
@@ -126,25 +129,9 @@ def compare(
     >>> [result.method for result in found.results]
     ['mine', 'mle']
     """
-    known = dict(METHODS)
-    if isinstance(methods, Mapping):
-        own = {str(title): _as_method(str(title), value) for title, value in methods.items()}
-        if len(own) < len(methods):
-            raise ValueError(f"methods: expected different titles, got {list(methods)}")
-        by_name = [value for value in methods.values() if isinstance(value, str)]
-        select_methods(sensor, by_name)
-        known, names = own, list(own)
-    elif methods is not None and (
-        isinstance(methods, str | np.ndarray) or not isinstance(methods, Sequence)
-    ):
-        raise TypeError(
-            "methods: expected a list of names, or a mapping such as {'mine': function}, got "
-            f"{type(methods).__name__}"
-        )
-    else:
-        names = select_methods(sensor, None if methods is None else list(methods))
-    if not names:
-        raise ValueError("methods: expected at least one, got none")
+    require_sensor(sensor)
+    known = _by_title(methods, sensor)
+    names = list(known)
     pixels = as_image(image)
     layout = Layout.of("image", pixels, channel_axis)
     if layout.is_stack or layout.number not in (1, 3):
@@ -162,6 +149,34 @@ def compare(
     return Comparison(pixels, bits, results, {name: known[name].title for name in names})
 
 
+def _by_title(methods: object, sensor: Sensor) -> dict[str, Method]:
+    """Return the methods to compare, all of which serve the sensor, by their titles."""
+    if methods is None:
+        return {name: METHODS[name] for name in select_methods(sensor)}
+    if isinstance(methods, Mapping):
+        titles, values = [str(title) for title in methods], list(methods.values())
+    else:
+        values = list(methods) if isinstance(methods, list | tuple) else [methods]
+        titles = [
+            each if isinstance(each, str) else getattr(each, "__name__", type(each).__name__)
+            for each in values
+        ]
+    if not values:
+        raise ValueError("methods: expected at least one, got none")
+    if len(set(titles)) < len(titles):
+        raise ValueError(
+            f"methods: expected different titles, got {', '.join(titles)}; pass a mapping of "
+            "titles to methods, such as {'mine': function}"
+        )
+    select_methods(sensor, [value for value in values if isinstance(value, str)])
+    if not isinstance(methods, Mapping):
+        named = {each: METHODS[each] for each in values if isinstance(each, str)}
+    else:
+        named = {}
+    pairs = zip(titles, values, strict=True)
+    return {title: named.get(title) or _as_method(title, value) for title, value in pairs}
+
+
 def _describe(layout: Layout) -> str:
     """Return the number of channels, or the axes of a stack."""
     return f"a stack {layout.shape}" if layout.is_stack else f"{layout.number} channels"
@@ -174,7 +189,7 @@ def _as_method(title: str, method: str | Network | OwnMethod) -> Method:
     if not callable(method):
         raise TypeError(
             f"methods: expected the name of a method, a network, or a function for {title!r}, got "
-            f"{method!r}"
+            f"{method!r:.80}"
         )
     # A function of the caller may count its calls, or work for one size of images only.
     return Method(title, partial(reconstruct, method=method), warms_up=False)

@@ -142,9 +142,9 @@ def _methods(sensor: Sensor, threads: int | None) -> list[Callable[[GrayData], E
         raise ValueError(f"sensor: {message}")
     network = pretrained(sensor, CONDITIONAL_SIZE)
     return [
-        lambda data: network.reconstruct(data, sensor, threads=threads),
-        lambda data: admm_tv(data, sensor, threads=threads),
-        lambda data: mle(data, sensor, threads=threads),
+        lambda data: network.reconstruct(gray_images(data), sensor, threads=threads),
+        lambda data: admm_tv(gray_images(data), sensor, threads=threads),
+        lambda data: mle(gray_images(data), sensor, threads=threads),
     ]
 
 

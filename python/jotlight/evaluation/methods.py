@@ -21,7 +21,7 @@ from jotlight.estimators.noniterative import noniterative
 from jotlight.evaluation.held_out import held_out
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, unsupported_message
-from jotlight.sensing.pixel_counts import Data, prepare_data
+from jotlight.sensing.pixel_counts import Data, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
 
 Run = Callable[..., npt.NDArray[np.float32]]
@@ -41,7 +41,9 @@ def initial_network(
     `options` are those of :meth:`jotlight.Network.initial`.
     """
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
-    return Network.initial(sensor, **options).reconstruct(data, sensor, threads=threads)
+    return Network.initial(sensor, **options).reconstruct(
+        gray_images(data), sensor, threads=threads
+    )
 
 
 def trained_network(
@@ -55,7 +57,7 @@ def trained_network(
 ) -> npt.NDArray[np.float32]:
     """Return the estimate of the network that ships with jotlight for this sensor."""
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
-    return pretrained(sensor, quality).reconstruct(data, sensor, threads=threads)
+    return pretrained(sensor, quality).reconstruct(gray_images(data), sensor, threads=threads)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -198,18 +200,30 @@ def find_method(name: str) -> Method:
     >>> find_method("network-mediun")
     Traceback (most recent call last):
       ...
-    ValueError: method: expected one of mle, ..., got 'network-mediun'; did you mean network-medium?
+    ValueError: method: there is no 'network-mediun'; did you mean network-medium?
+    >>> find_method("tv")
+    Traceback (most recent call last):
+      ...
+    ValueError: method: there is no 'tv'; did you mean noniterative-tv or admm-tv?
     """
-    if name not in METHODS:
-        close = [] if ":" in name else get_close_matches(name, METHODS, 1)
+    if name in METHODS:
+        return METHODS[name]
+    lower = name.lower()
+    close = [each for each in METHODS if lower and lower in each]
+    close = close or get_close_matches(lower, METHODS, 1)
+    if ":" in name:
         advice = (
-            f"; did you mean {close[0]}?"
-            if close
-            else "; for a function of your own, pass MODULE:FUNCTION to the commands compare, "
-            "evaluate, and reproduce, and in Python pass the function itself"
+            "the commands compare, evaluate, and reproduce run MODULE:FUNCTION, and in Python pass "
+            "the function itself"
         )
-        raise ValueError(f"method: expected one of {', '.join(METHODS)}, got {name!r}{advice}")
-    return METHODS[name]
+    elif close:
+        advice = f"did you mean {' or '.join(close[:3])}?"
+    else:
+        advice = (
+            f"expected one of {', '.join(METHODS)}; the commands compare, evaluate, and reproduce "
+            "also take MODULE:FUNCTION"
+        )
+    raise ValueError(f"method: there is no {name!r}; {advice}")
 
 
 def check_options(method: str, options: Iterable[str]) -> None:

@@ -209,4 +209,6 @@ def _prepare(
     check_fits(data, sensor)
     _, height, width, *channels = data.shape
     shape = height // sensor.oversampling, width // sensor.oversampling, *channels
-    return Bits(data.packed, data.width, sensor, data.provenance), shape
+    bits = Bits(data.packed, data.width, sensor, data.provenance)
+    bits.tested_for_periods = data.tested_for_periods
+    return bits, shape

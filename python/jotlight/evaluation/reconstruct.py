@@ -3,13 +3,12 @@
 import dataclasses
 import time
 from collections.abc import Callable
-from typing import Any, Literal, TypeGuard, overload
+from difflib import get_close_matches
+from typing import Any, Literal, overload
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.periodic_rates import warn_about_period
-from jotlight.checks import Counts
 from jotlight.errors import warn
 from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.problem import ConvergenceHistories
@@ -58,7 +57,6 @@ def reconstruct(
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
-    check_mosaic: bool = ...,
     units: str = ...,
     threads: int | None = ...,
     return_info: Literal[False] = ...,
@@ -73,7 +71,6 @@ def reconstruct(
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
-    check_mosaic: bool = ...,
     units: str = ...,
     threads: int | None = ...,
     return_info: Literal[True],
@@ -89,7 +86,6 @@ def reconstruct(
     quality: str | None = None,
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
-    check_mosaic: bool = True,
     units: str = "intensity",
     threads: int | None = None,
     return_info: bool = False,
@@ -116,9 +112,6 @@ def reconstruct(
     channel_axis : int, optional
         Axis of counts that holds color channels. Default: none, and axes before the last two are
         those of a stack.
-    check_mosaic : bool
-        Whether to test data of a camera for periodic rates, as under a color filter mosaic, and to
-        warn about them. Films of many windows need this only once.
     units : {"intensity", "photons", "photons-per-second"}
         Units of the result: intensities; or detected photons per pixel and frame, or per pixel and
         second if the sensor states its `exposure_time`.
@@ -146,8 +139,9 @@ def reconstruct(
     Warns
     -----
     JotlightWarning
-        When no shipped network serves the sensor, so that another method was chosen. When the
-        rates of jots repeat, as under a color filter mosaic.
+        When no shipped network serves the sensor, so that another method was chosen.
+    PeriodicRatesWarning
+        When the rates of jots repeat, as under a color filter mosaic. All methods warn about it.
 
     Examples
     --------
@@ -167,8 +161,6 @@ def reconstruct(
     if sensor is None and isinstance(method, Network):
         sensor = carried_sensor(data) or method.default_sensor or method.sensor
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
-    if check_mosaic and _may_be_mosaic(data, sensor):
-        warn_about_period(data, threads)
     scale = np.float32(unit_scale(sensor, units))
     start = time.perf_counter()
     if callable(method) and not isinstance(method, Network):
@@ -184,13 +176,6 @@ def reconstruct(
     return (estimate, info) if return_info else estimate
 
 
-def _may_be_mosaic(data: PreparedData, sensor: Sensor) -> TypeGuard[Bits | Counts]:
-    """Return whether data may come from a camera, and show single jots."""
-    if isinstance(data, Bits):
-        return data.sensor is None or data.provenance is not None
-    return isinstance(data, np.ndarray) and sensor.oversampling == 1
-
-
 def _run(
     data: PreparedData,
     sensor: Sensor,
@@ -200,6 +185,7 @@ def _run(
     options: dict[str, Any],
 ) -> tuple[Image, Info]:
     """Return the estimate of a network or of one of jotlight's methods, and how it was made."""
+    images = gray_images(data)
     network = method if isinstance(method, Network) else None
     if network is not None and (quality is not None or options):
         extra = "quality" if quality is not None else next(iter(options))
@@ -209,7 +195,7 @@ def _run(
         sensor,
         requested=requested,
         network=network,
-        is_bits=all(isinstance(image, Bits) for image in gray_images(data).data),
+        is_bits=all(isinstance(image, Bits) for image in images.data),
         training='train one: jotlight.torch.train(jotlight.Network.residual(sensor, "medium"), '
         "photographs)",
     )
@@ -220,12 +206,12 @@ def _run(
     history = None
     start = time.perf_counter()
     if network is not None:
-        estimate = network.reconstruct(data, sensor, threads=threads)
+        estimate = network.reconstruct(images, sensor, threads=threads)
     elif METHODS[choice.method].iterative:
         run: Callable[..., Any] = METHODS[choice.method].run
-        estimate, history = run(data, sensor, threads=threads, return_history=True, **options)
+        estimate, history = run(images, sensor, threads=threads, return_history=True, **options)
     else:
-        estimate = METHODS[choice.method].run(data, sensor, threads=threads, **options)
+        estimate = METHODS[choice.method].run(images, sensor, threads=threads, **options)
     seconds = time.perf_counter() - start
     return estimate, Info(choice.method, choice.title, choice.reason, seconds, history)
 
@@ -239,8 +225,10 @@ def _named(method: object, quality: str | None, options: dict[str, Any]) -> str 
     if quality is None:
         known = [name for name in OPTION_DEFAULTS if name != "uncertainty"]
         if method is None and (unknown := set(options) - set(known)):
+            close = get_close_matches(min(unknown), known, 1)
             raise TypeError(
                 f"{min(unknown)}: without a method, expected one of the options {', '.join(known)}"
+                + (f"; did you mean {close[0]}?" if close else "")
             )
         name = requested_method(method, [option for option in options if option in known])
         if name is not None:

@@ -47,6 +47,8 @@ def detect_format(path: Path) -> str:
             f"`jotlight simulate {path.name}` (sensor.expose(jotlight.read_image(path))) makes a "
             "capture of it"
         )
+    if path.is_dir() and not any(path.iterdir()):
+        raise ValueError(f"{path}: expected a capture, got an empty folder")
     raw = ", ".join(name for name, format_ in FORMATS.items() if format_.is_raw)
     others = ", ".join(name for name, format_ in FORMATS.items() if not format_.is_raw)
     raise ValueError(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import as_path
 from jotlight.errors import warn
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.detect import detect_format
@@ -135,8 +136,9 @@ def open(
 
 def open_capture(path: str | os.PathLike[str], **options: Any) -> Capture:
     """Return a capture as :func:`open` does, with its options, but do not sum images of counts."""
-    absolute = Path(path).absolute()
-    capture = _open_once(Path(path), **options)
+    path = as_path(path, 'jotlight.open("capture.npy")')
+    absolute = path.absolute()
+    capture = _open_once(path, **options)
     data = capture.images if isinstance(capture, CountStack) else capture.packed
     if isinstance(data, Frames):
         data.set_origin(functools.partial(_open_data, absolute, _state_of(absolute), **options))

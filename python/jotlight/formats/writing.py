@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts
+from jotlight.checks import Counts, as_path
 from jotlight.errors import warn
 from jotlight.formats.labels import make_counts_label
 from jotlight.formats.registry import WRITERS
@@ -92,7 +92,7 @@ def save(data: Bits | Counts, path: str | os.PathLike[str], *, format: str | Non
     >>> open(path)
     <Bits: 1 frame of 10 x 10 jots>
     """
-    path = Path(path)
+    path = as_path(path, 'jotlight.save(bits, "capture.npy")')
     if not isinstance(data, Bits):
         if not isinstance(data, np.ndarray) or data.dtype.kind not in "iu":
             kind = getattr(data, "dtype", type(data).__name__)

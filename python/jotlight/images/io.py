@@ -12,6 +12,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import as_path
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
 from jotlight.formats.images.tiff_directories import open_checked_tiff
@@ -73,7 +74,9 @@ def read_image(
     >>> read_image(path)
     array([[0., 1.]], dtype=float32)
     """
-    path = Path(path)
+    path = as_path(path, 'jotlight.read_image("photo.png")')
+    if path.is_dir():
+        raise IsADirectoryError(f"{path}: expected an image file, got a folder")
     if not path.is_file():
         raise FileNotFoundError(f"there is no image file {path}")
     if path.suffix.lower() == ".npy":
@@ -95,7 +98,9 @@ def read_image(
     if scale is None:
         raise ValueError(
             f"{path}: the scale of its {array.dtype} values is unknown; state the level of "
-            "intensity 1 with white= (--white), such as 1023 for a 10-bit camera"
+            "intensity 1 with white= (--white), such as 1023 for a 10-bit camera; if it is a "
+            "capture, jotlight.open reads it in Python, and `jotlight reconstruct` estimates its "
+            "image"
         )
     if gray and array.ndim == 3 and array.shape[2] != 3:
         raise ValueError(
@@ -276,7 +281,12 @@ def image_writer(
 
 def display_levels(image: FloatImage, white: float, max_level: int) -> FloatImage:
     """Return integer levels from 0 to `max_level`; `white` and brighter become `max_level`."""
-    return np.asarray(np.rint(np.clip(image / np.float64(white), 0, 1) * max_level))
+    if image.dtype == np.uint8 and white == max_level:
+        return image
+    levels = np.asarray(image / np.float64(white))
+    np.clip(levels, 0, 1, out=levels)
+    levels *= max_level
+    return np.rint(levels, out=levels)
 
 
 def _write_png16(file: OutputFile, values: npt.NDArray[np.uint16]) -> None:

@@ -1,14 +1,15 @@
 """Images and films of any kind of number, as files for display or for measurements."""
 
 import itertools
+import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import as_path
 from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.formats.capture import CountStack
@@ -63,13 +64,13 @@ def save_image(
 
     Examples
     --------
-    >>> import tempfile
-    >>> path = Path(tempfile.mkdtemp()) / "ramp.png"
+    >>> import pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "ramp.png"
     >>> save_image(path, np.linspace(0, 1, 12).reshape(3, 4))
     >>> path.stat().st_size > 50
     True
     """
-    path = Path(path)
+    path = as_path(path, 'jotlight.save_image("a.png", image)')
     if isinstance(image, Bits):
         raise TypeError(
             "image: expected an array, got Bits; take one frame, bits[0], or bits.counts()"
@@ -78,9 +79,8 @@ def save_image(
     if path.suffix.lower() in DISPLAYED:
         white = find_white(values) if white is None else _checked_white(white)
     write = image_writer(path, depth=depth, white=white or 1.0)
-    if path.suffix.lower() != ".npy" and values.dtype != np.float64:
-        values = values.astype(np.float32)
-    with atomic_write(path) as temporary:
+    # An image can be computed again, so it need not survive a power failure.
+    with atomic_write(path, durable=False) as temporary:
         write(temporary, values)
 
 
@@ -132,15 +132,15 @@ def save_film(
 
     Examples
     --------
-    >>> import tempfile
+    >>> import pathlib, tempfile
     >>> from jotlight import Sensor
     >>> bits = Sensor(frames=12).expose(np.full((20, 30), 0.5), rng=0)
-    >>> path = Path(tempfile.mkdtemp()) / "film.gif"
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "film.gif"
     >>> save_film(path, [part.counts() for part in bits.windows(4)], white=4)
     >>> path.stat().st_size > 100
     True
     """
-    path = Path(path)
+    path = as_path(path, 'jotlight.save_film("a.gif", images)')
     tone = None if white is None else Tone("linear", _checked_white(white))
     number = len(images) if isinstance(images, _SEQUENCES) else None
     is_displayed = not is_floats(path)
@@ -208,8 +208,13 @@ def find_white(values: npt.NDArray[Any], name: str = "image") -> float:
     if values.dtype == np.bool_:
         return 1.0
     full = float(np.iinfo(values.dtype).max) if values.dtype in (np.uint8, np.uint16) else 1.0
-    bright, largest = float(np.percentile(values, PERCENTILE)), float(values.max())
-    has_scale = values.dtype.kind == "f" or full > 1
+    largest, has_scale = float(values.max()), values.dtype.kind == "f" or full > 1
+    # In most images, counting the bright pixels suffices, which is faster than the percentile.
+    limit = math.ceil(_DARK * full) if full > 1 else _DARK  # whole, so that NumPy converts nothing
+    number = np.count_nonzero(values > limit)
+    if has_scale and largest <= full and number > (1 - PERCENTILE / 100) * values.size + 1:
+        return full
+    bright = float(np.percentile(values, PERCENTILE))
     if has_scale and largest <= full and bright >= _DARK * full:
         return full
     # A few bright pixels must not make an ordinary image brighter.

@@ -17,6 +17,7 @@ from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.sensor import Sensor
 
@@ -123,7 +124,7 @@ def find_motion(
 
 
 def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst, Sensor]:
-    """Return the frames of the data and their sensor.
+    """Return the frames of the data and their sensor, after a test for periodic rates.
 
     Raises
     ------
@@ -157,6 +158,8 @@ def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst
             f"{sensor.frames}; take sensor.replace(frames={readings})"
         )
     sensor.check_map_shapes(*burst.size)
+    jots = data[:MIN_FRAMES].sum()[None] if isinstance(data, CountStack) else data
+    warn_about_periods([jots])
     return burst, sensor
 
 

@@ -210,6 +210,7 @@ def _as_merged(
         _mean_of_pixels(accepted, each_jot, side).astype(np.float32),
         _mean_of_pixels(posterior_error(motion), each_jot, side).astype(np.float32),
         _mean_of_pixels(flags.astype(np.float32), each_jot, side) >= _MIN_FLAGGED,
+        channel_axis=-1 if color else None,
     )
 
 

@@ -1,11 +1,15 @@
 """The check that the layers of a network fit its sensor and its range of K."""
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from jotlight.networks.conditioning import count_sets
 from jotlight.networks.graph import size_divisor
 from jotlight.networks.layer import Layer
 from jotlight.sensing.sensor import Sensor
+
+T = TypeVar("T")
 
 
 def check_layers(
@@ -44,3 +48,22 @@ def check_layers(
             "trials_range: expected the smallest and the largest K of a tied network, got "
             f"{trials_range}"
         )
+
+
+def require_layers(cls: type[T]) -> type[T]:
+    """Return a class of networks whose calls need layers. Other arguments raise a TypeError."""
+    initialize: Callable[..., None] = cls.__init__
+
+    @functools.wraps(initialize)
+    def initialize_with_layers(self: T, *arguments: object, **keywords: object) -> None:
+        layers = arguments[0] if arguments else keywords.get("layers")
+        if not isinstance(layers, Sequence) or not all(isinstance(each, Layer) for each in layers):
+            raise TypeError(
+                f"Network: expected a sequence of jotlight.Layer, and a sensor, got {layers!r}; "
+                "Network.load(path) reads a network file, and jotlight.pretrained(sensor) returns "
+                "a trained network"
+            )
+        initialize(self, *arguments, **keywords)
+
+    setattr(cls, "__init__", initialize_with_layers)  # noqa: B010 - mypy refuses an assignment
+    return cls

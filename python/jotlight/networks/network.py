@@ -21,10 +21,11 @@ from jotlight.networks.figure import figure_of_layers
 from jotlight.networks.graph import halo_radius
 from jotlight.networks.inference import Inference
 from jotlight.networks.layer import Layer
-from jotlight.networks.layer_checks import check_layers
+from jotlight.networks.layer_checks import check_layers, require_layers
 from jotlight.networks.network_files import read_network, write_network
 from jotlight.networks.onnx_export import write_onnx
 from jotlight.networks.served_sensors import check_served
+from jotlight.networks.torch_hints import TorchHints
 from jotlight.sensing.pixel_counts import Data, carried_sensor, gray_images, prepare_data
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
@@ -36,7 +37,8 @@ _MAX_KEPT = 16
 """Maximum number of K whose layers are kept, for films and maps."""
 
 
-class Network:
+@require_layers
+class Network(TorchHints):
     """A reconstruction network: linear filters and pointwise splines, equations (8) to (11).
 
     Parameters
@@ -319,10 +321,8 @@ class Network:
 
         Raises
         ------
-        OSError
-            When the file does not exist.
-        ValueError
-            When it is not a network file.
+        OSError, ValueError
+            When the file does not exist, or is not a network file.
         """
         return read_network(path, cls)
 

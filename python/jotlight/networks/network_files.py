@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.networks.architectures import SIZES
 from jotlight.networks.layer import Layer
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import read_tensors, write_tensors
@@ -64,7 +65,11 @@ def read_network(path: str | os.PathLike[str], make: Callable[..., _Network]) ->
     """
     path = Path(path)
     if not path.is_file():
-        raise FileNotFoundError(f"there is no network file {path}")
+        is_size = str(path) in SIZES
+        raise FileNotFoundError(
+            f"there is no network file {path}"
+            + (f"; quality={path} (--quality {path}) selects the shipped network" * is_size)
+        )
     tensors, metadata = read_tensors(path, _FORMAT, _VERSION)
     try:
         layers = [

@@ -33,6 +33,7 @@ from jotlight.networks.layer import Layer
 from jotlight.networks.served_sensors import choose_sensor
 from jotlight.networks.splines import CUBIC_BASIS
 from jotlight.networks.trials_map import RATIO_OF_PASS
+from jotlight.networks.zeros import estimates_zeros, zero_layers
 from jotlight.sensing.pixel_counts import count_pixels
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import detection_probability, inverse_detection_probability
@@ -134,8 +135,14 @@ def _add_conditional(
     trials = sensor.trials
     served = min(trials, network.trials_range[1])
     layers = network.conditioned_layers(served)
+    # For bright sensors, all that follows is about zeros instead of ones.
+    is_zeros = estimates_zeros(layers, sensor)
+    if is_zeros:
+        layers = zero_layers(network, served)
+        counts = graph.add("Sub", float(trials), counts)
 
-    def denoise(ones: str) -> str:
+    def denoise(readings: str) -> str:
+        ones = graph.add("Sub", float(served), readings) if is_zeros else readings
         return graph.add("Clip", _add_layers(graph, ones, layers, 1), 0.0, 1.0)
 
     def angle(probability: str) -> str:
@@ -153,24 +160,39 @@ def _add_conditional(
             base = angle(estimate)
             difference = graph.add("Mul", graph.add("Sub", data, base), gain)
             raised = squared_sine(graph.add("Add", base, difference))
-            ones = graph.add("Sub", graph.add("Mul", raised, served + 0.75), 0.375)
-            change = graph.add("Sub", angle(denoise(ones)), base)
+            readings = graph.add("Sub", graph.add("Mul", raised, served + 0.75), 0.375)
+            change = graph.add("Sub", angle(denoise(readings)), base)
             estimate = squared_sine(graph.add("Add", base, graph.add("Div", change, gain)))
+    if is_zeros:
+        return _add_intensity(graph, graph.add("Neg", graph.add("Log", estimate)), sensor)
     return _add_inverse(graph, estimate, sensor)
+
+
+def _add_intensity(graph: "GraphBuilder", rate: str, sensor: Sensor) -> str:
+    """Return c = (K/α)(rate - d)/η, not clipped."""
+    efficiency, dark_counts = reference_jot(sensor)
+    light = efficiency * sensor.light_per_intensity
+    return graph.add("Div", graph.add("Sub", rate, dark_counts), light)
 
 
 def _add_inverse(graph: "GraphBuilder", probability: str, sensor: Sensor) -> str:
     """Return c = (K/α)(P⁻¹(q, p) - d)/η, not clipped."""
     efficiency, dark_counts = reference_jot(sensor)
-    # P⁻¹(1, p) = -log(1 - p) = 2 artanh(p/(2 - p)), which is precise for small p, too.
-    ratio = graph.add("Div", probability, graph.add("Sub", 2.0, probability))
-    rate = graph.add("Mul", graph.add("Atanh", ratio), 2.0)
+    rate = _add_exponent(graph, probability)
     if sensor.threshold > 1:
         root = graph.add("Pow", rate, 1 / sensor.threshold)
         max_rate = efficiency * sensor.light_per_intensity * sensor.max_intensity + dark_counts
         rate = graph.piecewise_cubics("inverse", root, *_inverse_cubics(sensor.threshold, max_rate))
-    light = efficiency * sensor.light_per_intensity
-    return graph.add("Div", graph.add("Sub", rate, dark_counts), light)
+    return _add_intensity(graph, rate, sensor)
+
+
+def _add_exponent(graph: "GraphBuilder", probability: str) -> str:
+    """Return P⁻¹(1, p) = -log(1 - p), precise for small p and for p near 1."""
+    # Above 1/2, 1 - p has no rounding error. Below, -log(1 - p) = 2 artanh(p/(2 - p)).
+    large = graph.add("Neg", graph.add("Log", graph.add("Sub", 1.0, probability)))
+    ratio = graph.add("Div", probability, graph.add("Sub", 2.0, probability))
+    small = graph.add("Mul", graph.add("Atanh", ratio), 2.0)
+    return graph.add("Where", graph.add("Greater", probability, 0.5), large, small)
 
 
 def _inverse_cubics(threshold: int, max_rate: float) -> Cubics:

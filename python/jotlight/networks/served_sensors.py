@@ -41,7 +41,8 @@ def check_served(
     if own.trials != trials or not all(math.isclose(a, b, rel_tol=1e-9) for a, b in pairs):
         raise ValueError(
             "sensor: the network needs data with its own trials per pixel, threshold, "
-            f"efficiency * gain / bits and max_intensity: it is for {own!r}, got {sensor!r}"
+            f"efficiency * gain / bits and max_intensity: it is for {own!r}, got {sensor!r}; "
+            "jotlight.pretrained(sensor) is for this sensor"
         )
 
 

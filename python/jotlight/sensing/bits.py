@@ -11,6 +11,7 @@ import jotlight._engine as engine
 from jotlight.checks import refuse_masked
 from jotlight.chunks import frame_chunks, windows
 from jotlight.sensing import preview
+from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import (
     Frames,
@@ -25,7 +26,7 @@ from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
 
 
-class Bits:
+class Bits(ArrayHints):
     """Bits of a single-photon camera, eight to a byte.
 
     Parameters
@@ -76,6 +77,7 @@ class Bits:
         self.width = full if width is None else operator.index(width)
         self.sensor = sensor
         self.provenance = provenance
+        self.tested_for_periods = False  # True: tested for mosaics, or needs no test
         if not full - 8 < self.width <= full:
             raise ValueError(
                 f"width: expected {full - 7} to {full} for {packed.shape[2]} bytes a row, "
@@ -160,7 +162,9 @@ class Bits:
             start, stop, step = frames.indices(len(self))
             taken = format_frame_range(slice(start, stop, None if step == 1 else step))
             provenance = provenance.with_notes(f"frames {taken} of {len(self)}")
-        return type(self)(packed, self.width, sensor, provenance)
+        part = type(self)(packed, self.width, sensor, provenance)
+        part.tested_for_periods = self.tested_for_periods
+        return part
 
     def _frame(self, index: SupportsIndex) -> npt.NDArray[np.bool_]:
         """Return one frame, (H, W) or (H, W, C)."""
@@ -170,12 +174,9 @@ class Bits:
                 f"bits: expected the number of a frame, or a slice such as bits[:16], got "
                 f"{index!r}; bits[0] is an array, with indices such as bits[0][:, 5]"
             )
-        number = operator.index(index)
-        if not -len(self) <= number < len(self):
-            raise IndexError(f"bits: expected a frame from 0 to {len(self) - 1}, got {number}")
-        number %= len(self)
-        frame: npt.NDArray[np.bool_] = self[number : number + 1].to_array()[0]
-        return frame
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"bits: expected a frame from 0 to {len(self) - 1}, got {index}")
+        return np.asarray(self[int(index) % len(self) :][:1].to_array()[0])
 
     def __iter__(self) -> Iterator[npt.NDArray[np.bool_]]:
         """Yield each frame as an array, (H, W) or (H, W, C)."""
@@ -193,11 +194,10 @@ class Bits:
         return self.to_array().astype(dtype, copy=False)
 
     def __contains__(self, frame: object) -> bool:
-        """Raise TypeError, because frames are arrays, whose comparison is an array."""
-        raise TypeError(
-            "bits: expected no `in`, which cannot compare arrays; any((frame == wanted).all() for "
-            "frame in bits) compares all frames"
-        )
+        """Return whether one of the frames equals an array (H, W) or (H, W, C)."""
+        if (shape := np.asarray(frame).shape) != self.shape[1:]:
+            raise ValueError(f"bits: expected a frame of shape {self.shape[1:]}, got {shape}")
+        return any(np.array_equal(each, frame) for each in self)  # type: ignore[arg-type]
 
     def windows(self, n: int, step: int | None = None) -> Iterator[Self]:
         """Return an iterator over the bits of `n` frames, from every `step`-th frame on.
@@ -327,9 +327,9 @@ class Bits:
     def __repr__(self) -> str:
         frames, height, width, *channels = self.shape
         color = f" x {channels[0]} channels" if channels else ""
-        plural = "" if frames == 1 else "s"
         sensor = f", {self.sensor!r}" if self.sensor else ""
-        return f"<Bits: {frames} frame{plural} of {height} x {width} jots{color}{sensor}>"
+        number = f"{frames} frame{'s' * (frames != 1)}"
+        return f"<Bits: {number} of {height} x {width} jots{color}{sensor}>"
 
 
 def check_fits(bits: Bits, sensor: SensorLike) -> None:

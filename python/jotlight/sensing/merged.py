@@ -8,14 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_counts, refuse_masked
+from jotlight.layout import Layout
 from jotlight.notebook import card, normalize
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import checked_trials, numbers_from_zero
-
-_MAX_CHANNELS = 4
-"""Largest number of channels. Longer last axes are likely to be columns of a stack."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -26,8 +24,8 @@ class Merged:
 
     Parameters
     ----------
-    ones : array_like of int, shape (H, W) or (H, W, C)
-        L: the number of ones of each pixel.
+    ones : array_like of int, shape (H, W)
+        L: the number of ones of each pixel. With `channel_axis` also of each color channel.
     trials : float or array_like of float
         n: the number of binary readings behind each pixel, a real number from 0 upward or a map of
         the shape of `ones`. It may be a mean, and 0 marks a pixel without data.
@@ -43,6 +41,9 @@ class Merged:
         The standard deviation of the displacement in pixels, 0 or more.
     flags : array_like of bool, shape (H, W), optional
         True marks a pixel that is not to be trusted.
+    channel_axis : int, optional
+        Axis of `ones`, and of a map of `trials`, that holds color channels. It becomes the last
+        axis. Default: none.
 
     Raises
     ------
@@ -67,19 +68,27 @@ class Merged:
     acceptance: npt.NDArray[np.float32] | None = None
     posterior_error: npt.NDArray[np.float32] | None = None
     flags: npt.NDArray[np.bool_] | None = None
+    channel_axis: int | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.sensor, Sensor):
             raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(self.sensor).__name__}")
         ones = as_counts(self.ones)
-        if ones.ndim > 3 or (ones.ndim == 3 and ones.shape[2] > _MAX_CHANNELS):
+        layout = Layout.of("ones", ones, self.channel_axis)
+        if layout.is_stack:
             raise ValueError(
-                f"ones: expected shape (H, W), or (H, W, C) with at most {_MAX_CHANNELS} channels, "
-                f"got {ones.shape}; pass a list of Merged for a stack"
+                "ones: expected shape (H, W), or (H, W, C) with channel_axis=-1, got "
+                f"{ones.shape}; pass a list of Merged for a stack"
             )
+        trials = checked_trials(self.trials, ones)
+        if self.channel_axis is not None:
+            ones = np.moveaxis(ones, self.channel_axis, -1)
+            if isinstance(trials, np.ndarray):
+                trials = np.moveaxis(trials, self.channel_axis, -1)
         checked = {
             "ones": ones,
-            "trials": checked_trials(self.trials, ones),
+            "trials": trials,
+            "channel_axis": None if self.channel_axis is None else -1,
             "dark_counts": self._jot_parameter("dark_counts", ones.shape[:2]),
             "efficiency": self._jot_parameter("efficiency", ones.shape[:2]),
             "acceptance": _checked_map("acceptance", self.acceptance, ones.shape[:2], 1.0),
@@ -110,7 +119,8 @@ class Merged:
         trials = self.trials
         for index, ones in enumerate(channel_views(self.ones)):
             own = trials[..., index] if isinstance(trials, np.ndarray) else trials
-            yield dataclasses.replace(self, ones=np.ascontiguousarray(ones), trials=own)
+            gray = np.ascontiguousarray(ones)
+            yield dataclasses.replace(self, ones=gray, trials=own, channel_axis=None)
 
     def _jot_parameter(self, name: str, shape: tuple[int, ...]) -> Any:
         """Return the dark counts or the efficiency of the pixels: those given, or the sensor's."""

@@ -1,21 +1,21 @@
 """The number of ones and the number of valid bits of each pixel, from bits or counts."""
 
 import dataclasses
-import os
 from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts
+from jotlight.checks import as_counts, refuse_frames, refuse_path
 from jotlight.errors import warn
 from jotlight.layout import Layout
 from jotlight.sensing.bits import Bits, check_fits
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.scaled_counts import scaled_counts_hint
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.periodic_rates import warn_about_periods
+from jotlight.sensing.scaled_counts import check_range, check_whole
+from jotlight.sensing.sensor import Sensor, require_sensor
 from jotlight.sensing.values import checked_trials
 
 Estimate = npt.NDArray[np.float32]
@@ -159,7 +159,8 @@ def prepare_data(
     """Return the data of a method with their sensor: the given one, or the one that they carry.
 
     Stacks and color counts become gray images. Counts with `trials` become merged counts. Pixels
-    that the sensor's mask marks have no trials.
+    that the sensor's mask marks have no trials. Bits, and counts of single jots, are tested for
+    periodic rates; :class:`GrayImages` were tested before.
 
     Raises
     ------
@@ -168,21 +169,21 @@ def prepare_data(
     ValueError
         When the trials or the channel axis do not fit the counts.
 
+    Warns
+    -----
+    PeriodicRatesWarning
+        When the rates of the jots repeat, as under a color filter mosaic.
+
     Examples
     --------
     >>> data, _ = prepare_data(np.array([[3, 1]]), Sensor(frames=4), trials=[[4, 2.5]])
     >>> data.trials.tolist()
     [[4.0, 2.5]]
     """
-    if isinstance(data, str | os.PathLike):
-        raise TypeError(
-            f"data: expected bits or counts, got the path {os.fspath(data)!r}; pass "
-            "jotlight.open(path) for a capture, and sensor.expose(jotlight.read_image(path)) for a "
-            "photograph"
-        )
+    refuse_path(data)
+    sensor = carried_sensor(data) if sensor is None else sensor
     if sensor is None:
-        sensor = carried_sensor(data)
-    if sensor is None:
+        refuse_frames(data)
         is_array = isinstance(data, np.ndarray | list | tuple)
         other = "counts" if is_array else f"data of type {type(data).__name__}"
         name = "these bits" if isinstance(data, Bits) else other
@@ -190,13 +191,10 @@ def prepare_data(
             f"sensor: expected a jotlight.Sensor, because {name} carry none; pass the sensor that "
             "recorded them, such as Sensor(frames=16) for 16 trials per pixel"
         )
-    if not isinstance(sensor, Sensor):
-        raise TypeError(
-            "sensor: expected a jotlight.Sensor, such as Sensor(frames=16) for 16 trials per "
-            f"pixel, got {sensor!r}"
-        )
+    require_sensor(sensor)
     several = _list_of_data(data)
     if isinstance(data, Bits | Merged | GrayImages) or several:
+        warn_about_periods([data, *several])
         for name, value in (("trials", trials), ("channel_axis", channel_axis)):
             if value is not None:
                 raise TypeError(
@@ -206,9 +204,12 @@ def prepare_data(
         if isinstance(data, Bits | Merged | GrayImages):
             return data, sensor
         return _gray_images_of_list(several), sensor
+    check_whole(data, sensor.trials)
     counts = as_counts(cast(npt.ArrayLike, data))
     layout = Layout.of("counts", counts, channel_axis)
     images: Any = np.ascontiguousarray(layout.split(counts))
+    if sensor.oversampling == 1 and channel_axis is None:  # otherwise, the jots are not counted
+        warn_about_periods([images])
     if trials is not None:
         _check_jots(images, sensor)
         if np.ndim(trials) == 2 and np.shape(trials) == images.shape[1:]:
@@ -296,7 +297,7 @@ def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCo
         if not isinstance(data, Bits):
             counts = np.where(sensor.mask, np.int32(0), counts)
     if not isinstance(data, Bits):
-        _check_counts(counts, sensor)
+        check_range(counts, sensor)
     mask, side = sensor.mask, sensor.oversampling
     efficiency, efficiency_varies = pixel_means(sensor.efficiency, mask, side)
     dark, dark_varies = pixel_means(sensor.dark_counts, mask, side)
@@ -332,15 +333,4 @@ def _check_jots(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
         raise ValueError(
             "counts: with a mask of single jots the bits are needed, because a count does not "
             "say which jots reported 1; pass the bits, or a sensor without a mask"
-        )
-
-
-def _check_counts(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:
-    maximum = counts.max()
-    if maximum > sensor.trials or counts.min() < 0:
-        hint = scaled_counts_hint(counts)
-        raise ValueError(
-            f"counts: expected 0 to K = {sensor.trials} ones per pixel "
-            f"({sensor.frames} frames of {sensor.oversampling} x {sensor.oversampling} jots), "
-            f"got {counts.min()} to {maximum}" + (f"; {hint}" if hint else "")
         )

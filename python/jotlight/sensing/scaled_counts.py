@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts
+from jotlight.checks import Counts, refuse_masked
+from jotlight.errors import warn
+from jotlight.sensing.sensor import Sensor
 
 SCALES = 255, 65535
 """Scales of images of means with 8 and with 16 bits."""
@@ -181,7 +183,7 @@ def scaled_counts_hint(values: npt.NDArray[Any]) -> str | None:
                 f"the values look like means of {trials} frames times {scale}; if they are, open "
                 f"the file with counts_scale={scale} (--counts-scale {scale}) and trials={trials} "
                 f"(--trials {trials}); the counts of an array x are "
-                f"np.rint(x / {scale} * {trials}).astype(int)"
+                f"np.rint(x / {scale} * {trials}).astype(int), with Sensor(frames={trials})"
             )
         if np.array_equal(np.unique(values), [0, scale]):
             return (
@@ -190,6 +192,50 @@ def scaled_counts_hint(values: npt.NDArray[Any]) -> str | None:
                 f"of an array x are np.rint(x / {scale}).astype(int)"
             )
     return None
+
+
+def check_whole(data: object, trials: int) -> None:
+    """Raise TypeError for floats in place of counts. The message says how to convert means.
+
+    Examples
+    --------
+    >>> check_whole(np.array([[0.3, 1.0]]), 16)
+    Traceback (most recent call last):
+    ...
+    TypeError: data: expected ... got float64; the counts of means x of 16 frames are ...
+    """
+    refuse_masked("counts", data)
+    values = np.asarray(data)
+    if values.dtype.kind != "f":
+        return
+    advice = "cast rounded floats with astype(int)"
+    if values.size and not (values == np.rint(values)).all():
+        scale = next((scale for scale in (1, *SCALES) if values.max() <= scale), 1)
+        number = recognize_trials(values, scale) or trials
+        fraction = "x" if scale == 1 else f"x / {scale}"
+        advice = (
+            f"the counts of means x of {number} frames are "
+            f"np.rint({fraction} * {number}).astype(int), with Sensor(frames={number})"
+        )
+    raise TypeError(
+        f"data: expected jotlight.Bits or an image of counts in whole numbers, got "
+        f"{values.dtype}; {advice}; a photograph becomes bits by sensor.expose(image)"
+    )
+
+
+def check_range(counts: Counts, sensor: Sensor) -> None:
+    """Raise ValueError for counts that a sensor cannot report. Warn if they look like means."""
+    low, high, trials = counts.min(), counts.max(), sensor.trials
+    is_wrong = low < 0 or high > trials
+    hint = scaled_counts_hint(counts) if is_wrong or trials in SCALES else None
+    if is_wrong:
+        raise ValueError(
+            f"counts: expected 0 to K = {trials} ones per pixel ({sensor.frames} frames of "
+            f"{sensor.oversampling} x {sensor.oversampling} jots), got {low} to {high}"
+            + (f"; {hint}" if hint else "")
+        )
+    if hint:
+        warn(f"counts: {hint}")
 
 
 def _is_rounded(values: npt.NDArray[Any], exact: npt.NDArray[np.float64]) -> bool:

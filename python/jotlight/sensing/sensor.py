@@ -13,13 +13,8 @@ from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.description import html_of, repr_of, sensor_of_parts
 from jotlight.sensing.maps import LIMITS, MAPS, checked_maps
-from jotlight.sensing.simulate import (
-    Window,
-    checked_images,
-    crop,
-    draw_stack,
-    evaluate_on_jots,
-)
+from jotlight.sensing.simulate import Window, checked_images, crop, draw_stack, evaluate_on_jots
+from jotlight.sensing.simulated_bits import simulated_bits
 
 KERNELS = ("box", "linear", "quadratic", "cubic")
 """The B-spline kernels of the light field, in the order of their degree."""
@@ -135,9 +130,6 @@ class Sensor:
         >>> Sensor(oversampling=2, gain=2.0).replace(frames=3).gain
         6.0
         """
-        known = {field.name for field in dataclasses.fields(self)}
-        if unknown := sorted(set(changes) - known):
-            raise TypeError(f"expected a parameter of Sensor, got {', '.join(unknown)}")
         new = dataclasses.replace(self, **{"gain": None, **changes})
         if "gain" not in changes:
             gain = self.light_per_intensity * new.trials
@@ -266,7 +258,7 @@ class Sensor:
         packed = draw_stack(
             self.engine_arguments(), pixels, layout, seed_bytes(rng), window, out, threads, progress
         )
-        bits = [Bits(each, len(window.columns) * self.oversampling, sensor) for each in packed]
+        bits = simulated_bits(packed, len(window.columns) * self.oversampling, sensor)
         # The type of the result cannot tell images from stacks. Most callers have images.
         return bits if layout.is_stack else bits[0]  # type: ignore[return-value]
 
@@ -286,20 +278,14 @@ class Sensor:
 
     def without_maps(self) -> Self:
         """Return the sensor without a mask, and with the means of the other maps."""
-        return self.replace(
-            mask=None,
-            dark_counts=float(np.mean(self.dark_counts)),
-            efficiency=float(np.mean(self.efficiency)),
-        )
+        dark, efficiency = float(np.mean(self.dark_counts)), float(np.mean(self.efficiency))
+        return self.replace(mask=None, dark_counts=dark, efficiency=efficiency)
 
     def scalars(self) -> dict[str, Any]:
         """Return the parameters that are neither maps nor None, by name, as values of JSON."""
-        maps = self.maps()
-        return {
-            field.name: getattr(self, field.name)
-            for field in dataclasses.fields(self)
-            if field.name not in maps and getattr(self, field.name) is not None
-        }
+        maps, names = self.maps(), [field.name for field in dataclasses.fields(self)]
+        values = {name: getattr(self, name) for name in names if name not in maps}
+        return {name: value for name, value in values.items() if value is not None}
 
     @classmethod
     def from_parts(cls, scalars: Any, maps: dict[str, npt.NDArray[Any]] | None = None) -> Self:
@@ -348,3 +334,12 @@ class Sensor:
 
     def __repr__(self) -> str:
         return repr_of(self, {field.name: field.default for field in dataclasses.fields(self)})
+
+
+def require_sensor(sensor: object) -> None:
+    """Raise TypeError unless the argument is a sensor."""
+    if not isinstance(sensor, Sensor):
+        raise TypeError(
+            "sensor: expected a jotlight.Sensor, such as Sensor(frames=16) for 16 trials per "
+            f"pixel, got {sensor!r}"
+        )

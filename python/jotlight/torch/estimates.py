@@ -46,6 +46,27 @@ def intensity_from_probability(probability: Tensor, sensor: Sensor) -> Tensor:
     return intensity.to(probability)
 
 
+def intensity_from_complement(complement: Tensor, sensor: Sensor) -> Tensor:
+    """Return the intensity in [0, S] at which bits are 0 with the given probability, for q = 1.
+
+    It is that of :func:`jotlight.estimators.inverse_response.intensity_from_complement`, and
+    differentiable.
+
+    Parameters
+    ----------
+    complement : Tensor of any shape
+        P(b = 0).
+    sensor : Sensor
+        The sensor. Medians replace its maps of dark counts and efficiency.
+    """
+    efficiency, dark_counts = reference_jot(sensor)
+    light = efficiency * sensor.light_per_intensity
+    low = math.exp(-light * sensor.max_intensity - dark_counts)
+    rate = -torch.log(complement.double().clamp(low, math.exp(-dark_counts)))
+    intensity = ((rate - dark_counts) / light).clamp(0, sensor.max_intensity)
+    return intensity.to(complement)
+
+
 def equivalent_counts(counts: Tensor, sensor: Sensor, dark_counts: float) -> Tensor:
     """Return the counts that a sensor would report with other dark counts.
 
@@ -132,5 +153,7 @@ def probability_of(
 
 
 def _angle(probability: Tensor) -> Tensor:
-    """Return arcsin √p, whose derivative is infinite at 0 and 1, and so finite only between."""
-    return torch.arcsin(torch.sqrt(probability.clamp(_MIN_PROBABILITY, _MAX_PROBABILITY)))
+    """Return arcsin √p, with the derivative near 0 and 1 where it would be infinite there."""
+    finite = torch.arcsin(torch.sqrt(probability.clamp(_MIN_PROBABILITY, _MAX_PROBABILITY)))
+    exact = torch.arcsin(torch.sqrt(probability.detach().clamp(0, 1)))
+    return finite + (exact - finite).detach()

@@ -16,10 +16,12 @@ from jotlight.networks.graph import size_divisor, sources
 from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network as EngineNetwork
 from jotlight.networks.served_sensors import choose_sensor
+from jotlight.networks.zeros import is_bright
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.estimates import (
     equivalent_counts,
+    intensity_from_complement,
     intensity_from_probability,
     probability_of,
 )
@@ -155,6 +157,10 @@ class Network(nn.Module):
         """
         sensor = self._sensor_of(data, sensor)
         if self._trials_range is not None:
+            if str(len(self.filters) - 1) in self.coefficients and is_bright(sensor):
+                zeros = sensor.trials - data
+                zeros = probability_of(self._run_zeros, zeros, sensor.trials, self._trials_range)
+                return intensity_from_complement(zeros, sensor)
             probability = probability_of(self.run_layers, data, sensor.trials, self._trials_range)
             return intensity_from_probability(probability, sensor)
         if reference_jot(sensor)[1] != self._dark_counts:
@@ -181,6 +187,12 @@ class Network(nn.Module):
         """
         filters, coefficients = self._interpolate(trials)
         sums = self._filter_all(data, filters, coefficients)
+        return self.activate(-1, sums, coefficients[-1])
+
+    def _run_zeros(self, zeros: Tensor, trials: int) -> Tensor:
+        """Return P(b = 0) for counts of zeros, as :mod:`jotlight.networks.zeros` does."""
+        filters, coefficients = self._interpolate(trials, is_zeros=True)
+        sums = self._filter_all(trials - zeros, filters, coefficients)
         return self.activate(-1, sums, coefficients[-1])
 
     def last_sums(self, data: Tensor, trials: int | None = None) -> Tensor:
@@ -259,8 +271,13 @@ class Network(nn.Module):
                 sums = sums + outputs[spec.skip]
         return sums[..., :height, :width]
 
-    def _interpolate(self, trials: int | None) -> tuple[list[Tensor], list[Tensor | None]]:
-        """Return the filters and coefficients of all layers, for K = `trials` if conditioned."""
+    def _interpolate(
+        self, trials: int | None, *, is_zeros: bool = False
+    ) -> tuple[list[Tensor], list[Tensor | None]]:
+        """Return the filters and coefficients of all layers, for K = `trials` if conditioned.
+
+        With `is_zeros`, the last spline is one minus that of the network.
+        """
         if (self._trials_range is None) != (trials is None):
             raise ValueError(
                 "trials: expected K for a K-conditioned network, and None for any other network, "
@@ -268,6 +285,8 @@ class Network(nn.Module):
             )
         filters: list[Tensor] = list(self.filters)
         coefficients = [self.coefficients.get(str(index), None) for index in range(len(filters))]
+        if is_zeros and (last := coefficients[-1]) is not None:
+            coefficients[-1] = 1 - last
         if self._trials_range is None or trials is None:
             return filters, coefficients
         weights = conditioning_weights(trials, self._trials_range, self._sets)

@@ -123,6 +123,11 @@ def train(
     >>> bool(history.loss[-1] < history.loss[0])
     True
     """
+    if not isinstance(network, Network):
+        raise TypeError(
+            "network: expected the network to start from, as in jotlight.train("
+            f"jotlight.Network.initial(sensor), images), got {type(network).__name__}"
+        )
     sensor = network.sensor if sensor is None else sensor
     network.check_sensor(sensor)
     if not is_sequential(network.layers):

@@ -13,9 +13,9 @@ from jotlight.datasets.moving_scenes.planes import Plane
 from jotlight.datasets.moving_scenes.textures import Texture
 from jotlight.datasets.scenes import photograph as scikit_image_photograph
 from jotlight.seeds import SeedLike
-from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, Packed
 from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.simulated_bits import simulated_bits
 
 Array = npt.NDArray[np.float64]
 
@@ -61,7 +61,7 @@ class MovingScene:
         sensor.check_map_shapes(*(length * sensor.oversampling for length in size))
         height, width = (length * sensor.oversampling for length in size)
         shape = (sensor.frames, height, math.ceil(width / 8), *self.shape[2:])
-        self.bits = Bits(Frames(shape, self._draw), width, sensor)
+        (self.bits,) = simulated_bits([Frames(shape, self._draw)], width, sensor)
 
     def image(self, time: float | None = None) -> npt.NDArray[np.float32]:
         """Return the image at a time, (H, W) or (H, W, C). Default: at the reference frame."""

@@ -80,7 +80,7 @@ def test_the_amplitude_is_that_of_the_periodic_part():
 
 def test_without_a_period_the_score_is_normal():
     rng = np.random.default_rng(0)
-    from jotlight.calibration.periodic_rates import _score
+    from jotlight.sensing.periodic_rates import _score
 
     scores = [_score(rng.poisson(5, (96, 96)).astype(float))[0] for _ in range(300)]
     assert np.mean(scores) == pytest.approx(0, abs=0.2)

@@ -1,13 +1,14 @@
 """Rates that repeat with a period of a few jots, as under the color filters of a Bayer mosaic."""
 
 import dataclasses
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import Counts, as_counts
-from jotlight.errors import warn
+from jotlight.errors import PeriodicRatesWarning, warn
 from jotlight.sensing.bits import Bits
 
 THRESHOLD = 6.0
@@ -31,13 +32,13 @@ _TILE = 16
 _MIN_TILES = 4
 """Minimum number of rows and of columns of tiles. Fewer cannot reach the score."""
 
-_MAX_BYTES = 1 << 26
-"""Maximum number of bytes of bits that are read for a warning."""
+_MAX_BYTES = 1 << 22
+"""Maximum number of bytes of bits that are read for a warning, except that one frame is."""
 
-_MAX_SIDE = 1 << 11
-"""Maximum number of rows and columns of jots that are tested for a warning."""
+_MIN_SIDE, _MAX_SIDE = 1 << 7, 1 << 9
+"""Minimum and maximum number of rows and columns of jots that are tested for a warning."""
 
-Array = npt.NDArray[np.float64]
+Array = npt.NDArray[np.float32]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,9 +64,9 @@ class PeriodicRates:
         side = self.period // 2
         mosaic = "Bayer mosaic" if self.period == 2 else "quad Bayer mosaic"
         return (
-            f"the rates repeat every {self.period} x {self.period} jots, with an amplitude of "
-            f"{self.amplitude:.0%} of the mean, as under the color filters of a {mosaic}; the "
-            "estimate mixes the colors. In Python, load the bits, and reconstruct each color "
+            f"the rates repeat every {self.period} x {self.period} jots, as under the color "
+            f"filters of a {mosaic}; the estimate mixes the colors. Load the bits, and "
+            "reconstruct each color "
             f"alone: jotlight.reconstruct(bits.counts({side})[0::2, 0::2], "
             f"sensor.replace(oversampling={side})), and likewise [0::2, 1::2], [1::2, 0::2], and "
             "[1::2, 1::2]. The sensor states all frames, the gain, the dark counts, and the "
@@ -123,46 +124,64 @@ def find_periodic_rates(
         counts = as_counts(data)
     if counts.ndim > 2:
         return None
-    rates = counts.astype(np.float64)
+    rates = counts.astype(np.float32)
     for period in PERIODS:
-        score, amplitude = _score(rates)
+        score, amplitude = _score(rates, period // 2)
         if score > THRESHOLD and amplitude > MIN_AMPLITUDE:
             return PeriodicRates(period, amplitude, score)
-        height, width = (length // 2 for length in rates.shape)
-        rates = rates[: 2 * height, : 2 * width].reshape(height, 2, width, 2).sum((1, 3))
     return None
 
 
-def warn_about_period(data: Bits | Counts, threads: int | None) -> None:
-    """Issue a warning if the rates of jots repeat.
+def warn_about_periods(data: Iterable[object]) -> None:
+    """Issue a PeriodicRatesWarning if the rates of the jots of any of the data repeat.
 
-    Only the first 64 MiB of bits are read, and only a part of large images is tested.
+    Bits are tested once. Only the first frames and the middle of large images are tested, and no
+    images of less than 128 x 128 jots.
+
+    Parameters
+    ----------
+    data : iterable of Bits, or ndarray of int32 (N, H, W)
+        Bits, or counts of single jots, whose first image is tested. Other data are ignored.
     """
-    if isinstance(data, Bits):
-        frame_bytes = max(1, data.packed.nbytes // len(data))
-        data = data[: max(1, _MAX_BYTES // frame_bytes)].counts(1, threads=threads)
-    periodic = find_periodic_rates(data[:_MAX_SIDE, :_MAX_SIDE])
+    found = (_find_in_middle(each) for each in data if isinstance(each, Bits | np.ndarray))
+    periodic = next(filter(None, found), None)
     if periodic is not None:
-        warn(periodic.describe())
+        warn(periodic.describe(), PeriodicRatesWarning)
 
 
-def _score(rates: Array) -> tuple[float, float]:
-    """Return how often neighboring tiles agree, in standard deviations, and the amplitude."""
-    height, width = (length // _TILE for length in rates.shape)
+def _find_in_middle(data: Bits | Counts) -> PeriodicRates | None:
+    """Return periodic rates of jots in the middle, or None, also for bits that were tested."""
+    height, width = data.shape[1:3]
+    if min(height, width) < _MIN_SIDE or len(data.shape) > 3:
+        return None
+    if isinstance(data, Bits):
+        if data.tested_for_periods:
+            return None
+        data.tested_for_periods = True
+        frame_bytes = max(1, data.packed.nbytes // len(data))
+        counts = data[: max(1, _MAX_BYTES // frame_bytes)].counts(1)
+    else:
+        counts = data[0]
+    top, left = (max(0, (side - _MAX_SIDE) // 2) for side in (height, width))
+    return find_periodic_rates(counts[top : top + _MAX_SIDE, left : left + _MAX_SIDE])
+
+
+def _score(rates: Array, side: int = 1) -> tuple[float, float]:
+    """Return how often neighboring tiles agree, in standard deviations, and the amplitude.
+
+    `side` is half of the period.
+    """
+    size = side * _TILE
+    height, width = (length // size for length in rates.shape)
     if min(height, width) < _MIN_TILES:
         return 0.0, 0.0
-    tiles = rates[: height * _TILE, : width * _TILE].reshape(height, _TILE, width, _TILE)
-    smooth = np.hanning(_TILE + 2)[1:-1]
-    smooth /= smooth.sum()
-    alternating = smooth * (-1.0) ** np.arange(_TILE)
-
-    def filtered(rows: Array, columns: Array) -> Array:
-        return np.asarray(np.einsum("hiwj,i,j->hw", tiles, rows, columns))
-
-    checkerboard = filtered(alternating, alternating)
+    filters = _filters(side)
+    tiles = rates[: height * size, : width * size].reshape(height, size, -1)
+    columns = np.matmul(filters, tiles).reshape(height, 2, width, size)
+    (means, vertical), (horizontal, checkerboard) = np.einsum("hrwj,cj->rchw", columns, filters)
     parts = [
-        _vertical_products(filtered(alternating, smooth)),
-        _vertical_products(filtered(smooth, alternating).T),
+        _vertical_products(horizontal),
+        _vertical_products(vertical.T),
         _vertical_products(checkerboard),
         _vertical_products(checkerboard.T),
     ]
@@ -171,9 +190,16 @@ def _score(rates: Array) -> tuple[float, float]:
         return 0.0, 0.0
     # Two of the parts are the same checkerboards.
     power = parts[0].mean() + parts[1].mean() + (parts[2].mean() + parts[3].mean()) / 2
-    mean_power = _vertical_products(filtered(smooth, smooth)).mean()
-    amplitude = np.sqrt(max(0.0, power) / mean_power)
+    amplitude = np.sqrt(max(0.0, power) / _vertical_products(means).mean())
     return float(signs.sum() / np.sqrt(np.count_nonzero(signs))), float(amplitude)
+
+
+@functools.cache
+def _filters(side: int) -> Array:
+    """Return a smooth filter, and the same one with alternating signs."""
+    smooth = np.hanning(_TILE + 2)[1:-1]
+    both = np.stack([smooth, smooth * (-1.0) ** np.arange(_TILE)]) / smooth.sum()
+    return np.asarray(both.repeat(side, axis=1), np.float32)
 
 
 def _vertical_products(values: Array) -> Array:
