@@ -47,7 +47,7 @@ def test_the_longest_chain_of_units_is_short(imports):
 @pytest.mark.parametrize(
     ("module", "allowed"),
     [
-        ("bits", {"channels", "frames", "preview", "provenance", "sensor_like"}),
+        ("bits", {"channels", "counting", "frames", "preview", "provenance", "sensor_like"}),
         ("simulate", {"sensor_like"}),
         ("response", set()),
     ],
