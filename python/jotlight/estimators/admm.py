@@ -135,7 +135,7 @@ def admm_tv(
         10 `tol`. Both residuals are relative.
     callback : callable, optional
         A function that receives a :class:`jotlight.estimators.convergence.Iteration` after each
-        iteration. It ends the run by raising StopIteration.
+        iteration of each image. It ends the run of the image by raising StopIteration.
     return_history : bool
         Whether to return the history too: a
         :class:`jotlight.estimators.convergence.ConvergenceHistory`, or a list with one for each

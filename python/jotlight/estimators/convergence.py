@@ -84,6 +84,29 @@ class ConvergenceHistory:
         return f"<ConvergenceHistory: {state} after {self.iterations} iterations, residuals {last}>"
 
 
+def follow_slowest(show: IterationCallback) -> IterationCallback:
+    """Return a callback that shows only the image of a stack that has the longest way to go.
+
+    Examples
+    --------
+    >>> def step(image, residual):
+    ...     return Iteration(1, {}, residual, np.zeros(1), 1e-3, 9, image)
+    >>> callback = follow_slowest(lambda step: print(f"{step.progress:.2f}"))
+    >>> for step_of_image in (step(0, 0.1), step(1, 0.01), step(0, 1e-3)):
+    ...     callback(step_of_image)
+    0.33
+    0.33
+    0.67
+    """
+    latest: dict[int, Iteration] = {}
+
+    def callback(step: Iteration) -> None:
+        latest[step.image] = step
+        show(min(latest.values(), key=lambda each: each.progress))
+
+    return callback
+
+
 def check_stopping_rule(max_iter: int, tol: float) -> tuple[int, float]:
     """Return `max_iter` as an int and `tol` as a float.
 

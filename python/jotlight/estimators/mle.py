@@ -146,7 +146,7 @@ def _solve_jots(bits: Sequence[Bits], sensor: Sensor, out: Estimate, threads: in
         estimate = np.empty((number, len(rows) * width), np.float32)
         engine.mle_from_jots(
             sensor.pixel_response(),
-            ones[:, jots].reshape(number, -1),
+            np.ascontiguousarray(ones[:, jots]).reshape(number, -1),
             (_jot_rows(sensor.efficiency, jots), _jot_rows(sensor.dark_counts, jots)),
             None if mask is None else mask[jots].ravel(),
             sensor.frames,

@@ -118,7 +118,7 @@ def mle_iterative(
         at the maximum.
     callback : callable, optional
         A function that receives a :class:`jotlight.estimators.convergence.Iteration` after each
-        iteration. It ends the run by raising StopIteration.
+        iteration of each image. It ends the run of the image by raising StopIteration.
     return_history : bool
         Whether to return the history too: a
         :class:`jotlight.estimators.convergence.ConvergenceHistory`, or a list with one for each

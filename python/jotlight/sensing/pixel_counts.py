@@ -26,7 +26,7 @@ GrayData = Bits | Merged | npt.NDArray[np.int32]
 """The data of one gray image: bits (T, H·K̂, W·K̂), or counts (H, W)."""
 
 
-MAX_PIXELS = 1 << 22
+MAX_PIXELS = 1 << 18
 """Maximum number of pixels of the images that a method processes at once, if they are several."""
 
 
