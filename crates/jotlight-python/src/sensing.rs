@@ -1,6 +1,7 @@
 //! The sensor model: random bits, rates, detection probabilities, and the operator G.
 
 use jotlight::likelihood::Threshold;
+use jotlight::numbers::inner_product;
 use jotlight::sensing::{self, Kernel, Sensor, SpreadOperator, Window};
 use ndarray::Axis;
 use numpy::{
@@ -194,6 +195,24 @@ pub fn spread_normal(
             .zip(out.axis_iter_mut(Axis(0)))
             .try_for_each(|((weights, image), out)| spread.normal(gain, weights, image, out))
     })
+}
+
+/// Return the inner product of each row of `a` with the same row of `b`. One thread computes them,
+/// because starting others would take longer.
+#[pyfunction]
+pub fn inner_products(
+    py: Python<'_>,
+    a: PyReadonlyArray2<'_, f64>,
+    b: PyReadonlyArray2<'_, f64>,
+) -> PyResult<Vec<f64>> {
+    let (rows, columns) = a.as_array().dim();
+    let (a, b) = (a.as_slice()?, b.as_slice()?);
+    check_length("b", a.len(), b.len())?;
+    let row = |row: usize| row * columns..(row + 1) * columns;
+    Ok(py.detach(|| {
+        let products = (0..rows).map(|index| inner_product(&a[row(index)], &b[row(index)]));
+        products.collect()
+    }))
 }
 
 /// Return the integrals g of a B-spline kernel over the jots.

@@ -286,8 +286,7 @@ def _update(
     size, change = dots(image, image), _sum(changes)
     primal = _relative(_sum(distances), size + image[0].size * dark**2)
     # Without a prior the multipliers vanish, and the stiffness of the likelihood is the scale.
-    each = [term.multiplier_force() for term in terms]
-    forces = _sum(dots(force, force) for force in each) + min_force**2 * size
+    forces = _sum(term.squared_force() for term in terms) + min_force**2 * size
     return primal, _relative(dots(change, change), forces)
 
 

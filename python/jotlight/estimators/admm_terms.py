@@ -50,15 +50,19 @@ class SplittingTerm(abc.ABC):
         primal = self.update_split(image)
         previous, self._adjoint_of_x = self._adjoint_of_x, self.adjoint(self.x)
         self._adjoint_of_dual = self.adjoint(self.dual)
-        return primal, self._weigh(self._adjoint_of_x - previous)
+        change = self._adjoint_of_x - previous
+        change *= each_image(self.penalty, change)
+        return primal, change
 
     def right_hand_side(self) -> Array:
         """Return ρ Aᵀ(x - dual), this term's part of the normal equations for c."""
-        return self._weigh(self._adjoint_of_x - self._adjoint_of_dual)
+        right = self._adjoint_of_x - self._adjoint_of_dual
+        right *= each_image(self.penalty, right)
+        return right
 
-    def multiplier_force(self) -> Array:
-        """Return Aᵀ y of the multiplier y = ρ dual."""
-        return self._weigh(self._adjoint_of_dual)
+    def squared_force(self) -> Array:
+        """Return ‖Aᵀ y‖² of the multiplier y = ρ dual, (N,)."""
+        return self.penalty**2 * dots(self._adjoint_of_dual, self._adjoint_of_dual)
 
     def rescale(self, factor: Array) -> None:
         """Multiply ρ of each image by a factor, (N,), and leave the multiplier y as it is."""
@@ -74,9 +78,6 @@ class SplittingTerm(abc.ABC):
         )
         self._adjoint_of_x = select(self._adjoint_of_x, images)
         self._adjoint_of_dual = select(self._adjoint_of_dual, images)
-
-    def _weigh(self, images: Array) -> Array:
-        return each_image(self.penalty, images) * images
 
 
 class DataTerm(SplittingTerm):

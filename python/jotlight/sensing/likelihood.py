@@ -12,8 +12,9 @@ import jotlight._engine as engine
 from jotlight.checks import positive_number, refuse_masked, whole_number_in_range, whole_numbers
 from jotlight.sensing.operators import Operator
 from jotlight.sensing.response import Array, inverse_detection_probability
-from jotlight.sensing.stacks import image_sums
+from jotlight.sensing.stacks import image_sums, select
 from jotlight.sensing.values import (
+    as_doubles,
     checked_trials,
     flatten,
     number_or_map,
@@ -116,7 +117,7 @@ class Likelihood:
 
     def select(self, images: npt.NDArray[np.bool_]) -> "Likelihood":
         """Return the likelihood of the images of a stack that a mask (N,) marks."""
-        return self if images.all() else self._with_cells(lambda cells: cells[images])
+        return self._with_cells(lambda cells: select(cells, images))
 
     def gradient_and_curvature(self, light: npt.ArrayLike) -> tuple[Array, Array]:
         """Return the gradient ∂ℓ/∂s and the curvature -∂²ℓ/∂s² ≥ 0 of each cell."""
@@ -218,13 +219,15 @@ class Likelihood:
         return array
 
     def _broadcast(self, name: str, values: npt.ArrayLike) -> Array:
+        if isinstance(values, np.ndarray) and values.shape == self.shape:
+            return as_doubles(values)
         try:
             array = np.broadcast_to(np.asarray(values, np.float64), self.shape)
         except ValueError:
             raise ValueError(
                 f"{name}: expected shape {self.shape}, got {np.shape(values)}"
             ) from None
-        return np.require(array, np.float64, ["C", "ALIGNED"])
+        return as_doubles(array)
 
     @property
     def _readings(self) -> tuple[int, Any, Any, Any, Any]:
@@ -302,6 +305,8 @@ class Problem:
 
     def select(self, images: npt.NDArray[np.bool_]) -> "Problem":
         """Return the problem of the images of a stack that a mask (N,) marks."""
+        if images.all():
+            return self
         return dataclasses.replace(self, likelihood=self.likelihood.select(images))
 
     def constant_estimates(self) -> Array:

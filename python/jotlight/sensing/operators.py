@@ -16,6 +16,7 @@ from jotlight.checks import positive_number, whole_number_in_range
 from jotlight.seeds import SeedLike
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import KERNELS
+from jotlight.sensing.values import as_doubles
 
 LinearMap = Callable[[Array], Array]
 """A linear function of an array."""
@@ -341,7 +342,7 @@ def _norm(array: Array) -> float:
 
 def _array_of_shape(name: str, array: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
     """Return an array of the given shape, or a stack with one more axis, in C order."""
-    values = np.require(array, np.float64, ["C", "ALIGNED"])
+    values = as_doubles(array)
     if shape not in (values.shape, values.shape[1:]):
         raise ValueError(f"{name}: expected shape {shape}, got {values.shape}")
     return values

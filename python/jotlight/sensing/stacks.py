@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.sensing.response import Array
 
 
 def dots(a: Array, b: Array) -> Array:
-    """Return ⟨a, b⟩ of each image of two stacks, (N,).
+    """Return ⟨a, b⟩ of each image of two stacks of float64, (N,).
 
     The threads of BLAS would compete with the engine's, and a sum of ``numpy.einsum`` depends on
     the other images.
@@ -22,7 +23,12 @@ def dots(a: Array, b: Array) -> Array:
     >>> dots(np.array([[1.0, 2.0], [3.0, 0.0]]), np.ones((2, 2))).tolist()
     [3.0, 3.0]
     """
-    return image_sums(a * b)
+    rows = (len(a), -1)
+    return np.array(
+        engine.inner_products(
+            np.ascontiguousarray(a).reshape(rows), np.ascontiguousarray(b).reshape(rows)
+        )
+    )
 
 
 def image_sums(stack: npt.NDArray[Any]) -> npt.NDArray[Any]:
