@@ -47,7 +47,18 @@ def test_the_longest_chain_of_units_is_short(imports):
 @pytest.mark.parametrize(
     ("module", "allowed"),
     [
-        ("bits", {"array_hints", "channels", "frames", "preview", "provenance", "sensor_like"}),
+        (
+            "bits",
+            {
+                "array_hints",
+                "channels",
+                "counting",
+                "frames",
+                "preview",
+                "provenance",
+                "sensor_like",
+            },
+        ),
         ("simulate", {"sensor_like"}),
         ("response", set()),
     ],

@@ -124,7 +124,7 @@ def count_plainly(bits: npt.NDArray[np.uint8], length: int) -> None:
     """Count the ones of all frames, some in each call."""
     counts = np.zeros(SIZE, np.int32)
     for start in range(0, len(bits), length):
-        engine.add_block_counts(bits[start : start + length], SIZE[1], 1, None, counts, 1)
+        engine.add_block_counts([bits[start : start + length]], SIZE[1], 1, None, counts[None], 1)
 
 
 def count(

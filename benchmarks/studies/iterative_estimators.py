@@ -95,7 +95,7 @@ def minimize_by_lbfgs(bits: jl.Bits, sensor: jl.Sensor) -> float:
 
     found = minimize(
         cost,
-        np.full(np.prod(shape), problem.constant_estimate()),
+        np.full(np.prod(shape), problem.constant_estimates()[0]),
         jac=True,
         method="L-BFGS-B",
         bounds=[(0, sensor.max_intensity)] * int(np.prod(shape)),

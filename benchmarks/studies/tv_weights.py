@@ -49,10 +49,10 @@ def measure(sensor: jl.Sensor, path: Path, seed: int) -> tuple[float, np.ndarray
     image = read_image(path, gray=True)[40:280, 40:280]
     counts = sensor.expose(image, rng=seed).counts()
     problem = build_problem(counts, sensor, None)
-    automatic = tv.automatic_weight(problem)
+    automatic = tv.automatic_weight(problem)[0]
     # The automatic weight in units of each pixel's √I reveals the roughness that the rule found.
     light = problem.operator.forward(np.ones(image.shape))
-    noise_scale = np.sqrt(tv.local_information(problem, light))
+    noise_scale = np.sqrt(tv.local_information(problem, light))[0]
     factor = float((automatic / noise_scale).mean())
     rough = (factor / tv.WEIGHT_STRENGTH) ** (-1 / tv.WEIGHT_POWER)
     psnr = [

@@ -31,6 +31,7 @@ __all__ = [
     "forward_bits",
     "forward_counts",
     "gradient",
+    "inner_products",
     "inverse_anscombe_algebraic",
     "inverse_anscombe_exact",
     "inverse_detection_probability",
@@ -87,13 +88,13 @@ _JotResponses: TypeAlias = tuple[_ValueOrArray, _ValueOrArray]
 _Readings: TypeAlias = tuple[
     int, npt.NDArray[np.int32], _ValueOrArray, _ValueOrArray, _ValueOrArray
 ]
-# Penalty and relaxation.
-_AdmmStep: TypeAlias = tuple[float, float]
+# Penalty of each image, and relaxation.
+_AdmmStep: TypeAlias = tuple[npt.NDArray[np.float64], float]
 # Vertical kernel and horizontal kernel, each as (degree, oversampling), and gain.
 _Spread: TypeAlias = tuple[tuple[int, int], tuple[int, int], float]
 
 def add_block_counts(
-    packed: npt.NDArray[np.uint8],
+    packed: list[npt.NDArray[np.uint8]],
     width: int,
     oversampling: int,
     valid: npt.NDArray[np.uint8] | None,
@@ -235,6 +236,7 @@ def probability(
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
+def inner_products(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> list[float]: ...
 def kernel_taps(degree: int, oversampling: int) -> list[float]: ...
 def detection_probability(threshold: int, rate: float) -> float: ...
 def inverse_detection_probability(threshold: int, probability: float) -> float: ...
@@ -269,7 +271,7 @@ def equivalent_counts(
     counts: npt.NDArray[np.int32],
     trials: _ValueOrArray,
     jots: _JotResponses,
-    reference_trials: float,
+    reference_trials: npt.NDArray[np.float64],
     reference: tuple[float, float],
     out: npt.NDArray[np.float32],
     threads: int | None,
@@ -296,11 +298,11 @@ class Layer:
 
 def masked_sums(
     layer: Layer,
-    packed: npt.NDArray[np.uint8],
+    packed: list[npt.NDArray[np.uint8]],
     width: int,
     valid: npt.NDArray[np.uint8],
     threads: int | None,
-) -> npt.NDArray[np.float32]: ...
+) -> list[npt.NDArray[np.float32]]: ...
 def squared_errors(
     layers: list[_Layer], batch: dict[str, Any], threads: int | None
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]: ...
@@ -315,17 +317,17 @@ def normal_equations(
     npt.NDArray[np.float64],
 ]: ...
 def forward(
-    layers: list[Layer], sums: npt.NDArray[np.float32], threads: int | None
-) -> npt.NDArray[np.float32]: ...
+    layers: list[Layer], sums: list[npt.NDArray[np.float32]], threads: int | None
+) -> list[npt.NDArray[np.float32]]: ...
 def forward_bits(
-    layers: list[Layer], packed: npt.NDArray[np.uint8], width: int, threads: int | None
-) -> npt.NDArray[np.float32]: ...
+    layers: list[Layer], packed: list[npt.NDArray[np.uint8]], width: int, threads: int | None
+) -> list[npt.NDArray[np.float32]]: ...
 def forward_counts(
     layers: list[Layer],
     counts: npt.NDArray[np.int32],
     sums: npt.NDArray[np.float32],
     threads: int | None,
-) -> npt.NDArray[np.float32]: ...
+) -> list[npt.NDArray[np.float32]]: ...
 def activate(
     planes: tuple[_Floats, _Floats], start: float, spacing: float, threads: int | None
 ) -> _Floats: ...
@@ -338,7 +340,7 @@ def activate_backward(
 ) -> tuple[_Floats, npt.NDArray[np.float64]]: ...
 def log_likelihood(
     readings: _Readings, light: npt.NDArray[np.float64], threads: int | None
-) -> float: ...
+) -> list[float]: ...
 def likelihood_gradient_and_curvature(
     readings: _Readings,
     light: npt.NDArray[np.float64],
@@ -356,7 +358,7 @@ def likelihood_proximal(
 ) -> None: ...
 def spread_forward(
     spread: _Spread,
-    image: npt.NDArray[np.float64],
+    images: npt.NDArray[np.float64],
     out: npt.NDArray[np.float64],
     threads: int | None,
 ) -> None: ...
@@ -369,12 +371,12 @@ def spread_adjoint(
 def spread_normal(
     spread: _Spread,
     weights: npt.NDArray[np.float64],
-    image: npt.NDArray[np.float64],
+    images: npt.NDArray[np.float64],
     out: npt.NDArray[np.float64],
     threads: int | None,
 ) -> None: ...
 def differences(
-    image: npt.NDArray[np.float64], out: npt.NDArray[np.float64], threads: int | None
+    images: npt.NDArray[np.float64], out: npt.NDArray[np.float64], threads: int | None
 ) -> None: ...
 def differences_adjoint(
     differences: npt.NDArray[np.float64], out: npt.NDArray[np.float64], threads: int | None
@@ -390,7 +392,7 @@ def total_variation(
     weight: _ValueOrArray,
     isotropic: bool,
     threads: int | None,
-) -> float: ...
+) -> list[float]: ...
 def likelihood_admm_update(
     readings: _Readings,
     step: _AdmmStep,
@@ -399,16 +401,16 @@ def likelihood_admm_update(
     x: npt.NDArray[np.float64],
     dual: npt.NDArray[np.float64],
     threads: int | None,
-) -> float: ...
+) -> list[float]: ...
 def total_variation_admm_update(
     step: _AdmmStep,
     weight: _ValueOrArray,
     isotropic: bool,
-    image: npt.NDArray[np.float64],
+    images: npt.NDArray[np.float64],
     x: npt.NDArray[np.float64],
     dual: npt.NDArray[np.float64],
     threads: int | None,
-) -> float: ...
+) -> list[float]: ...
 def likelihood_information(
     readings: _Readings,
     light: npt.NDArray[np.float64],

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -114,3 +115,14 @@ class Layout:
         if self.channel_axis is not None:
             array = np.ascontiguousarray(np.moveaxis(array, -3, self.channel_axis))
         return array
+
+
+def join(parts: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """Return parts of a stack as one. A single part is not copied.
+
+    Examples
+    --------
+    >>> join([np.zeros((2, 8, 6)), np.zeros((1, 8, 6))]).shape
+    (3, 8, 6)
+    """
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)

@@ -3,6 +3,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import jotlight as jl
+import jotlight._engine as engine
 from jotlight.estimators import admm
 from jotlight.images.io import read_image
 from reference import iterative
@@ -151,13 +152,13 @@ def test_with_a_huge_weight_the_estimate_is_the_most_likely_constant(threshold, 
 @pytest.mark.parametrize("mask", [None, np.eye(64, dtype=bool)], ids=["no mask", "mask"])
 def test_for_the_box_kernel_the_bits_are_only_counted_by_pixel(mask, monkeypatch):
     sensor = SENSOR.replace(mask=mask)
-    requested, counts = [], jl.Bits.counts
+    requested, count = [], engine.add_block_counts
 
-    def recorded(bits, oversampling=None, **options):
+    def recorded(packed, width, oversampling, *arguments):
         requested.append(oversampling)
-        return counts(bits, oversampling, **options)
+        return count(packed, width, oversampling, *arguments)
 
-    monkeypatch.setattr(jl.Bits, "counts", recorded)
+    monkeypatch.setattr(engine, "add_block_counts", recorded)
     monkeypatch.delattr(jl.Bits, "to_array")
     jl.admm_tv(BITS, sensor)
     assert set(requested) == {4}

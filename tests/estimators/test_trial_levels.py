@@ -11,8 +11,7 @@ from jotlight.estimators.trial_levels import (
     level_weights,
     local_trials,
 )
-from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import count_pixels
+from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.sensor import Sensor
 
 
@@ -29,11 +28,11 @@ def test_pixels_halfway_between_two_levels_are_interpolated_by_the_logarithm():
     levels = level_range(trials.min(), trials.max())
     calls = []
 
-    def run(level):
+    def run(level, images):
         calls.append(level)
-        return np.full(trials.shape, np.log2(level), np.float32)
+        return np.full((len(images), *trials.shape), np.log2(level), np.float32)
 
-    found = interpolate_levels(run, trials)
+    (found,) = interpolate_levels(run, [trials], trials.shape)
     assert calls == levels
     for place, value in np.ndenumerate(np.log2(np.maximum(trials, 1))):
         upper = int(np.searchsorted(np.log2(levels), value))
@@ -46,12 +45,18 @@ def test_pixels_halfway_between_two_levels_are_interpolated_by_the_logarithm():
     assert (np.array(weights) > 0).sum(axis=0).max() == 2
 
 
-def test_a_level_without_a_pixel_is_not_run():
+def test_a_level_without_a_pixel_is_not_run_and_images_share_the_others():
     trials = np.where(np.eye(8, dtype=bool), 1.0, 64.0)
     calls = []
-    assert interpolate_levels(lambda level: np.full((2, 2), level), 7).tolist() == [[7, 7], [7, 7]]
-    interpolate_levels(lambda level: calls.append(level) or np.zeros((8, 8), np.float32), trials)
-    assert calls == [1, 64]
+
+    def run(level, images):
+        calls.append((level, images))
+        return np.full((len(images), 8, 8), level, np.float32)
+
+    found = interpolate_levels(run, [trials, 7, trials.copy(), 64, 7], (8, 8))
+    assert calls == [(1, [0, 2]), (7, [1, 4]), (64, [0, 2, 3])]
+    np.testing.assert_array_equal(found[[0, 2]], [trials, trials])
+    np.testing.assert_array_equal(found[[1, 3, 4], 0, 0], [7, 64, 7])
 
 
 def test_unknown_pixels_get_the_value_of_the_nearest():
@@ -88,7 +93,9 @@ def test_nearly_equal_trials_are_one_number():
     assert isinstance(local_trials(2 * ramp - 10), np.ndarray)
 
 
-def test_without_a_valid_pixel_there_are_no_trials():
-    merged = Merged(np.zeros((2, 2), int), 0, Sensor())
+@pytest.mark.parametrize("trials", [[[[0, 0]]], [[[1, 0]], [[0, 0]]]])
+def test_without_a_valid_pixel_an_image_has_no_trials(trials):
+    trials = np.array(trials, float)
+    pixels = PixelCounts(Sensor(), np.zeros(trials.shape, np.int32), trials, 1.0, 0.0, False)
     with pytest.raises(ValueError, match="at least one pixel with a valid bit"):
-        count_local_trials(count_pixels(merged, merged.sensor, None))
+        count_local_trials(pixels)

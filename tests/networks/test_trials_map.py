@@ -56,11 +56,11 @@ def test_a_level_that_only_a_corner_needs_runs_there(monkeypatch):
     ones, trials_map, _ = draw(trials)
     areas = {}
 
-    def spy(fraction, trials, *, threads=None):
-        areas[trials] = areas.get(trials, 0) + fraction.size
-        return type(NETWORK).denoise_probability(NETWORK, fraction, trials, threads=threads)
+    def spy(fractions, trials, *, threads=None):
+        areas[trials] = sum(fraction.size for fraction in fractions)
+        return type(NETWORK).denoise_probabilities(NETWORK, fractions, trials, threads=threads)
 
-    monkeypatch.setattr(NETWORK, "denoise_probability", spy)
+    monkeypatch.setattr(NETWORK, "denoise_probabilities", spy)
     found = denoise_map(NETWORK, ones, trials_map)
     assert areas[8] == 56 * 56
     assert areas[64] == IMAGE.size

@@ -16,9 +16,8 @@ def test_the_probability_of_a_zero_is_one_minus_that_of_a_one():
     network = ZerosNetwork(NETWORK, NETWORK.halo)
     for trials in (1, 16, 256):
         ones = NETWORK.denoise_probability(1 - fraction, trials)
-        np.testing.assert_allclose(
-            network.denoise_probability(fraction, trials), 1 - ones, atol=1e-6
-        )
+        (found,) = network.denoise_probabilities([fraction], trials)
+        np.testing.assert_allclose(found, 1 - ones, atol=1e-6)
 
 
 def test_only_bright_sensors_need_zeros():

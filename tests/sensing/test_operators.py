@@ -331,8 +331,8 @@ def test_arrays_of_other_shapes_are_refused():
         operator.normal(np.ones((3, 4)), np.ones((3, 4)))
     with pytest.raises(ValueError, match=r"image: expected shape \(3, 4\), got \(\)"):
         operator.normal(np.ones((6, 8)), 1.0)
-    with pytest.raises(ValueError, match=r"image: expected shape \(5,\), got \(1, 5\)"):
-        spread((5,)).forward(np.ones((1, 5)))
+    with pytest.raises(ValueError, match=r"image: expected shape \(5,\), got \(1, 1, 5\)"):
+        spread((5,)).forward(np.ones((1, 1, 5)))
     with pytest.raises(ValueError, match=r"image: expected shape \(5,\), got \(6,\)"):
         differences((5,)).forward(np.ones(6))
     with pytest.raises(ValueError, match=r"differences: expected shape \(1, 5\), got \(5,\)"):

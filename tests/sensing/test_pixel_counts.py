@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-import jotlight._engine as engine
 from jotlight.sensing.pixel_counts import gray_images, prepare_data
 
 SENSOR = jl.Sensor(oversampling=2, frames=5)
@@ -16,11 +15,11 @@ def prepared(data, **options):
 
 
 @pytest.mark.parametrize("axis", [None, 0, 1, -1])
-def test_a_method_runs_on_the_counts_of_each_gray_image(axis):
+def test_counts_become_gray_images_and_back(axis):
     counts = np.arange(120).reshape(2, 2, 5, 6) if axis is None else np.arange(80).reshape(2, 5, 8)
     images = prepared(counts, channel_axis=axis)
     assert all(image.ndim == 2 and image.flags.c_contiguous for image in images.data)
-    doubled = images.map(lambda each: 2 * each)
+    doubled = images.layout.arrange(2 * images.data)
     np.testing.assert_array_equal(doubled, 2 * counts)
     assert doubled.flags.c_contiguous
 
@@ -29,7 +28,7 @@ def test_a_method_runs_on_the_counts_of_each_gray_image(axis):
 def test_bits_and_lists_of_bits_have_the_same_counts_as_arrays(axis):
     bits = SENSOR.expose(IMAGES, rng=0, channel_axis=None if axis is None else 0)
     images = prepared(bits)
-    counts = images.map(lambda each: each.counts())
+    counts = images.layout.arrange(np.stack([each.counts() for each in images.data]))
     expected = bits.counts() if axis else np.stack([each.counts() for each in bits])
     np.testing.assert_array_equal(counts, expected)
     np.testing.assert_array_equal(images.layout.arrange(images.count(SENSOR, None).counts), counts)
@@ -64,25 +63,14 @@ def test_maps_of_the_sensor_and_of_trials_hold_for_each_image():
     np.testing.assert_array_equal(together[2], jl.mle(counts[2], SENSOR, trials=trials[2]))
 
 
-@pytest.mark.parametrize(
-    ("function", "call"),
-    [
-        ("mle_from_counts", lambda counts: jl.mle(counts, SENSOR)),
-        ("forward_counts", lambda counts: jl.pretrained(SENSOR).reconstruct(counts)),
-        ("forward_counts", lambda counts: jl.Network.initial(SENSOR).reconstruct(counts)),
-        ("expose", lambda counts: SENSOR.expose(counts / 20.0, rng=0)),
-    ],
-)
-def test_a_batch_takes_one_call_of_the_engine(monkeypatch, function, call):
-    original, calls = getattr(engine, function), []
-
-    def count(*arguments):
-        calls.append(arguments)
-        return original(*arguments)
-
-    monkeypatch.setattr(engine, function, count)
-    call(np.random.default_rng(3).integers(0, 21, (7, 16, 24)))
-    assert len(calls) == 1
+@pytest.mark.parametrize(("max_pixels", "sizes"), [(1, [1, 1, 1]), (96, [2, 1]), (999, [3])])
+def test_the_parts_of_a_stack_have_a_maximum_number_of_pixels(max_pixels, sizes):
+    bits = SENSOR.expose(IMAGES, rng=0)
+    for data in (bits, np.stack([each.counts() for each in bits])):
+        parts = list(prepared(data).parts(SENSOR, max_pixels))
+        assert [len(part) for part in parts] == sizes
+        counts = np.concatenate([part.count(SENSOR, None).counts for part in parts])
+        np.testing.assert_array_equal(counts, np.stack([each.counts() for each in bits]))
 
 
 def test_the_bits_of_a_stack_are_independent_and_begin_with_those_of_the_first_image():

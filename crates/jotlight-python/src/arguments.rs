@@ -6,6 +6,7 @@ use jotlight::sensing::{Image, PerJot};
 use jotlight::values::Values;
 use ndarray::{ArrayView2, ArrayView3, Axis};
 use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 /// One value for all elements, or an array with one value per element.
@@ -85,15 +86,29 @@ impl PyImage<'_> {
     }
 }
 
-/// The parameters of an ADMM update, as the tuple (penalty, relaxation).
+/// The parameters of an ADMM update, as the tuple (penalty of each image, relaxation).
 #[derive(FromPyObject)]
-pub struct PyAdmmStep(f64, f64);
+pub struct PyAdmmStep<'py>(PyReadonlyArray1<'py, f64>, f64);
 
-impl PyAdmmStep {
-    pub fn to_engine(&self) -> AdmmStep {
-        AdmmStep {
-            penalty: self.0,
-            relaxation: self.1,
-        }
+impl PyAdmmStep<'_> {
+    /// Return the parameters of each of `images` images.
+    pub fn to_engine(&self, images: usize) -> PyResult<Vec<AdmmStep>> {
+        let penalties = self.0.as_slice()?;
+        check_length("penalties", images, penalties.len())?;
+        let relaxation = self.1;
+        let step = |&penalty| AdmmStep {
+            penalty,
+            relaxation,
+        };
+        Ok(penalties.iter().map(step).collect())
     }
+}
+
+/// Check the length of an array.
+pub fn check_length(what: &'static str, expected: usize, received: usize) -> PyResult<()> {
+    if expected == received {
+        return Ok(());
+    }
+    let message = format!("{what}: expected length {expected}, got {received}");
+    Err(PyValueError::new_err(message))
 }

@@ -1,35 +1,42 @@
 //! Counts of the ones in packed bits.
 
 use jotlight::bits::{self, Blocks, PackedBits};
+use ndarray::Axis;
 use numpy::{
     PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1, PyReadwriteArray2,
     PyReadwriteArray3,
 };
 use pyo3::prelude::*;
+use rayon::prelude::*;
 
+use crate::arguments::check_length;
 use crate::run;
 
-/// Add the number of ones of each pixel, over its jots and all frames, to `counts`.
+/// Add the number of ones of each pixel, over its jots and all frames, to `counts` `(N, H, W)`, for
+/// the packed bits of each of N images.
 #[pyfunction]
 #[pyo3(signature = (packed, width, oversampling, valid, counts, threads))]
 pub fn add_block_counts(
     py: Python<'_>,
-    packed: PyReadonlyArray3<'_, u8>,
+    packed: Vec<PyReadonlyArray3<'_, u8>>,
     width: usize,
     oversampling: usize,
     valid: Option<PyReadonlyArray2<'_, u8>>,
-    mut counts: PyReadwriteArray2<'_, i32>,
+    mut counts: PyReadwriteArray3<'_, i32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (packed, counts) = (packed.as_array(), counts.as_array_mut());
+    let packed: Vec<_> = packed.iter().map(PyReadonlyArray3::as_array).collect();
+    let mut counts = counts.as_array_mut();
+    check_length("counts", packed.len(), counts.dim().0)?;
     let valid = valid.as_ref().map(|valid| valid.as_array());
     run(py, threads, || {
-        bits::add_block_counts(
-            &PackedBits::new(packed, width)?,
-            oversampling,
-            valid,
-            counts,
-        )
+        packed
+            .into_par_iter()
+            .zip(counts.axis_iter_mut(Axis(0)))
+            .try_for_each(|(packed, counts)| {
+                let bits = PackedBits::new(packed, width)?;
+                bits::add_block_counts(&bits, oversampling, valid, counts)
+            })
     })
 }
 

@@ -54,7 +54,8 @@ mod _engine {
     };
     #[pymodule_export]
     use super::sensing::{
-        expose, kernel_taps, probability, rate, spread_adjoint, spread_forward, spread_normal,
+        expose, inner_products, kernel_taps, probability, rate, spread_adjoint, spread_forward,
+        spread_normal,
     };
     #[pymodule_export]
     use super::tv::{

@@ -1,10 +1,13 @@
 //! The log-likelihood of counted bits and its derivatives, and the detection probability.
 
 use jotlight::likelihood::{Readings, Threshold};
-use numpy::{PyReadonlyArray1, PyReadwriteArray1};
+use numpy::{
+    PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
+use rayon::prelude::*;
 
-use crate::arguments::{PyAdmmStep, PyValues};
+use crate::arguments::{PyAdmmStep, PyValues, check_length};
 use crate::{run, to_python};
 
 /// The readings of a sensor, as the tuple (threshold, ones, trials, efficiency, dark counts).
@@ -31,17 +34,28 @@ impl PyReadings<'_> {
     }
 }
 
-/// Return ℓ, where `light` is the light of each element.
+/// Return ℓ of each image, where `light` `(N, cells)` is the light of each element.
 #[pyfunction]
 #[pyo3(signature = (readings, light, threads))]
 pub fn log_likelihood(
     py: Python<'_>,
     readings: PyReadings<'_>,
-    light: PyReadonlyArray1<'_, f64>,
+    light: PyReadonlyArray2<'_, f64>,
     threads: Option<isize>,
-) -> PyResult<f64> {
-    let (readings, light) = (readings.to_engine()?, light.as_slice()?);
-    run(py, threads, || readings.value(light))
+) -> PyResult<Vec<f64>> {
+    let readings = readings.to_engine()?;
+    let (images, cells) = light.as_array().dim();
+    check_length("light", readings.len(), images * cells)?;
+    let light = light.as_slice()?;
+    run(py, threads, || {
+        (0..images)
+            .into_par_iter()
+            .map(|image| {
+                let cells = image * cells..(image + 1) * cells;
+                readings.part(cells.clone()).value(&light[cells])
+            })
+            .collect()
+    })
 }
 
 /// Write ∂ℓ/∂s of each element into `gradient`, and −∂²ℓ/∂s² into `curvature`.
@@ -96,24 +110,40 @@ pub fn likelihood_proximal(
     })
 }
 
-/// Update `x` and `dual` by one ADMM iteration, and return ‖light − x‖².
+/// Update `x` and `dual` of each image by one ADMM iteration with its own penalty, and return
+/// ‖light − x‖² of each. The arrays have the shape `(N, cells)`.
 #[pyfunction]
 #[pyo3(signature = (readings, step, max_light, light, x, dual, threads))]
 #[allow(clippy::too_many_arguments)]
 pub fn likelihood_admm_update(
     py: Python<'_>,
     readings: PyReadings<'_>,
-    step: PyAdmmStep,
+    step: PyAdmmStep<'_>,
     max_light: f64,
-    light: PyReadonlyArray1<'_, f64>,
-    mut x: PyReadwriteArray1<'_, f64>,
-    mut dual: PyReadwriteArray1<'_, f64>,
+    light: PyReadonlyArray2<'_, f64>,
+    mut x: PyReadwriteArray2<'_, f64>,
+    mut dual: PyReadwriteArray2<'_, f64>,
     threads: Option<isize>,
-) -> PyResult<f64> {
-    let (readings, step) = (readings.to_engine()?, step.to_engine());
+) -> PyResult<Vec<f64>> {
+    let (images, cells) = light.as_array().dim();
+    let (readings, steps) = (readings.to_engine()?, step.to_engine(images)?);
+    for length in [readings.len(), x.len(), dual.len()] {
+        check_length("light", length, images * cells)?;
+    }
     let (light, x, dual) = (light.as_slice()?, x.as_slice_mut()?, dual.as_slice_mut()?);
+    // An image without a cell does not occur: Python refuses it.
+    let cells = cells.max(1);
     run(py, threads, || {
-        readings.admm_update(&step, max_light, light, x, dual)
+        x.par_chunks_mut(cells)
+            .zip(dual.par_chunks_mut(cells))
+            .zip(light.par_chunks(cells))
+            .zip(steps)
+            .enumerate()
+            .map(|(image, (((x, dual), light), step))| {
+                let readings = readings.part(image * cells..(image + 1) * cells);
+                readings.admm_update(&step, max_light, light, x, dual)
+            })
+            .collect()
     })
 }
 

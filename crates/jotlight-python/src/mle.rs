@@ -2,10 +2,12 @@
 
 use jotlight::likelihood::Threshold;
 use jotlight::mle::{self, JotCounts, JotResponse, JotResponses, PixelResponse};
-use numpy::{PyReadonlyArray1, PyReadwriteArray1};
+use jotlight::values::Values;
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
 use pyo3::prelude::*;
+use rayon::prelude::*;
 
-use crate::arguments::PyValues;
+use crate::arguments::{PyValues, check_length};
 use crate::{run, to_python};
 
 /// The response of a pixel, as the tuple (threshold, light at intensity 1, maximum intensity).
@@ -68,35 +70,55 @@ pub fn mle_from_counts(
     })
 }
 
-/// Write the expected count of an equivalent pixel for each pixel into `out`. Equivalent pixels
-/// have `reference_trials` readings, and jots with the response `reference`.
+/// Write the expected count of an equivalent pixel for each pixel of the counts `(N, pixels)` into
+/// `out`. Equivalent pixels of an image have the number of readings that `reference_trials` states,
+/// and jots with the response `reference`.
 #[pyfunction]
 #[pyo3(signature = (response, counts, trials, jots, reference_trials, reference, out, threads))]
 #[allow(clippy::too_many_arguments)]
 pub fn equivalent_counts(
     py: Python<'_>,
     response: PyPixelResponse,
-    counts: PyReadonlyArray1<'_, i32>,
+    counts: PyReadonlyArray2<'_, i32>,
     trials: PyValues<'_, f64>,
     jots: PyJotResponses<'_>,
-    reference_trials: f64,
+    reference_trials: PyReadonlyArray1<'_, f64>,
     reference: PyJotResponse,
-    mut out: PyReadwriteArray1<'_, f32>,
+    mut out: PyReadwriteArray2<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (response, reference) = (response.to_engine()?, reference.to_engine());
     let (trials, jots) = (trials.to_engine()?, jots.to_engine()?);
+    let (images, pixels) = counts.as_array().dim();
     let (counts, out) = (counts.as_slice()?, out.as_slice_mut()?);
+    let reference_trials = reference_trials.as_slice()?;
+    check_length("out", counts.len(), out.len())?;
+    check_length("reference trials", images, reference_trials.len())?;
+    for values in [trials, jots.efficiency, jots.dark_counts] {
+        if let Values::Each(values) = values {
+            check_length("pixels", counts.len(), values.len())?;
+        }
+    }
     run(py, threads, || {
-        mle::equivalent_counts(
-            &response,
-            counts,
-            trials,
-            &jots,
-            reference_trials,
-            reference,
-            out,
-        )
+        out.par_chunks_mut(pixels.max(1))
+            .zip(reference_trials)
+            .enumerate()
+            .try_for_each(|(image, (out, &reference_trials))| {
+                let part = image * pixels..(image + 1) * pixels;
+                let jots = JotResponses {
+                    efficiency: jots.efficiency.part(part.clone()),
+                    dark_counts: jots.dark_counts.part(part.clone()),
+                };
+                mle::equivalent_counts(
+                    &response,
+                    &counts[part.clone()],
+                    trials.part(part),
+                    &jots,
+                    reference_trials,
+                    reference,
+                    out,
+                )
+            })
     })
 }
 
@@ -118,8 +140,9 @@ pub fn mle_from_probability(
     })
 }
 
-/// Write the estimate of each pixel into `out`, where jots may differ in their responses. `width`
-/// is the number of pixels per row.
+/// Write the estimate of each pixel into `out` `(N, pixels)`, where jots may differ in their
+/// responses. `ones` `(N, jots)` belong to N images, and all other maps to each of them. `width` is
+/// the number of pixels per row.
 #[pyfunction]
 #[pyo3(signature = (response, ones, jots, dead, frames, oversampling, width, out, threads))]
 // More than nine parameters: separate arguments have names in `_engine.pyi`, a tuple has none.
@@ -127,26 +150,36 @@ pub fn mle_from_probability(
 pub fn mle_from_jots(
     py: Python<'_>,
     response: PyPixelResponse,
-    ones: PyReadonlyArray1<'_, i32>,
+    ones: PyReadonlyArray2<'_, i32>,
     jots: PyJotResponses<'_>,
     dead: Option<PyReadonlyArray1<'_, bool>>,
     frames: i32,
     oversampling: usize,
     width: usize,
-    mut out: PyReadwriteArray1<'_, f32>,
+    mut out: PyReadwriteArray2<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let response = response.to_engine()?;
     let dead = dead.as_ref().map(PyReadonlyArray1::as_slice).transpose()?;
-    let counts = JotCounts {
-        ones: ones.as_slice()?,
-        responses: jots.to_engine()?,
-        dead,
-        frames,
-        oversampling,
-    };
-    let out = out.as_slice_mut()?;
+    let responses = jots.to_engine()?;
+    let (jots, pixels) = (
+        ones.as_array().dim().1.max(1),
+        out.as_array().dim().1.max(1),
+    );
+    check_length("out", ones.as_array().dim().0, out.as_array().dim().0)?;
+    let (ones, out) = (ones.as_slice()?, out.as_slice_mut()?);
     run(py, threads, || {
-        mle::from_jots(&response, &counts, width, out)
+        out.par_chunks_mut(pixels)
+            .zip(ones.par_chunks(jots))
+            .try_for_each(|(out, ones)| {
+                let counts = JotCounts {
+                    ones,
+                    responses,
+                    dead,
+                    frames,
+                    oversampling,
+                };
+                mle::from_jots(&response, &counts, width, out)
+            })
     })
 }

@@ -1,14 +1,17 @@
 //! The sensor model: random bits, rates, detection probabilities, and the operator G.
 
 use jotlight::likelihood::Threshold;
+use jotlight::numbers::inner_product;
 use jotlight::sensing::{self, Kernel, Sensor, SpreadOperator, Window};
 use ndarray::Axis;
-use numpy::{PyReadonlyArray2, PyReadwriteArray2, PyReadwriteArray4};
+use numpy::{
+    PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3, PyReadwriteArray4,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
-use crate::arguments::{PyImage, PyImages, PyPerJot, to_engine_images};
+use crate::arguments::{PyImage, PyImages, PyPerJot, check_length, to_engine_images};
 use crate::{run, to_python};
 
 /// A sensor, as a dictionary.
@@ -127,50 +130,89 @@ impl PySpread {
     }
 }
 
-/// Write gain · G `image` into `out`.
+/// Write gain · G of each image `(N, H, W)` into `out`.
 #[pyfunction]
-#[pyo3(signature = (spread, image, out, threads))]
+#[pyo3(signature = (spread, images, out, threads))]
 pub fn spread_forward(
     py: Python<'_>,
     spread: PySpread,
-    image: PyReadonlyArray2<'_, f64>,
-    mut out: PyReadwriteArray2<'_, f64>,
+    images: PyReadonlyArray3<'_, f64>,
+    mut out: PyReadwriteArray3<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (spread, gain) = spread.to_engine()?;
-    let (image, out) = (image.as_array(), out.as_array_mut());
-    run(py, threads, || spread.forward(gain, image, out))
+    let (images, mut out) = (images.as_array(), out.as_array_mut());
+    check_length("images", images.dim().0, out.dim().0)?;
+    run(py, threads, || {
+        images
+            .axis_iter(Axis(0))
+            .into_par_iter()
+            .zip(out.axis_iter_mut(Axis(0)))
+            .try_for_each(|(image, out)| spread.forward(gain, image, out))
+    })
 }
 
-/// Write gain · Gᵀ `jots` into `out`.
+/// Write gain · Gᵀ of the jots of each image `(N, H·K̂, W·K̂)` into `out`.
 #[pyfunction]
 #[pyo3(signature = (spread, jots, out, threads))]
 pub fn spread_adjoint(
     py: Python<'_>,
     spread: PySpread,
-    jots: PyReadonlyArray2<'_, f64>,
-    mut out: PyReadwriteArray2<'_, f64>,
+    jots: PyReadonlyArray3<'_, f64>,
+    mut out: PyReadwriteArray3<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (spread, gain) = spread.to_engine()?;
-    let (jots, out) = (jots.as_array(), out.as_array_mut());
-    run(py, threads, || spread.adjoint(gain, jots, out))
+    let (jots, mut out) = (jots.as_array(), out.as_array_mut());
+    check_length("jots", jots.dim().0, out.dim().0)?;
+    run(py, threads, || {
+        jots.axis_iter(Axis(0))
+            .into_par_iter()
+            .zip(out.axis_iter_mut(Axis(0)))
+            .try_for_each(|(jots, out)| spread.adjoint(gain, jots, out))
+    })
 }
 
-/// Write gain² · Gᵀ diag(weights) G `image` into `out`.
+/// Write gain² · Gᵀ diag(weights) G of each image `(N, H, W)` into `out`.
 #[pyfunction]
-#[pyo3(signature = (spread, weights, image, out, threads))]
+#[pyo3(signature = (spread, weights, images, out, threads))]
 pub fn spread_normal(
     py: Python<'_>,
     spread: PySpread,
-    weights: PyReadonlyArray2<'_, f64>,
-    image: PyReadonlyArray2<'_, f64>,
-    mut out: PyReadwriteArray2<'_, f64>,
+    weights: PyReadonlyArray3<'_, f64>,
+    images: PyReadonlyArray3<'_, f64>,
+    mut out: PyReadwriteArray3<'_, f64>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (spread, gain) = spread.to_engine()?;
-    let (weights, image, out) = (weights.as_array(), image.as_array(), out.as_array_mut());
-    run(py, threads, || spread.normal(gain, weights, image, out))
+    let (weights, images, mut out) = (weights.as_array(), images.as_array(), out.as_array_mut());
+    check_length("weights", images.dim().0, weights.dim().0)?;
+    check_length("images", images.dim().0, out.dim().0)?;
+    run(py, threads, || {
+        let weights = weights.axis_iter(Axis(0)).into_par_iter();
+        weights
+            .zip(images.axis_iter(Axis(0)))
+            .zip(out.axis_iter_mut(Axis(0)))
+            .try_for_each(|((weights, image), out)| spread.normal(gain, weights, image, out))
+    })
+}
+
+/// Return the inner product of each row of `a` with the same row of `b`. One thread computes them,
+/// because starting others would take longer.
+#[pyfunction]
+pub fn inner_products(
+    py: Python<'_>,
+    a: PyReadonlyArray2<'_, f64>,
+    b: PyReadonlyArray2<'_, f64>,
+) -> PyResult<Vec<f64>> {
+    let (rows, columns) = a.as_array().dim();
+    let (a, b) = (a.as_slice()?, b.as_slice()?);
+    check_length("b", a.len(), b.len())?;
+    let row = |row: usize| row * columns..(row + 1) * columns;
+    Ok(py.detach(|| {
+        let products = (0..rows).map(|index| inner_product(&a[row(index)], &b[row(index)]));
+        products.collect()
+    }))
 }
 
 /// Return the integrals g of a B-spline kernel over the jots.

@@ -153,3 +153,45 @@ lanes!(
     mul_add_e_f64s,
     reduce_sum_f64s
 );
+
+/// The number of elements whose products are added before their sum is added to the total, which
+/// keeps the rounding error small.
+const ELEMENTS_PER_SUM: usize = 1 << 12;
+
+/// The number of partial sums in a loop. The compiler adds as many products at the same time.
+const PARTIAL_SUMS: usize = 16;
+
+/// Return the inner product of two slices of the same length. It depends on nothing else.
+#[must_use]
+pub fn inner_product(a: &[f64], b: &[f64]) -> f64 {
+    let chunks = a.chunks(ELEMENTS_PER_SUM).zip(b.chunks(ELEMENTS_PER_SUM));
+    let sums = chunks.map(|(a, b)| {
+        let (a_blocks, a_rest) = a.as_chunks::<PARTIAL_SUMS>();
+        let (b_blocks, b_rest) = b.as_chunks::<PARTIAL_SUMS>();
+        let mut sums = [0.0; PARTIAL_SUMS];
+        for (a, b) in a_blocks.iter().zip(b_blocks) {
+            for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+                *sum += a * b;
+            }
+        }
+        let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+        sums.iter().sum::<f64>() + rest
+    });
+    sums.sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::inner_product;
+
+    #[test]
+    fn an_inner_product_is_the_sum_of_all_products() {
+        for length in [0_u32, 1, 15, 16, 17, 4095, 4096, 4097, 10_000] {
+            let a: Vec<_> = (0..length).map(|i| f64::from(i % 7) - 3.0).collect();
+            let b: Vec<_> = (0..length).map(|i| f64::from(i % 5) + 0.5).collect();
+            // The products are multiples of 1/2, so all sums are exact.
+            let expected: f64 = a.iter().zip(&b).map(|(a, b)| a * b).sum();
+            assert!((inner_product(&a, &b) - expected).abs() < 1e-9, "{length}");
+        }
+    }
+}

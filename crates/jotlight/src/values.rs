@@ -1,5 +1,7 @@
 //! Parameters that are either one value for all elements or one value per element.
 
+use std::ops::Range;
+
 use crate::error::{Error, Result};
 
 /// One value for all elements of an array, or one value per element.
@@ -12,6 +14,18 @@ pub enum Values<'a, T> {
 }
 
 impl<T: Copy> Values<'_, T> {
+    /// Return the values of a range of elements.
+    ///
+    /// # Panics
+    /// If there are fewer elements.
+    #[must_use]
+    pub fn part(&self, elements: Range<usize>) -> Self {
+        match *self {
+            Self::Same(value) => Self::Same(value),
+            Self::Each(values) => Self::Each(&values[elements]),
+        }
+    }
+
     pub(crate) fn get(&self, index: usize) -> T {
         match self {
             Self::Same(value) => *value,

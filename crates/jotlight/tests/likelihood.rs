@@ -72,6 +72,24 @@ fn the_value_is_a_sum_of_logarithms() -> Result<()> {
 }
 
 #[test]
+fn the_parts_of_readings_have_their_own_values() -> Result<()> {
+    let data = Data::new(30);
+    for q in [1, 2] {
+        let readings = data.readings(q)?;
+        for (start, end) in [(0, 30), (0, 7), (7, 8), (8, 30), (5, 5)] {
+            let part = readings.part(start..end);
+            assert_eq!(part.len(), end - start);
+            let expected: Result<f64> = (start..end)
+                .map(|i| data.element(i).readings(q)?.value(&data.light[i..=i]))
+                .sum();
+            let value = part.value(&data.light[start..end])?;
+            assert!((value - expected?).abs() <= 1e-12 * value.abs());
+        }
+    }
+    Ok(())
+}
+
+#[test]
 fn gradient_and_curvature_agree_with_finite_differences() -> Result<()> {
     let data = Data::new(130);
     for q in [1, 2, 6] {

@@ -18,7 +18,7 @@ from rich.progress import (
 
 from jotlight.bars import console, make_bar
 from jotlight.errors import JotlightWarning
-from jotlight.estimators.convergence import Iteration
+from jotlight.estimators.convergence import Iteration, IterationCallback, follow_slowest
 from jotlight.training import Record
 from jotlight.training.reporting import StepDescriber
 
@@ -123,8 +123,8 @@ def progress(total: float | None, *, remaining: bool = False) -> Iterator[Begin]
 
 
 @contextlib.contextmanager
-def live_iterations(title: str) -> Iterator[Callable[[Iteration], None]]:
-    """Show the convergence of an iterative method.
+def live_iterations(title: str) -> Iterator[IterationCallback]:
+    """Show the convergence of an iterative method: that of the slowest channel.
 
     Yields
     ------
@@ -139,7 +139,7 @@ def live_iterations(title: str) -> Iterator[Callable[[Iteration], None]]:
             text = f"iteration {step.number}, residual {step.residual:.1e} (to {step.tol:g})"
             bar.update(task, description=text, completed=step.progress)
 
-        yield show
+        yield follow_slowest(show)
 
 
 def print_steps(title: str, steps: int) -> Callable[[Record], None]:

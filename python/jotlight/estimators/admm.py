@@ -9,19 +9,19 @@ import numpy.typing as npt
 
 from jotlight.estimators.admm_terms import BoxTerm, DataTerm, SplittingTerm, VariationTerm
 from jotlight.estimators.convergence import (
-    ConvergenceHistory,
     ConvergenceMonitor,
     IterationCallback,
     check_stopping_rule,
 )
 from jotlight.estimators.linear_solver import NormalEquations
 from jotlight.estimators.problem import ConvergenceHistories, solve_images
-from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variation
+from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variations
 from jotlight.sensing.likelihood import Problem
-from jotlight.sensing.operators import Scaling, dot
+from jotlight.sensing.operators import Scaling
 from jotlight.sensing.pixel_counts import Data, Estimate
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.stacks import dots, each_image, image_means, select
 
 INITIAL_PENALTY = 6.0
 """The initial penalty of the differences, in units of the weight over the mean intensity."""
@@ -135,7 +135,7 @@ def admm_tv(
         10 `tol`. Both residuals are relative.
     callback : callable, optional
         A function that receives a :class:`jotlight.estimators.convergence.Iteration` after each
-        iteration. It ends the run by raising StopIteration.
+        iteration of each image. It ends the run of the image by raising StopIteration.
     return_history : bool
         Whether to return the history too: a
         :class:`jotlight.estimators.convergence.ConvergenceHistory`, or a list with one for each
@@ -184,31 +184,48 @@ def admm_tv(
         check_map("weight", weight, np.shape(weight))
     check_stopping_rule(max_iter, tol)
 
-    def solve(problem: Problem, start: Array | None, name: str) -> tuple[Array, ConvergenceHistory]:
-        monitor = ConvergenceMonitor("admm_tv" + name, max_iter, tol, callback)
-        chosen = automatic_weight(problem, norm=norm) if weight is None else weight
-        return _minimize(problem, np.asarray(chosen), norm, start, monitor, threads)
+    monitor = ConvergenceMonitor("admm_tv", max_iter, tol, callback)
 
-    estimate, history = solve_images(solve, data, sensor, trials, channel_axis, start, threads)
+    def solve(problem: Problem, start: Array | None) -> Array:
+        own = automatic_weight(problem, norm=norm) if weight is None else _weights(weight, problem)
+        return _minimize(problem, own, norm, start, monitor, threads)
+
+    estimate, history = solve_images(
+        solve, monitor, data, sensor, trials, channel_axis, start, threads
+    )
     return (estimate, history) if return_history else estimate
+
+
+def _weights(weight: float | npt.ArrayLike, problem: Problem) -> float | Array:
+    """Return the weight of all pixels, or a map of it for each image of a stack."""
+    shape = problem.operator.input_shape
+    checked = check_map("weight", weight, shape)
+    if not isinstance(checked, np.ndarray):
+        return checked
+    return np.repeat(checked.reshape(1, *shape), len(problem.likelihood.ones), axis=0)
 
 
 def _minimize(
     problem: Problem,
-    weight: npt.NDArray[np.floating],
+    weight: float | Array,
     norm: str,
     start: Array | None,
     monitor: ConvergenceMonitor,
     threads: int | None,
-) -> tuple[Array, ConvergenceHistory]:
+) -> Array:
+    """Return the images of a stack. The monitor records their histories."""
     operator, max_intensity = problem.operator, problem.max_intensity
-    level = problem.constant_estimate()
-    image = np.full(operator.input_shape, level) if start is None else start
+    level = problem.constant_estimates()
+    image = start
+    if image is None:
+        image = np.empty((len(level), *operator.input_shape))
+        image[:] = each_image(level, image)
     equations = NormalEquations(operator, min(_CG_TOLERANCE, 0.01 * monitor.tol), threads)
     information = _mean_information(problem, level)
     stiffness = information * equations.gain**2
     # The information approximates the stiffness of the likelihood, which scales the penalties.
-    smoothness = max(INITIAL_PENALTY * float(np.mean(weight)) / level, 1e-2 * stiffness)
+    mean_weight = image_means(weight) if isinstance(weight, np.ndarray) else weight
+    smoothness = np.maximum(INITIAL_PENALTY * mean_weight / level, 1e-2 * stiffness)
     variation = VariationTerm(weight, norm, smoothness, image, threads)
     if isinstance(operator, Scaling):
         data = DataTerm(problem, information, equations.gain, image)
@@ -217,7 +234,8 @@ def _minimize(
         data = DataTerm(problem, _JOT_PENALTY * information, equations.gain, image)
         terms = [data, variation, BoxTerm(max_intensity, 0.1 * stiffness, image)]
 
-    exponent = 1.0
+    results, exponent = np.empty(image.shape), np.ones(len(image))
+    monitor.begin(len(image))
     while True:
         right = _sum(term.right_hand_side() for term in terms)
         image = equations.solve(right, [term.penalty for term in terms], image)
@@ -226,63 +244,80 @@ def _minimize(
             estimate = np.clip(data.x / operator.factor, 0, max_intensity)
         else:
             estimate = terms[-1].x
+        active = monitor.active
         residuals = {"primal": primal, "dual": dual}
-        if not monitor.update(estimate, residuals, {"dual": 1 / _BALANCE}):
-            break
-        if monitor.number % BALANCE_INTERVAL == 0 and primal > 0 and dual > 0:
-            factor = float(np.sqrt(primal / (_BALANCE * dual)))
-            if not 0.5 < factor < 2:
-                for term in terms:
-                    term.rescale(min(max(factor, 0.25), 4.0) ** exponent)
-                exponent *= _BALANCE_DAMPING
-    objective = total_variation(estimate, norm, weight=weight)
-    objective -= _finite_log_likelihood(problem, estimate, _MIN_LIGHT * data.max_light)
-    return estimate, monitor.finish(objective, weight if weight.ndim else float(weight))
+        unfinished = monitor.update(estimate, residuals, {"dual": 1 / _BALANCE})
+        if not unfinished.all():
+            results[active[~unfinished]] = estimate[~unfinished]
+            if not unfinished.any():
+                break
+            image, stiffness, exponent, primal, dual = (
+                select(each, unfinished) for each in (image, stiffness, exponent, primal, dual)
+            )
+            for term in terms:
+                term.select(unfinished)
+        if monitor.number % BALANCE_INTERVAL == 0:
+            exponent = _balance(terms, primal, dual, exponent)
+    objectives = total_variations(results, norm, weight)
+    objectives -= _finite_log_likelihoods(problem, results, _MIN_LIGHT * data.max_light)
+    monitor.finish(objectives, weight)
+    return results
 
 
-def _mean_information(problem: Problem, level: float) -> float:
-    """Return the mean Fisher information of a cell about its light, at a constant intensity."""
-    light = problem.operator.forward(np.full(problem.operator.input_shape, level))
-    information = float(np.mean(problem.likelihood.information(light)))
+def _mean_information(problem: Problem, level: Array) -> Array:
+    """Return the mean Fisher information of a cell about its light, at constant intensities."""
+    light_of_ones = problem.operator.forward(np.ones(problem.operator.input_shape))
+    light = each_image(level, problem.likelihood.ones) * light_of_ones
+    information = image_means(problem.likelihood.information(light))
     # Near saturation the information vanishes, so it is bounded from below.
-    bound = 1e-9 * float(np.mean(problem.likelihood.trials) / light.mean() ** 2)
-    return max(information, bound)
+    trials = np.broadcast_to(problem.likelihood.trials, light.shape)
+    return np.maximum(information, 1e-9 * image_means(trials) / image_means(light) ** 2)
 
 
 def _update(
-    terms: list[SplittingTerm], image: Array, dark: float, min_force: float
-) -> tuple[float, float]:
-    """Update all terms and return the relative primal and dual residuals.
+    terms: list[SplittingTerm], image: Array, dark: float, min_force: Array
+) -> tuple[Array, Array]:
+    """Update all terms and return the relative primal and dual residuals of each image.
 
     The intensity `dark` bounds the denominator of the primal residual from below. The stiffness
     `min_force` bounds that of the dual residual.
     """
     distances, changes = zip(*(term.update(image) for term in terms), strict=True)
-    primal = _relative(sum(distances), _square_sum(image) + image.size * dark**2)
+    size, change = dots(image, image), _sum(changes)
+    primal = _relative(_sum(distances), size + image[0].size * dark**2)
     # Without a prior the multipliers vanish, and the stiffness of the likelihood is the scale.
-    forces = sum(_square_sum(term.multiplier_force()) for term in terms)
-    forces += min_force**2 * _square_sum(image)
-    return primal, _relative(_square_sum(_sum(changes)), forces)
+    forces = _sum(term.squared_force() for term in terms) + min_force**2 * size
+    return primal, _relative(dots(change, change), forces)
 
 
-def _finite_log_likelihood(problem: Problem, estimate: Array, min_light: float) -> float:
-    """Return ℓ of the estimate, finite even if rounding leaves a bit of 1 without light."""
-    value = problem.log_likelihood(estimate)
-    if np.isfinite(value):
-        return value
-    light = np.maximum(problem.operator.forward(estimate), min_light)
-    return problem.likelihood.value(light)
+def _balance(terms: list[SplittingTerm], primal: Array, dual: Array, exponent: Array) -> Array:
+    """Adjust the penalties where one residual is much larger, and return the next exponent."""
+    known = (primal > 0) & (dual > 0)
+    factor = np.sqrt(np.where(known, primal, 1) / np.where(known, _BALANCE * dual, 1))
+    unbalanced = known & ~((factor > 0.5) & (factor < 2))
+    if unbalanced.any():
+        change = np.where(unbalanced, np.clip(factor, 0.25, 4.0) ** exponent, 1.0)
+        for term in terms:
+            term.rescale(change)
+    return np.where(unbalanced, exponent * _BALANCE_DAMPING, exponent)
 
 
-def _relative(norm_squared: float, scale_squared: float) -> float:
-    if scale_squared > 0:
-        return float(np.sqrt(norm_squared / scale_squared))
-    return float(norm_squared > 0)
+def _finite_log_likelihoods(problem: Problem, images: Array, min_light: float) -> Array:
+    """Return ℓ of each image, finite even if rounding leaves a bit of 1 without light."""
+    light = problem.operator.forward(images)
+    values = problem.likelihood.values(light)
+    if np.isfinite(values).all():
+        return values
+    return np.where(
+        np.isfinite(values), values, problem.likelihood.values(np.maximum(light, min_light))
+    )
+
+
+def _relative(norm_squared: Array, scale_squared: Array) -> Array:
+    known = scale_squared > 0
+    ratio = np.sqrt(norm_squared / np.where(known, scale_squared, 1))
+    return np.where(known, ratio, norm_squared > 0)
 
 
 def _sum(arrays: Iterable[Array]) -> Array:
     return functools.reduce(np.add, arrays)
-
-
-def _square_sum(array: Array) -> float:
-    return dot(array, array)

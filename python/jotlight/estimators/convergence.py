@@ -32,6 +32,8 @@ class Iteration:
     """The tolerance of the run."""
     max_iter: int
     """The maximum number of iterations of the run."""
+    image: int = 0
+    """The gray image: its number in the stack, counted with channels, from 0."""
 
     @property
     def progress(self) -> float:
@@ -42,7 +44,12 @@ class Iteration:
 
 
 IterationCallback = Callable[[Iteration], object]
-"""A function that is called after every iteration. It ends the run by raising StopIteration."""
+"""A function that is called after every iteration of each image.
+
+By raising StopIteration it ends the run of the image."""
+
+Residuals = Mapping[str, npt.NDArray[np.float64]]
+"""Residuals by name, one number for each image or each iteration."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,6 +84,29 @@ class ConvergenceHistory:
         return f"<ConvergenceHistory: {state} after {self.iterations} iterations, residuals {last}>"
 
 
+def follow_slowest(show: IterationCallback) -> IterationCallback:
+    """Return a callback that shows only the image of a stack that has the longest way to go.
+
+    Examples
+    --------
+    >>> def step(image, residual):
+    ...     return Iteration(1, {}, residual, np.zeros(1), 1e-3, 9, image)
+    >>> callback = follow_slowest(lambda step: print(f"{step.progress:.2f}"))
+    >>> for step_of_image in (step(0, 0.1), step(1, 0.01), step(0, 1e-3)):
+    ...     callback(step_of_image)
+    0.33
+    0.33
+    0.67
+    """
+    latest: dict[int, Iteration] = {}
+
+    def callback(step: Iteration) -> None:
+        latest[step.image] = step
+        show(min(latest.values(), key=lambda each: each.progress))
+
+    return callback
+
+
 def check_stopping_rule(max_iter: int, tol: float) -> tuple[int, float]:
     """Return `max_iter` as an int and `tol` as a float.
 
@@ -102,7 +132,9 @@ def check_stopping_rule(max_iter: int, tol: float) -> tuple[int, float]:
 
 
 class ConvergenceMonitor:
-    """The stopping rule of one run. It records the residuals and calls the user's callback.
+    """The stopping rule of a method, which runs on all images of a group at once.
+
+    Each image stops by itself. The monitor records its residuals and calls the user's callback.
 
     Parameters
     ----------
@@ -111,9 +143,9 @@ class ConvergenceMonitor:
     max_iter : int
         The maximum number of iterations, at least 1.
     tol : float
-        The method has converged when the scaled residuals are at most this large.
+        An image has converged when its scaled residuals are at most this large.
     callback : callable, optional
-        A function that receives an :class:`Iteration` after each iteration.
+        A function that receives an :class:`Iteration` of each image after each iteration.
 
     Raises
     ------
@@ -123,80 +155,128 @@ class ConvergenceMonitor:
     Examples
     --------
     >>> monitor = ConvergenceMonitor("halving", 10, 0.3, None)
-    >>> estimate = np.ones(1)
-    >>> while monitor.update(estimate, {"size": float(estimate[0])}):
-    ...     estimate = estimate / 2
-    >>> history = monitor.finish(objective=0.0)
-    >>> history.converged, history.residuals["size"].tolist()
-    (True, [1.0, 0.5, 0.25])
+    >>> monitor.begin(2)
+    >>> estimates = np.array([[1.0], [0.5]])
+    >>> while (unfinished := monitor.update(estimates, {"size": estimates[:, 0]})).any():
+    ...     estimates = estimates[unfinished] / 2
+    >>> monitor.finish(objectives=np.zeros(2))
+    >>> [history.residuals["size"].tolist() for history in monitor.histories]
+    [[1.0, 0.5, 0.25], [0.5, 0.25]]
     """
 
     def __init__(
         self, name: str, max_iter: int, tol: float, callback: IterationCallback | None
     ) -> None:
         self.max_iter, self.tol = check_stopping_rule(max_iter, tol)
-        self.converged = False
+        self.histories: list[ConvergenceHistory] = []
+        """The histories of the images of all groups that have ended."""
         self._name = name
         self._callback = callback
-        self._residuals: list[Mapping[str, float]] = []
-        self._residual = math.inf
-        self._stopped_by_callback = False
-        self._advice = "raise max_iter, or tol"
+        self._failures: list[tuple[float, int, str]] = []
 
-    @property
-    def number(self) -> int:
+    def begin(self, images: int) -> None:
+        """Begin with a group of images."""
+        self.number = 0
         """The number of iterations so far."""
-        return len(self._residuals)
+        self.active = np.arange(images)
+        """The images of the group that go on."""
+        self._records: list[tuple[npt.NDArray[np.intp], Residuals]] = []
+        self._residual = np.full(images, math.inf)
+        self._converged, self._stopped = np.zeros(images, np.bool_), np.zeros(images, np.bool_)
+        self._advice = dict.fromkeys(range(images), "raise max_iter, or tol")
 
     def update(
         self,
-        estimate: npt.NDArray[np.float64],
-        residuals: Mapping[str, float],
+        estimates: npt.NDArray[np.float64],
+        residuals: Residuals,
         tolerance_factors: Mapping[str, float] | None = None,
-    ) -> bool:
-        """Return whether the method has to continue, and record the iteration.
+    ) -> npt.NDArray[np.bool_]:
+        """Return which of the active images have to go on, and record the iteration.
 
-        The tolerance of each residual is `tol` times its factor in `tolerance_factors`, by default
-        1.
+        `estimates` and `residuals` are those of the active images. The tolerance of each residual
+        is `tol` times its factor in `tolerance_factors`, by default 1.
         """
-        self._residuals.append(residuals)
+        self.number += 1
+        self._records.append((self.active, residuals))
         factors = tolerance_factors or {}
-        residual = max(value / factors.get(name, 1.0) for name, value in residuals.items())
-        iteration = Iteration(
-            self.number, residuals, residual, _readonly(estimate), self.tol, self.max_iter
-        )
-        self._residual = residual
-        self.converged = residual <= self.tol
+        scaled = [values / factors.get(name, 1.0) for name, values in residuals.items()]
+        residual = np.max(scaled, axis=0)
+        self._residual[self.active] = residual
+        converged = residual <= self.tol
+        self._converged[self.active] = converged
+        stopped = np.zeros(converged.shape, np.bool_)
         if self._callback is not None:
-            try:
-                self._callback(iteration)
-            except StopIteration:
-                self._stopped_by_callback = True
-        return not (
-            self.converged or self._stopped_by_callback or iteration.number >= self.max_iter
-        )
+            for place, image in enumerate(self.active):
+                iteration = Iteration(
+                    self.number,
+                    {name: float(values[place]) for name, values in residuals.items()},
+                    float(residual[place]),
+                    _readonly(estimates[place]),
+                    self.tol,
+                    self.max_iter,
+                    len(self.histories) + int(image),
+                )
+                try:
+                    self._callback(iteration)
+                except StopIteration:
+                    stopped[place] = True
+        self._stopped[self.active] = stopped
+        unfinished: npt.NDArray[np.bool_] = ~(converged | stopped) & (self.number < self.max_iter)
+        self.active = self.active[unfinished]
+        return unfinished
 
-    def fail(self, reason: str) -> None:
-        """Record why another iteration is impossible. The warning of `finish` shows the reason."""
-        self._advice = reason
+    def give_up(self, images: npt.NDArray[np.bool_], reason: str) -> None:
+        """End the run of active images, for a reason that the warning shows."""
+        self._advice.update(dict.fromkeys(self.active[images].tolist(), reason))
+        self.active = self.active[~images]
 
     def finish(
-        self, objective: float, weight: float | npt.NDArray[np.floating] = 0.0
-    ) -> ConvergenceHistory:
-        """Return the history, and warn unless the method converged or the callback ended it."""
-        residuals = {
-            name: np.array([step[name] for step in self._residuals], np.float64)
-            for name in self._residuals[0]
-        }
-        if not (self.converged or self._stopped_by_callback):
-            last = ", ".join(f"{name} {values[-1]:.2g}" for name, values in residuals.items())
-            plural = "" if self.number == 1 else "s"
-            warn(
-                f"{self._name}: not converged after {self.number} iteration{plural}: residual "
-                f"{self._residual:.2g} ({last}), expected at most tol = {self.tol:g}; "
-                f"{self._advice}"
+        self,
+        objectives: npt.NDArray[np.float64],
+        weights: float | npt.NDArray[np.floating] = 0.0,
+    ) -> None:
+        """Record the histories of the group, with the weight of all or a map for each image."""
+        first, number = len(self.histories), len(objectives)
+        lengths = np.zeros(number, np.intp)
+        for active, _ in self._records:
+            lengths[active] += 1
+        columns = {name: np.zeros((number, self.number)) for name in self._records[0][1]}
+        for step, (active, residuals) in enumerate(self._records):
+            for name, values in residuals.items():
+                columns[name][active, step] = values
+        for image in range(number):
+            each = {name: values[image, : lengths[image]] for name, values in columns.items()}
+            weight = weights[image] if isinstance(weights, np.ndarray) else weights
+            converged = bool(self._converged[image])
+            self.histories.append(
+                ConvergenceHistory(converged, each, float(objectives[image]), weight)
             )
-        return ConvergenceHistory(self.converged, residuals, objective, weight)
+            if not (converged or self._stopped[image]):
+                failure = self._describe_failure(each, float(self._residual[image]))
+                text = f"{failure}; {self._advice[image]}"
+                self._failures.append((float(self._residual[image]), first + image, text))
+
+    def _describe_failure(self, residuals: Residuals, residual: float) -> str:
+        last = ", ".join(f"{name} {values[-1]:.2g}" for name, values in residuals.items())
+        number = len(next(iter(residuals.values())))
+        return (
+            f"not converged after {number} iteration{'' if number == 1 else 's'}: residual "
+            f"{residual:.2g} ({last}), expected at most tol = {self.tol:g}"
+        )
+
+    def warn(self, name_of: Callable[[int], str]) -> None:
+        """Warn once about the images that did not converge and that no callback ended.
+
+        `name_of` returns the name of an image in messages, or "" for an only one.
+        """
+        if not self._failures:
+            return
+        _, worst, text = max(self._failures, key=lambda failure: failure[0])
+        if name := name_of(worst):
+            number = len(self._failures)
+            others = f" and {number - 1} more of {len(self.histories)}" if number > 1 else ""
+            name = f", {name}{others}"
+        warn(f"{self._name}{name}: {text}")
 
 
 def _readonly(image: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -2,8 +2,9 @@
 
 Each denoiser maps an image (H, W), or each of a stack (..., H, W), to float32 of the same shape.
 The option `channel_axis` names the axis of color channels. Integers become floats of the same
-values. The denoisers wrap functions of libraries. The default strengths were chosen on the BSDS
-training images at K = 16 (``python benchmarks/studies/denoiser_strengths.py``).
+values. The denoisers wrap functions of libraries, which run on one image at a time. The default
+strengths were chosen on the BSDS training images at K = 16
+(``python benchmarks/studies/denoiser_strengths.py``).
 """
 
 import functools

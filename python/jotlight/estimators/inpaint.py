@@ -1,5 +1,7 @@
 """Inpainting of dead pixels, which have no valid bit, from their neighbors."""
 
+from typing import TypeVar
+
 import numpy as np
 import numpy.typing as npt
 
@@ -12,10 +14,14 @@ _MAX_CG_STEPS = 200
 """The maximum number of steps of conjugate gradients."""
 
 
+F = TypeVar("F", np.float32, np.float64)
+"""The type of the pixels."""
+
+
 def inpaint_dead_pixels(
-    image: npt.NDArray[np.float32], dead: npt.NDArray[np.bool_] | None
+    images: npt.NDArray[np.float32], dead: npt.NDArray[np.bool_] | None
 ) -> npt.NDArray[np.float32]:
-    """Return the image with each dead pixel equal to the mean of its 8 neighbors (2 in a signal).
+    """Return the images with each dead pixel equal to the mean of its 8 neighbors (2 in a signal).
 
     Neighbors may be dead too. Each hole is then a system of linear equations: the discrete Laplace
     equation, with the known pixels around the hole as boundary. Filled pixels stay between the
@@ -23,15 +29,15 @@ def inpaint_dead_pixels(
 
     Parameters
     ----------
-    image : ndarray of float32, shape (H, W), (N, H, W), or (N,)
-        An image, several images, or a signal. The values of dead pixels are ignored.
+    images : ndarray of float32, shape (H, W) or (N, H, W)
+        An image, or a stack of them. The values of dead pixels are ignored.
     dead : ndarray of bool or None
         The mask of dead pixels, of the same shape. None means that no pixel is dead.
 
     Returns
     -------
     ndarray of float32
-        The filled image; the input itself where `dead` is None.
+        The filled images; the input itself where no pixel is dead.
 
     Raises
     ------
@@ -41,7 +47,7 @@ def inpaint_dead_pixels(
     Warns
     -----
     JotlightWarning
-        When pixels were filled.
+        Once, when pixels were filled.
 
     Notes
     -----
@@ -53,34 +59,73 @@ def inpaint_dead_pixels(
     Examples
     --------
     >>> import warnings
-    >>> image = np.float32([1.0, 0.0, 3.0])
+    >>> images = np.float32([[1.0, 0.0, 3.0]])
     >>> with warnings.catch_warnings():
     ...     warnings.simplefilter("ignore")
-    ...     inpaint_dead_pixels(image, np.array([False, True, False])).tolist()
-    [1.0, 2.0, 3.0]
+    ...     inpaint_dead_pixels(images, np.array([[False, True, False]])).tolist()
+    [[1.0, 2.0, 3.0]]
     """
-    if dead is None:
-        return image
-    if image.ndim == 3:
-        return np.stack([inpaint_dead_pixels(*each) for each in zip(image, dead, strict=True)])
-    check_any_valid(~dead)
-    warn(
-        f"{dead.sum()} of {dead.size} pixels have no valid bit and were filled from their neighbors"
-    )
-    known = image[~dead]
-    filled = _fill_inwards(image, dead)
-    filled[dead] = np.clip(_solve_laplace(filled, dead), known.min(), known.max())
-    return filled.astype(np.float32)
+    if dead is None or not dead.any():
+        return images
+    if images.ndim == 2:
+        return np.asarray(inpaint_dead_pixels(images[None], dead[None])[0])
+    filled = fill_dead_pixels(images, dead)
+    warn_about_dead_pixels(dead)
+    return filled
 
 
-def check_any_valid(valid: npt.ArrayLike) -> None:
-    """Raise ValueError unless some pixel has a valid bit.
+def fill_dead_pixels(images: npt.NDArray[F], dead: npt.NDArray[np.bool_]) -> npt.NDArray[F]:
+    """Return images whose dead pixels are filled, as :func:`inpaint_dead_pixels` does, silently.
+
+    The images have the shape (N, H, W), and signals (N, length).
 
     Examples
     --------
-    >>> check_any_valid([True, False])
+    >>> fill_dead_pixels(np.array([[1.0, 0.0, 3.0]]), np.array([[False, True, False]])).tolist()
+    [[1.0, 2.0, 3.0]]
     """
-    if not np.any(valid):
+    if not dead.any():
+        return images
+    out = images.copy()
+    for image, holes in zip(out, dead, strict=True):
+        if not holes.any():
+            continue
+        check_any_valid(~holes)
+        known = image[~holes]
+        filled = _fill_inwards(image, holes)
+        image[holes] = np.clip(_solve_laplace(filled, holes), known.min(), known.max())
+    return out
+
+
+def warn_about_dead_pixels(dead: npt.NDArray[np.bool_]) -> None:
+    """Warn once that the dead pixels of images were filled, if there are any.
+
+    Parameters
+    ----------
+    dead : ndarray of bool, shape (N, H, W) or (N, length)
+        The mask of dead pixels.
+    """
+    numbers = dead.reshape(len(dead), -1).sum(axis=1)
+    if not numbers.any():
+        return
+    low, high = numbers[numbers > 0].min(), numbers.max()
+    range_ = f"{high}" if low == high else f"{low} to {high}"
+    images = "" if len(dead) == 1 else f"in {np.count_nonzero(numbers)} of {len(dead)} images, "
+    warn(
+        f"{images}{range_} of {dead[0].size} pixels have no valid bit and were filled from their "
+        "neighbors"
+    )
+
+
+def check_any_valid(valid: npt.ArrayLike) -> None:
+    """Raise ValueError unless some pixel has a valid bit, in each image of a stack (N, H, W).
+
+    Examples
+    --------
+    >>> check_any_valid([[True, False], [False, False]])
+    """
+    values = np.asarray(valid)
+    if not values.any(axis=tuple(range(max(0, values.ndim - 2), values.ndim))).all():
         raise ValueError(
             "trials: expected at least one pixel with a valid bit, got none; the sensor's mask "
             "marks all jots as dead, or all trials are 0"
@@ -88,7 +133,7 @@ def check_any_valid(valid: npt.ArrayLike) -> None:
 
 
 def _fill_inwards(
-    image: npt.NDArray[np.float32], dead: npt.NDArray[np.bool_]
+    image: npt.NDArray[np.floating], dead: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float64]:
     """Return the image with its holes filled from the border inward.
 

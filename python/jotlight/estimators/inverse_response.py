@@ -4,15 +4,17 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.errors import warn
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import Jot, reference_jot
+from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import flatten
 
 
 def equivalent_counts(
-    pixels: PixelCounts, reference: Jot, trials: float, threads: int | None
+    pixels: PixelCounts, reference: Jot, trials: float | Array, threads: int | None
 ) -> npt.NDArray[np.float32]:
     """Return the counts of `trials` readings of reference jots that see the same intensities.
 
@@ -22,11 +24,11 @@ def equivalent_counts(
     Parameters
     ----------
     pixels : PixelCounts
-        The counts of gray images.
+        The counts of a gray image, or of several (N, H, W).
     reference : (float, float)
         η and d of the reference jot.
-    trials : float
-        K of the result, above 0.
+    trials : float or ndarray of float64, shape (N,)
+        K of the result, above 0: a number, or one for each image.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -38,7 +40,7 @@ def equivalent_counts(
     Warns
     -----
     JotlightWarning
-        When pixels without a valid bit were filled from their neighbors.
+        Once, when pixels without a valid bit were filled from their neighbors.
 
     Examples
     --------
@@ -48,17 +50,19 @@ def equivalent_counts(
     array([[1.07, 2.34]], dtype=float32)
     """
     own = pixels.trials, pixels.efficiency, pixels.dark_counts
-    if pixels.uniform and own == (trials, *reference):
+    same = np.unique(trials)
+    if pixels.uniform and len(same) == 1 and own == (same[0], *reference):
         return pixels.counts.astype(np.float32)
     out = np.empty(pixels.counts.shape, np.float32)
+    images = len(out) if isinstance(trials, np.ndarray) else 1
     engine.equivalent_counts(
         pixels.sensor.pixel_response(),
-        flatten(pixels.counts),
+        np.ascontiguousarray(pixels.counts).reshape(images, -1),
         flatten(pixels.trials),
         (flatten(pixels.efficiency), flatten(pixels.dark_counts)),
-        float(trials),
+        np.atleast_1d(np.float64(trials)),
         reference,
-        out.reshape(-1),
+        out.reshape(images, -1),
         threads,
     )
     return inpaint_dead_pixels(out, pixels.dead_pixels)
@@ -126,3 +130,12 @@ def intensity_from_complement(
         rate = 0.0 - np.log(np.clip(complement, 0, 1), dtype=np.float64)  # never -0.0
     intensity = (rate - dark_counts) / (efficiency * sensor.light_per_intensity)
     return np.clip(intensity, 0, sensor.max_intensity).astype(np.float32)
+
+
+def warn_about_smooth_kernel(sensor: Sensor) -> None:
+    """Warn if the kernel is smooth, for methods that assume the box kernel."""
+    if sensor.kernel != "box":
+        warn(
+            f"the light of a {sensor.kernel} kernel reaches neighboring pixels, which this method "
+            "does not model: it assumes the box kernel"
+        )

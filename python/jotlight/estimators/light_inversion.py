@@ -50,7 +50,7 @@ class UniqueCounts:
         self._indices = indices.reshape(counts.shape)
 
     def expand(self, table: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """Return an image (H, W): for each pixel, the entry of its pair in a table."""
+        """Return images of the shape of the counts: for each pixel, its pair's entry in a table."""
         return table[self._indices]
 
 
@@ -91,15 +91,16 @@ def _build_equal_inverse(pixels: PixelCounts, unique: UniqueCounts) -> LightInve
 def _build_unequal_inverse(pixels: PixelCounts, unique: UniqueCounts) -> LightInverse:
     sensor, size = pixels.sensor, pixels.counts.size
     max_light = sensor.max_intensity * sensor.light_per_intensity
-    maps = [_group_by_pixel(pixels, value).reshape(size, -1) for value in jot_maps(sensor)]
+    # All images have the same maps.
+    maps = [_group_by_pixel(pixels, value) for value in jot_maps(sensor)]
 
     def invert(p: Array, complement: Array) -> Array:
         rate = unique.expand(inverse_detection_probability(sensor.threshold, p, complement))
         guess = ((rate - pixels.dark_counts) / pixels.efficiency).ravel()
         probability, out = unique.expand(p).ravel(), np.empty(size)
         for start in range(0, size, _CHUNK):
-            chunk = slice(start, start + _CHUNK)
-            part = _UnequalJots(sensor.threshold, *(map_[chunk] for map_ in maps))
+            chunk = np.arange(start, min(start + _CHUNK, size))
+            part = _UnequalJots(sensor.threshold, *(map_[chunk % len(map_)] for map_ in maps))
             out[chunk] = part.light(probability[chunk], guess[chunk], max_light)
         return out.reshape(pixels.counts.shape)
 
@@ -162,9 +163,9 @@ def jot_maps(sensor: Sensor) -> tuple[Any, Any, Any]:
 
 
 def _group_by_pixel(pixels: PixelCounts, value: Any) -> Array:
-    """Return a map over the jots, or a number for all jots, as an array (H, W, K̂²)."""
+    """Return a map over the jots, or a number for all jots, as an array (H·W, K̂²)."""
     side = pixels.sensor.oversampling
-    height, width = pixels.counts.shape
+    height, width = pixels.counts.shape[-2:]
     jots = np.broadcast_to(np.asarray(value, np.float64), (height * side, width * side))
     blocks = jots.reshape(height, side, width, side).swapaxes(1, 2)
-    return blocks.reshape(height, width, side * side)
+    return blocks.reshape(height * width, side * side)

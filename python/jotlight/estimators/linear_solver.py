@@ -1,5 +1,7 @@
 """The linear step of ADMM: its normal equations, solved in the basis of the cosine transform.
 
+All arrays are those of a stack of images, which do not affect each other.
+
 The image is mirrored at its border. The discrete cosine transform therefore
 diagonalizes DᵀD exactly, and AᵀA wherever the kernel is symmetric about its pixel.
 """
@@ -12,8 +14,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from jotlight.interrupts import interruptible
-from jotlight.sensing.operators import Operator, Scaling, Spread, differences, dot, spread
+from jotlight.sensing.operators import Operator, Scaling, Spread, differences, spread
 from jotlight.sensing.response import Array
+from jotlight.sensing.stacks import dots, each_image
 
 _LARGE = 1 << 20
 """Number of values from which a cosine transform takes long enough for Ctrl-C to matter."""
@@ -31,7 +34,7 @@ if hasattr(os, "register_at_fork"):
 
 
 class NormalEquations:
-    """The equations (ρ₁ AᵀA + ρ₂ DᵀD + ρ₃) c = r for the image c.
+    """The equations (ρ₁ AᵀA + ρ₂ DᵀD + ρ₃) c = r for each image c of a stack.
 
     Parameters
     ----------
@@ -47,7 +50,8 @@ class NormalEquations:
     --------
     >>> from jotlight.sensing.operators import scaling
     >>> equations = NormalEquations(scaling((4, 4), 2.0), 1e-6, None)
-    >>> image = equations.solve(np.ones((4, 4)), [1.0, 1.0], np.zeros((4, 4)))
+    >>> one = np.ones(1)
+    >>> image = equations.solve(np.ones((1, 4, 4)), [one, one], np.zeros((1, 4, 4)))
     >>> bool(np.allclose(image, 0.25))  # 1/2², since the image is constant
     True
     """
@@ -69,19 +73,19 @@ class NormalEquations:
         self.gain = float(np.sqrt(np.max(self._gram)))
         """√‖AᵀA‖: the norm of the light per pixel, for a constant image of intensity 1."""
 
-    def solve(self, right: Array, penalties: Sequence[float], guess: Array) -> Array:
+    def solve(self, right: Array, penalties: Sequence[Array], guess: Array) -> Array:
         """Return c for the right-hand side r.
 
         Parameters
         ----------
-        right : ndarray of float64
-            r, of the image's shape.
-        penalties : sequence of float
-            ρ₁ of the data, ρ₂ of the differences and, optionally, ρ₃ of the box.
-        guess : ndarray of float64
-            The image at which conjugate gradients start.
+        right : ndarray of float64, shape (N, ...)
+            r of each image.
+        penalties : sequence of ndarray of float64, shape (N,)
+            ρ₁ of the data, ρ₂ of the differences and, optionally, ρ₃ of the box, of each image.
+        guess : ndarray of float64, shape (N, ...)
+            The images at which conjugate gradients start.
         """
-        data, variation, *box = penalties
+        data, variation, *box = (each_image(penalty, right) for penalty in penalties)
         eigenvalues = data * self._gram + variation * self._laplacian + sum(box)
         if self._diagonal:
             return self._divide(right, eigenvalues)
@@ -95,16 +99,20 @@ class NormalEquations:
         # takes the same steps, but its scalar products start BLAS threads, which compete with the
         # threads of the engine.
         solution, residual = guess, right - multiply(guess)
-        limit = self._tol**2 * dot(right, right)
-        search, norm = np.zeros_like(right), 1.0
+        limit = self._tol**2 * dots(right, right)
+        search, norm = np.zeros_like(right), np.ones(len(right))
         for _ in range(_MAX_CG_STEPS):
-            if dot(residual, residual) <= limit:
+            unfinished = dots(residual, residual) > limit
+            if not unfinished.any():
                 break
             divided = self._divide(residual, eigenvalues)
-            norm, previous_norm = dot(residual, divided), norm
-            search = divided + norm / previous_norm * search
+            norm, previous_norm = np.where(unfinished, dots(residual, divided), 1.0), norm
+            # Images that have ended keep a search direction and a step of 0.
+            divided *= each_image(unfinished, divided)
+            ratio = np.where(unfinished, norm / previous_norm, 0.0)
+            search = divided + each_image(ratio, search) * search
             product = multiply(search)
-            step = norm / dot(search, product)
+            step = each_image(norm / np.where(unfinished, dots(search, product), np.inf), search)
             solution = solution + step * search
             residual = residual - step * product
         return solution
@@ -119,8 +127,9 @@ class NormalEquations:
     def _transform(self, function: Callable[..., Array], array: Array, **options: bool) -> Array:
         def use_library() -> Array:
             # A single worker does not use the pool.
+            axes = range(1, array.ndim)
             with contextlib.nullcontext() if self._workers == 1 else _POOL:
-                return function(array, norm="ortho", workers=self._workers, **options)
+                return function(array, axes=axes, norm="ortho", workers=self._workers, **options)
 
         return interruptible(use_library)() if array.size > _LARGE else use_library()
 

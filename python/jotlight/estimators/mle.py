@@ -1,26 +1,29 @@
 """Maximum likelihood in closed form for the box kernel: equation (5), for any threshold."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.chunks import frame_chunks
 from jotlight.estimators.inpaint import inpaint_dead_pixels
+from jotlight.estimators.inverse_response import warn_about_smooth_kernel
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.counting import count_ones
 from jotlight.sensing.pixel_counts import (
     Data,
     Estimate,
     GrayData,
     gray_images,
     prepare_data,
-    warn_about_smooth_kernel,
 )
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import flatten
 
-_ROWS_PER_CHUNK = 64
-"""Number of rows of pixels that the engine solves before Python can handle Ctrl-C."""
+_MAX_JOTS = 1 << 24
+"""Maximum number of jots that the engine solves in one call."""
 
 
 def mle(
@@ -85,8 +88,7 @@ def mle(
     pixels = images.count(sensor, threads)
     out = np.empty(pixels.counts.shape, np.float32)
     if pixels.varies_within_pixels:
-        for image, estimate in zip(images.data, out, strict=True):
-            _solve_jots(require_bits(image), sensor, estimate, threads)
+        _solve_jots([require_bits(image) for image in images.data], sensor, out, threads)
     else:
         engine.mle_from_counts(
             sensor.pixel_response(),
@@ -126,24 +128,34 @@ dark counts, and a count does not say which jots reported 1
     return data
 
 
-def _solve_jots(bits: Bits, sensor: Sensor, out: Estimate, threads: int | None) -> None:
-    """Write the solution of each pixel's likelihood equation to `out`, for unequal jots."""
-    mask = sensor.mask
-    ones = bits.counts(1, threads=threads)
-    for start in range(0, len(out), _ROWS_PER_CHUNK):
-        rows = slice(start, start + _ROWS_PER_CHUNK)
+def _solve_jots(bits: Sequence[Bits], sensor: Sensor, out: Estimate, threads: int | None) -> None:
+    """Write the solutions of the pixels' likelihood equations to `out` (N, H, W)."""
+    _, height, width = out.shape
+    number = max(1, _MAX_JOTS // (height * width * sensor.oversampling**2))
+    if number < len(bits):
+        for start in range(0, len(bits), number):
+            part = slice(start, start + number)
+            _solve_jots(bits[part], sensor, out[part], threads)
+        return
+    mask, number = sensor.mask, len(bits)
+    ones = count_ones(bits, 1, threads=threads)
+    # The engine takes the maps in double precision. Chunks of rows limit their memory.
+    row_size = number * width * sensor.oversampling**2
+    for _, rows in frame_chunks(1, height, row_size, _MAX_JOTS):
         jots = slice(rows.start * sensor.oversampling, rows.stop * sensor.oversampling)
+        estimate = np.empty((number, len(rows) * width), np.float32)
         engine.mle_from_jots(
             sensor.pixel_response(),
-            ones[jots].ravel(),
+            np.ascontiguousarray(ones[:, jots]).reshape(number, -1),
             (_jot_rows(sensor.efficiency, jots), _jot_rows(sensor.dark_counts, jots)),
             None if mask is None else mask[jots].ravel(),
             sensor.frames,
             sensor.oversampling,
-            out.shape[1],
-            out[rows].reshape(-1),
+            width,
+            estimate,
             threads,
         )
+        out[:, rows.start : rows.stop] = estimate.reshape(number, len(rows), width)
 
 
 def _jot_rows(value: float | npt.NDArray[np.float32], jots: slice) -> Any:

@@ -1,26 +1,24 @@
 """Maximum likelihood for any kernel, solved iteratively: equation (4)."""
 
-from collections.abc import Callable
+import dataclasses
 from typing import Literal, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.convergence import (
-    ConvergenceHistory,
     ConvergenceMonitor,
     IterationCallback,
     check_stopping_rule,
 )
-from jotlight.estimators.inpaint import inpaint_dead_pixels
+from jotlight.estimators.descent import SOLVERS, Direction, Mask, QuadraticModel, gradient_direction
+from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
 from jotlight.estimators.problem import ConvergenceHistories, solve_images
 from jotlight.sensing.likelihood import Problem
-from jotlight.sensing.operators import dot
 from jotlight.sensing.pixel_counts import Data, Estimate
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
-
-Mask = npt.NDArray[np.bool_]
+from jotlight.sensing.stacks import dots, each_image, replace, select
 
 _ARMIJO = 1e-4
 """The fraction of the decrease predicted by the gradient that a step must achieve (Armijo)."""
@@ -36,15 +34,6 @@ _MIN_LIGHT = 1e-3
 
 _MIN_RATIO = 0.1
 """The fraction of its intensity that a pixel keeps in a step if one of its bits needs light."""
-
-_MAX_CG_STEPS = 30
-"""The maximum number of steps of conjugate gradients in Newton's method."""
-
-_CG_TOLERANCE = 0.3
-"""The relative residual at which Newton's equations count as solved. Smaller is not faster."""
-
-_MIN_CURVATURE = 1e-4
-"""The fraction of its upper bound below which a direction's curvature is a rounding error."""
 
 
 @overload
@@ -129,7 +118,7 @@ def mle_iterative(
         at the maximum.
     callback : callable, optional
         A function that receives a :class:`jotlight.estimators.convergence.Iteration` after each
-        iteration. It ends the run by raising StopIteration.
+        iteration of each image. It ends the run of the image by raising StopIteration.
     return_history : bool
         Whether to return the history too: a
         :class:`jotlight.estimators.convergence.ConvergenceHistory`, or a list with one for each
@@ -172,114 +161,68 @@ def mle_iterative(
         raise ValueError(f"solver: expected one of {', '.join(SOLVERS)}, got {solver!r}")
     check_stopping_rule(max_iter, tol)
 
-    def solve(problem: Problem, start: Array | None, name: str) -> tuple[Array, ConvergenceHistory]:
-        monitor = ConvergenceMonitor("mle_iterative" + name, max_iter, tol, callback)
-        image, history = _maximize(problem, start, SOLVERS[solver], monitor)
-        dead = ~_pixels_with(problem, _trials(problem) > 0)
-        if dead.any():
-            image = inpaint_dead_pixels(image.astype(np.float32), dead).astype(np.float64)
-        return image, history
+    monitor = ConvergenceMonitor("mle_iterative", max_iter, tol, callback)
+    dead: list[Mask] = []
 
-    estimate, history = solve_images(solve, data, sensor, trials, channel_axis, start, threads)
+    def solve(problem: Problem, start: Array | None) -> Array:
+        image = _maximize(problem, start, SOLVERS[solver], monitor)
+        dead.append(~_pixels_with(problem, _trials(problem) > 0))
+        return fill_dead_pixels(image, dead[-1])
+
+    estimate, history = solve_images(
+        solve, monitor, data, sensor, trials, channel_axis, start, threads
+    )
+    warn_about_dead_pixels(np.concatenate(dead))
     return (estimate, history) if return_history else estimate
-
-
-class _QuadraticModel:
-    """The gradient of -ℓ at an image, the Hessian AᵀWA, and its diagonal upper bound."""
-
-    def __init__(self, problem: Problem, light: Array, light_of_ones: Array) -> None:
-        gradient, self.curvature = problem.likelihood.gradient_and_curvature(light)
-        self.max_intensity = problem.max_intensity
-        self.operator = problem.operator
-        self.gradient = -self.operator.adjoint(gradient)
-        # AᵀWA ≤ diag(AᵀWA 1), since A has no negative entries.
-        self.bound = self.operator.adjoint(self.curvature * light_of_ones)
-
-    def scaled_gradient(self) -> Array:
-        """Return the gradient divided by the bound of the Hessian, and clipped to [-S, S]."""
-        # Without curvature the quotient is infinite, and clipping turns it into a step of length S.
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            step = self.gradient / self.bound
-        return np.clip(np.nan_to_num(step, nan=0.0), -self.max_intensity, self.max_intensity)
-
-    def hessian_product(self, direction: Array) -> Array:
-        """Return AᵀWA `direction`."""
-        return self.operator.normal(self.curvature, direction)
-
-
-Direction = Callable[[_QuadraticModel, Mask], Array]
-"""A function that returns a descent direction of -ℓ for a model and the mask of free pixels."""
-
-
-def _gradient_direction(model: _QuadraticModel, free: Mask) -> Array:
-    return -model.scaled_gradient()
-
-
-def _newton_direction(model: _QuadraticModel, free: Mask) -> Array:
-    """Return the solution of Newton's equations on the free pixels, by conjugate gradients.
-
-    They stop at a direction without curvature, which scipy.sparse.linalg.cg does not detect.
-    """
-    direction = np.where(free, 0.0, -model.scaled_gradient())
-    solution = np.zeros_like(direction)
-    residual = np.where(free, -model.gradient, 0.0)
-    inverse = np.where(free & (model.bound > 0), 1 / np.maximum(model.bound, 1e-300), 0.0)
-    preconditioned = inverse * residual
-    search = preconditioned
-    norm = first_norm = dot(residual, preconditioned)
-    for _ in range(_MAX_CG_STEPS):
-        if norm <= _CG_TOLERANCE**2 * first_norm:
-            break
-        product = np.where(free, model.hessian_product(search), 0.0)
-        curvature = dot(search, product)
-        if curvature <= _MIN_CURVATURE * dot(search, model.bound * search):
-            break
-        step = norm / curvature
-        solution += step * search
-        residual = residual - step * product
-        preconditioned = inverse * residual
-        norm, previous_norm = dot(residual, preconditioned), norm
-        search = preconditioned + norm / previous_norm * search
-    # If even the first direction has no curvature, the step follows the gradient.
-    step_on_free = solution if solution.any() else -model.scaled_gradient()
-    return direction + np.where(free, step_on_free, 0.0)
-
-
-SOLVERS: dict[str, Direction] = {"newton": _newton_direction, "gradient": _gradient_direction}
-"""The descent directions by the name of the solver."""
 
 
 def _maximize(
     problem: Problem, start: Array | None, find_direction: Direction, monitor: ConvergenceMonitor
-) -> tuple[Array, ConvergenceHistory]:
+) -> Array:
+    """Return the images of a stack. The monitor records their histories."""
     operator, max_intensity = problem.operator, problem.max_intensity
     light_of_ones = operator.forward(np.ones(operator.input_shape))
     image, needs_light = _initial_image(problem, start, light_of_ones)
     light = operator.forward(image)
-    cost = -problem.likelihood.value(light)
-    while True:
-        model = _QuadraticModel(problem, light, light_of_ones)
-        move = image - np.clip(image - model.scaled_gradient(), 0, max_intensity)
-        residual = float(np.abs(move).max() / max_intensity)
-        if not monitor.update(image, {"projected gradient": residual}):
-            break
-        margin = min(residual, 1e-3) * max_intensity
+    cost = -problem.likelihood.values(light)
+    results, costs = np.empty(image.shape), np.empty(len(image))
+    monitor.begin(len(image))
+    while len(active := monitor.active):
+        model = QuadraticModel(problem, light, light_of_ones)
+        move = np.abs(image - np.clip(image - model.scaled_gradient(), 0, max_intensity))
+        residual = move.reshape(len(image), -1).max(axis=1) / max_intensity
+        unfinished = monitor.update(image, {"projected gradient": residual})
+        if not unfinished.all():
+            ended = active[~unfinished]
+            results[ended], costs[ended] = image[~unfinished], cost[~unfinished]
+            if not unfinished.any():
+                break
+            problem, model = problem.select(unfinished), model.select(unfinished)
+            image, light, cost, needs_light, residual = (
+                select(each, unfinished) for each in (image, light, cost, needs_light, residual)
+            )
+        state = _State(image, light, cost, np.where(needs_light, _MIN_RATIO * image, 0.0))
+        margin = each_image(np.minimum(residual, 1e-3) * max_intensity, image)
         fixed = ((image <= margin) & (model.gradient > 0)) | (
             (image >= max_intensity - margin) & (model.gradient < 0)
         )
-        lower = np.where(needs_light, _MIN_RATIO * image, 0.0)
         # If Newton's direction does not lower the cost, the gradient does, except for rounding.
-        for direction in (find_direction, _gradient_direction):
-            step = _line_search(
-                problem, image, cost, model.gradient, direction(model, ~fixed), lower
-            )
-            if step is not None:
+        left = np.ones(len(image), np.bool_)
+        for direction in (find_direction, gradient_direction):
+            left = _line_search(problem, state, left, model.gradient, direction(model, ~fixed))
+            if not left.any():
                 break
-        else:
-            monitor.fail("rounding hides the progress of any step; raise tol")
-            break
-        image, light, cost = step
-    return image, monitor.finish(cost)
+        image, light, cost = state.image, state.light, state.cost
+        if left.any():
+            ended = monitor.active[left]
+            results[ended], costs[ended] = image[left], cost[left]
+            monitor.give_up(left, "rounding hides the progress of any step; raise tol")
+            problem = problem.select(~left)
+            image, light, cost, needs_light = (
+                select(each, ~left) for each in (image, light, cost, needs_light)
+            )
+    monitor.finish(costs)
+    return results
 
 
 def _initial_image(
@@ -288,7 +231,8 @@ def _initial_image(
     """Return the image before the first step, and the mask of the pixels that must have light."""
     likelihood, max_intensity = problem.likelihood, problem.max_intensity
     if start is None:
-        start = np.full(problem.operator.input_shape, problem.constant_estimate())
+        level = problem.constant_estimates()
+        start = each_image(level, likelihood.ones) * np.ones(problem.operator.input_shape)
     # The most likely intensity of a pixel is 0 if all its bits are 0, and S if all are 1.
     ones = likelihood.ones > 0
     any_one = _pixels_with(problem, ones)
@@ -301,18 +245,44 @@ def _initial_image(
     return np.where(needs_light, np.maximum(image, _MIN_LIGHT * max_intensity), image), needs_light
 
 
+@dataclasses.dataclass
+class _State:
+    """The images of a stack before a step, and after it where it succeeded."""
+
+    image: Array
+    light: Array
+    cost: Array
+    """-ℓ of each image, (N,)."""
+    lower: Array
+    """The lower bound of the step."""
+
+
 def _line_search(
-    problem: Problem, image: Array, cost: float, gradient: Array, direction: Array, lower: Array
-) -> tuple[Array, Array, float] | None:
-    """Return image, light, and cost after the first halved step that lowers the cost enough."""
+    problem: Problem, state: _State, left: Mask, gradient: Array, direction: Array
+) -> Mask:
+    """Move each image of a mask by the first halved step that lowers the cost enough.
+
+    Return the mask of those that no step moves.
+    """
     for halvings in range(_MAX_HALVINGS):
-        candidate = np.clip(image + 0.5**halvings * direction, lower, problem.max_intensity)
+        image, lower, step, slope, cost = (
+            select(each, left)
+            for each in (state.image, state.lower, direction, gradient, state.cost)
+        )
+        candidate = np.clip(image + 0.5**halvings * step, lower, problem.max_intensity)
         light = problem.operator.forward(candidate)
-        candidate_cost = -problem.likelihood.value(light)
-        predicted = dot(gradient, image - candidate)
-        if candidate_cost <= cost - _ARMIJO * predicted + _ROUNDING * abs(cost):
-            return candidate, light, candidate_cost
-    return None
+        new_cost = -problem.select(left).likelihood.values(light)
+        predicted = dots(slope, image - candidate)
+        moved = new_cost <= cost - _ARMIJO * predicted + _ROUNDING * abs(cost)
+        places = left.copy()
+        places[left] = moved
+        state.image = replace(state.image, places, select(candidate, moved))
+        state.light = replace(state.light, places, select(light, moved))
+        state.cost = replace(state.cost, places, select(new_cost, moved))
+        left = left & ~places
+        if not left.any():
+            break
+    return left
 
 
 def _pixels_with(problem: Problem, cells: Mask) -> Mask:

@@ -1,5 +1,7 @@
 """The non-iterative method: stabilize, denoise, invert (paper, section 2.2.2)."""
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -8,6 +10,7 @@ from jotlight.estimators.denoise import Denoiser, resolve_denoiser
 from jotlight.estimators.inverse_response import (
     equivalent_counts,
     intensity_from_probability,
+    warn_about_smooth_kernel,
 )
 from jotlight.estimators.trial_levels import (
     count_local_trials,
@@ -16,14 +19,12 @@ from jotlight.estimators.trial_levels import (
 from jotlight.sensing.pixel_counts import (
     Data,
     Estimate,
-    GrayData,
-    count_pixels,
     gray_images,
     prepare_data,
-    warn_about_smooth_kernel,
 )
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.stacks import each_image
 
 
 def noniterative(
@@ -87,42 +88,48 @@ def noniterative(
     the method runs at several K, whose ratios are at most 2, and pixels between two of them are
     interpolated.
 
+    The engine computes all images of a stack together. The denoisers are functions of libraries,
+    which run on one image at a time.
+
     Examples
     --------
     >>> counts = np.full((8, 8), 8)
     >>> noniterative(counts, Sensor(frames=16), denoiser=lambda z: z)[0, 0].round(3)
     np.float32(0.693)
     """
-    run = resolve_denoiser(denoiser)
+    resolve_denoiser(denoiser)  # check it first
     if inverse not in vst.INVERSES:
         raise ValueError(f"inverse: expected one of {', '.join(vst.INVERSES)}, got {inverse!r}")
 
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
     warn_about_smooth_kernel(sensor)
 
-    def estimate_image(data: GrayData) -> Estimate:
-        pixels = count_pixels(data, sensor, threads)
-        local = count_local_trials(pixels)
-        largest = int(np.ceil(np.max(local)))
-        counts = equivalent_counts(pixels, reference_jot(sensor), largest, threads)
+    images = gray_images(data)
+    pixels = images.count(sensor, threads)
+    own_trials = count_local_trials(pixels)
+    largest = np.ceil([np.max(each) for each in own_trials])
+    counts = equivalent_counts(pixels, reference_jot(sensor), largest, threads)
 
-        def probability_at(level: int) -> Estimate:
-            own = counts if level == largest else np.minimum(counts * (level / largest), level)
-            denoised = _run_denoiser(run, vst.anscombe(own, level, threads=threads))
-            inverted = vst.inverse_anscombe(denoised, level, inverse=inverse, threads=threads)
-            return np.asarray(inverted / np.float32(level))
+    def probability_at(level: int, places: list[int]) -> Estimate:
+        factor = each_image(np.asarray(level / largest[places], np.float32), counts)
+        own = np.minimum(counts[places] * factor, np.float32(level))
+        denoised = _run_denoiser(denoiser, vst.anscombe(own, level, threads=threads))
+        inverted = vst.inverse_anscombe(denoised, level, inverse=inverse, threads=threads)
+        return np.asarray(inverted / np.float32(level))
 
-        probability = interpolate_levels(probability_at, local)
-        return intensity_from_probability(probability, sensor, threads)
-
-    return gray_images(data).map(estimate_image)
+    probability = interpolate_levels(probability_at, own_trials, counts.shape[1:])
+    return images.layout.arrange(intensity_from_probability(probability, sensor, threads))
 
 
-def _run_denoiser(run: Denoiser, z: Estimate) -> Estimate:
-    denoised = np.asarray(run(z), np.float32)
-    if denoised.shape != z.shape or not np.isfinite(denoised).all():
-        raise ValueError(
-            f"denoiser: expected a finite image of shape {z.shape}, got shape {denoised.shape}"
-            + ("" if denoised.shape != z.shape else " with NaN or infinity")
-        )
-    return denoised
+def _run_denoiser(denoiser: str | Denoiser, z: Estimate) -> Estimate:
+    """Return the denoised images (N, H, W). A function of the caller takes one at a time."""
+    run = resolve_denoiser(denoiser)
+    results: Any = run(z) if isinstance(denoiser, str) else [run(each) for each in z]
+    denoised = [np.asarray(each, np.float32) for each in results]
+    for each in denoised:
+        if each.shape != z.shape[1:] or not np.isfinite(each).all():
+            raise ValueError(
+                f"denoiser: expected a finite image of shape {z.shape[1:]}, got shape {each.shape}"
+                + ("" if each.shape != z.shape[1:] else " with NaN or infinity")
+            )
+    return np.stack(denoised)

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.figure import draw_psnr, draw_snr
+from jotlight.estimators.inverse_response import warn_about_smooth_kernel
 from jotlight.notebook import card, table_of
 from jotlight.sensing.likelihood import Likelihood
-from jotlight.sensing.pixel_counts import warn_about_smooth_kernel
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import Array, detection_probability, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor, require_sensor

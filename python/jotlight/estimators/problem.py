@@ -6,19 +6,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.convergence import ConvergenceHistory
+from jotlight.estimators.convergence import ConvergenceHistory, ConvergenceMonitor
 from jotlight.estimators.inpaint import check_any_valid
 from jotlight.estimators.mle import require_bits
-from jotlight.layout import Layout
+from jotlight.layout import Layout, join
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.counting import count_ones
 from jotlight.sensing.likelihood import Likelihood, Problem
 from jotlight.sensing.operators import scaling, spread
 from jotlight.sensing.pixel_counts import (
     Data,
     Estimate,
-    GrayData,
+    GrayImages,
     PixelCounts,
-    count_pixels,
+    PreparedData,
     gray_images,
     prepare_data,
 )
@@ -28,12 +29,17 @@ from jotlight.sensing.sensor import Sensor
 ConvergenceHistories = ConvergenceHistory | list[ConvergenceHistory]
 """The history of a gray image, or a list with that of each image of a stack and each channel."""
 
-Solver = Callable[[Problem, Array | None, str], tuple[Array, ConvergenceHistory]]
-"""A function that solves one problem. It takes the problem, its start, and a name for warnings."""
+Solver = Callable[[Problem, Array | None], Array]
+"""A function that returns the images of the problem of a stack, from their initial images."""
+
+_MAX_CELLS = 1 << 17
+"""Maximum number of cells of the images that a method iterates at the same time, if they are
+several. More do not fit into the caches."""
 
 
 def solve_images(
     solve: Solver,
+    monitor: ConvergenceMonitor,
     data: Data | Problem,
     sensor: Sensor | None,
     trials: npt.ArrayLike | None,
@@ -46,7 +52,9 @@ def solve_images(
     Parameters
     ----------
     solve : callable
-        The iterative method. The name of an only image is "".
+        The iterative method, which solves the problems of several images at once.
+    monitor : ConvergenceMonitor
+        The monitor to which the method reports.
     data : Bits, Merged, list of them, Problem, or array_like of int
         Bits, merged counts, counts (..., H, W), or a problem without a sensor.
     sensor : Sensor or None
@@ -64,39 +72,38 @@ def solve_images(
     ------
     TypeError, ValueError
         When data, sensor and start do not fit together.
+
+    Warns
+    -----
+    JotlightWarning
+        Once, when images did not converge.
     """
     initial = None if start is None else _check_start(start)
     if isinstance(data, Problem):
-        if sensor is not None:
-            raise TypeError("sensor: expected none, since a Problem has its own operator")
-        if trials is not None:
-            raise TypeError("trials: expected none, since a Problem has its own likelihood")
-        if channel_axis is not None:
-            raise TypeError("channel_axis: expected none, since a Problem is one gray image")
-        estimate, history = solve(data, _fit_start(initial, data), "")
-        return estimate.astype(np.float32), history
-    data, sensor = prepare_data(data, sensor, trials, channel_axis)
-    images = gray_images(data)
-    layout = images.layout
-    starts: Any = [None] * len(images)
-    if initial is not None:
-        starts = layout.split(_check_axes(initial, layout))
-    histories: list[ConvergenceHistory] = []
-
-    def solve_image(image: GrayData) -> Estimate:
-        problem = build_problem(image, sensor, threads)
-        index = len(histories)
-        name = "" if layout.is_single else f", {layout.name_of(index)}"
-        estimate, history = solve(problem, _fit_start(starts[index], problem), name)
-        histories.append(history)
-        return estimate.astype(np.float32)
-
-    result = images.map(solve_image)
-    return result, histories[0] if layout.is_single else histories
+        _refuse_options(sensor, trials, channel_axis)
+        if initial is not None and not data.is_stack:
+            initial = initial[None]
+        problem = data.stacked()
+        estimates = [solve(problem, _fit_start(initial, problem)).astype(np.float32)]
+        layout = Layout((len(estimates[0]),) if data.is_stack else ())
+    else:
+        data, sensor = prepare_data(data, sensor, trials, channel_axis)
+        images = gray_images(data)
+        layout = images.layout
+        starts = None if initial is None else layout.split(_check_axes(initial, layout))
+        estimates, first = [], 0
+        for part in images.parts(sensor, _max_pixels(sensor)):
+            problem = build_problem(part, sensor, threads)
+            own = None if starts is None else starts[first : first + len(part)]
+            first += len(part)
+            estimates.append(solve(problem, _fit_start(own, problem)).astype(np.float32))
+    monitor.warn(lambda index: "" if layout.is_single else layout.name_of(index))
+    histories = monitor.histories
+    return layout.arrange(join(estimates)), histories[0] if layout.is_single else histories
 
 
-def build_problem(data: GrayData, sensor: Sensor, threads: int | None) -> Problem:
-    """Return the problem of one gray image of bits or counts: equation (4).
+def build_problem(data: PreparedData, sensor: Sensor, threads: int | None) -> Problem:
+    """Return the problem of a stack of gray images of bits or counts: equation (4).
 
     With the box kernel the bits of a pixel are exchangeable. Their count is then a sufficient
     statistic, and the cells are the pixels. With a smooth kernel, or where the jots of a pixel
@@ -104,8 +111,8 @@ def build_problem(data: GrayData, sensor: Sensor, threads: int | None) -> Proble
 
     Parameters
     ----------
-    data : Bits of shape (T, H·K̂, W·K̂), Merged, or ndarray of int32, both of shape (H, W)
-        The bits, merged counts, or counts.
+    data : Bits of shape (T, H·K̂, W·K̂), Merged or ndarray of int32 (H, W), or GrayImages
+        The bits, merged counts, or counts, of one image or several.
     sensor : Sensor
         The sensor that recorded them.
     threads : int, optional
@@ -114,24 +121,44 @@ def build_problem(data: GrayData, sensor: Sensor, threads: int | None) -> Proble
     Raises
     ------
     TypeError, ValueError
-        When data and sensor do not fit together, or no pixel has a valid bit.
+        When data and sensor do not fit together, or an image has no pixel with a valid bit.
 
     Examples
     --------
     >>> build_problem(np.array([[3, 1]], np.int32), Sensor(oversampling=2), None).likelihood.shape
-    (1, 2)
+    (1, 1, 2)
     """
-    recorded = data.sensor if isinstance(data, Bits) else None
-    if recorded is not None and recorded.kernel != sensor.kernel:
-        raise ValueError(
-            f"kernel: expected {recorded.kernel!r}, the kernel of the bits' own sensor, got "
-            f"{sensor.kernel!r}; Bits(bits.packed, bits.width) drops that sensor"
-        )
-    pixels = count_pixels(data, sensor, threads)
+    images = gray_images(data)
+    for one in images.data:
+        recorded = one.sensor if isinstance(one, Bits) else None
+        if recorded is not None and recorded.kernel != sensor.kernel:
+            raise ValueError(
+                f"kernel: expected {recorded.kernel!r}, the kernel of the bits' own sensor, got "
+                f"{sensor.kernel!r}; Bits(bits.packed, bits.width) drops that sensor"
+            )
+    pixels = images.count(sensor, threads)
     check_any_valid(pixels.trials)
     if sensor.kernel == "box" and not pixels.varies_within_pixels:
         return _pixel_problem(pixels, threads)
-    return _jot_problem(data, sensor, pixels.counts.shape, threads)
+    return _jot_problem(images, sensor, pixels.counts.shape, threads)
+
+
+def _max_pixels(sensor: Sensor) -> int:
+    """Return the maximum number of pixels of several images that are solved at once."""
+    uses_jots = sensor.kernel != "box"
+    return _MAX_CELLS // (sensor.oversampling**2 if uses_jots else 1)
+
+
+def _refuse_options(
+    sensor: Sensor | None, trials: npt.ArrayLike | None, channel_axis: int | None
+) -> None:
+    """Raise TypeError for options of data that a problem does not have."""
+    if sensor is not None:
+        raise TypeError("sensor: expected none, since a Problem has its own operator")
+    if trials is not None:
+        raise TypeError("trials: expected none, since a Problem has its own likelihood")
+    if channel_axis is not None:
+        raise TypeError("channel_axis: expected none, since a Problem has no channels")
 
 
 def _check_start(start: npt.ArrayLike) -> Array:
@@ -154,12 +181,16 @@ def _check_axes(start: Array, layout: Layout) -> Array:
 
 
 def _fit_start(start: Array | None, problem: Problem) -> Array | None:
+    """Return the initial images, (N, ...), clipped to [0, S]."""
     if start is None:
         return None
-    if start.shape != problem.operator.input_shape:
+    if start.shape[1:] != problem.operator.input_shape:
         raise ValueError(
-            f"start: expected the image's shape {problem.operator.input_shape}, got {start.shape}"
+            f"start: expected the image's shape {problem.operator.input_shape}, "
+            f"got {start.shape[1:]}"
         )
+    if len(start) != len(problem.likelihood.ones):
+        raise ValueError(f"start: expected {len(problem.likelihood.ones)} images, got {len(start)}")
     return np.clip(start, 0, problem.max_intensity)
 
 
@@ -173,36 +204,37 @@ def _pixel_problem(pixels: PixelCounts, threads: int | None) -> Problem:
         dark_counts=pixels.dark_counts,
         threads=threads,
     )
-    return Problem(scaling(pixels.counts.shape, light), likelihood, max_intensity)
+    return Problem(scaling(pixels.counts.shape[1:], light), likelihood, max_intensity)
 
 
 def _jot_problem(
-    data: GrayData,
-    sensor: Sensor,
-    shape: tuple[int, ...],
-    threads: int | None,
+    images: GrayImages, sensor: Sensor, shape: tuple[int, ...], threads: int | None
 ) -> Problem:
-    if sensor.kernel == "box":
-        bits = require_bits(data)
-    else:
-        bits = require_bits(data, f"the light of a {sensor.kernel} kernel differs from jot to jot")
-    ones = bits.counts(1, mask=sensor.mask, threads=threads)
+    reason = "jots of one pixel differ in their efficiency or dark counts"
+    if sensor.kernel != "box":
+        reason = f"the light of a {sensor.kernel} kernel differs from jot to jot"
+    bits = [require_bits(image, reason) for image in images.data]
+    ones = count_ones(bits, 1, mask=sensor.mask, threads=threads)
     trials: Any = sensor.frames
     if sensor.mask is not None:
         trials = np.where(sensor.mask, 0.0, float(sensor.frames))
     light = spread(
-        shape,
+        shape[1:],
         sensor.oversampling,
         sensor.kernel,
         gain=sensor.gain / sensor.frames,
         threads=threads,
     )
+    trials, efficiency, dark_counts = (
+        np.broadcast_to(value, ones.shape) if isinstance(value, np.ndarray) else value
+        for value in (trials, sensor.efficiency, sensor.dark_counts)
+    )
     likelihood = Likelihood(
         ones,
         trials,
         threshold=sensor.threshold,
-        efficiency=sensor.efficiency,
-        dark_counts=sensor.dark_counts,
+        efficiency=efficiency,
+        dark_counts=dark_counts,
         threads=threads,
     )
     return Problem(light, likelihood, sensor.max_intensity)

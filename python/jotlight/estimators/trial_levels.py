@@ -1,14 +1,17 @@
 """Methods for one number of trials, run at some levels of it and interpolated pixel by pixel."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.inpaint import check_any_valid
-from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.pixel_counts import MAX_PIXELS, PixelCounts
 
 Image = npt.NDArray[np.float32]
+
+LocalTrials = int | Image
+"""The local trials of an image: one whole number, or a map (H, W)."""
 
 _MAX_RATIO = 2.0
 """Maximum ratio of neighboring levels."""
@@ -75,32 +78,7 @@ def level_weights(
             yield level, weight
 
 
-def interpolate_levels(
-    run: Callable[[int], Image], trials: int | npt.NDArray[np.floating]
-) -> Image:
-    """Return an image whose pixels are those of their nearest level, or lie between two levels.
-
-    Parameters
-    ----------
-    run : callable
-        A function that returns the image (H, W) for a whole number of trials.
-    trials : int or ndarray, shape (H, W)
-        The number of trials of each pixel, above 0; a number is the only level.
-
-    Examples
-    --------
-    >>> interpolate_levels(lambda level: np.full(4, level), np.array([4, 4.5, 5.7, 8])).round(2)
-    array([4.  , 4.  , 6.09, 8.  ], dtype=float32)
-    """
-    if not isinstance(trials, np.ndarray):
-        return run(trials)
-    result = np.zeros(trials.shape, np.float32)
-    for level, weight in level_weights(trials):
-        result += weight * run(level)
-    return result
-
-
-def local_trials(trials: npt.NDArray[np.floating]) -> int | Image:
+def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
     """Return the number of trials that states the noise around each pixel.
 
     The noise of a fraction of ones is inversely proportional to its trials. A denoiser weighs a
@@ -130,33 +108,118 @@ def local_trials(trials: npt.NDArray[np.floating]) -> int | Image:
     return np.asarray(1 / noise, np.float32)
 
 
-def count_local_trials(pixels: PixelCounts) -> int | Image:
-    """Return :func:`local_trials` of pixel counts. Dead pixels get those of the nearest valid one.
+def count_local_trials(pixels: PixelCounts) -> list[LocalTrials]:
+    """Return :func:`local_trials` of each image of pixel counts (N, H, W).
 
-    Several images must have equal trials at all valid pixels.
+    Dead pixels get those of the nearest valid one.
 
     Raises
     ------
     ValueError
-        When no pixel has a valid bit.
+        When no pixel of an image has a valid bit.
 
     Examples
     --------
-    >>> from jotlight.sensing.merged import Merged
-    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> from jotlight.sensing.pixel_counts import PixelCounts
     >>> from jotlight.sensing.sensor import Sensor
-    >>> merged = Merged([[3, 0]], [[4, 0]], Sensor())
-    >>> count_local_trials(count_pixels(merged, merged.sensor, None))
-    4
+    >>> trials = np.array([[[4.0, 0.0]], [[2.0, 2.0]]])
+    >>> counts = np.zeros(trials.shape, np.int32)
+    >>> count_local_trials(PixelCounts(Sensor(), counts, trials, 1.0, 0.0, False))
+    [4, 2]
     """
     check_any_valid(pixels.trials)
+    number = len(pixels.counts)
     if not isinstance(pixels.trials, np.ndarray):
-        return max(1, round(pixels.trials))
-    valid = pixels.trials > 0
-    alive = pixels.trials[valid]
+        return [max(1, round(pixels.trials))] * number
+    # The images of a sensor with a mask share one map.
+    if pixels.trials.strides[0] == 0:
+        return [_local_trials_of(pixels.trials[0])] * number
+    return [_local_trials_of(trials) for trials in pixels.trials]
+
+
+def _local_trials_of(trials: npt.NDArray[np.float64]) -> LocalTrials:
+    valid = trials > 0
+    alive = trials[valid]
     if alive.min() == alive.max():
         return max(1, round(float(alive[0])))
-    return local_trials(fill_from_nearest(pixels.trials, valid))
+    return local_trials(fill_from_nearest(trials, valid))
+
+
+def share_levels(
+    trials: Sequence[LocalTrials],
+) -> Iterator[tuple[int, list[tuple[list[int], Image | None]]]]:
+    """Yield the levels of several images, each with groups of images and their weights.
+
+    Parameters
+    ----------
+    trials : sequence of int or ndarray (H, W)
+        The local trials of each image. A number is the only level of an image.
+
+    Yields
+    ------
+    int
+        The level, from the smallest one.
+    list of (list of int, ndarray or None)
+        Groups of images, with the weights (H, W) of the level at their pixels, or None for 1.
+
+    Examples
+    --------
+    >>> two = np.array([[4.0, 8.0]])
+    >>> for level, groups in share_levels([8, two, 8, two]):
+    ...     print(level, groups)
+    4 [([1, 3], array([[1., 0.]], dtype=float32))]
+    8 [([0, 2], None), ([1, 3], array([[0., 1.]], dtype=float32))]
+    """
+    groups: dict[int, list[int]] = {}
+    for image, each in enumerate(trials):
+        # Images of the same sensor share one map.
+        groups.setdefault(-id(each) if isinstance(each, np.ndarray) else each, []).append(image)
+    levels: dict[int, list[tuple[list[int], Image | None]]] = {}
+    for images in groups.values():
+        each = trials[images[0]]
+        if isinstance(each, np.ndarray):
+            for level, weights in level_weights(each):
+                levels.setdefault(level, []).append((images, weights))
+        else:
+            levels.setdefault(each, []).append((images, None))
+    for level in sorted(levels):
+        yield level, levels[level]
+
+
+def interpolate_levels(
+    run: Callable[[int, list[int]], Image],
+    trials: Sequence[LocalTrials],
+    shape: tuple[int, int],
+) -> Image:
+    """Return images whose pixels are those of their nearest level, or lie between two levels.
+
+    Parameters
+    ----------
+    run : callable
+        A function of a level and a list of images, which returns these images, (M, H, W). It is
+        called once for each level, or several times if there are many pixels.
+    trials : sequence of int or ndarray (H, W)
+        The local trials of each image, above 0. A number is the only level of an image.
+    shape : (int, int)
+        The size of the images.
+
+    Examples
+    --------
+    >>> trials = np.array([[4, 4.5, 5.7, 8]])
+    >>> run = lambda level, images: np.full((len(images), 1, 4), level)
+    >>> interpolate_levels(run, [trials, 4], (1, 4)).round(2).tolist()
+    [[[4.0, 4.0, 6.090000152587891, 8.0]], [[4.0, 4.0, 4.0, 4.0]]]
+    """
+    result = np.zeros((len(trials), *shape), np.float32)
+    number = max(1, MAX_PIXELS // (shape[0] * shape[1]))
+    for level, groups in share_levels(trials):
+        images = [(image, weights) for group, weights in groups for image in group]
+        for start in range(0, len(images), number):
+            part = images[start : start + number]
+            values = run(level, [image for image, _ in part])
+            for (image, weights), value in zip(part, values, strict=True):
+                result[image] += value if weights is None else weights * value
+    return result
 
 
 def fill_from_nearest(values: npt.NDArray[np.floating], known: npt.NDArray[np.bool_]) -> Image:

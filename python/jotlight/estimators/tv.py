@@ -10,6 +10,8 @@ from jotlight.interrupts import interruptible
 from jotlight.sensing.likelihood import Likelihood, Problem
 from jotlight.sensing.operators import differences
 from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.stacks import each_image, image_means, image_sums
+from jotlight.sensing.values import flatten
 
 NORMS = ("isotropic", "anisotropic")
 """The names of the norms of a pixel's two differences."""
@@ -58,10 +60,30 @@ def total_variation(
         raise ValueError(
             f"image: expected shape (H, W) or (N,) with at least one pixel, got {values.shape}"
         )
-    rows = values.reshape((1, -1) if values.ndim == 1 else values.shape)
-    planes = differences(rows.shape).forward(rows)
     weights = check_map("weight", weight, values.shape)
-    return engine.total_variation(planes, weights, check_norm(norm) == "isotropic", None)
+    return float(total_variations(values[None], check_norm(norm), weights)[0])
+
+
+def total_variations(images: Array, norm: str, weight: float | Array) -> Array:
+    """Return the weighted total variation of each image of a stack, (N,).
+
+    Parameters
+    ----------
+    images : ndarray of float64, shape (N, H, W) or (N, length)
+        Images or signals.
+    norm : {"isotropic", "anisotropic"}
+        As for :func:`total_variation`.
+    weight : float or ndarray of float64
+        A number, or one for each pixel of each image.
+
+    Examples
+    --------
+    >>> total_variations(np.array([[1.0, 3.0, 3.0], [0.0, 0.0, 0.0]]), "isotropic", 0.5).tolist()
+    [1.0, 0.0]
+    """
+    rows = images.shape[1:] if images.ndim == 3 else (1, *images.shape[1:])
+    planes = differences(rows).forward(images.reshape(-1, *rows))
+    return np.array(engine.total_variation(planes, flatten(weight), norm == "isotropic", None))
 
 
 def shrink(
@@ -104,7 +126,8 @@ def shrink(
         raise ValueError("planes: expected numbers, got NaN")
     pairs = values if values.ndim == 3 else np.stack([np.zeros_like(values), values])
     thresholds = check_map("threshold", threshold, values.shape[1:])
-    engine.shrink(pairs, thresholds, check_norm(norm) == "isotropic", None)
+    stack = pairs.reshape(1, 2, -1, values.shape[-1])
+    engine.shrink(stack, thresholds, check_norm(norm) == "isotropic", None)
     return pairs if values.ndim == 3 else pairs[1]
 
 
@@ -119,7 +142,7 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     Parameters
     ----------
     problem : Problem
-        The data and their operator.
+        The data and their operator, for one image or a stack.
     norm : {"isotropic", "anisotropic"}
         Averaged over the directions of an edge, anisotropic variation is 4/π times as large as
         isotropic variation. Its weight is smaller by this factor.
@@ -127,7 +150,7 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     Returns
     -------
     ndarray of float64
-        λ in nats per unit of intensity, of the shape of the image.
+        λ in nats per unit of intensity, of the shape of the image or of the stack.
 
     Raises
     ------
@@ -154,48 +177,52 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     >>> weight.shape, bool(weight.mean() > 5)  # The image is nothing but noise: smooth it all.
     ((64, 64), True)
     """
-    operator, likelihood = problem.operator, problem.likelihood
-    constant = operator.forward(np.full(operator.input_shape, problem.constant_estimate()))
+    stack = problem.stacked()
+    operator, likelihood = stack.operator, stack.likelihood
     light_of_ones = operator.forward(np.ones(operator.input_shape))
+    constant = each_image(stack.constant_estimates(), likelihood.ones) * light_of_ones
     score = operator.adjoint(likelihood.gradient_and_curvature(constant)[0])
     information = operator.adjoint(likelihood.information(constant) * light_of_ones)
-    local = np.sqrt(local_information(problem, light_of_ones))
-    roughness = 1.0
+    local = np.sqrt(local_information(stack, light_of_ones))
+    mean = image_means(information)
     # If nearly all bits are saturated, the roughness is unknown, and 1 stands in for it.
-    if information.mean() > 1e-6 * np.square(local).mean():
-        noise = 1 / math.sqrt(information.mean())
-        roughness = _roughness(score, information, problem.max_intensity) / noise
-    norm_factor = math.pi / 4 if check_norm(norm) == "anisotropic" and local.ndim == 2 else 1.0
-    return np.asarray(norm_factor * WEIGHT_STRENGTH * roughness**-WEIGHT_POWER * local)
+    known = mean > 1e-6 * image_means(np.square(local))
+    roughness = _roughness(score, information, stack.max_intensity) * np.sqrt(mean)
+    roughness = np.where(known, roughness, 1.0)
+    norm_factor = math.pi / 4 if check_norm(norm) == "anisotropic" and local.ndim == 3 else 1.0
+    weight = norm_factor * WEIGHT_STRENGTH * each_image(roughness**-WEIGHT_POWER, local) * local
+    return weight if problem.is_stack else weight[0]
 
 
-def _roughness(score: Array, information: Array, max_intensity: float) -> float:
-    """Return γ, which is at least its uncertainty due to noise, or S for a single block."""
-    sides = [min(_BLOCK, max(1, size // 2)) for size in score.shape]
+def _roughness(score: Array, information: Array, max_intensity: float) -> Array:
+    """Return γ of each image, at least its uncertainty due to noise, or S for a single block."""
+    sides = [min(_BLOCK, max(1, size // 2)) for size in score.shape[1:]]
     score, information = _block_sums(score, sides), _block_sums(information, sides)
     known = information > 0
     variance = 1 / np.where(known, information, 1)
     deviation = score * variance
-    squares, noise = [], []
-    for axis in range(score.ndim):
-        lines, variances = np.moveaxis(deviation, axis, 0), np.moveaxis(variance, axis, 0)
-        valid = np.moveaxis(known, axis, 0)
-        both = valid[1:] & valid[:-1]
-        squares.append(np.square(np.diff(lines, axis=0))[both])
-        noise.append((variances[1:] + variances[:-1])[both])
-    square, expected = np.concatenate(squares), np.concatenate(noise)
-    if square.size == 0:
-        return max_intensity
-    uncertainty = expected.mean() * math.sqrt(2 / square.size)
-    return math.sqrt(max(square.mean() - expected.mean(), uncertainty))
+    square, expected, number = (np.zeros(len(score)) for _ in range(3))
+    for axis in range(1, score.ndim):
+        lines, variances = np.moveaxis(deviation, axis, 1), np.moveaxis(variance, axis, 1)
+        valid = np.moveaxis(known, axis, 1)
+        both = valid[:, 1:] & valid[:, :-1]
+        square += image_sums(np.where(both, np.square(np.diff(lines, axis=1)), 0.0))
+        expected += image_sums(np.where(both, variances[:, 1:] + variances[:, :-1], 0.0))
+        number += image_sums(both)
+    several = number > 0
+    number = np.maximum(number, 1)
+    square, expected = square / number, expected / number
+    uncertainty = expected * np.sqrt(2 / number)
+    return np.where(several, np.sqrt(np.maximum(square - expected, uncertainty)), max_intensity)
 
 
-def _block_sums(image: Array, sides: list[int]) -> Array:
-    for axis, side in enumerate(sides):
-        size = image.shape[axis] // side * side
-        cropped = np.moveaxis(image, axis, 0)[:size]
-        image = np.moveaxis(cropped.reshape(-1, side, *cropped.shape[1:]).sum(axis=1), 0, axis)
-    return image
+def _block_sums(images: Array, sides: list[int]) -> Array:
+    for axis, side in enumerate(sides, start=1):
+        size = images.shape[axis] // side * side
+        cropped = np.moveaxis(images, axis, 1)[:, :size]
+        blocks = cropped.reshape(len(images), -1, side, *cropped.shape[2:])
+        images = np.moveaxis(blocks.sum(axis=2), 1, axis)
+    return images
 
 
 def local_information(problem: Problem, light_of_ones: Array) -> Array:
@@ -213,7 +240,7 @@ def local_information(problem: Problem, light_of_ones: Array) -> Array:
     Returns
     -------
     ndarray of float64
-        I in units of 1 / intensity², of the shape of the image.
+        I in units of 1 / intensity², of the shape of the image or of the stack.
 
     Examples
     --------
@@ -224,22 +251,30 @@ def local_information(problem: Problem, light_of_ones: Array) -> Array:
     """
     from scipy.ndimage import gaussian_filter
 
-    operator, likelihood = problem.operator, problem.likelihood
+    stack = problem.stacked()
+    operator, likelihood = stack.operator, stack.likelihood
     trials = np.broadcast_to(np.asarray(likelihood.trials, np.float64), likelihood.shape)
+    sigma = (0.0, *[_BLUR] * len(operator.input_shape))
     ones, valid = (
-        interruptible(gaussian_filter)(operator.adjoint(array), _BLUR, mode="reflect")
+        interruptible(gaussian_filter)(operator.adjoint(array), sigma, mode="reflect")
         for array in (likelihood.ones.astype(np.float64), trials)
     )
-    overall = likelihood.ones.sum() / trials.sum()
+    total = image_sums(trials)
+    overall = each_image(image_sums(likelihood.ones) / total, ones)
     fraction = np.where(valid > 0, ones / np.where(valid > 0, valid, 1), overall)
-    bits = trials.sum() / fraction.size
     # The information is a smooth function of the fraction alone, so a table suffices.
     fractions = np.linspace(0, 1, _TABLE_SIZE)
-    p = (bits * fractions + 3 / 8) / (bits + 3 / 4)
-    rates = inverse_detection_probability(likelihood.threshold, p, 1 - p)
     one_bit = Likelihood(np.zeros(_TABLE_SIZE, np.int32), 1, threshold=likelihood.threshold)
-    information = np.interp(fraction, fractions, one_bit.information(rates))
-    return np.asarray(bits * light_of_ones.mean() ** 2 * information)
+    mean_bits = total / fraction[0].size
+    information = np.empty(fraction.shape)
+    for bits in np.unique(mean_bits):
+        p = (bits * fractions + 3 / 8) / (bits + 3 / 4)
+        rates = inverse_detection_probability(likelihood.threshold, p, 1 - p)
+        same = mean_bits == bits
+        table = bits * one_bit.information(rates)
+        information[same] = np.interp(fraction[same], fractions, table)
+    information *= light_of_ones.mean() ** 2
+    return information if problem.is_stack else information[0]
 
 
 def check_map(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -> float | Array:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from jotlight.errors import JotlightWarning
 from jotlight.estimators.figure import draw_map
+from jotlight.estimators.inverse_response import warn_about_smooth_kernel
 from jotlight.estimators.light_inversion import (
     LightInverse,
     UniqueCounts,
@@ -17,17 +18,16 @@ from jotlight.estimators.light_inversion import (
 )
 from jotlight.estimators.mle import mle, require_bits
 from jotlight.interrupts import interruptible
+from jotlight.layout import join
 from jotlight.notebook import card, normalize
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.pixel_counts import (
     Data,
     Estimate,
-    GrayData,
+    GrayImages,
     PixelCounts,
-    count_pixels,
     gray_images,
     prepare_data,
-    warn_about_smooth_kernel,
 )
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
@@ -190,21 +190,23 @@ def uncertainty(
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
     warn_about_smooth_kernel(sensor)
     images = gray_images(data)
-    each = [_gray_uncertainty(image, sensor, confidence_level, threads) for image in images.data]
+    each = [_uncertainty(part, sensor, confidence_level, threads) for part in images.parts(sensor)]
     arrays = {
-        field.name: images.layout.arrange(np.stack([getattr(one, field.name) for one in each]))
+        field.name: images.layout.arrange(join([getattr(one, field.name) for one in each]))
         for field in dataclasses.fields(Uncertainty)
         if field.name != "confidence_level"
     }
     return Uncertainty(confidence_level=confidence_level, **arrays)
 
 
-def _gray_uncertainty(
-    data: GrayData, sensor: Sensor, confidence_level: float, threads: int | None
+def _uncertainty(
+    images: GrayImages, sensor: Sensor, confidence_level: float, threads: int | None
 ) -> Uncertainty:
-    pixels = count_pixels(data, sensor, threads)
+    """Return the uncertainty of gray images, whose arrays have the shape (N, H, W)."""
+    pixels = images.count(sensor, threads)
     if pixels.varies_within_pixels:
-        require_bits(data)
+        for image in images.data:
+            require_bits(image)
     trials = np.broadcast_to(np.asarray(pixels.trials, np.float64), pixels.counts.shape)
     dead = trials == 0
     saturated = (pixels.counts == trials) & ~dead
@@ -214,7 +216,7 @@ def _gray_uncertainty(
     scale, max_intensity = 1 / sensor.light_per_intensity, sensor.max_intensity
     low, high = (np.clip(invert(p, rest) * scale, 0, max_intensity) for p, rest in interval)
     low[dead], high[dead | saturated] = 0, max_intensity
-    light = _regular_light(data, pixels, unique, invert, threads)
+    light = _regular_light(images, pixels, unique, invert, threads)
     return Uncertainty(
         standard_error=_standard_error(pixels, trials, light, threads),
         low=low.astype(np.float32),
@@ -251,7 +253,7 @@ def _clopper_pearson(
 
 
 def _regular_light(
-    data: GrayData,
+    images: GrayImages,
     pixels: PixelCounts,
     unique: UniqueCounts,
     invert: LightInverse,
@@ -265,7 +267,7 @@ def _regular_light(
     if pixels.varies_within_pixels:
         extreme = (pixels.counts == 0) | (pixels.counts == unique.expand(unique.bits))
         light = np.where(
-            extreme, light, _silent_mle(data, pixels.sensor, threads) * light_per_intensity
+            extreme, light, _silent_mle(images, pixels.sensor, threads) * light_per_intensity
         )
     return np.clip(light, 0, pixels.sensor.max_intensity * light_per_intensity)
 
@@ -273,14 +275,18 @@ def _regular_light(
 def _standard_error(
     pixels: PixelCounts, trials: Array, light: Array, threads: int | None
 ) -> Estimate:
-    """Return (K/α) I^(-1/2) at the light (H, W). I is summed over the jots if they differ."""
+    """Return (K/α) I^(-1/2) at the light (N, H, W). I is summed over the jots if they differ."""
     sensor = pixels.sensor
     side = sensor.oversampling if pixels.varies_within_pixels else 1
-    height, width = light.shape
-    cells = (height * side, width * side)
+    images, height, width = light.shape
+    cells = (images, height * side, width * side)
     if pixels.varies_within_pixels:
         efficiency, dark_counts, alive = jot_maps(sensor)
         number = np.broadcast_to(np.where(alive, float(sensor.frames), 0.0), cells)
+        efficiency, dark_counts = (
+            np.broadcast_to(value, cells) if isinstance(value, np.ndarray) else value
+            for value in (efficiency, dark_counts)
+        )
     else:
         efficiency, dark_counts, number = pixels.efficiency, pixels.dark_counts, trials
     information = Likelihood(
@@ -290,15 +296,16 @@ def _standard_error(
         efficiency=efficiency,
         dark_counts=dark_counts,
         threads=threads,
-    ).information(light.repeat(side, 0).repeat(side, 1))
-    pixel_information = information.reshape(height, side, width, side).sum(axis=(1, 3))
+    ).information(light.repeat(side, 1).repeat(side, 2))
+    blocks = information.reshape(images, height, side, width, side)
+    pixel_information = blocks.sum(axis=(2, 4))
     with np.errstate(divide="ignore", over="ignore"):
         error = 1 / (np.sqrt(pixel_information) * sensor.light_per_intensity)
         return np.asarray(error.astype(np.float32))
 
 
-def _silent_mle(data: GrayData, sensor: Sensor, threads: int | None) -> Estimate:
+def _silent_mle(images: GrayImages, sensor: Sensor, threads: int | None) -> Estimate:
     """Return the estimate without a warning about dead pixels, because they get a flag."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", JotlightWarning)
-        return mle(data, sensor, threads=threads)
+        return mle(images, sensor, threads=threads)

@@ -11,15 +11,15 @@ import numpy.typing as npt
 from jotlight.errors import JotlightWarning
 from jotlight.estimators.admm import admm_tv
 from jotlight.estimators.mle import mle
+from jotlight.layout import Layout, join
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, unsupported_message
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import (
     Data,
     Estimate,
-    GrayData,
+    GrayImages,
     PixelCounts,
-    count_pixels,
     gray_images,
     prepare_data,
 )
@@ -114,7 +114,8 @@ def held_out(
     The weights are 0 or more and have the sum 1. The best single method is one of these blends. But
     held-out bits cannot rank two methods that are nearly as good, whereas the blend of two such
     methods is better than both if they err in different ways. The log-likelihood is concave in the
-    weights.
+    weights. The methods run on all images of a stack at once; the weights of each image are chosen
+    one image after another.
 
     Examples
     --------
@@ -126,49 +127,76 @@ def held_out(
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
     methods = _methods(sensor, threads)
 
-    def blend(image: GrayData) -> Estimate:
-        weights = _choose_weights(methods, image, sensor, threads)
+    def blend(images: GrayImages) -> Estimate:
+        weights = _choose_weights(methods, images, sensor, threads)
         total = np.zeros(weights.shape[1:], np.float32)
         for weight, method in zip(weights, methods, strict=True):
-            if weight.max() >= _MIN_WEIGHT:
-                total += weight * method(image)
+            places = np.flatnonzero(weight.max(axis=(1, 2)) >= _MIN_WEIGHT)
+            if len(places):
+                total[places] += weight[places] * method(images.select(places.tolist()))
         return np.clip(total, 0, np.float32(sensor.max_intensity))
 
-    return gray_images(data).map(blend)
+    images = gray_images(data)
+    return images.layout.arrange(join([blend(part) for part in images.parts(sensor)]))
 
 
-def _methods(sensor: Sensor, threads: int | None) -> list[Callable[[GrayData], Estimate]]:
+Method = Callable[[GrayImages], Estimate]
+"""A method of the blend, which returns the estimates (N, H, W)."""
+
+
+def _methods(sensor: Sensor, threads: int | None) -> list[Method]:
     if (message := unsupported_message(sensor, CONDITIONAL_SIZE)) is not None:
         raise ValueError(f"sensor: {message}")
     network = pretrained(sensor, CONDITIONAL_SIZE)
     return [
-        lambda data: network.reconstruct(gray_images(data), sensor, threads=threads),
-        lambda data: admm_tv(gray_images(data), sensor, threads=threads),
-        lambda data: mle(gray_images(data), sensor, threads=threads),
+        lambda images: network.reconstruct(images, sensor, threads=threads),
+        lambda images: admm_tv(images, sensor, threads=threads),
+        lambda images: mle(images, sensor, threads=threads),
     ]
 
 
 def _choose_weights(
-    methods: list[Callable[[GrayData], Estimate]],
-    data: GrayData,
-    sensor: Sensor,
-    threads: int | None,
+    methods: list[Method], images: GrayImages, sensor: Sensor, threads: int | None
 ) -> Estimate:
-    """Return the weight of each method at each pixel of one gray image, (M, H, W)."""
-    pixels = count_pixels(data, sensor, threads)
-    ones, trials = _hold_out(pixels)
-    training = Merged(
-        pixels.counts - ones,
-        np.asarray(pixels.trials - trials, np.float64),
-        sensor,
-        dark_counts=pixels.dark_counts,
-        efficiency=pixels.efficiency,
-    )
+    """Return the weight of each method at each pixel, (M, N, H, W)."""
+    pixels = images.count(sensor, threads)
+    each = [pixels.select([place]) for place in range(len(images))]
+    held_out = [_hold_out(one) for one in each]
+    training = [
+        Merged(
+            (one.counts - ones)[0],
+            np.asarray(one.trials - trials, np.float64)[0],
+            sensor,
+            dark_counts=_first(one.dark_counts),
+            efficiency=_first(one.efficiency),
+        )
+        for one, (ones, trials) in zip(each, held_out, strict=True)
+    ]
+    stack = GrayImages(training, Layout((len(training),)))
     with warnings.catch_warnings():
         # The estimates from all bits warn, too.
         warnings.simplefilter("ignore", JotlightWarning)
-        estimates = np.stack([method(training) for method in methods])
+        estimates = np.stack([method(stack) for method in methods], axis=1)
     lights = estimates.astype(np.float64) * sensor.light_per_intensity
+    weights = [
+        _weights_of_image(one, *bits, own, threads)
+        for one, bits, own in zip(each, held_out, lights, strict=True)
+    ]
+    return np.stack(weights, axis=1)
+
+
+def _first(value: float | Array) -> float | Array:
+    return value[0] if isinstance(value, np.ndarray) else value
+
+
+def _weights_of_image(
+    pixels: PixelCounts,
+    ones: npt.NDArray[np.int32],
+    trials: npt.NDArray[np.int64],
+    lights: Array,
+    threads: int | None,
+) -> Estimate:
+    """Return the weights of one image, (M, H, W), from its held-out bits."""
     brightness = _brightness(lights)
     # Where an estimate is 0, a one among the held-out bits must not exclude a method.
     floor = 0.5 / max(float(np.mean(pixels.trials)), 1.0)
@@ -179,16 +207,16 @@ def _choose_weights(
         likelihood = Likelihood(
             own[0],
             own[1],
-            threshold=sensor.threshold,
+            threshold=pixels.sensor.threshold,
             efficiency=own[2],
             dark_counts=own[3],
             threads=threads,
         )
-        own_lights = lights.reshape(len(methods), -1)[:, region]
+        own_lights = lights.reshape(len(lights), -1)[:, region]
         weights.append(blend_weights(likelihood, own_lights, floor))
         places.append(float(brightness.flat[region].mean()))
-    each = [np.interp(brightness, places, column) for column in np.transpose(weights)]
-    return np.asarray(each, np.float32)
+    interpolated = [np.interp(brightness, places, column) for column in np.transpose(weights)]
+    return np.asarray(interpolated, np.float32)
 
 
 def _hold_out(pixels: PixelCounts) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:

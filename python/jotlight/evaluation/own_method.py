@@ -153,7 +153,8 @@ def run_own(
     """
     name = getattr(method, "__name__", repr(method))
     if isinstance(data, GrayImages):
-        return data.map(lambda image: run_own(method, image, sensor, threads, options))
+        each = [run_own(method, image, sensor, threads, options) for image in data.data]
+        return data.layout.arrange(np.stack(each))
     checked, expected = _prepare(data, sensor)
     arguments, keywords = arguments_of(method, checked, sensor, threads)
     result = np.asarray(method(*arguments, **{**keywords, **options}))

@@ -198,7 +198,9 @@ class Blocks:
         for _, planes in self.burst.parts(frames, self.channel):
             for weight, packed in planes:
                 target = sums.ones if weight == 1 else np.zeros_like(sums.ones)
-                engine.add_block_counts(packed, self.size[1], 1, self.valid, target, self.threads)
+                engine.add_block_counts(
+                    [packed], self.size[1], 1, self.valid, target[None], self.threads
+                )
                 if weight > 1:
                     sums.ones += weight * target
         trials = np.int32(self.trials * len(frames))

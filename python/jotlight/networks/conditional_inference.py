@@ -18,7 +18,7 @@ from jotlight.networks.zeros import (
     estimates_zeros,
     zero_layers,
 )
-from jotlight.sensing.pixel_counts import GrayImages, PixelCounts
+from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
@@ -52,9 +52,9 @@ def estimate_probability(
 
     For bright sensors, it is P(b = 0) instead (:mod:`jotlight.networks.zeros`).
 
-    Where all trials are equal and the network serves them, it runs once for all images. Otherwise
-    it runs for each image, where necessary at several levels of K
-    (:mod:`jotlight.networks.trials_map`).
+    The network runs once for all images with the same number of trials, if it serves them. For
+    other images it runs at several levels of K (:mod:`jotlight.networks.trials_map`), once at each
+    level for all images.
 
     Parameters
     ----------
@@ -67,28 +67,40 @@ def estimate_probability(
     threads : int, optional
         Number of threads. Default: all.
     """
-    pixels = images.count(sensor, threads)
-    parts = pixels.images() if isinstance(pixels.trials, np.ndarray) else [pixels]
-    estimates = [_estimate_alike(network, part, sensor, threads) for part in parts]
-    return np.concatenate(estimates) if len(estimates) > 1 else estimates[0]
-
-
-def _estimate_alike(
-    network: Network, pixels: PixelCounts, sensor: Sensor, threads: int | None
-) -> Image:
-    """Return the probabilities of one image, or of several whose trials are one number."""
     assert network.trials_range is not None, "a K-conditioned network"
     smallest, largest = network.trials_range
     reference = reference_jot(sensor)
+    pixels = images.count(sensor, threads)
     trials = count_local_trials(pixels)
     is_zeros = estimates_zeros(network.layers, sensor)
-    if not isinstance(trials, np.ndarray) and smallest <= trials <= largest:
-        layers = zero_layers(network, trials) if is_zeros else network.conditioned_layers(trials)
-        return Inference(layers, sensor, reference, threads).run_pixels(pixels, trials)
-    fraction = equivalent_counts(pixels, reference, 1.0, threads)
     denoiser: ConditionalDenoiser = network
     if is_zeros:
-        fraction, denoiser = 1 - fraction, ZerosNetwork(network, network.halo)
-    if isinstance(trials, np.ndarray):
-        return denoise_fractions(denoiser, fraction[0], trials[0], threads=threads)[None]
-    return denoise_fractions(denoiser, fraction, trials, threads=threads)
+        denoiser = ZerosNetwork(network, network.halo)
+
+    def inference(trials: int) -> Inference:
+        layers = zero_layers(network, trials) if is_zeros else network.conditioned_layers(trials)
+        return Inference(layers, sensor, reference, threads)
+
+    served: dict[int, list[int]] = {}
+    others: list[int] = []
+    for place, each in enumerate(trials):
+        if isinstance(each, int) and smallest <= each <= largest:
+            served.setdefault(each, []).append(place)
+        else:
+            others.append(place)
+    if pixels.uniform and not others:
+        return inference(*served).run_pixels(pixels, *served)
+    # The network takes counts of its own K, and fractions of ones where it runs at several K.
+    scale = np.ones(len(trials))
+    for level, places in served.items():
+        scale[places] = level
+    values = equivalent_counts(pixels, reference, scale, threads)
+    for level, places in served.items():
+        values[places] = inference(level).run_counts(values[places])
+    number = max(1, MAX_PIXELS // values[0].size)
+    for start in range(0, len(others), number):
+        places = others[start : start + number]
+        own = [trials[place] for place in places]
+        fraction = 1 - values[places] if is_zeros else values[places]
+        values[places] = denoise_fractions(denoiser, fraction, own, threads=threads)
+    return values

@@ -19,7 +19,7 @@ from jotlight.networks.conditioning import condition
 from jotlight.networks.description import html_of, repr_of
 from jotlight.networks.figure import figure_of_layers
 from jotlight.networks.graph import halo_radius
-from jotlight.networks.inference import Inference
+from jotlight.networks.inference import Image, Inference
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import check_layers, require_layers
 from jotlight.networks.network_files import read_network, write_network
@@ -281,23 +281,21 @@ class Network(TorchHints):
         return kept[1]
 
     def denoise_probability(
-        self, fraction: npt.NDArray[np.float32], trials: int, *, threads: int | None = None
-    ) -> npt.NDArray[np.float32]:
-        """Return the probabilities P(b = 1) that a K-conditioned network estimates.
+        self, fraction: Image, trials: int, *, threads: int | None = None
+    ) -> Image:
+        """Return the probabilities P(b = 1), (H, W), that a K-conditioned network estimates.
 
-        Parameters
-        ----------
-        fraction : ndarray of float32, shape (H, W) or (N, H, W)
-            Fraction of ones of each pixel.
-        trials : int
-            K, the number of bits of each pixel.
-        threads : int, optional
-            Number of threads. Default: all.
+        `fraction` (H, W) is the fraction of ones among the K = `trials` bits of each pixel.
         """
+        return self.denoise_probabilities([fraction], trials, threads=threads)[0]
+
+    def denoise_probabilities(
+        self, fractions: Sequence[Image], trials: int, *, threads: int | None = None
+    ) -> list[Image]:
+        """Return :meth:`denoise_probability` of several images, which may differ in size."""
         layers = self.conditioned_layers(trials)
         inference = Inference(layers, self.sensor, reference_jot(self.sensor), threads)
-        images = fraction.reshape(-1, *fraction.shape[-2:])
-        return inference.run_counts(images * np.float32(trials)).reshape(fraction.shape)
+        return inference.run_counts(image * np.float32(trials) for image in fractions)
 
     def check_sensor(self, sensor: Sensor) -> None:
         """Check that the network serves the data of a sensor.

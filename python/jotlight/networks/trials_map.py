@@ -9,15 +9,17 @@ until its noise is that of the largest K, and the network denoises it again arou
 """
 
 import math
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import (
+    LocalTrials,
     fill_from_nearest,
-    level_weights,
     local_trials,
+    share_levels,
 )
 from jotlight.networks.regions import cover, widen
 
@@ -38,10 +40,10 @@ class ConditionalDenoiser(Protocol):
     def halo(self) -> int:
         """Radius of the receptive field in pixels."""
 
-    def denoise_probability(
-        self, fraction: Image, trials: int, *, threads: int | None = None
-    ) -> Image:
-        """Return the probabilities P(b = 1), (H, W), for fractions of ones."""
+    def denoise_probabilities(
+        self, fractions: Sequence[Image], trials: int, *, threads: int | None = None
+    ) -> list[Image]:
+        """Return the probabilities P(b = 1) of images (H, W) of any size."""
 
 
 def denoise_map(
@@ -64,76 +66,106 @@ def denoise_map(
         return np.full(ones.shape, 0.5, np.float32)
     fraction = fill_from_nearest(ones / np.where(known, trials, 1), known)
     local = local_trials(fill_from_nearest(trials, known))
-    return denoise_fractions(network, fraction, local, threads=threads)
+    return np.asarray(denoise_fractions(network, fraction[None], [local], threads=threads)[0])
 
 
 def denoise_fractions(
     network: ConditionalDenoiser,
-    fraction: Image,
-    trials: int | Image,
+    fractions: Image,
+    trials: Sequence[LocalTrials],
     *,
     threads: int | None = None,
 ) -> Image:
-    """Return the probability of a one at each pixel, (H, W), where every pixel has trials.
+    """Return the probability of a one at each pixel, (N, H, W), where every pixel has trials.
 
     Parameters
     ----------
     network : Network
         A K-conditioned network.
-    fraction : ndarray of float32, shape (H, W)
+    fractions : ndarray of float32, shape (N, H, W)
         Fraction of ones of each pixel.
-    trials : int or ndarray of float32, shape (H, W)
-        Number of trials, a number or a map, above 0: that of
+    trials : sequence of int or ndarray of float32, shape (H, W)
+        Number of trials of each image, a number or a map, above 0: that of
         :func:`jotlight.estimators.trial_levels.local_trials`.
     threads : int, optional
         Number of threads.
     """
     assert network.trials_range is not None, "a K-conditioned network"
     smallest, largest = network.trials_range
-    if isinstance(trials, np.ndarray):
-        served: int | Image = np.clip(trials, smallest, largest)
-    else:
-        served = min(max(trials, smallest), largest)
-    estimate = _denoise_at_levels(network, fraction, served, threads)
-    excess = float(np.max(trials)) / largest
-    if excess <= 1:
-        return estimate
-    data = _stabilize(fraction, trials)
-    gain = np.sqrt(trials / served, dtype=np.float32)
-    for _ in range(math.ceil(math.log(excess, RATIO_OF_PASS))):
-        base = np.arcsin(np.sqrt(estimate))
+    served = _clip(trials, smallest, largest)
+    estimates = _denoise_at_levels(network, fractions, served, threads)
+    excess = np.array([float(np.max(each)) for each in trials]) / largest
+    passes = np.ceil(np.log(np.maximum(excess, 1)) / math.log(RATIO_OF_PASS))
+    for number in range(int(passes.max())):
+        places = np.flatnonzero(passes > number).tolist()
+        own, own_served = ([values[place] for place in places] for values in (trials, served))
+        n, n_served = _as_array(own), _as_array(own_served)
+        gain = np.sqrt(n / n_served)
+        base = np.arcsin(np.sqrt(estimates[places]))
+        data = _stabilize(fractions[places], n)
         raised = np.clip(base + gain * (data - base), 0, np.pi / 2)
-        denoised = _denoise_at_levels(network, _fraction(raised, served), served, threads)
+        denoised = _denoise_at_levels(network, _fraction(raised, n_served), own_served, threads)
         lowered = base + (np.arcsin(np.sqrt(denoised)) - base) / gain
-        estimate = np.sin(np.clip(lowered, 0, np.pi / 2)) ** 2
-    return np.asarray(estimate, np.float32)
+        estimates[places] = np.sin(np.clip(lowered, 0, np.pi / 2)) ** 2
+    return estimates
+
+
+def _clip(trials: Sequence[LocalTrials], smallest: int, largest: int) -> list[LocalTrials]:
+    """Return the trials that the network serves. Images with the same map keep a common one."""
+    clipped: dict[int, LocalTrials] = {}
+    for each in trials:
+        if id(each) not in clipped:
+            if isinstance(each, np.ndarray):
+                clipped[id(each)] = np.clip(each, smallest, largest)
+            else:
+                clipped[id(each)] = min(max(each, smallest), largest)
+    return [clipped[id(each)] for each in trials]
+
+
+def _as_array(trials: Sequence[LocalTrials]) -> Image:
+    """Return the trials as an array that broadcasts with the images (N, H, W)."""
+    each = [np.atleast_2d(np.asarray(one, np.float32)) for one in trials]
+    if len({one.shape for one in each}) > 1:
+        each = list(np.broadcast_arrays(*each))
+    return np.stack(each)
 
 
 def _denoise_at_levels(
-    network: ConditionalDenoiser, fraction: Image, trials: int | Image, threads: int | None
+    network: ConditionalDenoiser,
+    fractions: Image,
+    trials: Sequence[LocalTrials],
+    threads: int | None,
 ) -> Image:
     """Return the probabilities in [0, 1], interpolated between the levels of K."""
-    if not isinstance(trials, np.ndarray):
-        return np.clip(network.denoise_probability(fraction, trials, threads=threads), 0, 1)
-    result, halo = np.zeros(fraction.shape, np.float32), network.halo
-    for level, weight in level_weights(trials):
-        for region in cover(weight > 0, halo):
-            rows, columns = widen(region, halo, fraction.shape)
-            part = np.ascontiguousarray(fraction[rows, columns])
-            denoised = network.denoise_probability(part, level, threads=threads)
+    result, halo = np.zeros(fractions.shape, np.float32), network.halo
+    whole = slice(0, fractions.shape[1]), slice(0, fractions.shape[2])
+    for level, groups in share_levels(trials):
+        parts = [
+            (image, region, weights)
+            for images, weights in groups
+            for region in ([whole] if weights is None else cover(weights > 0, halo))
+            for image in images
+        ]
+        wide = [(image, widen(region, halo, fractions.shape[1:])) for image, region, _ in parts]
+        inputs = [np.ascontiguousarray(fractions[image][region]) for image, region in wide]
+        outputs = network.denoise_probabilities(inputs, level, threads=threads)
+        for (image, region, weights), (_, (rows, columns)), output in zip(
+            parts, wide, outputs, strict=True
+        ):
+            place = result[image][region]
             top, left = region[0].start - rows.start, region[1].start - columns.start
-            height, width = result[region].shape
-            inner = denoised[top : top + height, left : left + width]
-            result[region] += weight[region] * inner
-    return np.clip(result, 0, 1)
+            inner = output[top : top + place.shape[0], left : left + place.shape[1]]
+            place += inner if weights is None else weights[region] * inner
+    return np.clip(result, 0, 1, out=result)
 
 
-def _stabilize(fraction: Image, trials: int | Image) -> Image:
+def _stabilize(fractions: Image, trials: Image) -> Image:
     """Return the angles whose noise is 1/(4K): arcsin √((L + ⅜)/(K + ¾))."""
-    return np.asarray(np.arcsin(np.sqrt((fraction * trials + 0.375) / (trials + 0.75))))
+    ones = fractions * trials + np.float32(0.375)
+    return np.asarray(np.arcsin(np.sqrt(ones / (trials + np.float32(0.75)))))
 
 
-def _fraction(angles: Image, trials: int | Image) -> Image:
+def _fraction(angles: Image, trials: Image) -> Image:
     """Return the inverse of :func:`_stabilize`."""
     ones = np.sin(angles) ** 2 * (trials + np.float32(0.75)) - np.float32(0.375)
     return np.asarray(ones / trials, np.float32)

@@ -18,6 +18,8 @@ from jotlight.networks.layer import Layer
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
+Image = npt.NDArray[np.float32]
+
 _BRIGHT = 4.0
 """Rate at the largest intensity, in detections per jot and frame, above which a sensor is bright.
 
@@ -87,12 +89,11 @@ class ZerosNetwork:
         """Smallest and largest K."""
         return self.network.trials_range
 
-    def denoise_probability(
-        self, fraction: npt.NDArray[np.float32], trials: int, *, threads: int | None = None
-    ) -> npt.NDArray[np.float32]:
-        """Return the probabilities P(b = 0), (H, W) or (N, H, W), for fractions of zeros."""
-        layers = zero_layers(self.network, trials)
+    def denoise_probabilities(
+        self, fractions: Sequence[Image], trials: int, *, threads: int | None = None
+    ) -> list[Image]:
+        """Return the probabilities P(b = 0) of images of fractions of zeros (H, W)."""
         sensor = Sensor(frames=trials)
-        images = (1 - fraction).reshape(-1, *fraction.shape[-2:])
+        layers = zero_layers(self.network, trials)
         inference = Inference(layers, sensor, reference_jot(sensor), threads)
-        return inference.run_counts(images * np.float32(trials)).reshape(fraction.shape)
+        return inference.run_counts((1 - image) * np.float32(trials) for image in fractions)

@@ -7,19 +7,16 @@ from typing import Any, Self, SupportsIndex, overload
 import numpy as np
 import numpy.typing as npt
 
-import jotlight._engine as engine
 from jotlight.checks import refuse_masked
-from jotlight.chunks import frame_chunks, windows
+from jotlight.chunks import windows
 from jotlight.sensing import preview
 from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.channels import channel_views
+from jotlight.sensing.counting import count_ones
 from jotlight.sensing.frames import (
     Frames,
-    Packed,
     check_unpacked_size,
     format_frame_range,
-    map_in_thread,
-    read_chunks,
     read_in_chunks,
 )
 from jotlight.sensing.provenance import Provenance
@@ -270,45 +267,7 @@ class Bits(ArrayHints):
         """
         if oversampling is None:
             oversampling = self.sensor.oversampling if self.sensor else 1
-        frames, height, width, *channels = self.shape
-        if oversampling < 1 or height % oversampling or width % oversampling:
-            raise ValueError(
-                f"bits: expected rows and columns of jots that are multiples of the oversampling "
-                f"{oversampling}, got {height} x {width}"
-            )
-        if frames * oversampling**2 >= 2**31:
-            raise ValueError(
-                f"bits: expected less than 2**31 trials per pixel, got {frames} frames of "
-                f"{oversampling} x {oversampling} jots; count parts of the frames: bits[a:b]"
-            )
-        if mask is not None and (mask.dtype != np.bool_ or mask.shape != (height, width)):
-            raise ValueError(
-                f"mask: expected bool of shape {(height, width)}, "
-                f"got {mask.dtype} of shape {mask.shape}"
-            )
-        valid = None if mask is None else np.packbits(~mask, axis=1)
-        counts = np.zeros((height // oversampling, width // oversampling, *channels), np.int32)
-        chunks = list(frame_chunks(frames, counts.shape[0], width * oversampling))
-
-        def add(chunk: tuple[range, Packed]) -> None:
-            rows, part = chunk
-            jots = slice(rows.start * oversampling, rows.stop * oversampling)
-            views = channel_views(part[:, jots], 3), channel_views(counts)
-            for bits, ones in zip(*views, strict=True):
-                engine.add_block_counts(
-                    bits,
-                    width,
-                    oversampling,
-                    None if valid is None else valid[jots],
-                    ones[rows.start : rows.stop],
-                    threads,
-                )
-
-        # Reading a file takes as long as counting, and the two overlap.
-        run = map_in_thread if isinstance(self.packed, Frames) else map
-        for index, _ in enumerate(run(add, read_chunks(self.packed, chunks))):
-            if progress:
-                progress((index + 1) / len(chunks))
+        counts: npt.NDArray[np.int32] = count_ones([self], oversampling, mask, threads, progress)[0]
         return counts
 
     def channels(self) -> list["Bits"]:
@@ -332,8 +291,8 @@ class Bits(ArrayHints):
         return f"<Bits: {number} of {height} x {width} jots{color}{sensor}>"
 
 
-def check_fits(bits: Bits, sensor: SensorLike) -> None:
-    """Raise ValueError unless the shape of the bits fits the sensor."""
+def check_fits(bits: Bits, sensor: SensorLike) -> Bits:
+    """Return the bits. Raise ValueError unless their shape fits the sensor."""
     frames, height, width = bits.shape[:3]
     if frames != sensor.frames:
         some = f"bits[:{sensor.frames}] (--frame-range 0:{sensor.frames}), or "
@@ -348,3 +307,4 @@ def check_fits(bits: Bits, sensor: SensorLike) -> None:
             f"{sensor.oversampling}, got {height} x {width}"
         )
     sensor.check_map_shapes(height, width)
+    return bits

@@ -1,6 +1,8 @@
 """The likelihood of bits and the problem of maximizing it: equation (4), for any threshold."""
 
+import copy
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,8 +11,10 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.checks import positive_number, refuse_masked, whole_number_in_range, whole_numbers
 from jotlight.sensing.operators import Operator
-from jotlight.sensing.response import Array
+from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.stacks import image_sums, select
 from jotlight.sensing.values import (
+    as_doubles,
     checked_trials,
     flatten,
     number_or_map,
@@ -93,8 +97,27 @@ class Likelihood:
 
         `light` is a number or an array of the cells' shape, 0 or more, here and in other methods.
         """
-        flat = self._light(light).reshape(-1)
-        return engine.log_likelihood(self._readings, flat, self._threads)
+        flat = self._light(light).reshape(1, -1)
+        return engine.log_likelihood(self._readings, flat, self._threads)[0]
+
+    def values(self, light: npt.ArrayLike) -> Array:
+        """Return ℓ(s) of each image of a stack, (N,), whose cells have the shape (N, ...).
+
+        Examples
+        --------
+        >>> Likelihood([[1, 0], [2, 2]], trials=4).values(0.1).round(3).tolist()
+        [-3.052, -9.809]
+        """
+        each = self._light(light).reshape(self.shape[0], -1)
+        return np.array(engine.log_likelihood(self._readings, each, self._threads))
+
+    def stacked(self) -> "Likelihood":
+        """Return the likelihood of a stack of this one image, (1, ...)."""
+        return self._with_cells(lambda cells: cells[None])
+
+    def select(self, images: npt.NDArray[np.bool_]) -> "Likelihood":
+        """Return the likelihood of the images of a stack that a mask (N,) marks."""
+        return self._with_cells(lambda cells: select(cells, images))
 
     def gradient_and_curvature(self, light: npt.ArrayLike) -> tuple[Array, Array]:
         """Return the gradient ∂ℓ/∂s and the curvature -∂²ℓ/∂s² ≥ 0 of each cell."""
@@ -167,16 +190,27 @@ class Likelihood:
         return flat.reshape(self.shape)
 
     def admm_update(
-        self, step: tuple[float, float], max_light: float, light: Array, x: Array, dual: Array
-    ) -> float:
-        """Return ‖light - x‖² after a step of ADMM, which updates `x` and `dual` in place.
+        self, step: tuple[Array, float], max_light: float, light: Array, x: Array, dual: Array
+    ) -> Array:
+        """Return ‖light - x‖² of each image after a step of ADMM, which updates `x` and `dual`.
 
-        `step` is (penalty, relaxation). `x` lies in [0, `max_light`].
+        `step` is (penalty of each image, relaxation). `x` lies in [0, `max_light`].
         """
-        x, dual = x.reshape(-1), dual.reshape(-1)
-        return engine.likelihood_admm_update(
-            self._readings, step, max_light, light, x, dual, self._threads
+        cells = (self.shape[0], -1)
+        arrays = light.reshape(cells), x.reshape(cells), dual.reshape(cells)
+        return np.array(
+            engine.likelihood_admm_update(self._readings, step, max_light, *arrays, self._threads)
         )
+
+    def _with_cells(self, change: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> "Likelihood":
+        """Return a copy, with a changed array of cells in each of its maps."""
+        other = copy.copy(self)
+        for name in ("ones", "trials", "dark_counts", "efficiency"):
+            value = getattr(self, name)
+            if isinstance(value, np.ndarray):
+                setattr(other, name, np.ascontiguousarray(change(value)))
+        other.shape = other.ones.shape
+        return other
 
     def _light(self, light: npt.ArrayLike, name: str = "light") -> Array:
         array = self._broadcast(name, light)
@@ -185,13 +219,15 @@ class Likelihood:
         return array
 
     def _broadcast(self, name: str, values: npt.ArrayLike) -> Array:
+        if isinstance(values, np.ndarray) and values.shape == self.shape:
+            return as_doubles(values)
         try:
             array = np.broadcast_to(np.asarray(values, np.float64), self.shape)
         except ValueError:
             raise ValueError(
                 f"{name}: expected shape {self.shape}, got {np.shape(values)}"
             ) from None
-        return np.require(array, np.float64, ["C", "ALIGNED"])
+        return as_doubles(array)
 
     @property
     def _readings(self) -> tuple[int, Any, Any, Any, Any]:
@@ -215,7 +251,8 @@ class Problem:
         A, which maps the image to the light of the likelihood's cells. No entry of A is negative.
         :func:`jotlight.sensing.operators.spread` returns the operator of a sensor.
     likelihood : Likelihood
-        ℓ, the likelihood of the cells' bits.
+        ℓ, the likelihood of the cells' bits; or that of a stack of N images, with the cells of each
+        along its first axis.
     max_intensity : float
         S: the largest intensity.
 
@@ -244,34 +281,53 @@ class Problem:
     max_intensity: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.operator.output_shape != self.likelihood.shape:
+        if self.operator.output_shape not in (self.likelihood.shape, self.likelihood.shape[1:]):
             raise ValueError(
                 f"operator: expected light of the bits' shape {self.likelihood.shape}, "
                 f"got {self.operator.output_shape}"
             )
-        if np.max(self.likelihood.trials) == 0:
+        trials = np.asarray(self.likelihood.trials)
+        axes = tuple(range(int(self.is_stack), trials.ndim))
+        if not trials.max(axis=axes).all():
             raise ValueError("trials: expected at least one cell with a bit, got none")
         positive_number("max_intensity", self.max_intensity)
 
-    def constant_estimate(self) -> float:
+    @property
+    def is_stack(self) -> bool:
+        """Whether the problem consists of those of N images."""
+        return self.operator.output_shape != self.likelihood.shape
+
+    def stacked(self) -> "Problem":
+        """Return the problem as one of a stack."""
+        if self.is_stack:
+            return self
+        return dataclasses.replace(self, likelihood=self.likelihood.stacked())
+
+    def select(self, images: npt.NDArray[np.bool_]) -> "Problem":
+        """Return the problem of the images of a stack that a mask (N,) marks."""
+        if images.all():
+            return self
+        return dataclasses.replace(self, likelihood=self.likelihood.select(images))
+
+    def constant_estimates(self) -> Array:
         """Return the intensity of the constant image that best explains the total number of ones.
 
-        It is clipped to [0.001 S, 0.9 S], so that iterative methods can start from it.
+        There is one for each image of a stack, (N,). It is clipped to [0.001 S, 0.9 S], so that
+        iterative methods can start from it.
         """
-        cells = self.likelihood
+        cells = self.stacked().likelihood
         trials = np.broadcast_to(np.asarray(cells.trials, np.float64), cells.shape)
-        fraction = float(cells.ones.sum() / max(trials.sum(), 1.0))
-        rate = engine.inverse_detection_probability(cells.threshold, fraction)
-        if not trials.any():
-            trials = np.ones(cells.shape)
-        dark = np.average(np.broadcast_to(cells.dark_counts, cells.shape), weights=trials)
-        light = np.average(
-            cells.efficiency * self.operator.forward(np.ones(self.operator.input_shape)),
-            weights=trials,
-        )
+        total = image_sums(trials)
+        # The number of zeros may be a real number below 1, which the fraction of ones hides.
+        fraction = image_sums(cells.ones) / total
+        rest = image_sums(trials - cells.ones) / total
+        rate = inverse_detection_probability(cells.threshold, fraction, rest)
+        dark = image_sums(trials * cells.dark_counts) / total
+        light = self.operator.forward(np.ones(self.operator.input_shape))
+        light = image_sums(trials * (cells.efficiency * light)) / total
         low, high = 1e-3 * self.max_intensity, 0.9 * self.max_intensity
-        return float(np.clip((rate - dark) / light, low, high))
+        return np.asarray(np.clip((rate - dark) / light, low, high))
 
     def log_likelihood(self, image: npt.ArrayLike) -> float:
-        """Return ℓ(A c) in nats."""
+        """Return ℓ(A c) in nats, summed over all cells."""
         return self.likelihood.value(self.operator.forward(np.asarray(image, np.float64)))

@@ -125,3 +125,24 @@ def _read_only_copy(array: npt.NDArray[Any], dtype: type[np.generic]) -> npt.NDA
     copy = np.array(array, dtype=dtype, order="C")
     copy.flags.writeable = False
     return copy
+
+
+def stack_maps(values: list[Any], size: tuple[int, ...]) -> Any:
+    """Return the number that all images have, or the maps of all, (N, H, W).
+
+    Examples
+    --------
+    >>> stack_maps([1.0, 1.0], (1, 2)), stack_maps([1.0, 2.0], (1, 2)).tolist()
+    (1.0, [[[1.0, 1.0]], [[2.0, 2.0]]])
+    """
+    if not any(isinstance(value, np.ndarray) for value in values) and len(set(values)) == 1:
+        return values[0]
+    return np.stack([np.broadcast_to(value, size) for value in values])
+
+
+def constant_or_map(
+    value: float | npt.NDArray[np.float64],
+) -> float | npt.NDArray[np.float64]:
+    """Return a map, or its number if all pixels have the same, because methods are then faster."""
+    low = float(np.min(value))
+    return low if low == np.max(value) else value

@@ -16,6 +16,7 @@ from jotlight.checks import positive_number, whole_number_in_range
 from jotlight.seeds import SeedLike
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import KERNELS
+from jotlight.sensing.values import as_doubles
 
 LinearMap = Callable[[Array], Array]
 """A linear function of an array."""
@@ -33,6 +34,9 @@ class Operator:
         A function that maps y of `output_shape` to Gᵀ y of `input_shape`, both in float64.
     input_shape, output_shape : tuple of int
         The shapes of x and y.
+    takes_stacks : bool
+        Whether the functions also accept stacks, with one more axis before the others. Where they
+        do not, the operator calls them for each array of a stack.
 
     Raises
     ------
@@ -51,10 +55,15 @@ class Operator:
     adjoint: LinearMap
     input_shape: tuple[int, ...]
     output_shape: tuple[int, ...]
+    takes_stacks: bool = dataclasses.field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
-        for name, shape in (("forward", self.output_shape), ("adjoint", self.input_shape)):
-            object.__setattr__(self, name, _checked_output(shape, name, getattr(self, name)))
+        shapes = self.input_shape, self.output_shape
+        for name, (before, after) in (("forward", shapes), ("adjoint", shapes[::-1])):
+            function = getattr(self, name)
+            if not self.takes_stacks:
+                function = _apply_to_each(function, len(before))
+            object.__setattr__(self, name, _checked_output(tuple(after), name, function))
 
     def normal(self, weights: Array, image: Array) -> Array:
         """Return Gᵀ diag(`weights`) G `image`."""
@@ -100,7 +109,7 @@ def scaling(shape: Sequence[int], factor: float) -> Scaling:
     def multiply(array: Array) -> Array:
         return factor * _array_of_shape("array", array, shape)
 
-    return Scaling(multiply, multiply, shape, shape, factor)
+    return Scaling(multiply, multiply, shape, shape, factor, takes_stacks=True)
 
 
 def spread(
@@ -163,25 +172,39 @@ def spread(
     description = (vertical, horizontal, gain)
 
     def forward(image: Array) -> Array:
-        out = np.empty(jots)
-        plane = _array_of_shape("image", image, shape).reshape(pixels)
-        engine.spread_forward(description, plane, out, threads)
-        return out.reshape(output_shape)
+        image = _array_of_shape("image", image, shape)
+        stack = image.reshape(-1, *pixels)
+        out = np.empty((len(stack), *jots))
+        engine.spread_forward(description, stack, out, threads)
+        return out.reshape(*image.shape[: -len(shape)], *output_shape)
 
     def adjoint(light: Array) -> Array:
-        out = np.empty(pixels)
-        plane = _array_of_shape("jots", light, output_shape).reshape(jots)
-        engine.spread_adjoint(description, plane, out, threads)
-        return out.reshape(shape)
+        light = _array_of_shape("jots", light, output_shape)
+        stack = light.reshape(-1, *jots)
+        out = np.empty((len(stack), *pixels))
+        engine.spread_adjoint(description, stack, out, threads)
+        return out.reshape(*light.shape[: -len(shape)], *shape)
 
     def normal(weights: Array, image: Array) -> Array:
-        out = np.empty(pixels)
-        plane = _array_of_shape("image", image, shape).reshape(pixels)
-        weights = _array_of_shape("weights", weights, output_shape).reshape(jots)
-        engine.spread_normal(description, weights, plane, out, threads)
-        return out.reshape(shape)
+        image = _array_of_shape("image", image, shape)
+        weights = _array_of_shape("weights", weights, output_shape).reshape(-1, *jots)
+        stack = image.reshape(-1, *pixels)
+        out = np.empty(stack.shape)
+        weights = np.broadcast_to(weights, (len(stack), *jots))
+        engine.spread_normal(description, weights, stack, out, threads)
+        return out.reshape(image.shape)
 
-    return Spread(forward, adjoint, shape, output_shape, oversampling, kernel, gain, normal)
+    return Spread(
+        forward,
+        adjoint,
+        shape,
+        output_shape,
+        oversampling,
+        kernel,
+        gain,
+        normal,
+        takes_stacks=True,
+    )
 
 
 def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator:
@@ -210,19 +233,23 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
     output_shape = (len(shape), *shape)
 
     def forward(image: Array) -> Array:
-        out = np.empty((2, *pixels))
-        engine.differences(_array_of_shape("image", image, shape).reshape(pixels), out, threads)
-        return out if len(shape) == 2 else out[1]
+        image = _array_of_shape("image", image, shape)
+        stack = image.reshape(-1, *pixels)
+        out = np.empty((len(stack), 2, *pixels))
+        engine.differences(stack, out, threads)
+        directions = out if len(shape) == 2 else out[:, 1:]
+        return directions.reshape(*image.shape[: -len(shape)], *output_shape)
 
     def adjoint(planes: Array) -> Array:
         planes = _array_of_shape("differences", planes, output_shape)
+        stack = planes.reshape(-1, len(shape), *pixels)
         if len(shape) == 1:
-            planes = np.stack([np.zeros_like(planes), planes])
-        out = np.empty(pixels)
-        engine.differences_adjoint(planes, out, threads)
-        return out.reshape(shape)
+            stack = np.concatenate([np.zeros_like(stack), stack], axis=1)
+        out = np.empty((len(stack), *pixels))
+        engine.differences_adjoint(stack, out, threads)
+        return out.reshape(*planes.shape[: -len(output_shape)], *shape)
 
-    return Operator(forward, adjoint, shape, output_shape)
+    return Operator(forward, adjoint, shape, output_shape, takes_stacks=True)
 
 
 def check_adjoint(
@@ -282,11 +309,6 @@ def check_adjoint(
     return worst
 
 
-def dot(a: Array, b: Array) -> float:
-    """Return ⟨a, b⟩ without BLAS, because its threads would compete with the engine's."""
-    return float(np.einsum("i,i->", a.ravel(), b.ravel()))
-
-
 def _checked_shape(shape: Sequence[int]) -> tuple[int, ...]:
     sizes = tuple(index(size) for size in shape)
     if len(sizes) not in (1, 2) or min(sizes) < 1:
@@ -294,11 +316,22 @@ def _checked_shape(shape: Sequence[int]) -> tuple[int, ...]:
     return sizes
 
 
+def _apply_to_each(function: LinearMap, dimensions: int) -> LinearMap:
+    """Return a function that applies `function` to an array, or to each array of a stack."""
+
+    def apply(array: Array) -> Array:
+        if np.ndim(array) != dimensions + 1:
+            return function(array)
+        return np.stack([function(each) for each in array])
+
+    return apply
+
+
 def _checked_output(shape: tuple[int, ...], name: str, function: LinearMap) -> LinearMap:
     """Return the function with a check of the shape of its output."""
 
     def checked(array: Array) -> Array:
-        return _array_of_shape(f"the output of {name}", function(array), tuple(shape))
+        return _array_of_shape(f"the output of {name}", function(array), shape)
 
     return checked
 
@@ -308,7 +341,8 @@ def _norm(array: Array) -> float:
 
 
 def _array_of_shape(name: str, array: npt.ArrayLike, shape: tuple[int, ...]) -> Array:
-    values = np.require(array, np.float64, ["C", "ALIGNED"])
-    if values.shape != shape:
+    """Return an array of the given shape, or a stack with one more axis, in C order."""
+    values = as_doubles(array)
+    if shape not in (values.shape, values.shape[1:]):
         raise ValueError(f"{name}: expected shape {shape}, got {values.shape}")
     return values

@@ -1,17 +1,18 @@
 """The number of ones and the number of valid bits of each pixel, from bits or counts."""
 
 import dataclasses
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_counts, refuse_frames, refuse_path
-from jotlight.errors import warn
-from jotlight.layout import Layout
+from jotlight.layout import Layout, join
 from jotlight.sensing.bits import Bits, check_fits
-from jotlight.sensing.maps import pixel_means
+from jotlight.sensing.counting import count_ones
+from jotlight.sensing.maps import constant_or_map, pixel_means, stack_maps
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.scaled_counts import check_range, check_whole
@@ -23,6 +24,10 @@ Estimate = npt.NDArray[np.float32]
 
 GrayData = Bits | Merged | npt.NDArray[np.int32]
 """The data of one gray image: bits (T, H·K̂, W·K̂), or counts (H, W)."""
+
+
+MAX_PIXELS = 1 << 18
+"""Maximum number of pixels of the images that a method processes at once, if they are several."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,17 +65,16 @@ class PixelCounts:
             return None
         return np.broadcast_to(np.asarray(self.trials == 0), self.counts.shape)
 
-    def images(self) -> list["PixelCounts"]:
-        """Return the counts of each of N images, (1, H, W)."""
+    def select(self, images: Sequence[int]) -> "PixelCounts":
+        """Return the counts of some of N images."""
+        if len(images) == len(self.counts):
+            return self
         maps: dict[str, Any] = {
-            name: value
+            name: value[images]
             for name in ("counts", *_PARAMETERS)
             if isinstance(value := getattr(self, name), np.ndarray)
         }
-        return [
-            dataclasses.replace(self, **{name: map_[[index]] for name, map_ in maps.items()})
-            for index in range(len(self.counts))
-        ]
+        return dataclasses.replace(self, **maps)
 
 
 _PARAMETERS = "trials", "efficiency", "dark_counts"
@@ -92,12 +96,22 @@ class GrayImages:
     def __len__(self) -> int:
         return len(self.data)
 
-    def map(self, method: Callable[[GrayData], Estimate]) -> Estimate:
-        """Return the estimates of a method that is called for each gray image."""
-        estimates = [method(each) for each in self.data]
-        # A single large image is not copied.
-        together = estimates[0][None] if len(estimates) == 1 else np.stack(estimates)
-        return self.layout.arrange(together)
+    def parts(self, sensor: Sensor, max_pixels: int = MAX_PIXELS) -> Iterator["GrayImages"]:
+        """Yield parts of a stack, of one image or of at most `max_pixels` pixels."""
+        first = self.data[0]
+        pixels = math.prod(first.shape[-2:])
+        if isinstance(first, Bits):
+            pixels = max(1, pixels // sensor.oversampling**2)
+        number = max(1, max_pixels // pixels)
+        for start in range(0, len(self), number):
+            part = self.data[start : start + number]
+            yield GrayImages(part, Layout((len(part),)))
+
+    def select(self, places: Sequence[int]) -> "GrayImages":
+        """Return some of the images."""
+        data: Any = self.data
+        data = data[places] if isinstance(data, np.ndarray) else [data[i] for i in places]
+        return GrayImages(data, Layout((len(places),)))
 
     def count(self, sensor: Sensor, threads: int | None) -> PixelCounts:
         """Return the pixel counts of all gray images together, (N, H, W).
@@ -109,18 +123,26 @@ class GrayImages:
         """
         if isinstance(self.data, np.ndarray):
             return count_pixels(self.data, sensor, threads)
+        if all(isinstance(one, Bits) for one in self.data):
+            bits = [check_fits(one, sensor) for one in cast(Sequence[Bits], self.data)]
+            _check_sizes(one.shape[-2:] for one in bits)
+            return _describe(count_ones(bits, sensor.oversampling, sensor.mask, threads), sensor)
         each = [count_pixels(one, sensor, threads) for one in self.data]
-        if len(sizes := {one.counts.shape for one in each}) > 1:
-            raise ValueError(f"data: expected images of the same size, got {sorted(sizes)}")
+        _check_sizes(one.counts.shape for one in each)
         return PixelCounts(
             sensor,
-            np.stack([one.counts for one in each]) if len(each) > 1 else each[0].counts[None],
+            join([one.counts[None] for one in each]),
             **{
-                name: _together([getattr(one, name) for one in each], each[0].counts.shape)
+                name: stack_maps([getattr(one, name) for one in each], each[0].counts.shape)
                 for name in _PARAMETERS
             },
             varies_within_pixels=any(one.varies_within_pixels for one in each),
         )
+
+
+def _check_sizes(shapes: Iterable[tuple[int, ...]]) -> None:
+    if len(sizes := set(shapes)) > 1:
+        raise ValueError(f"data: expected images of the same size, got {sorted(sizes)}")
 
 
 PreparedData = Bits | Merged | npt.NDArray[np.int32] | GrayImages
@@ -257,13 +279,6 @@ def gray_images(data: PreparedData) -> GrayImages:
     return GrayImages(data[None], Layout())
 
 
-def _together(values: list[Any], size: tuple[int, ...]) -> Any:
-    """Return the number that all images have, or the maps of all, (N, H, W)."""
-    if not any(isinstance(value, np.ndarray) for value in values) and len(set(values)) == 1:
-        return values[0]
-    return np.stack([np.broadcast_to(value, size) for value in values])
-
-
 def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCounts:
     """Return the pixel counts of bits or merged counts (H, W), or of counts (H, W) or (N, H, W).
 
@@ -279,51 +294,35 @@ def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCo
         return PixelCounts(
             sensor,
             data.ones,
-            _constant_or_map(data.trials),
-            _constant_or_map(data.efficiency),
-            _constant_or_map(data.dark_counts),
+            constant_or_map(data.trials),
+            constant_or_map(data.efficiency),
+            constant_or_map(data.dark_counts),
             varies_within_pixels=False,
         )
     if isinstance(data, Bits):
-        check_fits(data, sensor)
-        counts = data.counts(sensor.oversampling, mask=sensor.mask, threads=threads)
-    else:
-        counts = as_counts(data)
-        _check_jots(counts, sensor)
-    trials: float | npt.NDArray[np.float64] = sensor.trials
+        ones = count_ones([check_fits(data, sensor)], sensor.oversampling, sensor.mask, threads)
+        return _describe(ones[0], sensor)
+    counts = as_counts(data)
+    _check_jots(counts, sensor)
     if sensor.mask is not None:
-        valid = Bits.from_array(~sensor.mask).counts(sensor.oversampling)
-        trials = valid.astype(np.float64) * sensor.frames
-        if not isinstance(data, Bits):
-            counts = np.where(sensor.mask, np.int32(0), counts)
-    if not isinstance(data, Bits):
-        check_range(counts, sensor)
+        counts = np.where(sensor.mask, np.int32(0), counts)
+    check_range(counts, sensor)
+    return _describe(counts, sensor)
+
+
+def _describe(counts: npt.NDArray[np.int32], sensor: Sensor) -> PixelCounts:
+    """Return counts with the parameters of their pixels, which are those of the sensor."""
     mask, side = sensor.mask, sensor.oversampling
+    trials: float | npt.NDArray[np.float64] = sensor.trials
+    if mask is not None:
+        trials = Bits.from_array(~mask).counts(side).astype(np.float64) * sensor.frames
     efficiency, efficiency_varies = pixel_means(sensor.efficiency, mask, side)
     dark, dark_varies = pixel_means(sensor.dark_counts, mask, side)
     trials, efficiency, dark = (
         np.broadcast_to(value, counts.shape) if isinstance(value, np.ndarray) else value
         for value in (trials, efficiency, dark)
     )
-    varies = efficiency_varies or dark_varies
-    return PixelCounts(sensor, counts, trials, efficiency, dark, varies)
-
-
-def warn_about_smooth_kernel(sensor: Sensor) -> None:
-    """Issue a warning if the kernel is smooth, for methods that assume the box kernel."""
-    if sensor.kernel != "box":
-        warn(
-            f"the light of a {sensor.kernel} kernel reaches neighboring pixels, which this method "
-            "does not model: it assumes the box kernel"
-        )
-
-
-def _constant_or_map(
-    value: float | npt.NDArray[np.float64],
-) -> float | npt.NDArray[np.float64]:
-    """Return a map, or its number if all pixels have the same, because methods are then faster."""
-    low = float(np.min(value))
-    return low if low == np.max(value) else value
+    return PixelCounts(sensor, counts, trials, efficiency, dark, efficiency_varies or dark_varies)
 
 
 def _check_jots(counts: npt.NDArray[np.int32], sensor: Sensor) -> None:

@@ -215,8 +215,9 @@ class BitSplitter:
         for split in self.held_out:
             counts = split.counts[0].numpy()
             if network.trials_range is not None:
-                fraction = counts[0] / np.float32(split.input_trials)
-                output = denoise_fractions(network, fraction, split.input_trials, threads=threads)
+                trials = split.input_trials
+                fractions = counts[:1] / np.float32(trials)
+                output = denoise_fractions(network, fractions, [trials], threads=threads)[0]
             else:
                 inference = Inference(network.layers, network.sensor, self.reference, threads)
                 output = inference.run_counts(counts)[0]

@@ -50,7 +50,7 @@ def cases(quick: bool) -> Iterator[Case]:
 def forward(image: np.ndarray, taps: np.ndarray) -> Callable[[int], np.ndarray]:
     layers = [identity_layer(np.ones((1, 1), np.float32)), identity_layer(taps)]
     prepared = [layer.engine_layer for layer in layers]
-    return lambda threads: engine.forward(prepared, image[None, None], threads)
+    return lambda threads: engine.forward(prepared, [image[None]], threads)
 
 
 def identity_layer(taps: np.ndarray) -> jl.Layer:

@@ -23,7 +23,7 @@ def cases(quick: bool) -> Iterator[Case]:
 
     def sums(threads: int) -> np.ndarray:
         packed, width = bits().packed, bits().width
-        return forward_bits([linear], packed, width, threads)[None]
+        return forward_bits([linear], [packed], width, threads)[0][None]
 
     def numpy_sums() -> np.ndarray:
         blocks = unpacked(bits()).reshape(HEIGHT, side, WIDTH, side).astype(np.float32)

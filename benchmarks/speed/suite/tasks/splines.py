@@ -31,7 +31,7 @@ def cases(quick: bool) -> Iterator[Case]:
         f"{side} numbers.",
         items=side**2,
         unit="numbers",
-        run=lambda threads: engine.forward([layer.engine_layer], z[None, None], threads),
+        run=lambda threads: engine.forward([layer.engine_layer], [z[None]], threads),
         rivals=[
             Rival(NUMPY, lambda _: lambda: numpy_spline(layer, z)),
             Rival(SCIPY, lambda package: scipy_spline(package, layer, z), "scipy.interpolate"),

@@ -12,6 +12,8 @@ mod one_photon;
 mod proximal;
 mod threshold;
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
@@ -60,6 +62,21 @@ impl<'a> Readings<'a> {
             efficiency,
             dark_counts,
         })
+    }
+
+    /// Return the readings of a range of elements, such as one image of a stack.
+    ///
+    /// # Panics
+    /// If there are fewer elements.
+    #[must_use]
+    pub fn part(&self, elements: Range<usize>) -> Self {
+        Self {
+            threshold: self.threshold,
+            ones: &self.ones[elements.clone()],
+            trials: self.trials.part(elements.clone()),
+            efficiency: self.efficiency.part(elements.clone()),
+            dark_counts: self.dark_counts.part(elements),
+        }
     }
 
     /// Return the number of elements.

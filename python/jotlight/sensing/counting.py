@@ -1,0 +1,116 @@
+"""The number of ones of each pixel, counted without unpacking the bits."""
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+import jotlight._engine as engine
+from jotlight.chunks import frame_chunks
+from jotlight.sensing.channels import channel_views
+from jotlight.sensing.frames import Frames, Packed, map_in_thread, read_chunks
+
+
+class PackedBits(Protocol):
+    """Packed bits, such as :class:`jotlight.Bits`."""
+
+    @property
+    def packed(self) -> Packed | Frames:
+        """(T, H, ceil(W / 8)), or (T, H, ceil(W / 8), C)."""
+
+    @property
+    def width(self) -> int:
+        """W."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(T, H, W), or (T, H, W, C)."""
+
+
+def count_ones(
+    bits: Sequence[PackedBits],
+    oversampling: int,
+    mask: npt.NDArray[np.bool_] | None = None,
+    threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> npt.NDArray[np.int32]:
+    """Return L, the number of ones of each pixel, for the bits of several images.
+
+    Parameters
+    ----------
+    bits : sequence of Bits
+        The bits of N images, of the same shape. Bits in memory are counted together.
+    oversampling : int
+        K̂.
+    mask : ndarray of bool, shape (H, W) in jots, optional
+        True marks jots that are not counted.
+    threads : int, optional
+        The number of threads. Default: all.
+    progress : callable, optional
+        A function that is called repeatedly with the completed fraction, from 0 to 1.
+
+    Returns
+    -------
+    ndarray of int32, shape (N, H / K̂, W / K̂) or (N, H / K̂, W / K̂, C)
+
+    Raises
+    ------
+    ValueError
+        When the height or the width is not a multiple of K̂, or the mask does not fit.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.bits import Bits
+    >>> count_ones([Bits.from_array(np.ones((3, 4, 4), bool))], 2).tolist()
+    [[[12, 12], [12, 12]]]
+    """
+    frames, height, width, *channels = bits[0].shape
+    _check(frames, (height, width), oversampling, mask)
+    valid = None if mask is None else np.packbits(~mask, axis=1)
+    shape = height // oversampling, width // oversampling, *channels
+    counts = np.zeros((len(bits), *shape), np.int32)
+    # Files are read one after another, because memory may not hold all of them.
+    in_files = any(isinstance(one.packed, Frames) for one in bits)
+    number = 1 if in_files else len(bits)
+    chunks = list(frame_chunks(frames, shape[0], number * width * oversampling))
+    for first in range(0, len(bits), number):
+        group, out = bits[first : first + number], counts[first : first + number]
+
+        def add(parts: tuple[tuple[range, Packed], ...], out: npt.NDArray[np.int32] = out) -> None:
+            rows = parts[0][0]
+            jots = slice(rows.start * oversampling, rows.stop * oversampling)
+            views = [channel_views(part[:, jots], 3) for _, part in parts]
+            ones = channel_views(out[:, rows.start : rows.stop], 3)
+            masked = None if valid is None else valid[jots]
+            for channel, place in enumerate(ones):
+                packed = [view[channel] for view in views]
+                engine.add_block_counts(packed, width, oversampling, masked, place, threads)
+
+        # Reading a file takes as long as counting, and the two overlap.
+        run = map_in_thread if in_files else map
+        readers = [read_chunks(one.packed, chunks) for one in group]
+        for index, _ in enumerate(run(add, zip(*readers, strict=True))):
+            if progress:
+                progress((first + number * (index + 1) / len(chunks)) / len(bits))
+    return counts
+
+
+def _check(
+    frames: int, jots: tuple[int, int], oversampling: int, mask: npt.NDArray[np.bool_] | None
+) -> None:
+    height, width = jots
+    if oversampling < 1 or height % oversampling or width % oversampling:
+        raise ValueError(
+            f"bits: expected rows and columns of jots that are multiples of the oversampling "
+            f"{oversampling}, got {height} x {width}"
+        )
+    if frames * oversampling**2 >= 2**31:
+        raise ValueError(
+            f"bits: expected less than 2**31 trials per pixel, got {frames} frames of "
+            f"{oversampling} x {oversampling} jots; count parts of the frames: bits[a:b]"
+        )
+    if mask is not None and (mask.dtype != np.bool_ or mask.shape != jots):
+        raise ValueError(
+            f"mask: expected bool of shape {jots}, got {mask.dtype} of shape {mask.shape}"
+        )
