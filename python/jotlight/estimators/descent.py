@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.response import Array
-from jotlight.sensing.stacks import dots, each_image, replace, select
+from jotlight.sensing.stacks import are_all, dots, each_image, replace, select
 
 Mask = npt.NDArray[np.bool_]
 """Which pixels of a stack, (N, ...), or which images, (N,)."""
@@ -36,7 +36,7 @@ class QuadraticModel:
 
     def select(self, images: Mask) -> "QuadraticModel":
         """Return the model of the images of a mask (N,)."""
-        if images.all():
+        if are_all(images):
             return self
         model = copy.copy(self)
         for name in ("curvature", "gradient", "bound"):

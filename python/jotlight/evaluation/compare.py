@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 import jotlight.metrics as metrics
 from jotlight.errors import JotlightWarning
-from jotlight.estimators.convergence import follow_slowest
+from jotlight.estimators.convergence import IterationCallback, follow_slowest
 from jotlight.evaluation.methods import METHODS, Method, find_method
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
@@ -101,7 +101,7 @@ def compare_methods(
             _warm_up(method, bits, sensor, image.shape, threads)
         options: dict[str, Any] = {}
         if method.iterative and callable(update):
-            options["callback"] = follow_slowest(lambda step, update=update: update(step.progress))
+            options["callback"] = _report_progress(update)
         start = time.perf_counter()
         estimate = method.run(bits, sensor, threads=threads, **options)
         seconds = time.perf_counter() - start
@@ -110,6 +110,10 @@ def compare_methods(
         ssim = metrics.ssim(estimate, image, channel_axis=axis) if is_large else None
         results.append(MethodResult(name, estimate, metrics.psnr(estimate, image), ssim, seconds))
     return results
+
+
+def _report_progress(update: Callable[[float], object]) -> IterationCallback:
+    return follow_slowest(lambda step: update(step.progress))
 
 
 def _warm_up(

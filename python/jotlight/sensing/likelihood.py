@@ -12,7 +12,7 @@ import jotlight._engine as engine
 from jotlight.checks import positive_number, refuse_masked, whole_number_in_range, whole_numbers
 from jotlight.sensing.operators import Operator
 from jotlight.sensing.response import Array, inverse_detection_probability
-from jotlight.sensing.stacks import image_sums, select
+from jotlight.sensing.stacks import are_all, image_sums, select
 from jotlight.sensing.values import (
     as_doubles,
     checked_trials,
@@ -305,7 +305,7 @@ class Problem:
 
     def select(self, images: npt.NDArray[np.bool_]) -> "Problem":
         """Return the problem of the images of a stack that a mask (N,) marks."""
-        if images.all():
+        if are_all(images):
             return self
         return dataclasses.replace(self, likelihood=self.likelihood.select(images))
 

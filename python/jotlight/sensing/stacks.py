@@ -65,6 +65,18 @@ def each_image(values: npt.NDArray[Any], stack: npt.NDArray[Any]) -> npt.NDArray
     return values.reshape(-1, *[1] * (stack.ndim - 1))
 
 
+def are_all(images: npt.NDArray[np.bool_]) -> bool:
+    """Return whether a mask (N,) marks all images.
+
+    Examples
+    --------
+    >>> are_all(np.array([True, False]))
+    False
+    """
+    # A list of few values takes less time than an array.
+    return all(images.tolist())
+
+
 def select(stack: npt.NDArray[Any], images: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
     """Return the images of a mask (N,). The stack itself, if they are all.
 
@@ -73,7 +85,7 @@ def select(stack: npt.NDArray[Any], images: npt.NDArray[np.bool_]) -> npt.NDArra
     >>> select(np.array([[1.0], [2.0]]), np.array([False, True])).tolist()
     [[2.0]]
     """
-    return stack if images.all() else stack[images]
+    return stack if are_all(images) else stack[images]
 
 
 def replace(
@@ -86,7 +98,7 @@ def replace(
     >>> replace(np.zeros((2, 1)), np.array([False, True]), np.ones((1, 1))).tolist()
     [[0.0], [1.0]]
     """
-    if images.all():
+    if are_all(images):
         return values
     stack[images] = values
     return stack
