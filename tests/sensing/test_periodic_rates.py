@@ -92,6 +92,10 @@ def test_colors_and_small_images_are_not_tested():
     assert find_periodic_rates(np.ones((128, 128, 3), int)) is None
     assert find_periodic_rates(jl.Bits.from_array(np.ones((1, 128, 128, 3), bool))) is None
     assert find_periodic_rates(np.zeros((128, 128), int)) is None
+    assert find_periodic_rates(np.eye(1, 128 * 128, dtype=int).reshape(128, 128)) is None
+    row = np.zeros((128, 128), int)
+    row[5] = 1
+    assert find_periodic_rates(row) is None
 
 
 @pytest.mark.parametrize(("side", "oversampling"), [(1, 1), (1, 2), (2, 1)])

@@ -185,12 +185,12 @@ def _score(rates: Array, side: int = 1) -> tuple[float, float]:
         _vertical_products(checkerboard),
         _vertical_products(checkerboard.T),
     ]
-    signs = np.sign(np.concatenate(parts))
-    if not signs.any():
+    signs, mean_power = np.sign(np.concatenate(parts)), _vertical_products(means).mean()
+    if not signs.any() or mean_power == 0:
         return 0.0, 0.0
     # Two of the parts are the same checkerboards.
     power = parts[0].mean() + parts[1].mean() + (parts[2].mean() + parts[3].mean()) / 2
-    amplitude = np.sqrt(max(0.0, power) / _vertical_products(means).mean())
+    amplitude = np.sqrt(max(0.0, power) / mean_power)
     return float(signs.sum() / np.sqrt(np.count_nonzero(signs))), float(amplitude)
 
 
