@@ -104,9 +104,12 @@ def denoise_fractions(
         base = np.arcsin(np.sqrt(estimates[places]))
         data = _stabilize(fractions[places], n)
         raised = np.clip(base + gain * (data - base), 0, np.pi / 2)
-        denoised = _denoise_at_levels(network, _fraction(raised, n_served), own_served, threads)
+        # Only pixels with more trials than the network serves change.
+        levels = [largest] * len(places)
+        denoised = _denoise_at_levels(network, _fraction(raised, n_served), levels, threads)
         lowered = base + (np.arcsin(np.sqrt(denoised)) - base) / gain
-        estimates[places] = np.sin(np.clip(lowered, 0, np.pi / 2)) ** 2
+        changed = np.sin(np.clip(lowered, 0, np.pi / 2)) ** 2
+        estimates[places] = np.where(gain > 1, changed, estimates[places])
     return estimates
 
 
