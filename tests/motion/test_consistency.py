@@ -32,12 +32,34 @@ def random_case(seed, size, trials, threads=None):
 @given(
     st.integers(0, 2**32),
     st.tuples(st.integers(1, 80), st.integers(1, 100)),
-    st.sampled_from([0, 1, 8, 1000]),
+    st.sampled_from([0, 1, 8, 500]),
 )
 def test_chi_squared_is_that_of_the_twin(seed, size, trials):
     sums, template = random_case(seed, size, trials)
     expected = reference.chi_squared(sums.ones, sums.trials, template.probability, template.trials)
     np.testing.assert_allclose(chi_squared(sums, template), expected, rtol=1e-4)
+
+
+def test_many_trials_do_not_show_small_errors():
+    """More trials than 512 count as 512 with the same fraction of ones."""
+    size, rng = (60, 70), np.random.default_rng(3)
+    probability = rng.uniform(0.1, 0.9, size).astype(np.float32)
+    template = Template(probability, np.full(size, 10**6, np.int32))
+    shifted = np.clip(probability + rng.normal(0, 0.02, size), 0, 1)
+
+    def sums_of(trials):
+        sums = Sums.zeros(size)
+        sums.trials[:], sums.ones[:] = trials, np.rint(trials * shifted)
+        return sums
+
+    few, many = sums_of(512), sums_of(512 * 1000)
+    np.testing.assert_allclose(
+        chi_squared(many, template), chi_squared(few, template), rtol=0.2, atol=0.05
+    )
+    np.testing.assert_allclose(disagreement(many, few), disagreement(few, few), atol=0.01)
+    raw = reference.chi_squared(many.ones, many.trials, template.probability, template.trials)
+    assert raw.mean() > 100
+    assert chi_squared(many, template).mean() < 2.5
 
 
 @pytest.mark.parametrize("level", engine.cpu_levels())

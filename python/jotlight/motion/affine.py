@@ -161,7 +161,7 @@ def agreement(track: Track, template: Template) -> Array:
     """
     groups = np.array_split(np.flatnonzero(track.known), _GROUPS)
     sums = [
-        Sums.total([track.nearby_sums(int(block)) for block in group])
+        Sums.total(track.nearby_sums(int(block)) for block in group)
         for group in groups
         if len(group)
     ]
@@ -172,8 +172,8 @@ def agreement(track: Track, template: Template) -> Array:
 
 def template_of(track: Track, size: str = FAST) -> Template:
     """Return the template of the blocks that are known, by a network of a size."""
-    known = [track.nearby_sums(int(block)) for block in np.flatnonzero(track.known)]
-    return make_template(Sums.total(known), track.blocks.threads, size)
+    known = Sums.total(track.nearby_sums(int(block)) for block in np.flatnonzero(track.known))
+    return make_template(known, track.blocks.threads, size)
 
 
 def _smooth(parameters: Array, matrices: Array, at_reference: Array) -> tuple[Array, Array]:

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.blocks import Sums
+from jotlight.motion.equivalent import equivalent_sums, estimate_probability
 from jotlight.motion.scoring import PRECISE, Template, blur, make_template
 from jotlight.motion.track import Counted, from_center
 
@@ -31,6 +32,12 @@ _SPREAD = 8.0
 _SQUARE = 4
 """Side of the squares over which the engine adds the disagreement, in pixels."""
 
+_MAX_TRIALS = 512
+"""Maximum number of trials in a test. More trials count as this number of them.
+
+They would show errors that do not matter, such as those of rounding to whole pixels.
+"""
+
 _PRIOR = 0.01
 """Weight with which pixels are assumed to agree where few are known."""
 
@@ -42,6 +49,7 @@ def chi_squared(sums: Sums, template: Template) -> Image:
     residuals to the variances are averaged in squares of 9 pixels.
     """
     out = np.empty(sums.ones.shape, np.float32)
+    sums = equivalent_sums(_limit_trials(sums), template.probability)
     engine.chi_squared(
         sums.ones, sums.trials, template.probability, template.trials, out, template.threads
     )
@@ -57,11 +65,26 @@ def disagreement(first: Sums, second: Sums, threads: int | None = None) -> Image
     """
     height, width = first.ones.shape
     squares = np.empty((2, -(-height // _SQUARE), -(-width // _SQUARE)), np.float32)
+    first, second = _limit_trials(first), _limit_trials(second)
+    if first.jots is not None or second.jots is not None:
+        probability = estimate_probability(first + second)
+        first, second = (equivalent_sums(each, probability) for each in (first, second))
     engine.disagreement(first.ones, first.trials, second.ones, second.trials, squares, threads)
     ratios, known = blur(squares / _SQUARE**2, _SPREAD / _SQUARE)
     values = (ratios + _PRIOR) / (known + _PRIOR)
     pixels = values.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)
     return np.asarray(pixels[:height, :width])
+
+
+def _limit_trials(sums: Sums) -> Sums:
+    """Return sums with at most :data:`_MAX_TRIALS` trials per pixel."""
+    largest = int(sums.trials.max())
+    if largest <= _MAX_TRIALS:
+        return sums
+    factor = np.float32(_MAX_TRIALS / largest)
+    ones, trials = (np.rint(factor * each).astype(np.int32) for each in (sums.ones, sums.trials))
+    jots = None if sums.jots is None else sums.jots * (trials / np.maximum(sums.trials, 1))
+    return dataclasses.replace(sums, ones=ones, trials=trials, jots=jots)
 
 
 @dataclasses.dataclass(frozen=True)
