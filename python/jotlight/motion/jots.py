@@ -175,8 +175,9 @@ def response(threshold: int, rate: Image) -> tuple[Image, Image]:
 
     Examples
     --------
-    >>> [values.round(4).tolist() for values in response(1, np.float32([0.5]))]
-    [[0.3935...], [0.6064...]]
+    >>> probability, density = response(1, np.float32([0.5]))
+    >>> round(float(probability[0]), 4), round(float(density[0]), 4)
+    (0.3935, 0.6065)
     """
     if threshold == 1:
         # The exponential function in single precision is much faster than the others.
