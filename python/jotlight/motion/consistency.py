@@ -9,7 +9,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums, estimate_probability
-from jotlight.motion.scoring import PRECISE, Template, blur, make_template
+from jotlight.motion.scoring import PRECISE, Template, blur, make_template, without_shift
 from jotlight.motion.track import Counted, from_center
 
 Image = npt.NDArray[np.float32]
@@ -38,6 +38,9 @@ _MAX_TRIALS = 512
 They would show errors that do not matter, such as those of rounding to whole pixels.
 """
 
+_FEW_TRIALS = 128
+"""Number of trials above which a test notices that rounding has shifted a block."""
+
 _PRIOR = 0.01
 """Weight with which pixels are assumed to agree where few are known."""
 
@@ -46,13 +49,16 @@ def chi_squared(sums: Sums, template: Template) -> Image:
     """Return χ² of each pixel, (H, W), which is about 1 if the sums agree with the template.
 
     Residual counts and their variances are added in squares of 3 pixels. The ratios of the squared
-    residuals to the variances are averaged in squares of 9 pixels.
+    residuals to the variances are averaged in squares of 9 pixels. If there are many trials, the
+    template is shifted as rounding has shifted the sums.
     """
     out = np.empty(sums.ones.shape, np.float32)
-    sums = equivalent_sums(_limit_trials(sums), template.probability)
-    engine.chi_squared(
-        sums.ones, sums.trials, template.probability, template.trials, out, template.threads
-    )
+    probability, threads = template.probability, template.threads
+    if sums.trials.max() > _FEW_TRIALS:
+        moved = dataclasses.replace(sums, remainders=-sums.remainders)
+        probability = without_shift(probability, moved, threads).probability
+    sums = equivalent_sums(_limit_trials(sums), probability)
+    engine.chi_squared(sums.ones, sums.trials, probability, template.trials, out, threads)
     return out
 
 

@@ -90,7 +90,7 @@ def make_template(sums: Sums, threads: int | None, size: str = FAST) -> Template
     excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
     if excess.any():
         probability += excess / (excess + _EQUAL_TRIALS) * (fraction - probability)
-    return _without_shift(probability, sums, threads)
+    return without_shift(probability, sums, threads)
 
 
 def _supplement(fraction: Image, sums: Sums, trials: np.float32) -> Image:
@@ -110,10 +110,10 @@ def make_blurred_template(sums: Sums, threads: int | None) -> Template:
     sums = equivalent_sums(sums)
     ones, trials = (blur(each.astype(np.float32), _BLUR) for each in (sums.ones, sums.trials))
     fraction = np.asarray(ones / np.maximum(trials, 1e-3), np.float32)
-    return _without_shift(fraction, sums, threads)
+    return without_shift(fraction, sums, threads)
 
 
-def _without_shift(probability: Image, sums: Sums, threads: int | None) -> Template:
+def without_shift(probability: Image, sums: Sums, threads: int | None) -> Template:
     """Return probabilities of sums as a template at the exact positions."""
     # The remainders have shifted the ones on average. This removes the shift to first order.
     moved = np.empty_like(probability)
