@@ -8,9 +8,6 @@ from jotlight.motion.track import keeps_sums
 _SECONDS_PER_BLOCK, _SECONDS_PER_BLOCK_AND_PIXEL, _SECONDS_PER_BIT = 4.9e-3, 1.8e-7, 1.9e-9
 """Time for one image: that of the templates and equations of blocks, and that of counting."""
 
-_RECOUNTED = 5
-"""Ratio of the time of counting if the sums of blocks are not kept, because there are too many."""
-
 _FURTHER_SECONDS_PER_BLOCK, _FURTHER_SECONDS_PER_BLOCK_AND_PIXEL = 1.5e-3, 4.3e-8
 """Time for a further image of a film, to which the motion is carried."""
 
@@ -64,7 +61,7 @@ def motion_cost(frames: int, size: tuple[int, int]) -> MotionCost:
     pixels = size[0] * size[1]
     blocks = len(divide(frames)) - 1
     is_kept = keeps_sums(size, blocks)
-    counting = _SECONDS_PER_BIT * pixels * frames * (1 if is_kept else _RECOUNTED)
+    counting = _SECONDS_PER_BIT * pixels * frames
     of_blocks = blocks * (_SECONDS_PER_BLOCK + _SECONDS_PER_BLOCK_AND_PIXEL * pixels)
     further = _FURTHER_SECONDS_PER_BLOCK + _FURTHER_SECONDS_PER_BLOCK_AND_PIXEL * pixels
     kept_bytes = _BYTES_PER_BLOCK * blocks if is_kept else 0
