@@ -6,8 +6,9 @@ The scenes are those of a shaking camera at 0.2 photons. Seconds are those of th
 thread, the minimum over repeats: for one image, and for a further image of a film, to which the
 motion is carried. Memory is the peak of what NumPy allocates, without the bits.
 
-The last line has the constants in `python/jotlight/motion/cost.py`: seconds = pixels (a + b frames)
-for one image and pixels (c + d frames) for a further one, and the bytes per pixel.
+The last line has the constants in `python/jotlight/motion/cost.py`: seconds = blocks (a + b pixels)
++ c pixels frames for one image and blocks (d + e pixels) for a further one, and the bytes per
+pixel.
 """
 
 import argparse
@@ -19,6 +20,7 @@ import numpy as np
 
 import jotlight as jl
 from jotlight.motion.film import film
+from jotlight.motion.model import divide
 
 SIZES = (128, 128), (256, 256), (256, 512)
 FRAMES = 64, 256, 1024
@@ -43,11 +45,12 @@ def main() -> None:
         print(f"| {cells} | {memory / 1e6:.0f} |", flush=True)
         rows.append((size[0] * size[1], frames, first, further, memory))
     pixels, numbers, first, further, memory = np.array(rows).T
-    terms = np.stack([pixels, pixels * numbers])
-    a, b = fit(terms, first)
-    c, d = fit(terms, further)
-    per_pixel = np.median(memory / pixels)
-    print(f"\na = {a:.2g}, b = {b:.2g}, c = {c:.2g}, d = {d:.2g}, {per_pixel:.0f} bytes per pixel")
+    blocks = np.array([len(divide(int(number))) - 1 for number in numbers])
+    terms = np.stack([blocks, blocks * pixels, pixels * numbers])
+    a, b, c = fit(terms, first)
+    d, e = fit(terms[:2], further)
+    constants = f"a = {a:.2g}, b = {b:.2g}, c = {c:.2g}, d = {d:.2g}, e = {e:.2g}"
+    print(f"\n{constants}, {np.median(memory / pixels):.0f} bytes per pixel")
 
 
 def shaken(size: tuple[int, int], frames: int) -> jl.Bits:
@@ -78,7 +81,7 @@ def measure_bytes(bits: jl.Bits) -> int:
 
 
 def fit(terms: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the factors of the terms (2, n), at least 0, for the smallest relative errors."""
+    """Return the factors of the terms (m, n), at least 0, for the smallest relative errors."""
     from scipy.optimize import nnls
 
     return np.asarray(nnls((terms / values).T, np.ones(len(values)))[0])

@@ -13,6 +13,7 @@ __all__ = [
     "add_block_counts",
     "add_counts_of_blocks",
     "add_shifted_counts",
+    "add_shifted_values",
     "anscombe",
     "blur",
     "chi_squared",
@@ -80,6 +81,8 @@ _Layer: TypeAlias = tuple[_Floats, _Floats | None, float, float, _Wiring]
 # Threshold, light (expected photons per jot and frame) at intensity 1, and maximum intensity.
 _PixelResponse: TypeAlias = tuple[int, float, float]
 _Span: TypeAlias = tuple[int, int]
+# Whole numbers of bits, or the real numbers of an equivalent sensor.
+_Counts: TypeAlias = npt.NDArray[np.int32] | npt.NDArray[np.float32]
 _ValueOrArray: TypeAlias = float | npt.NDArray[np.float64]
 # Efficiency and dark counts.
 _JotResponses: TypeAlias = tuple[_ValueOrArray, _ValueOrArray]
@@ -136,6 +139,14 @@ def add_shifted_counts(
     remainders: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
+def add_shifted_values(
+    values: npt.NDArray[np.float32],
+    fields: npt.NDArray[np.float32],
+    tile: int | None,
+    times: npt.NDArray[np.float64],
+    out: npt.NDArray[np.float32],
+    threads: int | None,
+) -> None: ...
 
 @final
 class FilteredTemplate:
@@ -149,15 +160,15 @@ class FilteredTemplate:
 
 def displacement_equations(
     template: FilteredTemplate,
-    ones: npt.NDArray[np.int32],
-    trials: npt.NDArray[np.int32],
+    ones: _Counts,
+    trials: _Counts,
     remainders: npt.NDArray[np.float32],
     frames: int,
     threads: int | None,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
 def chi_squared(
-    ones: npt.NDArray[np.int32],
-    trials: npt.NDArray[np.int32],
+    ones: _Counts,
+    trials: _Counts,
     probability: npt.NDArray[np.float32],
     trials_of_template: npt.NDArray[np.int32],
     out: npt.NDArray[np.float32],
@@ -170,10 +181,10 @@ def blur(
     threads: int | None,
 ) -> None: ...
 def disagreement(
-    ones: npt.NDArray[np.int32],
-    trials: npt.NDArray[np.int32],
-    other_ones: npt.NDArray[np.int32],
-    other_trials: npt.NDArray[np.int32],
+    ones: _Counts,
+    trials: _Counts,
+    other_ones: _Counts,
+    other_trials: _Counts,
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter, shift
 
 import jotlight as jl
 from jotlight import _engine as engine
@@ -32,12 +33,48 @@ def random_case(seed, size, trials, threads=None):
 @given(
     st.integers(0, 2**32),
     st.tuples(st.integers(1, 80), st.integers(1, 100)),
-    st.sampled_from([0, 1, 8, 1000]),
+    st.sampled_from([0, 1, 8, 128]),
 )
 def test_chi_squared_is_that_of_the_twin(seed, size, trials):
     sums, template = random_case(seed, size, trials)
     expected = reference.chi_squared(sums.ones, sums.trials, template.probability, template.trials)
     np.testing.assert_allclose(chi_squared(sums, template), expected, rtol=1e-4)
+
+
+def test_many_trials_do_not_show_small_errors():
+    """More trials than 512 count as 512 with the same fraction of ones."""
+    size, rng = (60, 70), np.random.default_rng(3)
+    probability = rng.uniform(0.1, 0.9, size).astype(np.float32)
+    template = Template(probability, np.full(size, 10**6, np.int32))
+    shifted = np.clip(probability + rng.normal(0, 0.02, size), 0, 1)
+
+    def sums_of(trials):
+        sums = Sums.zeros(size)
+        sums.trials[:], sums.ones[:] = trials, np.rint(trials * shifted)
+        return sums
+
+    few, many = sums_of(512), sums_of(512 * 1000)
+    np.testing.assert_allclose(
+        chi_squared(many, template), chi_squared(few, template), rtol=0.2, atol=0.05
+    )
+    np.testing.assert_allclose(disagreement(many, few), disagreement(few, few), atol=0.01)
+    raw = reference.chi_squared(many.ones, many.trials, template.probability, template.trials)
+    assert raw.mean() > 100
+    assert chi_squared(many, template).mean() < 2.5
+
+
+def test_the_shift_that_rounding_causes_is_no_disagreement():
+    size, rng, trials = (96, 96), np.random.default_rng(4), 400
+    image = gaussian_filter(rng.normal(size=size), 2.5, mode="wrap")
+    probability = 0.4 + 0.3 * np.tanh(image / image.std())
+    template = Template(probability.astype(np.float32), np.full(size, 10**6, np.int32))
+    rounded = shift(probability, (-0.4, 0.3), order=5, mode="grid-wrap")
+    sums = Sums.zeros(size)
+    sums.trials[:], sums.ones[:], sums.frames = trials, rng.binomial(trials, rounded), trials
+    inner = np.s_[8:-8, 8:-8]
+    assert chi_squared(sums, template)[inner].mean() > 3
+    sums.remainders[:] = trials * np.float32([0.4, -0.3])[:, None]
+    assert chi_squared(sums, template)[inner].mean() < 1.4
 
 
 @pytest.mark.parametrize("level", engine.cpu_levels())

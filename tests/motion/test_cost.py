@@ -11,8 +11,9 @@ from jotlight.motion.cost import motion_cost
 
 def test_the_cost_grows_with_frames_and_pixels():
     small, large = motion_cost(100, (128, 256)), motion_cost(100, (256, 256))
-    for name in ("seconds", "further_seconds", "memory"):
-        assert getattr(large, name) == pytest.approx(2 * getattr(small, name))
+    assert large.memory == pytest.approx(2 * small.memory)
+    for name in ("seconds", "further_seconds"):
+        assert 1 < getattr(large, name) / getattr(small, name) < 2
     costs = [motion_cost(frames, (256, 256)) for frames in (16, 256, 1024, 4096, 10**6)]
     assert all(np.diff([cost.seconds for cost in costs]) > 0)
     assert all(cost.further_seconds < cost.seconds / 3 for cost in costs)

@@ -43,7 +43,7 @@ mod _engine {
     use super::mle::{equivalent_counts, mle_from_counts, mle_from_jots, mle_from_probability};
     #[pymodule_export]
     use super::motion::{
-        FilteredTemplate, add_shifted_counts, blur, chi_squared, disagreement,
+        FilteredTemplate, add_shifted_counts, add_shifted_values, blur, chi_squared, disagreement,
         displacement_equations, fit_affine, peak_of_shifted_scores, solve_field, undo_remainders,
         velocity_scores,
     };

@@ -8,9 +8,51 @@ use jotlight::motion::{
 use numpy::{IntoPyArray, PyArray2, PyArray3};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4};
 use numpy::{PyReadwriteArray2, PyReadwriteArray3};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
 use crate::{run, to_python};
+
+/// Counts of pixels: whole numbers of bits, or the real numbers of an equivalent sensor.
+#[derive(FromPyObject)]
+pub enum PyCounts<'py> {
+    Whole(PyReadonlyArray2<'py, i32>),
+    Real(PyReadonlyArray2<'py, f32>),
+}
+
+/// Evaluate an expression with pairs of counts that are all whole, or all real numbers.
+macro_rules! for_counts {
+    ($($counts:ident),+ => $expression:expr) => {
+        match ($($counts,)+) {
+            ($(PyCounts::Whole($counts),)+) => $expression,
+            ($(PyCounts::Real($counts),)+) => $expression,
+            _ => Err(PyTypeError::new_err(
+                "counts: expected arrays that are all int32 or all float32",
+            )),
+        }
+    };
+}
+
+/// Add values of the jots along a motion to `out`. The motion is that of [`add_shifted_counts`].
+#[pyfunction]
+#[pyo3(signature = (values, fields, tile, times, out, threads))]
+pub fn add_shifted_values(
+    py: Python<'_>,
+    values: PyReadonlyArray3<'_, f32>,
+    fields: PyReadonlyArray4<'_, f32>,
+    tile: Option<usize>,
+    times: PyReadonlyArray1<'_, f64>,
+    mut out: PyReadwriteArray3<'_, f32>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (values, fields, times) = (values.as_array(), fields.as_array(), times.as_slice()?);
+    let out = out.as_array_mut();
+    run(py, threads, || {
+        let (_, rows, columns) = values.dim();
+        let motion = Displacements::new(fields, tile, rows, columns)?;
+        motion::add_shifted_values(values, &motion, times, out)
+    })
+}
 
 /// Count the ones of frames whose pixels are displaced, and add them to `ones` and the others.
 ///
@@ -85,21 +127,22 @@ type PyEquations<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<f64>>);
 pub fn displacement_equations<'py>(
     py: Python<'py>,
     template: Py<FilteredTemplate>,
-    ones: PyReadonlyArray2<'_, i32>,
-    trials: PyReadonlyArray2<'_, i32>,
+    ones: PyCounts<'_>,
+    trials: PyCounts<'_>,
     remainders: PyReadonlyArray3<'_, f32>,
     frames: usize,
     threads: Option<isize>,
 ) -> PyResult<PyEquations<'py>> {
-    let sums = Sums {
-        ones: ones.as_array(),
-        trials: trials.as_array(),
-        remainders: remainders.as_array(),
-        frames,
-    };
     let template = &template.get().0;
-    let Equations { information, right } =
-        run(py, threads, || motion::normal_equations(template, sums))?;
+    let Equations { information, right } = for_counts!(ones, trials => {
+        let sums = Sums {
+            ones: ones.as_array(),
+            trials: trials.as_array(),
+            remainders: remainders.as_array(),
+            frames,
+        };
+        run(py, threads, || motion::normal_equations(template, sums))
+    })?;
     Ok((information.into_pyarray(py), right.into_pyarray(py)))
 }
 
@@ -140,21 +183,23 @@ pub fn undo_remainders(
 #[pyo3(signature = (ones, trials, probability, trials_of_template, out, threads))]
 pub fn chi_squared(
     py: Python<'_>,
-    ones: PyReadonlyArray2<'_, i32>,
-    trials: PyReadonlyArray2<'_, i32>,
+    ones: PyCounts<'_>,
+    trials: PyCounts<'_>,
     probability: PyReadonlyArray2<'_, f32>,
     trials_of_template: PyReadonlyArray2<'_, i32>,
     mut out: PyReadwriteArray2<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let comparison = Comparison {
-        ones: ones.as_array(),
-        trials: trials.as_array(),
-        probability: probability.as_array(),
-        trials_of_template: trials_of_template.as_array(),
-    };
     let out = out.as_array_mut();
-    run(py, threads, || motion::chi_squared(&comparison, out))
+    for_counts!(ones, trials => {
+        let comparison = Comparison {
+            ones: ones.as_array(),
+            trials: trials.as_array(),
+            probability: probability.as_array(),
+            trials_of_template: trials_of_template.as_array(),
+        };
+        run(py, threads, || motion::chi_squared(&comparison, out))
+    })
 }
 
 /// Write how much two parts of the frames disagree in each square of pixels into `out`.
@@ -162,23 +207,27 @@ pub fn chi_squared(
 #[pyo3(signature = (ones, trials, other_ones, other_trials, out, threads))]
 pub fn disagreement(
     py: Python<'_>,
-    ones: PyReadonlyArray2<'_, i32>,
-    trials: PyReadonlyArray2<'_, i32>,
-    other_ones: PyReadonlyArray2<'_, i32>,
-    other_trials: PyReadonlyArray2<'_, i32>,
+    ones: PyCounts<'_>,
+    trials: PyCounts<'_>,
+    other_ones: PyCounts<'_>,
+    other_trials: PyCounts<'_>,
     mut out: PyReadwriteArray3<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let first = Counts {
-        ones: ones.as_array(),
-        trials: trials.as_array(),
-    };
-    let second = Counts {
-        ones: other_ones.as_array(),
-        trials: other_trials.as_array(),
-    };
     let out = out.as_array_mut();
-    run(py, threads, || motion::disagreement(&first, &second, out))
+    for_counts!(ones, trials, other_ones, other_trials => {
+        let (first, second) = (
+            Counts {
+                ones: ones.as_array(),
+                trials: trials.as_array(),
+            },
+            Counts {
+                ones: other_ones.as_array(),
+                trials: other_trials.as_array(),
+            },
+        );
+        run(py, threads, || motion::disagreement(&first, &second, out))
+    })
 }
 
 /// The errors of all tiles, and the information about the coefficients.

@@ -1,6 +1,7 @@
 """Options that align the frames of a moving scene."""
 
 import dataclasses
+import functools
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -165,7 +166,8 @@ def describe(merged: Merged, motion: Motion) -> list[str]:
     numbers = f"{trials.min():g} trials per pixel or more, {np.median(trials):g} in the median"
     if motion.model == "none":
         return [f"motion: none, the scene stands still; {numbers}"]
-    lengths = np.max([np.hypot(*motion.at(time)) for time in motion.times], axis=0)
+    # One map at a time: long bursts have hundreds of times.
+    lengths = functools.reduce(np.maximum, (np.hypot(*motion.at(time)) for time in motion.times))
     half, tenth = np.quantile(lengths, (0.5, 0.9))
     lines = [
         f"motion: {motion.model}; half of the scene moves by {half:.3g} pixels or more, and a "

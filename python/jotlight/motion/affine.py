@@ -101,8 +101,17 @@ def extrapolate(track: Track, block: int, velocity: Array) -> None:
 
 
 def is_renewed(number: int) -> bool:
-    """Return whether the template is renewed after a number of blocks: when it has doubled."""
-    return number.bit_count() == 1 or number % 16 == 0
+    """Return whether the template is renewed after a number of blocks.
+
+    It is when this number has doubled, and at every 16th block. Of more than 128 blocks, it is four
+    times until the number has doubled, so that the time is proportional to the number of blocks.
+
+    Examples
+    --------
+    >>> [number for number in range(1, 300) if is_renewed(number)][-8:]
+    [80, 96, 112, 128, 160, 192, 224, 256]
+    """
+    return number.bit_count() == 1 or number % max(16, 1 << number.bit_length() >> 3) == 0
 
 
 def improve(track: Track, block: int, template: Template, sigma: float, weights: Array) -> float:
@@ -163,7 +172,7 @@ def agreement(track: Track, template: Template) -> Array:
     """
     groups = np.array_split(np.flatnonzero(track.known), _GROUPS)
     sums = [
-        Sums.total([track.nearby_sums(int(block)) for block in group])
+        Sums.total(track.nearby_sums(int(block)) for block in group)
         for group in groups
         if len(group)
     ]
@@ -174,8 +183,8 @@ def agreement(track: Track, template: Template) -> Array:
 
 def template_of(track: Track, size: str = FAST) -> Template:
     """Return the template of the blocks that are known, by a network of a size."""
-    known = [track.nearby_sums(int(block)) for block in np.flatnonzero(track.known)]
-    return make_template(Sums.total(known), track.blocks.threads, size)
+    known = Sums.total(track.nearby_sums(int(block)) for block in np.flatnonzero(track.known))
+    return make_template(known, track.blocks.threads, size)
 
 
 def _smooth(parameters: Array, matrices: Array, at_reference: Array) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from jotlight.formats.capture import CountStack
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst, as_burst
 from jotlight.motion.consistency import Consistent
+from jotlight.motion.jots import Jots
 from jotlight.motion.model import divide, find_paths
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.tiles import TILE, tile_counts
@@ -48,7 +49,8 @@ def align(
         T frames of bits, or of counts as :func:`jotlight.open` returns them; 16 or more. All color
         channels have the same motion.
     sensor : Sensor, optional
-        Sensor of the data. Its dead and hot jots are not used. Default: the one of the bits.
+        Sensor of the data. Its dead and hot jots are not used, and its maps of the efficiency and
+        of the dark counts are part of the likelihood. Default: the one of the bits.
     at : float, optional
         Reference time, from 0 to T - 1 in frames: the time that the image will show. Default: the
         middle, T // 2.
@@ -107,7 +109,7 @@ def find_motion(
     if model != "auto" and model not in MODELS:
         raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
     time = reference_time(at, burst)
-    blocks = Blocks(burst, divide(len(burst)), valid_jots(sensor), threads)
+    blocks = as_blocks(burst, divide(len(burst)), sensor, threads)
     if (reason := _unusable(blocks)) is not None:
         warn(f"{reason}; the scene is assumed to stand still")
         model = "none"
@@ -178,10 +180,34 @@ def reference_time(at: float | None, burst: Burst) -> float:
     return at
 
 
-def valid_jots(sensor: Sensor) -> npt.NDArray[np.uint8] | None:
+def as_blocks(
+    burst: Burst,
+    edges: npt.NDArray[np.intp],
+    sensor: Sensor,
+    threads: int | None,
+    *,
+    with_hot_jots: bool = False,
+) -> Blocks:
+    """Return the blocks of a burst that a sensor recorded.
+
+    Parameters
+    ----------
+    burst, edges, threads
+        As for :class:`jotlight.motion.blocks.Blocks`.
+    sensor : Sensor
+        The sensor. Its dead jots are not counted.
+    with_hot_jots : bool
+        Whether hot jots are counted.
+    """
+    valid = valid_jots(sensor, with_hot_jots=with_hot_jots)
+    jots = Jots.of_sensor(sensor, burst.size, valid)
+    return Blocks(burst, edges, valid, threads, jots=jots)
+
+
+def valid_jots(sensor: Sensor, *, with_hot_jots: bool = False) -> npt.NDArray[np.uint8] | None:
     """Return the packed mask of the jots that are neither dead nor hot, or None if all are good."""
     excluded = sensor.mask
-    if (hot := hot_jots(sensor)) is not None:
+    if not with_hot_jots and (hot := hot_jots(sensor)) is not None:
         excluded = hot if excluded is None else excluded | hot
     if excluded is None or not excluded.any():
         return None

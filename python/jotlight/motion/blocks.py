@@ -2,17 +2,19 @@
 
 import dataclasses
 import functools
-from collections.abc import Sequence
-from typing import Self
+import itertools
+from collections.abc import Iterable, Sequence
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.burst import Burst
+from jotlight.motion.jots import Jots, SeenJots
 from jotlight.motion.tiles import TILE, interpolate_rows
 
-Counts = npt.NDArray[np.int32]
+Counts = npt.NDArray[Any]
 
 Fields = Sequence[npt.NDArray[np.floating]] | npt.NDArray[np.floating]
 """Displacements at two or more times."""
@@ -22,6 +24,9 @@ Times = Sequence[float] | npt.NDArray[np.float64]
 
 _REMAINDER_PIXELS = 16
 """Number of pixels of a row for which the engine returns one remainder."""
+
+_SAMPLES_PER_PIXEL = 4
+"""Number of frames, per pixel of a motion, in which it is looked up which jots pixels see."""
 
 
 @dataclasses.dataclass
@@ -37,12 +42,15 @@ class Sums:
         over 16 pixels of a row.
     frames : int
         Number of frames.
+    jots : SeenJots, optional
+        Sums of the efficiency and the dark counts over the bits, if the jots differ.
     """
 
     ones: Counts
     trials: Counts
     remainders: npt.NDArray[np.float32]
     frames: int
+    jots: SeenJots | None = None
 
     @classmethod
     def zeros(cls, size: tuple[int, int]) -> Self:
@@ -51,10 +59,12 @@ class Sums:
         return cls(np.zeros(size, np.int32), np.zeros(size, np.int32), remainders, 0)
 
     @classmethod
-    def total(cls, parts: Sequence["Sums"]) -> "Sums":
-        """Return the sum of one or more sums."""
-        total = cls.zeros((parts[0].ones.shape[0], parts[0].ones.shape[1]))
-        for part in parts:
+    def total(cls, parts: Iterable["Sums"]) -> "Sums":
+        """Return the sum of one or more sums. A generator of them holds only one at a time."""
+        parts = iter(parts)
+        first = next(parts)
+        total = cls.zeros((first.ones.shape[0], first.ones.shape[1]))
+        for part in itertools.chain([first], parts):
             total += part
         return total
 
@@ -74,6 +84,8 @@ class Sums:
             np.copyto(total.trials, part.trials, where=chosen)
             shares = np.add.reduceat(chosen, starts, axis=1, dtype=np.float32) / widths
             total.remainders += part.remainders * shares[:, None].astype(np.float32)
+            if part.jots is not None:
+                total.jots = _add(total.jots, part.jots * chosen)
         return total
 
     def __add__(self, other: "Sums") -> "Sums":
@@ -82,6 +94,7 @@ class Sums:
             self.trials + other.trials,
             self.remainders + other.remainders,
             self.frames + other.frames,
+            _add(self.jots, other.jots),
         )
 
     def __iadd__(self, other: "Sums") -> Self:
@@ -89,6 +102,7 @@ class Sums:
         self.trials += other.trials
         self.remainders += other.remainders
         self.frames += other.frames
+        self.jots = _add(self.jots, other.jots)
         return self
 
     def seen_along(self, change: npt.NDArray[np.floating]) -> "Sums":
@@ -103,9 +117,25 @@ class Sums:
         remainders = self.remainders - np.float32(self.frames) * rows.transpose(1, 0, 2)
         return dataclasses.replace(self, remainders=remainders)
 
+    def without(self, ones: Counts, trials: Counts) -> "Sums":
+        """Return the sums without some bits, given the numbers of ones and of all of them."""
+        rest = self.trials - trials
+        jots = None if self.jots is None else self.jots * (rest / np.maximum(self.trials, 1))
+        return dataclasses.replace(self, ones=self.ones - ones, trials=rest, jots=jots)
+
     def masked(self, pixels: npt.NDArray[np.bool_]) -> "Sums":
         """Return the sums of some pixels (H, W), and 0 for the others."""
-        return dataclasses.replace(self, ones=self.ones * pixels, trials=self.trials * pixels)
+        jots = None if self.jots is None else self.jots * pixels
+        return dataclasses.replace(
+            self, ones=self.ones * pixels, trials=self.trials * pixels, jots=jots
+        )
+
+
+def _add(first: SeenJots | None, second: SeenJots | None) -> SeenJots | None:
+    """Return the sum of what was seen. None: no bits, or jots that are all alike."""
+    if first is None or second is None:
+        return second if first is None else first
+    return first + second
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,6 +154,8 @@ class Blocks:
         Number of threads.
     channel : int, optional
         The channel that is counted. Default: the sum of all channels.
+    jots : Jots, optional
+        The jots that are counted, if they differ.
     """
 
     burst: Burst
@@ -131,6 +163,7 @@ class Blocks:
     valid: npt.NDArray[np.uint8] | None = None
     threads: int | None = None
     channel: int | None = None
+    jots: Jots | None = None
 
     @functools.cached_property
     def centers(self) -> npt.NDArray[np.float64]:
@@ -147,6 +180,15 @@ class Blocks:
         """Number of binary readings behind a count of one frame."""
         return self.burst.trials // (1 if self.channel is None else self.burst.channels)
 
+    @property
+    def pattern(self) -> Jots | None:
+        """The jots, if they differ or some are not counted."""
+        if self.jots is not None or self.valid is None:
+            return self.jots
+        maps = np.ones((3, *self.size), np.float32)
+        maps *= np.unpackbits(self.valid, axis=1, count=self.size[1])
+        return Jots(1, (1.0, 0.0), maps)
+
     def count(self, frames: range, fields: Fields, times: Times) -> Sums:
         """Return the sums of some frames, whose displacements are linear between two fields.
 
@@ -161,7 +203,28 @@ class Blocks:
         """
         sums = Sums.zeros(self.size)
         self.add(sums, frames, fields, times)
+        if self.jots is not None:
+            sums.jots = self._seen_jots(self.jots, sums.trials, frames, fields, times)
         return sums
+
+    def _seen_jots(
+        self, jots: Jots, trials: Counts, frames: range, fields: Fields, times: Times
+    ) -> SeenJots:
+        """Return the jots that the pixels see."""
+        fields = np.ascontiguousarray(fields, np.float32)
+        if not fields.any() or len(frames) == 0:
+            return jots.at_rest(trials)
+        index, place = locate(np.array([frames[0], frames[len(frames) // 2], frames[-1]]), times)
+        ends = [
+            fields[i] + np.float32(fraction) * (fields[i + 1] - fields[i])
+            for i, fraction in zip(index, place, strict=True)
+        ]
+        path = float(abs(np.diff(ends, axis=0)).max(axis=(1, 2, 3)).sum())
+        number = min(len(frames), 1 + int(_SAMPLES_PER_PIXEL * path))
+        samples = (np.arange(number) + 0.5) * len(frames) / number
+        index, place = locate(np.asarray(frames)[samples.astype(int)], times)
+        tile = None if fields.shape[2:] == self.size else TILE
+        return jots.along(trials, fields, tile, index + place, self.threads)
 
     def add(self, sums: Sums, frames: range, fields: Fields, times: Times) -> None:
         """Add the counts of some frames to sums, as :meth:`count` counts them."""

@@ -5,17 +5,14 @@ import dataclasses
 from jotlight.motion.model import divide
 from jotlight.motion.track import keeps_sums
 
-_SECONDS_PER_PIXEL, _SECONDS_PER_BIT = 1.1e-5, 1.5e-8
-"""Time for one image: that of the templates and equations of up to 32 blocks, and of counting."""
+_SECONDS_PER_BLOCK, _SECONDS_PER_BLOCK_AND_PIXEL, _SECONDS_PER_BIT = 4.9e-3, 1.8e-7, 1.9e-9
+"""Time for one image: that of the templates and equations of blocks, and that of counting."""
 
-_FURTHER_SECONDS_PER_PIXEL, _FURTHER_SECONDS_PER_BIT = 2.6e-6, 3e-9
+_FURTHER_SECONDS_PER_BLOCK, _FURTHER_SECONDS_PER_BLOCK_AND_PIXEL = 1.5e-3, 4.3e-8
 """Time for a further image of a film, to which the motion is carried."""
 
 _BYTES_PER_PIXEL, _BYTES_PER_BLOCK = 180, 16
 """Memory per pixel, and per pixel and block while the sums of blocks are kept."""
-
-_MEASURED_BLOCKS = 32
-"""Number of blocks above which the time grows with it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,7 +52,7 @@ def motion_cost(frames: int, size: tuple[int, int]) -> MotionCost:
     --------
     >>> cost = motion_cost(256, (256, 512))
     >>> round(cost.seconds), round(cost.memory / 1e6)
-    (2, 91)
+    (1, 91)
     """
     if frames < 1 or min(size) < 1:
         raise ValueError(
@@ -63,11 +60,13 @@ def motion_cost(frames: int, size: tuple[int, int]) -> MotionCost:
         )
     pixels = size[0] * size[1]
     blocks = len(divide(frames)) - 1
-    growth = max(1.0, blocks / _MEASURED_BLOCKS)
-    kept = blocks if keeps_sums(size, blocks) else 0
+    is_kept = keeps_sums(size, blocks)
+    counting = _SECONDS_PER_BIT * pixels * frames
+    of_blocks = blocks * (_SECONDS_PER_BLOCK + _SECONDS_PER_BLOCK_AND_PIXEL * pixels)
+    further = _FURTHER_SECONDS_PER_BLOCK + _FURTHER_SECONDS_PER_BLOCK_AND_PIXEL * pixels
+    kept_bytes = _BYTES_PER_BLOCK * blocks if is_kept else 0
     return MotionCost(
-        seconds=pixels * (_SECONDS_PER_PIXEL * growth + _SECONDS_PER_BIT * frames),
-        further_seconds=pixels
-        * (_FURTHER_SECONDS_PER_PIXEL * growth + _FURTHER_SECONDS_PER_BIT * frames),
-        memory=pixels * (_BYTES_PER_PIXEL + _BYTES_PER_BLOCK * kept + blocks / 8),
+        seconds=of_blocks + counting,
+        further_seconds=blocks * further,
+        memory=pixels * (_BYTES_PER_PIXEL + kept_bytes + blocks / 8),
     )

@@ -11,8 +11,7 @@ from jotlight.chunks import windows
 from jotlight.errors import JotlightWarning
 from jotlight.formats.capture import CountStack
 from jotlight.motion.affine import SIGMAS, extrapolate, improve, improve_together, template_of
-from jotlight.motion.align import align, as_motion, hot_jots, prepare_burst, valid_jots
-from jotlight.motion.blocks import Blocks
+from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.deformation import improve_tiles, improve_tiles_together
 from jotlight.motion.merge import as_paths, merge, merge_along
@@ -132,7 +131,7 @@ def _images(
         if image is None:
             motion = align(part, sensor, model=model, threads=threads)
             burst, sensor = prepare_burst(part, sensor)
-            blocks = Blocks(burst, divide(len(burst)), valid_jots(sensor), threads)
+            blocks = as_blocks(burst, divide(len(burst)), sensor, threads)
             merged = _merge(as_paths(motion, blocks), motion, part, sensor)
             image = FilmImage(merged, motion, False)
             number, usual = 0, _accepted(merged)
@@ -164,8 +163,8 @@ def _carried_image(
 
 def _merge(paths: Paths, motion: Motion, part: Bits | CountStack, sensor: Sensor) -> Merged:
     """Return the merged bits of a window, with fast templates."""
-    if hot_jots(sensor) is not None:
-        # The alignment leaves out hot jots, but merging does not.
+    if motion.model == "none" and hot_jots(sensor) is not None:
+        # The alignment leaves out hot jots, but merging counts them if nothing moves.
         return merge(part, sensor, motion=motion, threads=paths.blocks.threads)
     consistent = find_consistent(paths, is_still=motion.model == "none", network=FAST)
     return merge_along(paths, motion, sensor, consistent)
@@ -195,7 +194,7 @@ def carry(
         to another scene, or if the motion folds the image.
     """
     burst, sensor = prepare_burst(data, sensor)
-    blocks = Blocks(burst, divide_by_steps(len(burst), step), valid_jots(sensor), threads)
+    blocks = as_blocks(burst, divide_by_steps(len(burst), step), sensor, threads)
     before = dataclasses.replace(
         motion, times=motion.times - step, reference=motion.reference - step
     )

@@ -4,13 +4,12 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.blocks import Sums
+from jotlight.motion.equivalent import equivalent_sums, expected_probability
 from jotlight.motion.scoring import read_network
 from jotlight.motion.track import Paths
 from jotlight.networks.trials_map import denoise_map
 
-Counts = npt.NDArray[np.signedinteger]
-
-Probability = npt.NDArray[np.float64]
+Probability = npt.NDArray[np.floating]
 
 _FRACTIONS = (1, 2, 4, 8, 16, 32)
 """The windows have all frames, a half, a quarter, and so on."""
@@ -53,14 +52,16 @@ def find_window(paths: Paths, total: Sums) -> range | None:
         center.ones, center.trials - center.ones, held_trials
     )
     # The merged counts contain these bits, too, but at positions that rounding may have shifted.
-    held = np.minimum(held_ones, total.ones), np.minimum(held_trials, total.trials)
-    merged = _estimate(total.ones - held[0], total.trials - held[1])
+    merged = _estimate(
+        total.without(np.minimum(held_ones, total.ones), np.minimum(held_trials, total.trials))
+    )
+    held = center.without(center.ones - held_ones, center.trials - held_trials)
     best: tuple[float, range | None] = 0.0, None
     for length in sorted({max(central, frames // fraction) for fraction in _FRACTIONS}):
         window = _window(paths, length)
         counted = count_window(paths, window)
-        estimate = _estimate(counted.ones - held_ones, counted.trials - held_trials)
-        gain, error = _gain(estimate, merged, held_ones, held_trials)
+        estimate = _estimate(counted.without(held_ones, held_trials))
+        gain, error = _gain(estimate, merged, held)
         if gain > max(best[0], _MIN_GAIN * error):
             best = gain, window
     return best[1]
@@ -93,16 +94,20 @@ def count_window(paths: Paths, window: range) -> Sums:
     return paths.blocks.count(window, (still, still), (window.start, window.stop))
 
 
-def _estimate(ones: Counts, trials: Counts) -> Probability:
-    """Return the probabilities that the network estimates, (H, W)."""
-    estimate = denoise_map(read_network(), ones.astype(np.float32), trials.astype(np.float32))
-    return np.clip(estimate.astype(np.float64), _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
+def _estimate(sums: Sums) -> Probability:
+    """Return the probabilities that the network estimates for the reference jot, (H, W)."""
+    sums = equivalent_sums(sums)
+    ones, trials = sums.ones.astype(np.float32), sums.trials.astype(np.float32)
+    estimate = denoise_map(read_network(), ones, trials)
+    return np.clip(estimate, np.float32(_MIN_PROBABILITY), np.float32(1 - _MIN_PROBABILITY))
 
 
-def _gain(
-    first: Probability, second: Probability, ones: Counts, trials: Counts
-) -> tuple[float, float]:
+def _gain(first: Probability, second: Probability, held: Sums) -> tuple[float, float]:
     """Return by how many nats bits are more probable under the first estimate, and its error."""
+    ones, trials = held.ones, held.trials
+    first, second = (
+        expected_probability(held, each).astype(np.float64) for each in (first, second)
+    )
     of_one, of_zero = np.log(first / second), np.log((1 - first) / (1 - second))
     gain = float((ones * of_one + (trials - ones) * of_zero).sum())
     variance = trials * first * (1 - first) * (of_one - of_zero) ** 2

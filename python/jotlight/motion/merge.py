@@ -1,14 +1,20 @@
 """Merging: the counts of all bits along a motion."""
 
 import dataclasses
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.formats.capture import CountStack
-from jotlight.motion.align import find_motion, hot_jots, prepare_burst, reference_time
+from jotlight.motion.align import (
+    as_blocks,
+    find_motion,
+    hot_jots,
+    prepare_burst,
+    reference_time,
+)
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
 from jotlight.motion.consistency import Consistent, disagreement, find_consistent
@@ -22,6 +28,7 @@ from jotlight.progress import Progress, Update, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 Map = npt.NDArray[np.float64]
@@ -122,11 +129,11 @@ def _merge(
     time = motion.reference if at is None else reference_time(at, burst)
     if time != motion.reference:
         motion = motion.seen_from(time)
-    valid = None if sensor.mask is None else np.packbits(~sensor.mask, axis=1)
-    blocks = Blocks(burst, divide(len(burst)), valid, threads)
+    # If nothing moves, only a hot jot itself has seen its scene point. Otherwise others have, too.
+    is_still = motion.model == "none"
+    blocks = as_blocks(burst, divide(len(burst)), sensor, threads, with_hot_jots=is_still)
     paths = as_paths(motion, blocks)
-    # Without hot jots, the alignment has used the same ones.
-    if hot_jots(sensor) is not None:
+    if is_still and hot_jots(sensor) is not None:
         consistent = None
     return merge_along(paths, motion, sensor, consistent)
 
@@ -159,7 +166,7 @@ def merge_along(
             flags = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
         is_gray = len(channels) == 1
         sums = [consistent.total if is_gray else consistent.count(each) for each in of_channels]
-    return _as_merged(sums, accepted, flags, motion, sensor, paths)
+    return _as_merged(sums, accepted, flags, motion, sensor)
 
 
 def as_paths(motion: Motion, blocks: Blocks) -> Paths:
@@ -187,17 +194,15 @@ def _as_merged(
     flags: npt.NDArray[np.bool_],
     motion: Motion,
     sensor: Sensor,
-    paths: Paths,
 ) -> Merged:
     """Return sums over jots as the merged counts of pixels."""
     side, color = sensor.oversampling, len(channels) > 1
     trials = channels[0].trials.astype(np.float64)
     each_jot = np.ones_like(trials)
-
-    def expected(value: float | npt.NDArray[np.float32]) -> Any:
-        if not isinstance(value, np.ndarray):
-            return None
-        return _mean_of_pixels(_mean_along(value, paths), trials, side)
+    efficiency, dark_counts = (
+        value if jots is None else _mean_of_pixels(jots, trials, side)
+        for value, jots in zip(reference_jot(sensor), _seen_jots(channels[0]), strict=True)
+    )
 
     return Merged(
         stack_channels([_sum_pixels(each.ones, side) for each in channels], color=color),
@@ -205,8 +210,8 @@ def _as_merged(
             [_sum_pixels(each.trials, side).astype(np.float64) for each in channels], color=color
         ),
         sensor,
-        expected(sensor.dark_counts),
-        expected(sensor.efficiency),
+        dark_counts,
+        efficiency,
         _mean_of_pixels(accepted, each_jot, side).astype(np.float32),
         _mean_of_pixels(posterior_error(motion), each_jot, side).astype(np.float32),
         _mean_of_pixels(flags.astype(np.float32), each_jot, side) >= _MIN_FLAGGED,
@@ -214,20 +219,11 @@ def _as_merged(
     )
 
 
-def _mean_along(values: npt.NDArray[np.floating], paths: Paths) -> Map:
-    """Return the mean of a map of the jots along the paths of all pixels, (H, W).
-
-    The map is sampled in the middle of each block.
-    """
-    height, width = values.shape
-    total, number = np.zeros((height, width)), np.zeros((height, width))
-    pixels = np.indices((height, width))
-    for block in range(len(paths.blocks.centers)):
-        rows, columns = pixels + np.rint(paths.displacements(block)).astype(int)
-        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
-        total[inside] += values[rows[inside], columns[inside]]
-        number += inside
-    return np.asarray(np.where(number > 0, total / np.maximum(number, 1), values))
+def _seen_jots(sums: Sums) -> Iterator[Map | None]:
+    """Yield the mean efficiency and the mean dark counts, (H, W), or None if all jots are alike."""
+    means = (None, None) if sums.jots is None else sums.jots.mean(sums.trials)
+    for values in means:
+        yield None if values is None else values.astype(np.float64)
 
 
 def _sum_pixels(values: npt.NDArray[np.int32], side: int) -> npt.NDArray[np.int32]:

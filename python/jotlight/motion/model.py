@@ -185,7 +185,7 @@ def _energy_along(track: Track) -> Array:
     """Return the energy of the sum of central frames along a track, (rows, columns)."""
     half = central_half(track.blocks, track.reference)
     central = np.flatnonzero(abs(track.blocks.centers - track.reference) < half)
-    sums = Sums.total([track.sums(int(block)) for block in central])
+    sums = Sums.total(track.sums(int(block)) for block in central)
     return energy_of(sums, track.blocks.threads)
 
 

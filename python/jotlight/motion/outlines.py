@@ -61,7 +61,7 @@ def _cost(track: Track) -> npt.NDArray[np.float32]:
     order = track.from_center()
     central = max(2, number // _CENTRAL_FRACTION)
     template = make_template(
-        Sums.total([track.sums(int(block)) for block in order[:central]]), track.blocks.threads
+        Sums.total(track.sums(int(block)) for block in order[:central]), track.blocks.threads
     )
     length = max(1, number // _GROUPS)
     sides = []
@@ -76,7 +76,7 @@ def _cost(track: Track) -> npt.NDArray[np.float32]:
             continue
         costs = [
             np.minimum(
-                chi_squared(Sums.total([track.sums(block) for block in group]), template), _MAX_COST
+                chi_squared(Sums.total(track.sums(block) for block in group), template), _MAX_COST
             )
             for group in groups
         ]

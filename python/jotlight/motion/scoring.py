@@ -9,6 +9,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.motion.blocks import Counts, Sums
+from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.regularize import Equations
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_TRIALS
@@ -67,15 +68,6 @@ def blur(images: npt.NDArray[np.floating], sigma: float, threads: int | None = N
     return out
 
 
-def add_squares(counts: npt.NDArray[np.generic], side: int) -> Image:
-    """Return the sums over squares. Those at the right and at the bottom may be incomplete."""
-    height, width = counts.shape
-    if height % side or width % side:
-        counts = np.pad(counts, ((0, -height % side), (0, -width % side)))
-    rows = np.sum([counts[row::side] for row in range(side)], axis=0)
-    return np.asarray(np.sum([rows[:, column::side] for column in range(side)], axis=0), np.float32)
-
-
 @functools.cache
 def read_network(size: str = FAST) -> Network:
     """Return a K-conditioned network. Each is read only once."""
@@ -87,31 +79,48 @@ def make_template(sums: Sums, threads: int | None, size: str = FAST) -> Template
 
     Of more trials than the network serves, the fraction itself has an increasing weight.
     """
+    jots_differ = sums.jots is not None
+    sums = equivalent_sums(sums)
     known = sums.trials > 0
-    fraction = fill_from_nearest(sums.ones / np.maximum(sums.trials, 1), known)
+    fraction = fill_from_nearest(sums.ones / np.where(known, sums.trials, 1), known)
     # Most pixels have about the same number of trials.
     trials = int(np.clip(sums.trials.sum() / max(int(known.sum()), 1), 1, MAX_TRIALS))
+    if jots_differ:
+        fraction = _supplement(fraction, sums, np.float32(trials))
     probability = read_network(size).denoise_probability(fraction, trials, threads=threads)
     excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
     if excess.any():
         probability += excess / (excess + _EQUAL_TRIALS) * (fraction - probability)
-    return _without_shift(probability, sums, threads)
+    return without_shift(probability, sums, threads)
+
+
+def _supplement(fraction: Image, sums: Sums, trials: np.float32) -> Image:
+    """Return fractions of ones in which the neighbors supplement pixels with fewer trials.
+
+    Where jots with little efficiency or many dark counts have seen a pixel, its equivalent number
+    of trials is small, and its fraction of ones has more noise than the network expects.
+    """
+    ones, number = (blur(each, _BLUR) for each in (sums.ones, sums.trials))
+    near = ones / np.maximum(number, np.float32(1e-3))
+    own = np.minimum(sums.trials / trials, np.float32(1))
+    return np.asarray(near + own * (fraction - near), np.float32)
 
 
 def make_blurred_template(sums: Sums, threads: int | None) -> Template:
     """Return the template of sums, denoised by a Gaussian filter: in less time, but worse."""
+    sums = equivalent_sums(sums)
     ones, trials = blur(np.stack([sums.ones, sums.trials]), _BLUR, threads)
     fraction = np.asarray(ones / np.maximum(trials, 1e-3), np.float32)
-    return _without_shift(fraction, sums, threads)
+    return without_shift(fraction, sums, threads)
 
 
-def _without_shift(probability: Image, sums: Sums, threads: int | None) -> Template:
+def without_shift(probability: Image, sums: Sums, threads: int | None) -> Template:
     """Return probabilities of sums as a template at the exact positions."""
     # The remainders have shifted the ones on average. This removes the shift to first order.
     moved = np.empty_like(probability)
     engine.undo_remainders(probability, sums.remainders, sums.frames, moved, threads)
     clipped = np.clip(moved, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
-    return Template(clipped, sums.trials, threads)
+    return Template(clipped, sums.trials.astype(np.int32, copy=False), threads)
 
 
 def normal_equations(sums: Sums, template: Template, sigma: float) -> Equations:
@@ -134,6 +143,7 @@ def normal_equations(sums: Sums, template: Template, sigma: float) -> Equations:
     ValueError
         When the shapes do not match, or a value is outside its range.
     """
+    sums = equivalent_sums(sums, template.probability)
     information, right = engine.displacement_equations(
         template.filtered(sigma),
         sums.ones,

@@ -13,10 +13,11 @@ import numpy.typing as npt
 
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
+from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.regularize import fit_affine
-from jotlight.motion.scoring import add_squares, blur, make_blurred_template, normal_equations
+from jotlight.motion.scoring import blur, make_blurred_template, normal_equations
 from jotlight.motion.shrinkage import shrink_field
-from jotlight.motion.tiles import TILE, mean_tiles
+from jotlight.motion.tiles import TILE, add_squares, mean_tiles
 from jotlight.motion.velocity import find_velocities
 
 Array = npt.NDArray[np.float64]
@@ -92,7 +93,7 @@ def find_segments(blocks: Blocks, reference: int) -> list[list[Segment]]:
     of their energies.
     """
     scene = blocks, reference
-    candidates = list(find_velocities(blocks.burst, reference, blocks.threads))
+    candidates = list(find_velocities(blocks.burst, reference, blocks.threads, blocks.pattern))
     energies = [_energy(*scene, field) for field in candidates]
     pairs = list(zip(candidates, energies, strict=True))
     constant = [pair for pair in pairs if np.ptp(pair[0], axis=(1, 2)).max() == 0]
@@ -210,9 +211,10 @@ def energy_of(sums: Sums, threads: int | None) -> Array:
 
     Counts are added in squares, which the filter for details hardly notices.
     """
+    sums = equivalent_sums(sums)
     ones, trials = (add_squares(each, _SQUARE) for each in (sums.ones, sums.trials))
     known = (trials > 0).astype(np.float32)
-    fraction = ones / np.maximum(trials, 1)
+    fraction = ones / np.where(trials > 0, trials, 1)
     coarse, fine = _COARSE / _SQUARE, _FINE / _SQUARE
     total, share = blur(np.stack([fraction * known, known]), coarse, threads)
     mean = total / np.maximum(share, 1e-3)

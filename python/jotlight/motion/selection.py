@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.blocks import Sums
+from jotlight.motion.equivalent import equivalent_sums, expected_probability
 from jotlight.motion.scoring import Template, make_template
 from jotlight.motion.track import Counted
 
@@ -44,8 +45,8 @@ def likelihood_gain(moving: Counted, still: Counted, make: Make = make_template)
         at_rest = still.sums(block)
         unmoved[half] += at_rest
         seen[half] += np.float32(at_rest.frames) * _positions_seen(moving, block)
-    every = Sums.total(unmoved)
-    mean = float(np.clip(every.ones.sum() / max(int(every.trials.sum()), 1), 1e-9, 1 - 1e-9))
+    every = equivalent_sums(Sums.total(unmoved))
+    mean = float(np.clip(every.ones.sum() / max(float(every.trials.sum()), 1), 1e-9, 1 - 1e-9))
     gain, kept = _log_likelihood(own, None, mean, make, blocks.threads)
     shares = [
         _at_pixels(part / np.float32(max(sums.frames, 1)), blocks.size)
@@ -64,9 +65,10 @@ def _log_likelihood(
     """
     total, trials = 0.0, 0.0
     for index, (half, other) in enumerate(zip(halves, reversed(halves), strict=True)):
-        p = make(other, threads).probability
-        terms = half.ones * np.log(p / np.float32(mean))
-        terms += (half.trials - half.ones) * np.log((1 - p) / np.float32(1 - mean))
+        p = expected_probability(half, make(other, threads).probability)
+        p_0 = expected_probability(half, np.full_like(p, mean))
+        terms = half.ones * np.log(p / p_0)
+        terms += (half.trials - half.ones) * np.log((1 - p) / (1 - p_0))
         share = shares[index] if shares else np.float32(1)
         total += float((terms * share).sum(dtype=np.float64))
         trials += float((half.trials * share).sum(dtype=np.float64))

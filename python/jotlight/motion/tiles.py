@@ -156,6 +156,16 @@ def interpolate_at(
     return np.asarray(above + fraction[0] * (below - above), np.float32)
 
 
+def add_squares(counts: npt.NDArray[np.generic], side: int) -> npt.NDArray[np.float32]:
+    """Return the sums over squares. Those at the right and at the bottom may be incomplete."""
+    height, width = counts.shape
+    if height % side or width % side:
+        counts = np.pad(counts, ((0, -height % side), (0, -width % side)))
+    rows = np.sum([counts[row::side] for row in range(side)], axis=0)
+    squares = np.sum([rows[:, column::side] for column in range(side)], axis=0)
+    return np.asarray(squares, np.float32)
+
+
 def mean_tiles(values: npt.NDArray[np.floating], tile: int = TILE) -> Array:
     """Return the means over tiles, (..., rows, columns), of images (..., H, W)."""
     height, width = values.shape[-2:]

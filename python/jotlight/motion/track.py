@@ -16,8 +16,8 @@ Array = npt.NDArray[np.float64]
 _MAX_KEPT_BYTES = 1 << 28
 """Maximum number of bytes of the sums of all blocks, up to which they are kept."""
 
-_BYTES_OF_SUMS = 8
-"""Bytes of the ones and trials of a pixel."""
+_BYTES_OF_SUMS, _BYTES_OF_JOTS = 8, 8
+"""Bytes of the ones and trials of a pixel, and of what it has seen of jots that differ."""
 
 _NEAR = 0.3
 """Change of the displacements in pixels, up to which counts are corrected to first order."""
@@ -102,7 +102,8 @@ class Track:
         if block in self._kept and self._kept[block][0].distance(curve) == 0:
             return self._kept[block][1]
         sums = self.blocks.count(curve.frames, curve.fields, curve.times)
-        if keeps_sums(self.blocks.size, len(self.nodes)):
+        jots_differ = self.blocks.jots is not None
+        if keeps_sums(self.blocks.size, len(self.nodes), jots_differ=jots_differ):
             self._kept[block] = curve, sums
         return sums
 
@@ -178,9 +179,10 @@ class Paths:
         return np.choose(self.labels[::step, ::step], fields) if len(fields) > 1 else fields[0]
 
 
-def keeps_sums(size: tuple[int, int], blocks: int) -> bool:
+def keeps_sums(size: tuple[int, int], blocks: int, *, jots_differ: bool = False) -> bool:
     """Return whether the sums of all blocks of an image of H x W pixels are kept."""
-    return size[0] * size[1] * _BYTES_OF_SUMS * blocks <= _MAX_KEPT_BYTES
+    of_pixel = _BYTES_OF_SUMS + (_BYTES_OF_JOTS if jots_differ else 0)
+    return size[0] * size[1] * of_pixel * blocks <= _MAX_KEPT_BYTES
 
 
 def from_center(motion: Counted) -> npt.NDArray[np.intp]:

@@ -13,6 +13,8 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.burst import Burst
+from jotlight.motion.equivalent import flatten_counts
+from jotlight.motion.jots import Jots
 from jotlight.motion.rotation import find_rotation
 from jotlight.motion.tiles import tile_centers
 
@@ -50,7 +52,9 @@ _EXPLAINED = 0.7
 """A velocity explains a window if it has this fraction of the window's best score."""
 
 
-def find_velocities(burst: Burst, reference: int, threads: int | None) -> Array:
+def find_velocities(
+    burst: Burst, reference: int, threads: int | None, jots: Jots | None = None
+) -> Array:
     """Return the velocities around a reference time, (n, 2, rows, columns), in pixels per frame.
 
     They are fields of the velocities of tiles. The first one is 0. Others are constant, or a
@@ -64,11 +68,13 @@ def find_velocities(burst: Burst, reference: int, threads: int | None) -> Array:
         The time between the two middle blocks.
     threads : int, optional
         Number of threads.
+    jots : Jots, optional
+        The jots that are counted, if some are not or if they differ. Their pattern stands still.
     """
     places = tile_centers(burst.size) - (np.array(burst.size).reshape(2, 1, 1) - 1) / 2
     found = [np.zeros_like(places)]
     for length in _lengths(min(reference, len(burst) - reference)):
-        blocks = _count_blocks(burst, reference, length, threads)
+        blocks = _count_blocks(burst, reference, length, threads, jots)
         frames = length * len(blocks)
         for velocity, matrix in _peaks(blocks, length, threads):
             field = velocity[:, None, None] + np.tensordot(matrix, places, axes=1)
@@ -94,7 +100,9 @@ def _lengths(available: int) -> list[int]:
     return lengths
 
 
-def _count_blocks(burst: Burst, reference: int, length: int, threads: int | None) -> Counts:
+def _count_blocks(
+    burst: Burst, reference: int, length: int, threads: int | None, jots: Jots | None = None
+) -> Counts:
     """Return the counts of blocks of frames around a time, in squares of pixels, (n, h, w).
 
     The rest at the right and at the bottom is left out.
@@ -105,12 +113,13 @@ def _count_blocks(burst: Burst, reference: int, length: int, threads: int | None
     height, width = (jots // side for jots in burst.size)
     counts = np.zeros((number, height, width), np.int32)
     row = slice(0, height * side), slice(0, -(-width * side // 8))
+    valid = None if jots is None else np.packbits(jots.maps[2, *row[:1]] > 0, axis=1)[:, row[1]]
     for part, planes in burst.parts(range(start, start + number * length)):
         for weight, packed in planes:
             before = part.start - start
             block = before // length
             engine.add_counts_of_blocks(
-                packed[:, *row],
+                packed[:, *row] if valid is None else packed[:, *row] & valid,
                 width * side,
                 side,
                 before % length,
@@ -119,7 +128,7 @@ def _count_blocks(burst: Burst, reference: int, length: int, threads: int | None
                 counts[block:],
                 threads,
             )
-    return counts
+    return counts if jots is None else flatten_counts(counts, length * burst.trials, side, jots)
 
 
 def _peaks(blocks: Counts, length: int, threads: int | None) -> Iterator[tuple[Array, Array]]:

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use ndarray::ArrayView2;
 
+use super::count::Count;
 use super::filter::values;
 
 /// The number of sums that are computed together.
@@ -17,9 +18,9 @@ pub(super) const LIMITS: (f64, f64) = (0.1, 10.0);
 ///
 /// Lamps flicker, and clouds pass. The ratio is 1 if the template predicts no ones. `row(i)` are
 /// the probabilities of the row i of pixels.
-pub(super) fn brightness<'a>(
-    ones: ArrayView2<'_, i32>,
-    trials: ArrayView2<'_, i32>,
+pub(super) fn brightness<'a, C: Count>(
+    ones: ArrayView2<'_, C>,
+    trials: ArrayView2<'_, C>,
     row: impl Fn(usize) -> std::borrow::Cow<'a, [f32]> + Sync,
 ) -> f32 {
     let sums: Vec<[f64; 2]> = (0..ones.nrows())
@@ -30,8 +31,7 @@ pub(super) fn brightness<'a>(
                 values(trials.row(index)),
                 row(index),
             );
-            let counted: i64 = ones.iter().map(|&count| i64::from(count)).sum();
-            [counted as f64, predict(&trials, &p)]
+            [C::sum(&ones), predict(&trials, &p)]
         })
         .collect();
     // The sums over the rows have a fixed order.
@@ -45,16 +45,16 @@ pub(super) fn brightness<'a>(
 }
 
 /// Return Σ D p of a row. Several sums at a time let the compiler vectorize it.
-fn predict(trials: &[i32], p: &[f32]) -> f64 {
+fn predict<C: Count>(trials: &[C], p: &[f32]) -> f64 {
     let mut sums = [0.0; LANES];
     let (trials, trials_rest) = trials.as_chunks::<LANES>();
     let (p, p_rest) = p.as_chunks::<LANES>();
     for (trials, p) in trials.iter().zip(p) {
         for lane in 0..LANES {
-            sums[lane] += trials[lane] as f32 * p[lane];
+            sums[lane] += trials[lane].to_f32() * p[lane];
         }
     }
     let rest = trials_rest.iter().zip(p_rest);
-    let rest: f32 = rest.map(|(&trials, &p)| trials as f32 * p).sum();
+    let rest: f32 = rest.map(|(&trials, &p)| trials.to_f32() * p).sum();
     sums.iter().copied().map(f64::from).sum::<f64>() + f64::from(rest)
 }

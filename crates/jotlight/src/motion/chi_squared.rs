@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::boxes::{add_neighbors, add_rows};
 use super::brightness::brightness;
+use super::count::Count;
 use super::filter::{reflect, reflect_margins, values};
 use super::sums::check_counts;
 use super::template::{SHARE_OF_TEMPLATE, check_template};
@@ -23,11 +24,11 @@ const MIN_VARIANCE: f32 = 1e-3;
 
 /// Counts of a block of frames, and the template to which they are compared.
 #[derive(Clone, Copy, Debug)]
-pub struct Comparison<'a> {
+pub struct Comparison<'a, C = i32> {
     /// N, the number of ones of each pixel, `(H, W)`.
-    pub ones: ArrayView2<'a, i32>,
+    pub ones: ArrayView2<'a, C>,
     /// D, the number of valid bits of each pixel, `(H, W)`.
-    pub trials: ArrayView2<'a, i32>,
+    pub trials: ArrayView2<'a, C>,
     /// p, the probability of a one at each pixel of the template, `(H, W)`.
     pub probability: ArrayView2<'a, f32>,
     /// D_R, the number of trials of each pixel of the template, `(H, W)`.
@@ -43,9 +44,11 @@ pub struct Comparison<'a> {
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
-/// empty, a probability is not above 0 and below 1, or a number of ones is not from 0 to that of
-/// trials.
-pub fn chi_squared(comparison: &Comparison<'_>, mut out: ArrayViewMut2<'_, f32>) -> Result<()> {
+/// empty, a probability is not above 0 and below 1, or counts are not possible.
+pub fn chi_squared<C: Count>(
+    comparison: &Comparison<'_, C>,
+    mut out: ArrayViewMut2<'_, f32>,
+) -> Result<()> {
     let size = comparison.probability.dim();
     check_template(comparison.probability, comparison.trials_of_template)?;
     check_counts(comparison.ones, comparison.trials, size)?;
@@ -67,14 +70,14 @@ pub fn chi_squared(comparison: &Comparison<'_>, mut out: ArrayViewMut2<'_, f32>)
 
 levels! {
     /// Compute χ² of some rows, of which `first` is the first.
-    fn test_band(
-        comparison: &Comparison<'_>, per_one: f32, first: usize, out: ArrayViewMut2<'_, f32>,
+    fn test_band[C: Count](
+        comparison: &Comparison<'_, C>, per_one: f32, first: usize, out: ArrayViewMut2<'_, f32>,
     ) = test_band_inlined;
 }
 
 #[inline(always)]
-fn test_band_inlined(
-    comparison: &Comparison<'_>,
+fn test_band_inlined<C: Count>(
+    comparison: &Comparison<'_, C>,
     per_one: f32,
     first: usize,
     mut out: ArrayViewMut2<'_, f32>,
@@ -138,8 +141,8 @@ fn test_band_inlined(
 
 /// Compute the residuals, their variances, and whether there are trials, of a row of pixels.
 #[inline(always)]
-fn compare_row(
-    comparison: &Comparison<'_>,
+fn compare_row<C: Count>(
+    comparison: &Comparison<'_, C>,
     per_one: f32,
     row: usize,
     [residuals, variances]: &mut [Vec<f32>; 2],
@@ -153,17 +156,17 @@ fn compare_row(
     let of_template = values(comparison.trials_of_template.row(row));
     let residual = residuals[inner.clone()].iter_mut().zip(ones.iter());
     for ((residual, &ones), (&trials, &p)) in residual.zip(trials.iter().zip(p.iter())) {
-        *residual = ones as f32 * per_one - trials as f32 * p;
+        *residual = ones.to_f32() * per_one - trials.to_f32() * p;
     }
     let variance = variances[inner.clone()].iter_mut().zip(trials.iter());
     for ((variance, &trials), (&p, &of_template)) in variance.zip(p.iter().zip(of_template.iter()))
     {
-        let trials = trials as f32;
+        let trials = trials.to_f32();
         let share = SHARE_OF_TEMPLATE * trials / of_template.max(1) as f32;
         *variance = trials * p * (1.0 - p) * (1.0 + share);
     }
     for (counted, &trials) in counted[inner].iter_mut().zip(trials.iter()) {
-        *counted = if trials > 0 { 1.0 } else { 0.0 };
+        *counted = if trials.to_f32() > 0.0 { 1.0 } else { 0.0 };
     }
     for row in [residuals, variances, counted] {
         reflect_margins(row, RADIUS, width);

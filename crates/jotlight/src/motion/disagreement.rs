@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::boxes::{add_neighbors, add_rows};
 use super::brightness::LIMITS;
+use super::count::Count;
 use super::filter::{reflect, reflect_margins, values};
 use super::sums::check_counts;
 use crate::cpu::levels;
@@ -22,11 +23,11 @@ const MIN_VARIANCE: f32 = 1e-3;
 
 /// The ones and trials of each pixel, `(H, W)`.
 #[derive(Clone, Copy, Debug)]
-pub struct Counts<'a> {
+pub struct Counts<'a, C = i32> {
     /// N, the number of ones.
-    pub ones: ArrayView2<'a, i32>,
+    pub ones: ArrayView2<'a, C>,
     /// D, the number of valid bits.
-    pub trials: ArrayView2<'a, i32>,
+    pub trials: ArrayView2<'a, C>,
 }
 
 /// Write into `out` `(2, ⌈H/SQUARE⌉, ⌈W/SQUARE⌉)` how much two parts disagree, and the numbers of
@@ -40,10 +41,10 @@ pub struct Counts<'a> {
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
-/// empty, or a number of ones is not from 0 to that of trials.
-pub fn disagreement<'a>(
-    first: &Counts<'a>,
-    second: &Counts<'a>,
+/// empty, or counts are not possible.
+pub fn disagreement<'a, C: Count>(
+    first: &Counts<'a, C>,
+    second: &Counts<'a, C>,
     mut out: ArrayViewMut3<'_, f32>,
 ) -> Result<()> {
     let size = first.ones.dim();
@@ -75,7 +76,7 @@ pub fn disagreement<'a>(
 
 /// Return the ratio of the brightness of the first part to that of the second, where both have
 /// trials.
-fn relative_brightness(first: &Counts<'_>, second: &Counts<'_>) -> f32 {
+fn relative_brightness<C: Count>(first: &Counts<'_, C>, second: &Counts<'_, C>) -> f32 {
     let sums: Vec<[f64; 2]> = (0..first.ones.nrows())
         .into_par_iter()
         .map(|row| {
@@ -85,9 +86,10 @@ fn relative_brightness(first: &Counts<'_>, second: &Counts<'_>) -> f32 {
                 .and(second.ones.row(row))
                 .and(second.trials.row(row))
                 .for_each(|&ones, &trials, &others, &other_trials| {
-                    if trials > 0 && other_trials > 0 {
-                        sums[0] += f64::from(other_trials) * f64::from(ones) / f64::from(trials);
-                        sums[1] += f64::from(others);
+                    let (trials, other_trials) = (trials.to_f64(), other_trials.to_f64());
+                    if trials > 0.0 && other_trials > 0.0 {
+                        sums[0] += other_trials * ones.to_f64() / trials;
+                        sums[1] += others.to_f64();
                     }
                 });
             sums
@@ -107,14 +109,14 @@ type Squares<'a> = (ArrayViewMut2<'a, f32>, ArrayViewMut2<'a, f32>);
 
 levels! {
     /// Compare some rows, of which `first_row` is the first.
-    fn compare_band(
-        parts: [&Counts<'_>; 2], brightness: f32, first_row: usize, out: Squares<'_>,
+    fn compare_band[C: Count](
+        parts: [&Counts<'_, C>; 2], brightness: f32, first_row: usize, out: Squares<'_>,
     ) = compare_band_inlined;
 }
 
 #[inline(always)]
-fn compare_band_inlined(
-    parts: [&Counts<'_>; 2],
+fn compare_band_inlined<C: Count>(
+    parts: [&Counts<'_, C>; 2],
     brightness: f32,
     first_row: usize,
     (mut disagreements, mut numbers): Squares<'_>,
@@ -144,7 +146,10 @@ fn compare_band_inlined(
         for i in 0..width {
             // Pixels without trials, such as those of dead jots, must not make p smaller.
             let number = if trials[i] > 1.0 { trials[i] } else { 1.0 };
-            let share = ones[i] / number;
+            // Sums of real numbers may be smaller than a single one, or negative. Sums of bits are 0
+            // then, and agree.
+            let ones = if ones[i] > 1.0 { ones[i] } else { 1.0 };
+            let share = ones / number;
             let p = if share < max_p { share } else { max_p };
             let variance = p * (linear[i] - p * quadratic[i]);
             let large = variance > MIN_VARIANCE;
@@ -166,8 +171,8 @@ fn compare_band_inlined(
 /// Compute the terms of a row of pixels, with one more at each end, and whether both parts have
 /// trials.
 #[inline(always)]
-fn compare_row(
-    [first, second]: [&Counts<'_>; 2],
+fn compare_row<C: Count>(
+    [first, second]: [&Counts<'_, C>; 2],
     brightness: f32,
     row: usize,
     terms: &mut [Vec<f32>; TERMS],
@@ -180,8 +185,8 @@ fn compare_row(
         terms.each_mut().map(|term| &mut term[1..][..width]);
     let inverse = 1.0 / brightness;
     for i in 0..width {
-        let (ones, others) = (ones[i] as f32, others[i] as f32);
-        let (trials, other_trials) = (trials[i] as f32, other_trials[i] as f32);
+        let (ones, others) = (ones[i].to_f32(), others[i].to_f32());
+        let (trials, other_trials) = (trials[i].to_f32(), other_trials[i].to_f32());
         let weight = trials * other_trials;
         all[i] = ones + others;
         numbers[i] = trials + inverse * other_trials;

@@ -6,6 +6,7 @@ use ndarray::{Array3, ArrayView1, ArrayView3, Axis};
 use rayon::prelude::*;
 
 use super::brightness::brightness;
+use super::count::Count;
 use super::filter::{filter_twice, reflect, values};
 use super::shifted_counts::BLOCK;
 use super::sums::Sums;
@@ -86,9 +87,9 @@ impl EquationsView<'_> {
 /// A = Σ w D g gᵀ and b = Σ w ρ g, summed over tiles of [`TILE`] pixels.
 ///
 /// # Errors
-/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a number of ones
-/// is not from 0 to that of trials, or a remainder is not finite.
-pub fn normal_equations(template: &Template, sums: Sums<'_>) -> Result<Equations> {
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if counts are not
+/// possible, or a remainder is not finite.
+pub fn normal_equations<C: Count>(template: &Template, sums: Sums<'_, C>) -> Result<Equations> {
     sums.check(template.size)?;
     let (rows, columns) = template.size;
     let row = |row: usize| Cow::Borrowed(&template.probability[row * template.stride..][..columns]);
@@ -116,9 +117,9 @@ pub fn normal_equations(template: &Template, sums: Sums<'_>) -> Result<Equations
 
 levels! {
     /// Add the sums of a row of tiles to `out`.
-    fn add_row_of_tiles(
+    fn add_row_of_tiles[C: Count](
         template: &Template,
-        sums: Sums<'_>,
+        sums: Sums<'_, C>,
         per_one: f32,
         index: usize,
         out: &mut [[f64; SUMS]],
@@ -126,9 +127,9 @@ levels! {
 }
 
 #[inline(always)]
-fn add_row_of_tiles_inlined(
+fn add_row_of_tiles_inlined<C: Count>(
     template: &Template,
-    sums: Sums<'_>,
+    sums: Sums<'_, C>,
     per_one: f32,
     index: usize,
     out: &mut [[f64; SUMS]],
@@ -181,8 +182,8 @@ fn add_row_of_tiles_inlined(
 
 /// Return the rows of N and D that a row of tiles reads. Rows outside the image are reflected.
 #[inline(always)]
-fn gather(
-    sums: Sums<'_>,
+fn gather<C: Count>(
+    sums: Sums<'_, C>,
     first: usize,
     rows: usize,
     radius: usize,
@@ -203,9 +204,9 @@ fn gather(
 
 /// Convert the counts of a row.
 #[inline(always)]
-fn convert(counts: ArrayView1<'_, i32>, out: &mut [f32]) {
+fn convert<C: Count>(counts: ArrayView1<'_, C>, out: &mut [f32]) {
     for (out, &count) in out.iter_mut().zip(values(counts).iter()) {
-        *out = count as f32;
+        *out = count.to_f32();
     }
 }
 

@@ -129,22 +129,11 @@ fn check(
     sums: &ShiftedCounts<'_>,
 ) -> Result<()> {
     let (frames, rows, columns) = bits.shape();
-    if rows.max(columns) > MAX_SIZE || rows * packed_width(columns) > MAX_FRAME_BYTES {
-        let expected = format!("at most {MAX_SIZE} rows and columns, and {MAX_FRAME_BYTES} bytes");
-        return Err(Error::range(
-            "frames",
-            expected,
-            format!("{rows} x {columns}"),
-        ));
-    }
+    check_size(rows, columns)?;
     if times.len() != frames {
         return Err(Error::shape("times of the frames", frames, times.len()));
     }
-    let range = -1.0..=fields as f64;
-    if let Some(time) = times.iter().find(|time| !range.contains(*time)) {
-        let expected = format!("-1 to {fields}");
-        return Err(Error::range("times of the frames", expected, time));
-    }
+    check_times(times, fields)?;
     check_mask(valid, rows, columns)?;
     for counts in [sums.ones.view(), sums.trials.view()] {
         if counts.dim() != (rows, columns) {
@@ -156,6 +145,29 @@ fn check(
         return Err(Error::shape("remainders", blocks, sums.remainders.dim()));
     }
     Ok(())
+}
+
+/// Check that positions of jots and indices of bytes can be represented.
+pub(super) fn check_size(rows: usize, columns: usize) -> Result<()> {
+    if rows.max(columns) > MAX_SIZE || rows * packed_width(columns) > MAX_FRAME_BYTES {
+        let expected = format!("at most {MAX_SIZE} rows and columns, and {MAX_FRAME_BYTES} bytes");
+        let received = format!("{rows} x {columns}");
+        return Err(Error::range("frames", expected, received));
+    }
+    Ok(())
+}
+
+/// Check that times are near those of the fields.
+pub(super) fn check_times(times: &[f64], fields: usize) -> Result<()> {
+    let range = -1.0..=fields as f64;
+    match times.iter().find(|time| !range.contains(*time)) {
+        Some(time) => Err(Error::range(
+            "times of the frames",
+            format!("-1 to {fields}"),
+            time,
+        )),
+        None => Ok(()),
+    }
 }
 
 fn contiguous_mask(mask: ArrayView2<'_, u8>) -> Cow<'_, [u8]> {

@@ -2,17 +2,18 @@
 
 use ndarray::{ArrayView2, ArrayView3};
 
+use super::count::Count;
 use super::filter::values;
 use super::shifted_counts::BLOCK;
 use crate::error::{Error, Result};
 
 /// The sums of a block of frames along a motion, as [`super::add_shifted_counts`] computes them.
 #[derive(Clone, Copy, Debug)]
-pub struct Sums<'a> {
+pub struct Sums<'a, C = i32> {
     /// N, the number of ones of each pixel, `(H, W)`.
-    pub ones: ArrayView2<'a, i32>,
+    pub ones: ArrayView2<'a, C>,
     /// D, the number of valid bits of each pixel, `(H, W)`.
-    pub trials: ArrayView2<'a, i32>,
+    pub trials: ArrayView2<'a, C>,
     /// The remainders in rows and columns, `(H, 2, ⌈W/BLOCK⌉)`: their sum over the frames, and
     /// their mean over [`BLOCK`] pixels of a row.
     pub remainders: ArrayView3<'a, f32>,
@@ -20,7 +21,7 @@ pub struct Sums<'a> {
     pub frames: usize,
 }
 
-impl Sums<'_> {
+impl<C: Count> Sums<'_, C> {
     /// Check that the shapes are those of an image, and that the values are possible.
     pub(super) fn check(&self, size: (usize, usize)) -> Result<()> {
         check_counts(self.ones, self.trials, size)?;
@@ -43,10 +44,10 @@ pub(super) fn check_remainders(
     }
 }
 
-/// Check that the counts have the shape of an image, and are from 0 to the number of trials.
-pub(super) fn check_counts(
-    ones: ArrayView2<'_, i32>,
-    trials: ArrayView2<'_, i32>,
+/// Check that the counts have the shape of an image, and are possible.
+pub(super) fn check_counts<C: Count>(
+    ones: ArrayView2<'_, C>,
+    trials: ArrayView2<'_, C>,
     size: (usize, usize),
 ) -> Result<()> {
     for (what, counts) in [("numbers of ones", ones), ("numbers of trials", trials)] {
@@ -56,16 +57,16 @@ pub(super) fn check_counts(
     }
     for (ones, trials) in ones.rows().into_iter().zip(trials.rows()) {
         let (ones, trials) = (values(ones), values(trials));
-        let is_wrong = |(&ones, &trials): (&i32, &i32)| ones < 0 || ones > trials;
+        let is_wrong = |(&ones, &trials): (&C, &C)| !C::are_possible(ones, trials);
         let mut pairs = ones.iter().zip(trials.iter());
         // Without an early end, the compiler vectorizes the search.
         if pairs.clone().fold(false, |any, pair| any | is_wrong(pair)) {
             let wrong = pairs.find(|&pair| is_wrong(pair));
-            let received = format!("{:?} (ones, trials)", wrong.unwrap_or((&0, &0)));
+            let received = wrong.map(|pair| format!("{pair:?} (ones, trials)"));
             return Err(Error::range(
                 "numbers of ones",
-                "0 to that of trials",
-                received,
+                C::EXPECTED,
+                received.unwrap_or_default(),
             ));
         }
     }
