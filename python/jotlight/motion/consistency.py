@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.blocks import Sums
+from jotlight.motion.flicker import at_brightness, without_saturation
 from jotlight.motion.scoring import PRECISE, Template, blur, make_template
 from jotlight.motion.track import Counted, from_center
 
@@ -130,11 +131,12 @@ def find_consistent(
             blocks = [block for block in ring if is_after[block] == side]
             total = Sums.zeros(size)
             for block, sums, pooled in _pool(motion, blocks, is_after == bool(side)):
-                accepted = chi_squared(pooled, template) < max_chi_squared
+                accepted = chi_squared(pooled, at_brightness(template, pooled)) < max_chi_squared
                 available += sums.trials
                 total += sums.masked(accepted)
                 masks[block] = np.packbits(accepted, axis=1)
-            agrees = disagreement(nearer, total, motion.blocks.threads) < max_disagreement
+            parts = without_saturation(nearer, total)
+            agrees = disagreement(*parts, motion.blocks.threads) < max_disagreement
             sides[side] += total.masked(agrees)
             masks[blocks] &= np.packbits(agrees, axis=1)
         start *= 2
