@@ -7,7 +7,7 @@ import pytest
 
 from jotlight.motion.blocks import Sums
 from jotlight.motion.consistency import chi_squared, disagreement
-from jotlight.motion.flicker import at_brightness, without_saturation, light_factor
+from jotlight.motion.flicker import at_brightness, light_factor, without_saturation
 from jotlight.motion.scoring import Template
 
 SIZE = 96, 128
