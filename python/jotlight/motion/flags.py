@@ -12,8 +12,11 @@ _MAX_DISAGREEMENT, _UNCLEAR_DISAGREEMENT = 1.3, 1.2
 The second value is for unclear scenes.
 """
 
-_MIN_ACCEPTED = 0.9
-"""Pixels are flagged where less than this fraction of their bits was accepted."""
+_MIN_ACCEPTED, _UNCLEAR_ACCEPTED = 0.85, 0.9
+"""Pixels are flagged where less than this fraction of their bits was accepted.
+
+The second value is for unclear scenes. In others, good bits of fine patterns may be rejected, too.
+"""
 
 _MARGIN = 3
 """Distance in pixels at which pixels near others with few accepted bits are flagged, too."""
@@ -84,7 +87,7 @@ def find_flags(
     is_unclear : bool
         What :func:`is_unclear` returns.
     """
-    few = consistent.accepted < _MIN_ACCEPTED
+    few = consistent.accepted < (_UNCLEAR_ACCEPTED if is_unclear else _MIN_ACCEPTED)
     outlines = np.zeros(labels.shape, bool)
     outlines[:, 1:] |= labels[:, 1:] != labels[:, :-1]
     outlines[1:] |= labels[1:] != labels[:-1]
