@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.affine import _information, _smooth, extrapolate, follow, is_renewed, start
+from jotlight.motion.affine import (
+    _covariances,
+    _information,
+    extrapolate,
+    follow,
+    is_renewed,
+    start,
+)
+from jotlight.motion.affine_curve import smooth_affine
 from jotlight.motion.segments import Segment
 from jotlight.motion.tiles import affine_basis, tile_counts
 from moving import blocks_of, moved, record
@@ -130,7 +138,7 @@ def test_smooth_parameters_have_the_variance_of_single_blocks_at_most():
     errors, deviations = [], []
     for _ in range(50):
         noise = [rng.multivariate_normal(np.zeros(6), np.linalg.inv(each)) for each in matrices]
-        smooth, covariances = _smooth(truth + noise, matrices, np.zeros(20))
+        smooth, covariances = smooth_affine(truth + noise, matrices), _covariances(matrices)
         errors.append(smooth - truth)
         deviations.append(np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)))
     scaled = np.square(np.array(errors) / deviations).mean()

@@ -36,12 +36,12 @@ def recorded(name, motion="shake", rng=0):
     return scene, jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
 
 
-@pytest.mark.parametrize("name", ["dark counts", "all"])
-def test_a_pattern_of_the_jots_does_not_hold_the_motion(name):
+@pytest.mark.parametrize(("name", "ratio"), [("dark counts", 1), ("all", 10)])
+def test_a_pattern_of_the_jots_does_not_hold_the_motion(name, ratio):
     scene, bits = recorded(name)
     known, unaware = jl.align(bits), jl.align(bits, bits.sensor.without_maps())
-    assert rms_error(known, scene) < 0.5
-    assert rms_error(unaware, scene) > 1
+    assert rms_error(known, scene) < 0.3
+    assert rms_error(unaware, scene) > ratio * rms_error(known, scene)
 
 
 def test_a_pattern_of_the_jots_is_not_taken_for_motion():

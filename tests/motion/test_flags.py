@@ -17,15 +17,15 @@ def find_flags(sums, labels, **options):
 
 def consistent(accepted=1.0, change=None):
     rng = np.random.default_rng(0)
+    share = np.broadcast_to(np.asarray(accepted, np.float32), SIZE)
     halves = []
     for is_after in (False, True):
         p = np.full(SIZE, 0.3)
         if is_after and change is not None:
             p[change] = 0.5
-        trials = np.full(SIZE, 60, np.int32)
+        trials = np.rint(60 * share).astype(np.int32)
         sums = Sums.zeros(SIZE)
         halves.append(Sums(rng.binomial(trials, p).astype(np.int32), trials, sums.remainders, 60))
-    share = np.broadcast_to(np.asarray(accepted, np.float32), SIZE)
     return Consistent(*halves, share, np.zeros((0, *SIZE), np.uint8))
 
 

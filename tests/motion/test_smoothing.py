@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from jotlight.motion.smoothing import _PENALTIES, _TOLERANCE, cubic_weights, smoothing_matrix
+from jotlight.motion.smoothing import (
+    _PENALTIES,
+    _TOLERANCE,
+    cubic_weights,
+    interpolation_bias,
+    smoothing_matrix,
+)
 
 
 def slow_smoothing(series, information):
@@ -86,3 +92,24 @@ def test_fewer_than_four_values_have_weights_too(number):
     assert weights.shape == (number,)
     for power in range(number):
         assert weights @ np.arange(float(number)) ** power == pytest.approx(0.5**power)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3, 4, 7, 31])
+def test_biased_values_of_a_parabola_are_right_on_the_mean_of_a_block(frames):
+    """Linear interpolation between them has the mean of the parabola over all frames."""
+    blocks = np.arange(5)
+    centers = blocks * frames + (frames - 1) / 2
+    values = (centers / frames) ** 2 - interpolation_bias(frames) * 2
+    inside = np.arange(2 * frames, 3 * frames)
+    interpolated = np.interp(inside, centers, values)
+    assert interpolated.mean() == pytest.approx(np.mean((inside / frames) ** 2))
+
+
+@pytest.mark.parametrize("place", [0.0, 0.4, 3.3, 15.5, 31.0])
+def test_weights_undo_the_bias_of_cubics(place):
+    places = np.arange(-2.0, 34.0)
+    for power in range(4):
+        curve = places**power
+        values = curve[1:-1] - 0.08 * np.diff(curve, 2)
+        found = cubic_weights(34, place + 1, 0.08) @ values
+        assert found == pytest.approx(place**power, abs=1e-5)

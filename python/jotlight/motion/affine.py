@@ -3,19 +3,14 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.motion.affine_curve import smooth_affine
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import chi_squared
 from jotlight.motion.regularize import Equations, fit_affine
 from jotlight.motion.scoring import FAST, PRECISE, Template, make_template, normal_equations
 from jotlight.motion.segments import Segment, limit_length
-from jotlight.motion.shrinkage import (
-    LINEAR,
-    TRANSLATION,
-    information_of_linear,
-    shrink_field,
-    shrinkage_factor,
-)
-from jotlight.motion.smoothing import cubic_weights, smoothing_matrix
+from jotlight.motion.shrinkage import shrink_field
+from jotlight.motion.smoothing import cubic_weights, interpolation_bias
 from jotlight.motion.tiles import affine_basis, affine_inverse, mean_tiles, tile_counts
 from jotlight.motion.track import Track
 
@@ -24,8 +19,14 @@ Array = npt.NDArray[np.float64]
 SIGMAS = (2.0, 1.0)
 """Widths of the filters with which each block is aligned."""
 
-_JOINT_SIGMAS = (2.0, 1.0, 1.0)
-"""Widths of the filters in the rounds that align all blocks together."""
+_JOINT_SIGMAS, _WIDE_SIGMAS = (2.0, 1.0, 1.0, 1.0), (8.0, 4.0, 2.0)
+"""Widths of the filters in the rounds that align all blocks together.
+
+The wide ones follow the first round if its steps are long.
+"""
+
+_LONG = 0.4
+"""Steps of the first round above this length in pixels show that single blocks lost their way."""
 
 _SYSTEMATIC_ERROR = 0.05
 """Standard deviation of the errors that do not depend on the number of photons, in pixels."""
@@ -65,12 +66,24 @@ def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
         if is_renewed(number) and number < len(order):
             template = make_template(total, blocks.threads)
             weights = segment.weights * agreement(track, template)
-    for number, sigma in enumerate(_JOINT_SIGMAS):
-        template = template_of(track, PRECISE if number else FAST)
-        step = improve_together(track, segment.weights, sigma, template)
-        if step <= _TINY and sigma == _JOINT_SIGMAS[-1]:
-            break
+    _align_together(track, segment.weights)
     return track
+
+
+def _align_together(track: Track, weights: Array) -> None:
+    """Update all blocks together until the steps are short."""
+
+    def step(sigma: float) -> float:
+        # Wide filters do not show the details that the larger network adds.
+        template = template_of(track, PRECISE if sigma <= SIGMAS[-1] else FAST)
+        return improve_together(track, weights, sigma, template)
+
+    first, *others = _JOINT_SIGMAS
+    if step(first) > _LONG:
+        others = [*_WIDE_SIGMAS, *others]
+    for sigma in others:
+        if step(sigma) <= _TINY and sigma == others[-1]:
+            break
 
 
 def start(blocks: Blocks, reference: int, velocity: Array) -> Track:
@@ -142,9 +155,10 @@ def improve_together(
         step, matrices[block] = fit_affine(against_others(equations, sums, template), weights)
         nodes = (track.nodes[block] - step).reshape(2, -1)
         parameters[block] = (nodes @ to_parameters.T).ravel()
-    place = float(np.interp(track.reference, track.blocks.centers, np.arange(number)))
-    at_reference = cubic_weights(number, place)
-    smooth, covariances = _smooth(parameters, matrices, at_reference)
+    at_reference = weights_at(track.reference, track.blocks)
+    smooth = smooth_affine(parameters, matrices)
+    smooth -= at_reference @ smooth
+    covariances = _covariances(matrices)
     covariances = covariances + np.tensordot(at_reference**2, covariances, axes=1)
     displacements = (smooth.reshape(number, 2, 3) @ basis.T).reshape(track.nodes.shape)
     length = float(np.sqrt(2 * np.mean((displacements - track.nodes) ** 2)))
@@ -187,31 +201,24 @@ def template_of(track: Track, size: str = FAST) -> Template:
     return make_template(known, track.blocks.threads, size)
 
 
-def _smooth(parameters: Array, matrices: Array, at_reference: Array) -> tuple[Array, Array]:
-    """Return smooth series of the parameters (n, 6), and their covariances (n, 6, 6).
+def weights_at(time: float, blocks: Blocks) -> Array:
+    """Return the weights of the displacements of all blocks whose sum is that at a time."""
+    number = len(blocks.centers)
+    place = float(np.interp(time, blocks.centers, np.arange(number)))
+    frames = round(float(np.diff(blocks.edges).mean()))
+    return cubic_weights(number, place, interpolation_bias(frames))
 
-    `matrices` is the information about the parameters, (n, 6, 6). The series are 0 at the reference
-    time: their sum with the weights `at_reference` (n,).
+
+def _covariances(matrices: Array) -> Array:
+    """Return the covariances of the parameters of all blocks, (n, 6, 6), from the information.
+
+    All have the same shape. A smooth curve has less noise, but also a bias; they exceed both.
     """
     mean = matrices.mean(axis=0)
     mean += 1e-6 * np.trace(mean) * np.eye(6) + 1e-12 * np.eye(6)
     inverse = np.linalg.inv(mean)
     information = np.einsum("nij,ji->n", matrices, inverse) / 6
-    marginal, effect = information_of_linear(mean)
-    estimate = parameters[:, LINEAR]
-    matrix = smoothing_matrix(estimate @ np.linalg.cholesky(marginal), information)
-    linear = matrix @ estimate
-    linear -= at_reference @ linear
-    chi_squared = np.einsum("n,ni,ij,nj->", information, linear, marginal, linear)
-    linear *= shrinkage_factor(float(chi_squared), len(LINEAR) * float((matrix**2).sum()))
-    translation = parameters[:, TRANSLATION] + (estimate - linear) @ effect.T
-    root = np.linalg.cholesky(mean[np.ix_(TRANSLATION, TRANSLATION)])
-    translation = smoothing_matrix(translation @ root, information) @ translation
-    smooth = np.empty_like(parameters)
-    smooth[:, LINEAR] = linear
-    smooth[:, TRANSLATION] = translation - at_reference @ translation
-    # The curve has less noise, but also a bias. The variance without smoothing exceeds both.
-    return smooth, inverse / np.maximum(information, 1e-9)[:, None, None]
+    return np.asarray(inverse / np.maximum(information, 1e-9)[:, None, None])
 
 
 def _information(covariances: Array, basis: Array, displacements: Array) -> Array:

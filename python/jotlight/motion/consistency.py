@@ -9,6 +9,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums, estimate_probability
+from jotlight.motion.flicker import at_brightness, without_saturation
 from jotlight.motion.scoring import (
     FAST,
     PRECISE,
@@ -95,7 +96,9 @@ def _limit_trials(sums: Sums) -> Sums:
     if largest <= _MAX_TRIALS:
         return sums
     factor = np.float32(_MAX_TRIALS / largest)
-    ones, trials = (np.rint(factor * each).astype(np.int32) for each in (sums.ones, sums.trials))
+    ones, trials = factor * sums.ones, factor * sums.trials
+    if sums.ones.dtype == np.int32:
+        ones, trials = (np.rint(each).astype(np.int32) for each in (ones, trials))
     jots = None if sums.jots is None else sums.jots * (trials / np.maximum(sums.trials, 1))
     return dataclasses.replace(sums, ones=ones, trials=trials, jots=jots)
 
@@ -168,11 +171,13 @@ def find_consistent(
             blocks = [block for block in ring if is_after[block] == side]
             total = Sums.zeros(size)
             for block, sums, pooled in _pool(motion, blocks, is_after == bool(side)):
-                accepted = chi_squared(pooled, template) < max_chi_squared
+                pooled = equivalent_sums(pooled, template.probability)
+                accepted = chi_squared(pooled, at_brightness(template, pooled)) < max_chi_squared
                 available += sums.trials
                 total += sums.masked(accepted)
                 masks[block] = np.packbits(accepted, axis=1)
-            agrees = disagreement(nearer, total, motion.blocks.threads) < max_disagreement
+            parts = without_saturation(nearer, total)
+            agrees = disagreement(*parts, motion.blocks.threads) < max_disagreement
             sides[side] += total.masked(agrees)
             masks[blocks] &= np.packbits(agrees, axis=1)
         start *= 2

@@ -10,13 +10,14 @@ from jotlight.motion.affine import (
     is_renewed,
     start,
     template_of,
+    weights_at,
 )
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.regularize import Equations, Smoothness, fit_affine, solve_field
 from jotlight.motion.scoring import Template, make_template, normal_equations
 from jotlight.motion.segments import limit_length
 from jotlight.motion.shrinkage import translation_of
-from jotlight.motion.smoothing import cubic_weights, smoothing_matrix
+from jotlight.motion.smoothing import smoothing_matrix
 from jotlight.motion.track import Track
 
 Array = npt.NDArray[np.float64]
@@ -101,11 +102,10 @@ def _add_prior(equations: Equations, deviation: Array) -> Equations:
 
 def _at_reference(track: Track, nodes: Array) -> Array:
     """Return the displacements at the reference time, from a smooth curve through all blocks."""
-    number = len(nodes)
-    place = float(np.interp(track.reference, track.blocks.centers, np.arange(number)))
     series = nodes.mean(axis=(2, 3))
     of_directions = track.information[:, [0, 2]].sum(axis=(2, 3))
     roots = np.sqrt(np.maximum(of_directions.mean(axis=0), 1e-9))
     information = of_directions.mean(axis=1) / max(float(of_directions.mean()), 1e-9)
-    weights = cubic_weights(number, place) @ smoothing_matrix(series * roots, information)
+    smooth = smoothing_matrix(series * roots, information)
+    weights = weights_at(track.reference, track.blocks) @ smooth
     return np.asarray(np.tensordot(weights, nodes, axes=1))

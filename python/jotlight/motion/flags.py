@@ -12,8 +12,11 @@ _MAX_DISAGREEMENT, _UNCLEAR_DISAGREEMENT = 1.3, 1.2
 The second value is for unclear scenes.
 """
 
-_MIN_ACCEPTED = 0.9
-"""Pixels are flagged where less than this fraction of their bits was accepted."""
+_MIN_ACCEPTED, _UNCLEAR_ACCEPTED = 0.85, 0.9
+"""Pixels are flagged where less than this fraction of their bits was accepted.
+
+The second value is for unclear scenes. In others, good bits of fine patterns may be rejected, too.
+"""
 
 _MARGIN = 3
 """Distance in pixels at which pixels near others with few accepted bits are flagged, too."""
@@ -35,6 +38,12 @@ _STRONG, _MAX_STRONG = 1.5, 0.01
 """A scene is unclear if more than this fraction of the pixels (second value) disagrees by more than
 the first value."""
 
+_IN_VIEW = 0.9
+"""Whether a scene is unclear is decided where pixels have this fraction of the most trials.
+
+Others leave the view at some times, so flicker changes their brightness by another factor.
+"""
+
 
 def is_unclear(consistent: Consistent, disagreements: Image, model: str) -> bool:
     """Return whether the model does not explain the scene well.
@@ -44,10 +53,14 @@ def is_unclear(consistent: Consistent, disagreements: Image, model: str) -> bool
     """
     if model in ("tiles", "segments"):
         return model == "tiles"
-    rejected = blur(1 - consistent.accepted, _SPREAD)
+    trials = consistent.total.trials / np.maximum(consistent.accepted, 1e-3)
+    in_view = trials >= _IN_VIEW * trials.max()
+    weights = in_view.astype(np.float32)
+    rejected = blur(weights * (1 - consistent.accepted), _SPREAD)[in_view]
+    rejected = rejected / np.maximum(blur(weights, _SPREAD)[in_view], np.float32(1e-3))
     largest = float(np.quantile(rejected, 0.99))
     is_local = largest > max(_MAX_REJECTED, _CONCENTRATION * float(rejected.mean()))
-    return is_local or float(np.mean(disagreements > _STRONG)) > _MAX_STRONG
+    return is_local or float(np.mean(disagreements[in_view] > _STRONG)) > _MAX_STRONG
 
 
 def find_flags(
@@ -74,7 +87,7 @@ def find_flags(
     is_unclear : bool
         What :func:`is_unclear` returns.
     """
-    few = consistent.accepted < _MIN_ACCEPTED
+    few = consistent.accepted < (_UNCLEAR_ACCEPTED if is_unclear else _MIN_ACCEPTED)
     outlines = np.zeros(labels.shape, bool)
     outlines[:, 1:] |= labels[:, 1:] != labels[:, :-1]
     outlines[1:] |= labels[1:] != labels[:-1]

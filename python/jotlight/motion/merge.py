@@ -19,6 +19,7 @@ from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
 from jotlight.motion.consistency import Consistent, disagreement, find_consistent
 from jotlight.motion.flags import find_flags, is_unclear
+from jotlight.motion.flicker import without_saturation
 from jotlight.motion.guard import count_window, find_window
 from jotlight.motion.model import divide
 from jotlight.motion.motion import Motion
@@ -149,7 +150,8 @@ def merge_along(
     if consistent is None:
         consistent = find_consistent(paths, is_still=motion.model == "none")
     accepted, threads = consistent.accepted, paths.blocks.threads
-    disagreements = disagreement(consistent.before, consistent.after, threads)
+    halves = without_saturation(consistent.before, consistent.after)
+    disagreements = disagreement(*halves, threads)
     flags = find_flags(consistent, disagreements, motion.labels)
     channels = [None] if burst.channels == 1 else list(range(burst.channels))
     of_channels = [_of_channel(paths, channel) for channel in channels]

@@ -1,0 +1,105 @@
+"""Smooth curves of affine motions: the most probable ones under the weights that fit best."""
+
+import numpy as np
+import pytest
+
+from jotlight.motion.affine_curve import _MODES, _TERMS, _Problem, smooth_affine
+
+NUMBER = 12
+
+
+def matrices(rng, number=NUMBER):
+    roots = rng.normal(size=(number, 6, 6))
+    return roots @ roots.swapaxes(1, 2) + 0.1 * np.eye(6)
+
+
+def dense_matrices(information, weights):
+    """Return the information and the squared differences of all values as full matrices."""
+    number = len(information)
+    full = np.zeros((number, 6, number, 6))
+    full[range(number), :, range(number)] = information
+    prior = np.zeros_like(full)
+    for weight, (modes, order) in zip(weights, _TERMS, strict=True):
+        differences = np.diff(np.eye(number), order, axis=0)
+        for mode in range(6)[modes]:
+            prior[:, mode, :, mode] += np.exp(weight) * differences.T @ differences
+    size = 6 * number
+    return full.reshape(size, size), prior.reshape(size, size)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_curves_and_their_costs_are_those_of_full_matrices(seed):
+    rng = np.random.default_rng(seed)
+    information, estimates = matrices(rng), rng.normal(size=(NUMBER, 6))
+    problem = _Problem.of(estimates, information)
+    costs, expected = [], []
+    for weights in rng.uniform(-4, 4, (3, len(_TERMS))):
+        cost, curve = problem.solve(tuple(weights))
+        full, prior = dense_matrices(information, weights)
+        slow = np.linalg.solve(full + prior, full @ estimates.ravel())
+        np.testing.assert_allclose(curve.ravel(), slow, atol=1e-4)
+        costs.append(cost)
+        # The estimates have the covariance of the noise plus that of the curve. The latter is
+        # infinite for curves without differences, so it is cut off.
+        values, vectors = np.linalg.eigh(prior)
+        values = np.where(values > 1e-9 * values.max(), values, 1e-7)
+        covariance = np.linalg.inv(full) + vectors / values @ vectors.T
+        squared = estimates.ravel() @ np.linalg.solve(covariance, estimates.ravel())
+        expected.append(squared + np.linalg.slogdet(covariance)[1])
+    np.testing.assert_allclose(np.diff(costs), np.diff(expected), rtol=1e-3, atol=1e-2)
+
+
+def test_modes_are_translations_zoom_rotation_and_shears():
+    np.testing.assert_allclose(_MODES @ _MODES.T, np.eye(6), atol=1e-12)
+    rows, columns = np.indices((5, 5)) - 2.0
+    fields = np.einsum("mdk,khw->mdhw", _MODES.reshape(6, 2, 3), [np.ones((5, 5)), rows, columns])
+    angle = 1e-6
+    turned = np.stack([rows * np.cos(angle) - columns * np.sin(angle) - rows])[0] / angle
+    np.testing.assert_allclose(fields[2], np.stack([rows, columns]) / 2**0.5)
+    np.testing.assert_allclose(fields[3, 0], turned / 2**0.5, atol=1e-5)
+    np.testing.assert_allclose(fields[3, 1], rows / 2**0.5)
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.5])
+def test_curves_have_less_noise_than_their_estimates(noise):
+    rng = np.random.default_rng(0)
+    time = np.linspace(-1, 1, 24)
+    modes = np.zeros((24, 6))
+    modes[:, 0] = 10 * np.sin(2 * time)
+    modes[:, 1] = 4 * time**2
+    modes[:, 3] = 6 * time  # a rotation
+    truth = modes @ _MODES
+    information = np.broadcast_to(np.eye(6) / noise**2, (24, 6, 6))
+    errors = []
+    for _ in range(20):
+        estimates = truth + noise * rng.normal(size=truth.shape)
+        errors.append(smooth_affine(estimates, information) - truth)
+    variance = np.square(errors @ _MODES.T).mean(axis=(0, 1)) / noise**2
+    assert variance.max() < 0.5
+    assert variance[4:].max() < 0.1  # shears that do not change
+
+
+def test_the_unit_of_the_displacements_does_not_matter():
+    rng = np.random.default_rng(1)
+    information, estimates = matrices(rng), rng.normal(size=(NUMBER, 6))
+    first = smooth_affine(estimates, information)
+    np.testing.assert_allclose(
+        smooth_affine(1000 * estimates, 1e-6 * information), 1000 * first, rtol=1e-6, atol=1e-6
+    )
+
+
+def test_values_without_information_follow_from_the_others():
+    estimates = np.zeros((20, 6))
+    estimates[:, 0] = np.arange(20.0) ** 2
+    truth = estimates.copy()
+    information = np.broadcast_to(100 * np.eye(6), (20, 6, 6)).copy()
+    estimates[7], information[7] = 1000, 0
+    np.testing.assert_allclose(smooth_affine(estimates, information), truth, atol=0.1)
+
+
+@pytest.mark.parametrize("number", [1, 2, 4, 5, 40])
+def test_bursts_without_information_keep_finite_values(number):
+    estimates = np.random.default_rng(2).normal(size=(number, 6))
+    curve = smooth_affine(estimates, np.zeros((number, 6, 6)))
+    assert curve.shape == (number, 6)
+    assert np.isfinite(curve).all()

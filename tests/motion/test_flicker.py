@@ -1,0 +1,86 @@
+"""Flicker: the same scene in more or in less light is still the same scene."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jotlight.motion.blocks import Sums
+from jotlight.motion.consistency import chi_squared, disagreement
+from jotlight.motion.flicker import at_brightness, light_factor, without_saturation
+from jotlight.motion.scoring import Template
+
+SIZE = 96, 128
+
+
+def light():
+    """Return the photons per jot and frame of a scene, from dark to nearly saturated jots."""
+    rows, columns = np.indices(SIZE)
+    return 0.05 + 3 * ((rows // 16 + columns // 16) % 4) / 3
+
+
+def sums_of(photons, frames, rng):
+    ones = np.random.default_rng(rng).binomial(frames, -np.expm1(-photons)).astype(np.int32)
+    return dataclasses.replace(
+        Sums.zeros(SIZE), ones=ones, trials=np.full(SIZE, frames, np.int32), frames=frames
+    )
+
+
+def template():
+    return Template((-np.expm1(-light())).astype(np.float32), np.full(SIZE, 10_000, np.int32))
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.8, 1.3, 2.0])
+def test_the_template_has_the_light_of_the_block(factor):
+    sums = sums_of(factor * light(), 64, 0)
+    found = at_brightness(template(), sums).probability
+    np.testing.assert_allclose(found, -np.expm1(-factor * light()), atol=0.01)
+
+
+def test_templates_stay_if_the_light_does_not_change():
+    same = template()
+    for frames in (4, 64):
+        assert at_brightness(same, sums_of(light(), frames, 1)) is same
+    nothing = Sums.zeros(SIZE)
+    assert at_brightness(same, nothing) is same
+    assert without_saturation(nothing, nothing)[0] is nothing
+
+
+@pytest.mark.parametrize("factor", [0.6, 1.5])
+def test_blocks_in_other_light_agree_with_the_template(factor):
+    sums = sums_of(factor * light(), 64, 2)
+    values = chi_squared(sums, at_brightness(template(), sums))
+    assert values.mean() == pytest.approx(1, abs=0.1)
+    # If all ones had the same ratio, bright and dark pixels would disagree.
+    assert np.quantile(values, 0.99) < 2.5 < np.quantile(chi_squared(sums, template()), 0.99)
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.8, 0.9, 1.1, 1.3])
+def test_halves_in_other_light_agree(factor):
+    first, second = sums_of(factor * light(), 128, 3), sums_of(light(), 128, 4)
+    equal = without_saturation(first, second)
+    values = disagreement(*equal)
+    assert values.mean() == pytest.approx(1, abs=0.15)
+    assert np.quantile(values, 0.9) < 1.4 < np.quantile(disagreement(first, second), 0.9)
+    ratios = []
+    for part in (light() < 0.1, light() > 2):
+        total, other = (each.ones[part].sum() for each in equal)
+        ratios.append(total / other)
+    assert ratios[0] == pytest.approx(ratios[1], rel=0.08)
+    for each in equal:
+        assert (each.ones >= 0).all()
+        assert (each.ones <= each.trials).all()
+
+
+def test_a_part_that_changes_still_disagrees():
+    brighter = 1.2 * light()
+    brighter[20:60, 30:80] *= 0.7
+    halves = sums_of(brighter, 128, 5), sums_of(light(), 128, 6)
+    assert disagreement(*without_saturation(*halves))[28:52, 38:72].min() > 1.5
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0, 1.2, 50.0])
+def test_factors_are_finite_for_all_ratios(ratio):
+    p = template().probability
+    for trials in (np.zeros(SIZE, np.int32), np.full(SIZE, 7, np.int32)):
+        assert np.isfinite(light_factor(p, trials, ratio))
