@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -96,9 +97,10 @@ def _limit_trials(sums: Sums) -> Sums:
     if largest <= _MAX_TRIALS:
         return sums
     factor = np.float32(_MAX_TRIALS / largest)
-    ones, trials = factor * sums.ones, factor * sums.trials
-    if sums.ones.dtype == np.int32:
-        ones, trials = (np.rint(each).astype(np.int32) for each in (ones, trials))
+    parts: list[Any] = [factor * sums.ones, factor * sums.trials]
+    if sums.ones.dtype == np.int32:  # equivalent counts are real numbers
+        parts = [np.rint(each).astype(np.int32) for each in parts]
+    ones, trials = parts
     jots = None if sums.jots is None else sums.jots * (trials / np.maximum(sums.trials, 1))
     return dataclasses.replace(sums, ones=ones, trials=trials, jots=jots)
 
