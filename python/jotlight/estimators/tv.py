@@ -187,7 +187,8 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     mean = image_means(information)
     # If nearly all bits are saturated, the roughness is unknown, and 1 stands in for it.
     known = mean > 1e-6 * image_means(np.square(local))
-    roughness = _roughness(score, information, stack.max_intensity) * np.sqrt(mean)
+    with np.errstate(over="ignore", invalid="ignore"):
+        roughness = _roughness(score, information, stack.max_intensity) * np.sqrt(mean)
     roughness = np.where(known, roughness, 1.0)
     norm_factor = math.pi / 4 if check_norm(norm) == "anisotropic" and local.ndim == 3 else 1.0
     weight = norm_factor * WEIGHT_STRENGTH * each_image(roughness**-WEIGHT_POWER, local) * local
