@@ -43,6 +43,7 @@ from jotlight.sensing.sensor import Sensor
 from jotlight.training import train
 
 _OTHER_NAMES = {
+    "find_hot_jots": "calibration.find_hot_jots",
     "imread": "read_image",
     "imsave": "save_image",
     "imwrite": "save_image",

@@ -8,8 +8,19 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-_MAX_CHANNELS = 4
-"""Largest length of a last axis that looks like that of colors."""
+MAX_CHANNELS = 4
+"""Largest length of an axis of colors."""
+
+
+def looks_like_color(shape: tuple[int, ...]) -> bool:
+    """Return whether a short last axis after two longer ones suggests color channels.
+
+    Examples
+    --------
+    >>> looks_like_color((256, 256, 3)), looks_like_color((3, 256, 256))
+    (True, False)
+    """
+    return len(shape) > 2 and shape[-1] <= MAX_CHANNELS < min(shape[-3:-1])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +65,7 @@ class Layout:
                 f"{name}: expected shape {expected}, and at least one pixel, got {array.shape}"
             )
         if channel_axis is None:
-            if array.ndim > 2 and array.shape[-1] <= _MAX_CHANNELS < min(array.shape[-3:-1]):
+            if looks_like_color(array.shape):
                 raise ValueError(
                     f"{name}: expected a stack (..., H, W), but shape {array.shape} looks like "
                     "color; pass channel_axis=-1 if the last axis holds channels"
@@ -115,6 +126,29 @@ class Layout:
         if self.channel_axis is not None:
             array = np.ascontiguousarray(np.moveaxis(array, -3, self.channel_axis))
         return array
+
+
+def image_channels(
+    name: str, array: npt.NDArray[Any], channel_axis: int | None
+) -> npt.NDArray[Any]:
+    """Return the channels (C, H, W) of one image, which has one channel without a channel axis.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a stack of images, and as :meth:`Layout.of`.
+
+    Examples
+    --------
+    >>> image_channels("image", np.zeros((8, 6, 3)), -1).shape
+    (3, 8, 6)
+    """
+    layout = Layout.of(name, array, channel_axis)
+    if layout.is_stack:
+        raise ValueError(
+            f"{name}: expected one image, got a stack of shape {array.shape}; pass each image alone"
+        )
+    return layout.split(array)
 
 
 def join(parts: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:

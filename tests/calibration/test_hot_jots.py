@@ -89,6 +89,16 @@ def test_a_jot_that_is_hot_in_one_color_is_hot():
     light[5, 6, 1] = 1.0
     frames = np.random.default_rng(0).random((500, *light.shape)) < light
     assert np.argwhere(find_hot_jots(jl.Bits.from_array(frames))).tolist() == [[5, 6]]
+    found = find_hot_jots(frames.sum(0), trials=500, channel_axis=-1)
+    assert np.argwhere(found).tolist() == [[5, 6]]
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"), [((9, 8, 4), "looks like color"), ((3, 9, 8), "expected one image")]
+)
+def test_counts_of_color_need_their_axis_and_stacks_are_refused(shape, message):
+    with pytest.raises(ValueError, match=message):
+        find_hot_jots(np.zeros(shape, int), trials=9)
 
 
 @pytest.mark.parametrize(

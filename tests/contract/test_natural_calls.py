@@ -228,6 +228,12 @@ def test_calls_that_cannot_work_say_what_to_write():
         (lambda: jl.read_image(IMAGE), TypeError, r"read_image\(\"photo\.png\"\), got ndarray"),
         (lambda: jl.train([IMAGE], SENSOR), TypeError, r"jotlight\.train\(.*got list"),
         (lambda: jl.Network.load("medium"), OSError, r"quality=medium .* shipped network"),
+        (lambda: jl.find_hot_jots(BITS), AttributeError, r"jotlight\.calibration\.find_hot_jots"),
+        (
+            lambda: jl.Bits.from_array(np.zeros((2, 3, 9, 8), bool)),
+            ValueError,
+            r"at most 4 channels, got \(2, 3, 9, 8\); for a stack .* list of Bits",
+        ),
         (lambda: jl.imread("a.png"), AttributeError, r"write jotlight\.read_image"),
         (
             lambda: jl.pretrained(SENSOR).eval(),

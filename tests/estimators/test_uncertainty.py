@@ -136,6 +136,18 @@ def test_bits_that_tell_nothing_have_an_infinite_standard_error():
     assert (result.low.tolist(), result.high.tolist()) == ([[0, 1, 1]], [[1, 1, 1]])
 
 
+def test_the_units_are_those_of_estimates():
+    sensor = jl.Sensor(frames=9, gain=18.0, exposure_time=1e-3)
+    counts = np.array([[0, 4, 9]])
+    intensity = jl.uncertainty(counts, sensor).arrays()
+    for units, scale in (("photons", 2), ("photons-per-second", 2000)):
+        found = jl.uncertainty(counts, sensor, units=units).arrays()
+        for name in ("standard_error", "low", "high"):
+            np.testing.assert_allclose(found[name], scale * intensity[name], rtol=1e-6)
+    with pytest.raises(ValueError, match="units: expected one of intensity, photons"):
+        jl.uncertainty(counts, sensor, units="lux")
+
+
 def test_color_channels_are_independent():
     sensor = jl.Sensor(frames=9)
     counts = np.random.default_rng(0).integers(0, 10, (3, 4, 3))

@@ -178,6 +178,8 @@ def test_a_perfect_estimate_has_an_infinite_psnr_also_in_the_csv(tmp_path):
         ([np.full((4, 4), np.nan)], {}, ValueError, "finite"),
         ([np.zeros((0, 4))], {}, ValueError, "image: expected"),
         ([np.zeros(4)], {}, ValueError, "images: expected a list"),
+        (np.zeros((9, 8, 3)), {}, ValueError, r"shape \(9, 8, 3\) looks like color; put one"),
+        (np.zeros((9, 8, 3)), {"channel_axis": -1}, ValueError, "put one image in a list"),
         (IMAGES, {"rng": -1}, ValueError, "rng"),
     ],
 )

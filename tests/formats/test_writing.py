@@ -29,6 +29,15 @@ def test_saved_counts_are_read_back(tmp_path, name, dtype):
     np.testing.assert_array_equal(jl.open(tmp_path / name), COUNTS)
 
 
+@pytest.mark.parametrize("name", ["a.npz", "a.tif", "a.png"])
+def test_a_format_of_counts_warns_that_only_the_sum_is_saved(tmp_path, name):
+    bits = random_bits((3, 5, 13))
+    with pytest.warns(jl.JotlightWarning, match="only the sum of the 3 frames is saved; save to"):
+        jl.save(bits, tmp_path / name)
+    np.testing.assert_array_equal(jl.open(tmp_path / name), bits.counts(1))
+    jl.save(bits[:1], tmp_path / name)
+
+
 def test_the_format_can_be_named(tmp_path):
     frames = random_frames((2, 256, 512))
     jl.save(jl.Bits.from_array(frames), tmp_path / "a.bin", format="swissspad2")

@@ -89,13 +89,21 @@ def test_without_a_period_the_score_is_normal():
 
 def test_colors_and_small_images_are_not_tested():
     assert find_periodic_rates(mosaic((63, 640), 1, [1, 9, 4])) is None
-    assert find_periodic_rates(np.ones((128, 128, 3), int)) is None
+    assert find_periodic_rates(np.ones((128, 128, 3), int), channel_axis=-1) is None
     assert find_periodic_rates(jl.Bits.from_array(np.ones((1, 128, 128, 3), bool))) is None
     assert find_periodic_rates(np.zeros((128, 128), int)) is None
     assert find_periodic_rates(np.eye(1, 128 * 128, dtype=int).reshape(128, 128)) is None
     row = np.zeros((128, 128), int)
     row[5] = 1
     assert find_periodic_rates(row) is None
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"), [((9, 8, 4), "looks like color"), ((3, 9, 8), "expected one image")]
+)
+def test_counts_of_color_need_their_axis_and_stacks_are_refused(shape, message):
+    with pytest.raises(ValueError, match=message):
+        find_periodic_rates(np.zeros(shape, int))
 
 
 @pytest.mark.parametrize(("side", "oversampling"), [(1, 1), (1, 2), (2, 1)])

@@ -7,7 +7,9 @@ import numpy.typing as npt
 
 from jotlight.checks import as_counts, whole_number
 from jotlight.interrupts import interruptible
+from jotlight.layout import image_channels
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.response import detection_probability, inverse_detection_probability
 
 FALSE_POSITIVE_RATE = 1e-6
@@ -40,6 +42,7 @@ def find_hot_jots(
     threshold: int = 1,
     mask: npt.NDArray[np.bool_] | None = None,
     false_positive_rate: float = FALSE_POSITIVE_RATE,
+    channel_axis: int | None = None,
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> npt.NDArray[np.bool_]:
@@ -56,8 +59,7 @@ def find_hot_jots(
     Parameters
     ----------
     data : Bits (T, H, W), or array_like of int, shape (H, W)
-        Bits, or counts of single jots. Bits of color (T, H, W, C) are counted for each channel; a
-        jot is hot if it is in one of them.
+        Bits, or counts of single jots. A jot of color data is hot if it is in one of the channels.
     trials : int, optional
         Number of binary readings behind each count. Required for counts.
     threshold : int
@@ -67,6 +69,8 @@ def find_hot_jots(
     false_positive_rate : float
         Maximum probability that a jot is called hot whose rate is at most c times the mean of its
         neighbors.
+    channel_axis : int, optional
+        Axis of counts that holds color channels. Default: none.
     threads : int, optional
         Number of threads. Default: all.
     progress : callable, optional
@@ -102,17 +106,20 @@ def find_hot_jots(
         )
     if isinstance(data, Bits):
         counts, number = data.counts(1, threads=threads, progress=progress), len(data)
+        channel_axis = last_channel_axis(counts)
     else:
         if trials is None:
             raise TypeError("trials: expected the number of binary readings behind each count")
         counts, number = as_counts(data), whole_number("trials", trials, 1)
     if counts.max() > number:
         raise ValueError(f"counts: expected at most {number} trials, got {counts.max()}")
-    if mask is not None and mask.shape != counts.shape[:2]:
-        raise ValueError(f"mask: expected shape {counts.shape[:2]}, got {mask.shape}")
-    valid = np.ones(counts.shape[:2], bool) if mask is None else ~mask
-    hot = np.zeros(counts.shape[:2], bool)
-    for channel in np.atleast_3d(counts).transpose(2, 0, 1):
+    channels = image_channels("counts", counts, channel_axis)
+    size = channels.shape[1:]
+    if mask is not None and mask.shape != size:
+        raise ValueError(f"mask: expected shape {size}, got {mask.shape}")
+    valid = np.ones(size, bool) if mask is None else ~mask
+    hot = np.zeros(size, bool)
+    for channel in channels:
         hot |= _find(channel, valid, number, threshold, false_positive_rate)
     return hot
 

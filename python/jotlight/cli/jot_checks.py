@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import numpy.typing as npt
 
 from jotlight.calibration import find_hot_jots, find_periodic_rates
 from jotlight.checks import Counts
@@ -10,6 +11,7 @@ from jotlight.cli.captured import Captured
 from jotlight.cli.console import caution, progress
 from jotlight.errors import PeriodicRatesWarning, warn
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
 
 PERIODIC_RATES = "periodic rates"
@@ -31,11 +33,11 @@ def jot_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, 
     sensor : Sensor
         The sensor, whose dead jots are not compared.
     """
-    periodic = find_periodic_rates(counts)
+    periodic = None if counts.ndim > 2 else find_periodic_rates(counts)
     if periodic is not None:
         # Under color filters, jots differ from their neighbors without being hot.
         return [(PERIODIC_RATES, periodic.describe())]
-    hot = find_hot_jots(counts, trials=trials, threshold=sensor.threshold, mask=sensor.mask)
+    hot = _find_hot_jots(counts, trials, sensor)
     if not hot.any():
         return []
     number = f"{hot.sum()} jot{'' if hot.sum() == 1 else 's'}"
@@ -78,18 +80,29 @@ def mask_hot_jots(captured: Captured, threads: int | None = None) -> Captured:
             f"pixels of {captured.sensor.oversampling} x {captured.sensor.oversampling} jots"
         )
     counts, trials = found
-    periodic = find_periodic_rates(counts)
+    periodic = None if counts.ndim > 2 else find_periodic_rates(counts)
     if periodic is not None:
         raise ValueError(
             "find-hot-jots: expected jots that see like their neighbors, but " + periodic.describe()
         )
     sensor = captured.sensor
-    hot = find_hot_jots(counts, trials=trials, threshold=sensor.threshold, mask=sensor.mask)
+    hot = _find_hot_jots(counts, trials, sensor)
     mask = hot if sensor.mask is None else hot | sensor.mask
     return dataclasses.replace(
         captured,
         sensor=sensor.replace(mask=mask) if hot.any() else sensor,
         hot_jots=int(np.count_nonzero(hot)),
+    )
+
+
+def _find_hot_jots(counts: Counts, trials: int, sensor: Sensor) -> npt.NDArray[np.bool_]:
+    """Return the hot jots of counts (H, W) or (H, W, C)."""
+    return find_hot_jots(
+        counts,
+        trials=trials,
+        threshold=sensor.threshold,
+        mask=sensor.mask,
+        channel_axis=last_channel_axis(counts),
     )
 
 

@@ -165,11 +165,12 @@ class ImageOutputOptions(OutputOptions):
                 sensor,
                 channel_axis=last_channel_axis(data),
                 confidence_level=self.level,
+                units=self.units,
                 threads=threads,
             )
             facts = {**metadata, "level": self.level, "flags": "1 unlit, 2 saturated, 4 dead"}
             write_stack = stack_writer(self.uncertainty, facts)
-            write_stack(remaining.pop(0), known.arrays(float(scale)))
+            write_stack(remaining.pop(0), known.arrays())
         return tones
 
     def _output_tone(self, estimate: npt.NDArray[np.float32], white: float | None) -> Tone:

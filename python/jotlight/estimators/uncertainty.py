@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import JotlightWarning
+from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.figure import draw_map
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
 from jotlight.estimators.light_inversion import (
@@ -36,18 +37,22 @@ if TYPE_CHECKING:
     from jotlight.figures import Figure
 
 
+_FLOATS = "standard_error", "low", "high"
+"""Names of the arrays that have units."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Uncertainty:
     """The uncertainty of each pixel's intensity. All arrays have the shape of the estimate."""
 
     standard_error: npt.NDArray[np.float32]
-    """The standard error of the estimate in units of intensity.
+    """The standard error of the estimate, in the requested units.
 
     It is inf for a dead pixel, and where the bits contain practically no information about the
     intensity.
     """
     low: npt.NDArray[np.float32]
-    """The lower end of the confidence interval, in units of intensity."""
+    """The lower end of the confidence interval, in the same units."""
     high: npt.NDArray[np.float32]
     """The upper end of the confidence interval; S where the data do not bound it."""
     unlit: npt.NDArray[np.bool_]
@@ -63,13 +68,10 @@ class Uncertainty:
         """Return 1 for unlit, 2 for saturated, 4 for dead pixels, and 0 for the others."""
         return np.asarray(1 * self.unlit + 2 * self.saturated + 4 * self.dead, np.uint8)
 
-    def arrays(self, scale: float = 1.0) -> dict[str, npt.NDArray[Any]]:
-        """Return the standard error and the interval, multiplied by `scale`, and the flags."""
-        scaled = {
-            name: np.asarray(getattr(self, name) * np.float32(scale))
-            for name in ("standard_error", "low", "high")
-        }
-        return {**scaled, "flags": self.flags()}
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """Return the standard error, the interval, and the flags."""
+        floats = {name: getattr(self, name) for name in _FLOATS}
+        return {**floats, "flags": self.flags()}
 
     def plot(self) -> "Figure":
         """Return a figure of the standard error and of the width of the interval.
@@ -122,6 +124,7 @@ def uncertainty(
     confidence_level: float = 0.95,
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
+    units: str = "intensity",
     threads: int | None = None,
 ) -> Uncertainty:
     """Return the standard error and the confidence interval of `jotlight.mle` for each pixel.
@@ -140,13 +143,15 @@ def uncertainty(
     channel_axis : int, optional
         The axis of counts that holds color channels. Default: none, and axes before the last two
         are those of a stack.
+    units : {"intensity", "photons", "photons-per-second"}
+        The units of the result, as for `jotlight.reconstruct`.
     threads : int, optional
         The number of threads. Default: all cores.
 
     Returns
     -------
     Uncertainty
-        Arrays of the shape of the estimate, in units of intensity.
+        Arrays of the shape of the estimate.
 
     Raises
     ------
@@ -188,6 +193,7 @@ def uncertainty(
             f"confidence_level: expected a coverage from 0.5 to below 1, got {confidence_level!r}"
         )
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
+    scale = np.float32(unit_scale(sensor, units))
     warn_about_smooth_kernel(sensor)
     images = gray_images(data)
     each = [_uncertainty(part, sensor, confidence_level, threads) for part in images.parts(sensor)]
@@ -196,6 +202,7 @@ def uncertainty(
         for field in dataclasses.fields(Uncertainty)
         if field.name != "confidence_level"
     }
+    arrays.update({name: arrays[name] * scale for name in _FLOATS})
     return Uncertainty(confidence_level=confidence_level, **arrays)
 
 

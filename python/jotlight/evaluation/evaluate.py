@@ -12,6 +12,7 @@ import numpy.typing as npt
 import jotlight.metrics as metrics
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.layout import looks_like_color
 from jotlight.networks.network import Network
 from jotlight.notebook import card, table_of, text_table
 from jotlight.progress import Progress, shown_progress
@@ -140,7 +141,8 @@ def evaluate(
     Raises
     ------
     ValueError
-        When there are no images, or the number of names differs from that of the images.
+        When there are no images, one array looks like a color image, or the number of names
+        differs from that of the images.
 
     Examples
     --------
@@ -151,13 +153,7 @@ def evaluate(
     """
     if not isinstance(rng, int | np.integer):
         raise TypeError(f"rng: expected an int, the seed of the first image, got {rng!r}")
-    images = [np.asarray(image) for image in images]
-    if images and images[0].ndim < 2:
-        raise ValueError(
-            "images: expected a list of images, or an array (N, H, W); put one in a list"
-        )
-    if len(images) == 0:
-        raise ValueError("images: expected at least one, got none")
+    images = _list_images(images, channel_axis)
     names = [str(number) for number in range(len(images))] if names is None else names
     if len(names) != len(images):
         raise ValueError(f"names: expected one for each of {len(images)} images, got {len(names)}")
@@ -177,3 +173,26 @@ def evaluate(
             )
             update((number + 1) / len(images))
     return Evaluation(scores)
+
+
+def _list_images(
+    images: Sequence[npt.NDArray[np.floating]] | npt.NDArray[np.floating], channel_axis: int | None
+) -> list[npt.NDArray[np.floating]]:
+    """Return a sequence of images, or an array of them, as a list. Refuse a single image."""
+    whole = images.shape if isinstance(images, np.ndarray) else ()
+    listed = [np.asarray(image) for image in images]
+    if not listed:
+        raise ValueError("images: expected at least one, got none")
+    expected = "(N, H, W)" if channel_axis is None else "(N, ...) whose images have channels"
+    if listed[0].ndim < (2 if channel_axis is None else 3):
+        raise ValueError(
+            f"images: expected a list of images, or an array {expected}, got "
+            f"{f'shape {whole}' if whole else f'images of shape {listed[0].shape}'}; "
+            "put one image in a list"
+        )
+    if channel_axis is None and looks_like_color(whole):
+        raise ValueError(
+            f"images: expected a list of images, or an array {expected}, but shape {whole} looks "
+            "like color; put one color image in a list, and pass channel_axis=-1"
+        )
+    return listed

@@ -83,6 +83,11 @@ def save(data: Bits | Counts, path: str | os.PathLike[str], *, format: str | Non
     OSError
         When a file cannot be written, or would replace one that jotlight did not write.
 
+    Warns
+    -----
+    JotlightWarning
+        When the format has only counts, so that the bits of several frames are summed.
+
     Examples
     --------
     >>> import pathlib, tempfile
@@ -104,7 +109,13 @@ def save(data: Bits | Counts, path: str | os.PathLike[str], *, format: str | Non
                 f"data: expected counts from 0 to 2**31 - 1, got {data.min()} to {data.max()}"
             )
         data = data.astype(np.int32)
-    write_capture(data, path, choose_output_format(path, format))
+    name = choose_output_format(path, format)
+    if isinstance(data, Bits) and len(data) > 1 and WRITERS[name].bits is None:
+        warn(
+            f"{path}: {name} stores counts, so only the sum of the {len(data)} frames is saved; "
+            "save to a name in .npy to keep the bits"
+        )
+    write_capture(data, path, name)
 
 
 def write_capture(

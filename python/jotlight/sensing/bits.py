@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from jotlight.checks import refuse_masked
 from jotlight.chunks import windows
+from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing import preview
 from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.channels import channel_views
@@ -90,7 +91,7 @@ class Bits(ArrayHints):
         Parameters
         ----------
         array : array_like of bool or int, shape (T, H, W), (H, W) or (T, H, W, C)
-            The bits.
+            The bits, with at most 4 channels.
         sensor : Sensor, optional
             The sensor that recorded the bits.
 
@@ -114,6 +115,12 @@ class Bits(ArrayHints):
             raise ValueError(
                 "bits: expected shape (T, H, W), (H, W) or (T, H, W, C), without a dimension of 0, "
                 f"got {values.shape}"
+            )
+        if values.ndim == 4 and values.shape[3] > MAX_CHANNELS:
+            raise ValueError(
+                f"bits: expected shape (T, H, W, C) with at most {MAX_CHANNELS} channels, got "
+                f"{values.shape}; for a stack (N, T, H, W), pass a list of Bits to methods: "
+                "[Bits.from_array(frames, sensor) for frames in stack]"
             )
         if values.dtype != np.bool_ and (values.min() < 0 or values.max() > 1):
             raise ValueError(

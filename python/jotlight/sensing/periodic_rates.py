@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from jotlight.checks import Counts, as_counts
 from jotlight.errors import PeriodicRatesWarning, warn
+from jotlight.layout import image_channels
 from jotlight.sensing.bits import Bits
 
 THRESHOLD = 6.0
@@ -77,6 +78,7 @@ class PeriodicRates:
 def find_periodic_rates(
     data: Bits | npt.ArrayLike,
     *,
+    channel_axis: int | None = None,
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> PeriodicRates | None:
@@ -89,6 +91,8 @@ def find_periodic_rates(
     ----------
     data : Bits (T, H, W), or array_like of int, shape (H, W)
         Bits, or counts of single jots. Data with color channels are not tested: None.
+    channel_axis : int, optional
+        Axis of counts that holds color channels. Default: none.
     threads : int, optional
         Number of threads. Default: all.
     progress : callable, optional
@@ -98,6 +102,11 @@ def find_periodic_rates(
     -------
     PeriodicRates or None
         None if no period is significant, and for less than 64 x 64 jots.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When counts are not those of one image.
 
     Notes
     -----
@@ -121,9 +130,10 @@ def find_periodic_rates(
             return None
         counts = data.counts(1, threads=threads, progress=progress)
     else:
-        counts = as_counts(data)
-    if counts.ndim > 2:
-        return None
+        channels = image_channels("counts", as_counts(data), channel_axis)
+        if channel_axis is not None:
+            return None
+        counts = channels[0]
     rates = counts.astype(np.float32)
     for period in PERIODS:
         score, amplitude = _score(rates, period // 2)
