@@ -54,7 +54,7 @@ class Layout:
                 f"{name}: expected shape {expected}, and at least one pixel, got {array.shape}"
             )
         if channel_axis is None:
-            if array.ndim > 2 and array.shape[-1] <= _MAX_CHANNELS < min(array.shape[-3:-1]):
+            if looks_like_color(array.shape):
                 raise ValueError(
                     f"{name}: expected a stack (..., H, W), but shape {array.shape} looks like "
                     "color; pass channel_axis=-1 if the last axis holds channels"
@@ -115,6 +115,17 @@ class Layout:
         if self.channel_axis is not None:
             array = np.ascontiguousarray(np.moveaxis(array, -3, self.channel_axis))
         return array
+
+
+def looks_like_color(shape: Sequence[int]) -> bool:
+    """Return whether the last axis of a shape is short enough to be that of colors.
+
+    Examples
+    --------
+    >>> looks_like_color((480, 640, 3)), looks_like_color((3, 480, 640))
+    (True, False)
+    """
+    return len(shape) > 2 and shape[-1] <= _MAX_CHANNELS < min(shape[-3:-1])
 
 
 def join(parts: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
