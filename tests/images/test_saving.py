@@ -71,11 +71,21 @@ def test_small_integers_are_not_nearly_black(tmp_path, dtype):
     assert levels(tmp_path / "a.png").max() == 255
 
 
-@pytest.mark.parametrize(("image", "white"), [(np.zeros((4, 4)), 1), (-np.ones((4, 4)), 1)])
-def test_a_black_image_is_black(tmp_path, image, white):
-    with pytest.warns(jl.JotlightWarning, match=f"image: {white} is shown as white"):
-        jl.save_image(tmp_path / "a.png", image)
+def test_a_black_image_is_black(tmp_path):
+    with pytest.warns(jl.JotlightWarning, match="image: 1 is shown as white"):
+        jl.save_image(tmp_path / "a.png", np.zeros((4, 4)))
     assert not levels(tmp_path / "a.png").any()
+
+
+@pytest.mark.parametrize("options", [{}, {"white": 2.0}])
+def test_negative_values_are_black_with_a_warning(tmp_path, options):
+    image = np.linspace(-1, 1, 12).reshape(3, 4)
+    message = "image: .* 0 or more .*, got 6 of 12 below 0, down to -1, .*; add an offset"
+    with pytest.warns(jl.JotlightWarning, match=message):
+        jl.save_image(tmp_path / "a.png", image, **options)
+    assert not levels(tmp_path / "a.png").ravel()[:6].any()
+    jl.save_image(tmp_path / "a.tif", image)
+    jl.save_image(tmp_path / "b.png", np.maximum(image, -1e-3))
 
 
 def test_one_channel_is_gray_and_integers_stay_integers(tmp_path):

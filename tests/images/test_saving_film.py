@@ -54,11 +54,59 @@ def test_intensities_are_shown_as_they_are_or_with_another_white(tmp_path):
     np.testing.assert_allclose(levels(tmp_path / "b.gif", 1), expected, atol=0.6)
 
 
-def test_the_samples_of_a_sequence_reach_its_end(tmp_path):
-    images = np.ones((5, 4, 6))
-    images[4] = 7
-    with pytest.warns(jl.JotlightWarning, match="images: 7"):
-        jl.save_film(tmp_path / "a.gif", images)
+@pytest.mark.parametrize("as_film", [np.asarray, list])
+@pytest.mark.parametrize("flash", [1, 3, 4])
+def test_no_image_of_a_sequence_is_clipped(tmp_path, as_film, flash):
+    images = np.full((5, 4, 6), 0.5)
+    images[flash] = 7
+    with pytest.warns(jl.JotlightWarning, match="images: 7, the 99.5th percentile") as warned:
+        jl.save_film(tmp_path / "a.gif", as_film(images))
+    assert len(warned) == 1
+    np.testing.assert_allclose(levels(tmp_path / "a.gif", 0), 255 / 14, atol=0.6)
+
+
+def test_dark_images_do_not_change_the_white_of_others(tmp_path):
+    images = np.stack([np.zeros((9, 7)), np.full((9, 7), 0.01), np.full((9, 7), 0.02)])
+    with pytest.warns(jl.JotlightWarning, match="images: 0.02, the"):
+        jl.save_film(tmp_path / "dim.gif", images)
+    jl.save_film(tmp_path / "full.gif", np.concatenate([images, np.ones((1, 9, 7))]))
+    with pytest.warns(jl.JotlightWarning, match="images: 1 is shown as white"):
+        jl.save_film(tmp_path / "black.gif", images[:1])
+
+
+def test_a_generator_that_becomes_brighter_is_clipped_with_one_warning(tmp_path):
+    images = np.full((4, 5, 6, 3), 0.5)
+    images[2, :3, :, 1], images[3] = 2, 7
+    message = (
+        "images: 80 % of the pixels of 2 images, the first of them image 2, are brighter than "
+        "white, 1; pass white=7, the largest value, or a list"
+    )
+    with pytest.warns(jl.JotlightWarning, match=message) as warned:
+        jl.save_film(tmp_path / "a.gif", iter(images))
+    assert len(warned) == 1
+    with pytest.warns(jl.JotlightWarning, match="images: 60 % of the pixels of image 2 are"):
+        jl.save_film(tmp_path / "b.gif", iter(images[:3]))
+    jl.save_film(tmp_path / "c.gif", iter(images), white=1.0)
+    jl.save_film(tmp_path / "d.npy", iter(images))
+
+
+def test_a_generator_that_starts_dark_is_clipped_with_a_warning(tmp_path):
+    with (
+        pytest.warns(jl.JotlightWarning, match="images: 0.01, the 99.5th percentile"),
+        pytest.warns(jl.JotlightWarning, match="100 % of the pixels of image 1 are .*white=0.5"),
+    ):
+        jl.save_film(tmp_path / "a.gif", (np.full((9, 7), level) for level in (0.01, 0.5)))
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("name", ["a.gif", "a.npy"])
+def test_one_color_image_is_not_a_film(tmp_path, name, channels):
+    image = np.ones((8, 9, channels))
+    with pytest.raises(ValueError, match=r"\(8, 9, \d\) looks like one color image; pass a list"):
+        jl.save_film(tmp_path / name, image)
+    jl.save_film(tmp_path / name, [image[..., :3]])
+    jl.save_film(tmp_path / name, list(image))
+    jl.save_film(tmp_path / name, jl.Bits.from_array(image > 0))
 
 
 def test_progress_is_reported_for_a_known_number_of_images(tmp_path):

@@ -4,7 +4,7 @@ import itertools
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,7 @@ from jotlight.formats.capture import CountStack
 from jotlight.images.io import DISPLAYED, image_writer
 from jotlight.images.tone import PERCENTILE, Tone
 from jotlight.images.video import is_floats, video_writer
+from jotlight.layout import looks_like_color
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
 
@@ -60,7 +61,7 @@ def save_image(
     Warns
     -----
     JotlightWarning
-        When the image is exposed automatically.
+        When the image is exposed automatically, or negative values become black.
 
     Examples
     --------
@@ -79,9 +80,22 @@ def save_image(
     if path.suffix.lower() in DISPLAYED:
         white = find_white(values) if white is None else _checked_white(white)
     write = image_writer(path, depth=depth, white=white or 1.0)
+    if white is not None and path.suffix.lower() in DISPLAYED:
+        _warn_of_negatives(values, white, depth)
     # An image can be computed again, so it need not survive a power failure.
     with atomic_write(path, durable=False) as temporary:
         write(temporary, values)
+
+
+def _warn_of_negatives(values: npt.NDArray[Any], white: float, depth: int) -> None:
+    """Warn if values are below black by more than rounding to the levels of a file."""
+    number = np.count_nonzero(values < -0.5 * white / (2**depth - 1)) if values.min() < 0 else 0
+    if number:
+        warn(
+            f"image: expected values of 0 or more for display, got {number} of {values.size} below "
+            f"0, down to {float(values.min()):.3g}, which are shown as black; add an offset, or "
+            "write .tif, .exr, or .npy, which keep them"
+        )
 
 
 def save_film(
@@ -110,8 +124,8 @@ def save_film(
         Images per second of `.mp4` and `.gif`.
     white : float, optional
         The value that becomes white for display, as in :func:`save_image`. Default: that of the
-        first image, or of the first, the middle, and the last one of a sequence. All images have
-        the same white.
+        brightest image of a sequence or an array, which is read twice, or that of the first image
+        of a generator. All images have the same white.
     depth : {8, 16}
         Bits per value of a PNG.
     progress : bool or callable, optional
@@ -128,7 +142,8 @@ def save_film(
     Warns
     -----
     JotlightWarning
-        When the images are exposed automatically.
+        When the images are exposed automatically, or are brighter than the white of the first image
+        of a generator.
 
     Examples
     --------
@@ -144,32 +159,35 @@ def save_film(
     tone = None if white is None else Tone("linear", _checked_white(white))
     number = len(images) if isinstance(images, _SEQUENCES) else None
     is_displayed = not is_floats(path)
+    _check_shape(images)
+    clipping = None
     if tone is None and is_displayed:
-        samples, images = _samples(images)
-        together = np.concatenate([sample.ravel() for sample in samples])
-        tone = Tone("linear", find_white(together, "images"))
+        exposure, images = _exposed(images)
+        exposure.report("images")
+        tone, clipping = Tone("linear", exposure.white), _Clipping(exposure)
     with (
         shown_progress(progress, f"writing {path.name}") as update,
         video_writer(path, number, tone=tone, fps=fps, depth=depth) as add,
     ):
         for index, image in enumerate(images):
-            add(_checked(image, is_displayed).astype(np.float32))
+            values = _checked(image, is_displayed)
+            add(values.astype(np.float32))
+            if clipping:
+                clipping.count(index, values)
             if number:
                 update((index + 1) / number)
+    if clipping:
+        clipping.report()
 
 
-def _samples(
-    images: Iterable[npt.ArrayLike],
-) -> tuple[list[npt.NDArray[Any]], Iterable[npt.ArrayLike]]:
-    """Return some images that stand for all, and all images."""
-    if isinstance(images, _SEQUENCES) and len(images) > 0:
-        places = sorted({0, len(images) // 2, len(images) - 1})
-        return [_checked(images[place], True) for place in places], images
-    iterator: Iterator[npt.ArrayLike] = iter(images)
-    first = next(iterator, None)
-    if first is None:
-        raise ValueError("images: expected at least one, got none")
-    return [_checked(first, True)], itertools.chain([first], iterator)
+def _check_shape(images: Iterable[npt.ArrayLike]) -> None:
+    """Raise ValueError if the images are one array that looks like a single color image."""
+    shape = getattr(images, "shape", ())
+    if len(shape) == 3 and looks_like_color(shape) and not isinstance(images, Bits):
+        raise ValueError(
+            f"images: expected a stack (N, H, W) or (N, H, W, 3), but shape {tuple(shape)} looks "
+            "like one color image; pass a list, [image], or list(images) if the images are narrow"
+        )
 
 
 def _checked(image: npt.ArrayLike, is_displayed: bool) -> npt.NDArray[Any]:
@@ -195,32 +213,106 @@ def _checked_white(white: float) -> float:
     return white
 
 
-def find_white(values: npt.NDArray[Any], name: str = "image") -> float:
+class _Exposure(NamedTuple):
+    """How an image is shown. The larger one of two suits both."""
+
+    is_lit: bool
+    white: float
+    is_clipped: bool
+    """Whether pixels are brighter than white, or white is not the full scale."""
+    is_percentile: bool = False
+
+    def report(self, name: str) -> None:
+        """Warn about white unless it is the full scale."""
+        if self.is_clipped:
+            percentile = f", the {PERCENTILE}th percentile," if self.is_percentile else ""
+            warn(
+                f"{name}: {self.white:.3g}{percentile} is shown as white; white= (--white) sets "
+                "another value"
+            )
+
+
+class _Clipping:
+    """Counts the pixels that are brighter than the white of a film."""
+
+    def __init__(self, exposure: _Exposure) -> None:
+        self._white = exposure.white
+        # A warning about white announced that a few pixels of each image are brighter.
+        self._announced = 1 - PERCENTILE / 100 if exposure.is_clipped else None
+        self._images: list[int] = []
+        self._bright = self._pixels = 0
+        self._largest = 0.0
+
+    def count(self, index: int, values: npt.NDArray[Any]) -> None:
+        """Count the pixels of an image, (H, W) or (H, W, 3)."""
+        brightest = values.max(axis=2) if values.ndim == 3 else values
+        is_bright = brightest > self._white
+        bright = int(np.count_nonzero(is_bright))
+        if bright > (0 if self._announced is None else self._announced * is_bright.size + 1):
+            self._images.append(index)
+            self._bright += bright
+            self._pixels += is_bright.size
+            self._largest = max(self._largest, float(values.max()))
+
+    def report(self) -> None:
+        """Warn about the images that were counted."""
+        if self._images:
+            first, number = self._images[0], len(self._images)
+            where = f"{number} images, the first of them image {first}," if number > 1 else ""
+            warn(
+                f"images: {100 * self._bright / self._pixels:.3g} % of the pixels of "
+                f"{where or f'image {first}'} are brighter than white, {self._white:.3g}; pass "
+                f"white={self._largest:.3g}, the largest value, or a list of all images"
+            )
+
+
+def _exposed(images: Iterable[npt.ArrayLike]) -> tuple[_Exposure, Iterable[npt.ArrayLike]]:
+    """Return how to show all images of a sequence or the first one of others, and all images."""
+    if isinstance(images, Bits) and len(images) > 0:
+        return _Exposure(True, 1.0, False), images
+    if isinstance(images, _SEQUENCES):
+        exposures = (_expose(_checked(image, True)) for image in images)
+        exposure = max(exposures, default=None)
+    else:
+        iterator: Iterator[npt.ArrayLike] = iter(images)
+        first = next(iterator, None)
+        exposure = None if first is None else _expose(_checked(first, True))
+        images = itertools.chain([] if first is None else [first], iterator)
+    if exposure is None:
+        raise ValueError("images: expected at least one, got none")
+    return exposure, images
+
+
+def find_white(values: npt.NDArray[Any]) -> float:
     """Return the value that :func:`save_image` shows as white if none is given.
 
-    A warning about `name` states it, if it is not the full scale.
+    A warning states it, if it is not the full scale.
 
     Examples
     --------
     >>> find_white(np.array([[0.2, 0.9]])), find_white(np.full((2, 2), 99, np.uint8))
     (1.0, 255.0)
     """
+    exposure = _expose(values)
+    exposure.report("image")
+    return exposure.white
+
+
+def _expose(values: npt.NDArray[Any]) -> _Exposure:
     if values.dtype == np.bool_:
-        return 1.0
+        return _Exposure(True, 1.0, False)
     full = float(np.iinfo(values.dtype).max) if values.dtype in (np.uint8, np.uint16) else 1.0
     largest, has_scale = float(values.max()), values.dtype.kind == "f" or full > 1
     # In most images, counting the bright pixels suffices, which is faster than the percentile.
     limit = math.ceil(_DARK * full) if full > 1 else _DARK  # whole, so that NumPy converts nothing
     number = np.count_nonzero(values > limit)
     if has_scale and largest <= full and number > (1 - PERCENTILE / 100) * values.size + 1:
-        return full
+        return _Exposure(True, full, False)
     bright = float(np.percentile(values, PERCENTILE))
     if has_scale and largest <= full and bright >= _DARK * full:
-        return full
+        return _Exposure(True, full, False)
     # A few bright pixels must not make an ordinary image brighter.
     white = max(bright, full) if has_scale and largest > full else bright
     if white <= 0:
         white = largest if largest > 0 else full
-    percentile = f", the {PERCENTILE}th percentile," if white == bright else ""
-    warn(f"{name}: {white:.3g}{percentile} is shown as white; white= (--white) sets another value")
-    return white
+    return _Exposure(largest > 0, white, True, white == bright)
