@@ -48,7 +48,9 @@ _OTHER_NAMES = {
     "imsave": "save_image",
     "imwrite": "save_image",
     "load": "open(path) for a capture, and jotlight.Network.load(path) for a network",
+    "film": "save_film(path, images), and `jotlight film` for a capture",
     "psnr": "metrics.psnr",
+    "show": "save_image(path, image) to look at an image",
     "ssim": "metrics.ssim",
     "photograph": "datasets.photograph",
 }

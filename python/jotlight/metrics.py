@@ -121,7 +121,10 @@ def _pair(
     for name, image in (("estimate", estimate), ("truth", truth)):
         array: npt.NDArray[Any] = np.asarray(image)
         if array.dtype.kind != "f":
-            raise TypeError(f"{name}: expected floats in units of intensity, got {array.dtype}")
+            raise TypeError(
+                f"{name}: expected floats in units of intensity, got {array.dtype}; convert both "
+                "images, such as image.astype(float)"
+            )
         if array.ndim < 2 or array.size == 0:
             raise ValueError(f"{name}: expected shape (H, W) or more axes, got {array.shape}")
         pair.append(array.astype(np.float64))

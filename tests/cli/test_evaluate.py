@@ -238,7 +238,7 @@ def test_a_function_in_the_current_folder_is_evaluated(run, photo_folder, tmp_pa
 @pytest.mark.parametrize(
     ("options", "status", "message"),
     [
-        (("-m", "own_cli_module"), 1, "also take MODULE:FUNCTION"),
+        (("-m", "own_cli_module"), 1, "MODULE:FUNCTION to the commands compare"),
         (("-m", "own_cli_module.py:mean"), 1, "did you mean own_cli_module:mean?"),
         (("-m", "mle", "-m", "admm-tv"), 2, "specified multiple times"),
     ],

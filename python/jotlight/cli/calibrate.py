@@ -55,13 +55,18 @@ def calibrate(
     dark: Annotated[Path, Parameter(help="A capture without light, of bits or counts.")],
     flat: Annotated[
         Path | None,
-        Parameter(help="A capture of uniform light, with the exposure time of the dark one."),
+        Parameter(
+            help="A capture of uniform light, with the exposure time of the dark one. "
+            "Default: none."
+        ),
     ] = None,
     /,
     *,
     output: Annotated[Path, Parameter(alias="-o", help="The calibration, .safetensors.")],
     options: CalibrationOptions = CalibrationOptions(),
-    plot: Annotated[Path | None, Parameter(help="A page of plots: .png, .pdf or .svg.")] = None,
+    plot: Annotated[
+        Path | None, Parameter(help="A page of plots: .png, .pdf or .svg. Default: none.")
+    ] = None,
     capture: CaptureOptions = CaptureOptions(),
     flat_key: Annotated[
         str | None,

@@ -123,7 +123,14 @@ def _with_trials(capture: CountStack, path: Path, sensor_kwargs: dict[str, Any])
     names = [name for name in ("frames", "oversampling") if name in sensor_kwargs]
     if names:
         options = " and ".join(f"--{name} {sensor_kwargs[name]}" for name in names)
-        check_trials(path, trials, sensor_kwargs.get("frames", 1) * jots, options)
+        expected = sensor_kwargs.get("frames", 1) * jots
+        number = len(capture.images)
+        if trials is not None and number > 1 and expected == capture.trials and trials % jots == 0:
+            raise ValueError(
+                f"{path}: holds {number} images of {expected} trials each, and their sum has "
+                f"{trials} trials, but {options} means {expected}; write --frames {trials // jots}"
+            )
+        check_trials(path, trials, expected, options)
         return sensor_kwargs
     if trials is None:
         values = read_frames(capture.images, 0, 1)

@@ -36,7 +36,9 @@ White = Annotated[
 ImageKey = Annotated[
     str | None, Parameter(help="Name of the array of images in a .npz. Default: its only array.")
 ]
-Model = Annotated[Path | None, Parameter(help="A network of your own: a .safetensors file.")]
+Model = Annotated[
+    Path | None, Parameter(help="A network of your own: a .safetensors file. Default: none.")
+]
 NAMES = ", ".join(METHODS)
 OWN = "MODULE:FUNCTION for a function of your own, such as mine:denoise in mine.py"
 Quality = Annotated[

@@ -49,7 +49,7 @@ def evaluate(
     quality: Quality = None,
     model: Model = None,
     output: Annotated[
-        Path | None, Parameter(alias="-o", help="A .csv with a row for each image.")
+        Path | None, Parameter(alias="-o", help="A .csv with a row for each image. Default: none.")
     ] = None,
     first: Annotated[
         int | None,

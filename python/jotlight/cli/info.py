@@ -47,7 +47,10 @@ def info(
     capture: CaptureOptions = CaptureOptions(),
     plot: Annotated[
         Path | None,
-        Parameter(help="A figure of a calibration or a trained network: .png, .pdf or .svg."),
+        Parameter(
+            help="A figure of a calibration or a trained network: .png, .pdf or .svg. "
+            "Default: none."
+        ),
     ] = None,
     verify: Annotated[
         bool,

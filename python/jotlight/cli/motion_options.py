@@ -73,16 +73,16 @@ class ImageMotionOptions(MotionOptions):
     ] = None
     motion_file: Annotated[
         Path | None,
-        Parameter(help="A motion that --save-motion wrote. It is used as it is."),
+        Parameter(help="A motion that --save-motion wrote. It is used as it is. Default: none."),
     ] = None
     save_motion: Annotated[
-        Path | None, Parameter(help="A .safetensors for the motion that was found.")
+        Path | None, Parameter(help="A .safetensors for the motion that was found. Default: none.")
     ] = None
     maps: Annotated[
         Path | None,
         Parameter(
             help="A .npz, .npy or .tif with the trials, the fraction of the bits that agree, the "
-            "error of the displacement, and the flag of each pixel."
+            "error of the displacement, and the flag of each pixel. Default: none."
         ),
     ] = None
 

@@ -91,13 +91,15 @@ class ImageOutputOptions(OutputOptions):
 
     preview: Annotated[
         Path | None,
-        Parameter(help="A .png or .jpg in addition, for display. White is at a percentile."),
+        Parameter(
+            help="A .png or .jpg in addition, for display. White is at a percentile. Default: none."
+        ),
     ] = None
     uncertainty: Annotated[
         Path | None,
         Parameter(
             help="A .npz, .npy or .tif with the standard error, confidence interval and flags of "
-            "each pixel, for the method mle."
+            "each pixel, for the method mle. Default: none."
         ),
     ] = None
     level: Annotated[float, Parameter(help="Coverage of the confidence interval.")] = 0.95

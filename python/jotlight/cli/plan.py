@@ -44,7 +44,9 @@ def plan(
         str,
         Parameter(help="Height and width in jots, for the cost of --motion."),
     ] = "256x512",
-    plot: Annotated[Path | None, Parameter(help="A figure, .png, .pdf, .svg or .jpg.")] = None,
+    plot: Annotated[
+        Path | None, Parameter(help="A figure, .png, .pdf, .svg or .jpg. Default: none.")
+    ] = None,
     sensor: PlannedSensorOptions = PlannedSensorOptions(),
 ) -> None:
     """Predict the quality of maximum likelihood by the number of frames, and the cost of motion.

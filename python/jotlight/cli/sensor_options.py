@@ -146,7 +146,8 @@ class CalibratedSensorOptions(SensorOptions):
     calibration: Annotated[
         Path | None,
         Parameter(
-            help="Dark counts, dead jots and response of the sensor, from `jotlight calibrate`."
+            help="Dark counts, dead jots and response of the sensor, from `jotlight calibrate`. "
+            "Default: none."
         ),
     ] = None
 

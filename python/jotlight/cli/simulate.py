@@ -37,7 +37,8 @@ class MotionOptions:
         ),
     ] = None
     foreground: Annotated[
-        Path | None, Parameter(help="A photograph of the objects in front of the photograph.")
+        Path | None,
+        Parameter(help="A photograph of the objects in front of the photograph. Default: none."),
     ] = None
     photons: Annotated[
         float | None,
@@ -48,7 +49,10 @@ class MotionOptions:
     ] = None
     truth: Annotated[
         Path | None,
-        Parameter(help="The exact image at the middle frame: .png, .jpg, .tif, .exr or .npy."),
+        Parameter(
+            help="The exact image at the middle frame: .png, .jpg, .tif, .exr or .npy. "
+            "Default: none."
+        ),
     ] = None
 
     def check(self) -> None:

@@ -42,11 +42,16 @@ from jotlight.cli.training_run import (
     run_training,
 )
 from jotlight.files import refuse_overwrite
-from jotlight.networks.graph import is_sequential
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, unsupported_reason
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import History, Record
+
+_SMALL_LAYERS = 6
+"""Number of layers of the network "small". Networks with more get no hint."""
+
+_BEST = "large", CONDITIONAL_SIZE
+"""Sizes of the trained networks to propose, the best one first."""
 
 _PHOTOGRAPHS = "photographs of scikit-image"
 
@@ -79,7 +84,8 @@ def train(
             name="--sensor",
             group=CAPTURE_PANEL,
             help="A capture, or the .json beside it. The network is trained for its sensor, and "
-            "for scenes of its brightness. For bits, --frames is the size of a film's windows.",
+            "for scenes of its brightness. For bits, --frames is the size of a film's windows. "
+            "Default: none.",
         ),
     ] = None,
     capture: TargetCaptureOptions = TargetCaptureOptions(),
@@ -243,13 +249,14 @@ def _jots(network: NetworkOptions, sensor: TrainedSensorOptions) -> dict[str, in
 
 def _hint(network: Network, sensor: Sensor) -> None:
     """Print which network is better, if this one is not the best kind."""
-    if not is_sequential(network.layers):
+    if len(network.layers) > _SMALL_LAYERS:
         return
     report(f"--quality {CONDITIONAL_SIZE} trains a better network, with PyTorch.")
-    if unsupported_reason(sensor) is None:
+    best = next((size for size in _BEST if unsupported_reason(sensor, size) is None), None)
+    if best is not None:
         report(
-            f"The trained network {CONDITIONAL_SIZE} serves this sensor, too: jotlight reconstruct "
-            "CAPTURE -o a.png"
+            f"The trained network {best} serves this sensor, too: jotlight reconstruct "
+            f"CAPTURE --quality {best} -o a.png"
         )
 
 

@@ -71,7 +71,7 @@ class TrainingOptions:
     ] = False
     plot: Annotated[
         Path | None,
-        Parameter(help="A figure of the run and the network: .png, .pdf or .svg."),
+        Parameter(help="A figure of the run and the network: .png, .pdf or .svg. Default: none."),
     ] = None
     seed: Seed = 0
     threads: Threads = None
@@ -166,7 +166,9 @@ class ImageOptions:
     white: White = None
     test: Annotated[
         Path | None,
-        Parameter(help="A folder or an array of test images, to measure the progress."),
+        Parameter(
+            help="A folder or an array of test images, to measure the progress. Default: none."
+        ),
     ] = None
     test_key: Annotated[
         str | None,

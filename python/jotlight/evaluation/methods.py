@@ -220,8 +220,8 @@ def find_method(name: str) -> Method:
         advice = f"did you mean {' or '.join(close[:3])}?"
     else:
         advice = (
-            f"expected one of {', '.join(METHODS)}; the commands compare, evaluate, and reproduce "
-            "also take MODULE:FUNCTION"
+            f"expected one of {', '.join(METHODS)}; for a function of your own, pass the function "
+            "itself in Python, and MODULE:FUNCTION to the commands compare, evaluate, and reproduce"
         )
     raise ValueError(f"method: there is no {name!r}; {advice}")
 

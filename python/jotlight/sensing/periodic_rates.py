@@ -64,11 +64,11 @@ class PeriodicRates:
         """Return what periodic rates mean, and how to reconstruct the capture."""
         side = self.period // 2
         mosaic = "Bayer mosaic" if self.period == 2 else "quad Bayer mosaic"
+        cause = f"for example under the color filters of a {mosaic}, or because rows differ"
         return (
-            f"the rates repeat every {self.period} x {self.period} jots, as under the color "
-            f"filters of a {mosaic}; the estimate mixes the colors. Load the bits, and "
-            "reconstruct each color "
-            f"alone: jotlight.reconstruct(bits.counts({side})[0::2, 0::2], "
+            f"the rates repeat every {self.period} x {self.period} jots, {cause}; the estimate "
+            "mixes the jots. For colors, load the bits, and reconstruct each color alone: "
+            f"jotlight.reconstruct(bits.counts({side})[0::2, 0::2], "
             f"sensor.replace(oversampling={side})), and likewise [0::2, 1::2], [1::2, 0::2], and "
             "[1::2, 1::2]. The sensor states all frames, the gain, the dark counts, and the "
             "efficiency; its maps need the jots of the color"
@@ -85,7 +85,9 @@ def find_periodic_rates(
     """Return the period with which the rates of jots repeat, or None.
 
     Under a color filter mosaic, jots of different colors alternate. Methods for gray sensors mix
-    them. Periodic rates also come from electronics that treat odd and even rows differently.
+    them. Periodic rates also come from electronics that treat rows or columns differently. Only the
+    periods 2 and 4 are tested. A period of 8 may be reported as 2 or 4. Mosaics of
+    3 x 3 or 6 x 6 jots (X-Trans) are not detected.
 
     Parameters
     ----------
