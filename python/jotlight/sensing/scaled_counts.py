@@ -226,16 +226,27 @@ def check_whole(data: object, trials: int) -> None:
 def check_range(counts: Counts, sensor: Sensor) -> None:
     """Raise ValueError for counts that a sensor cannot report. Warn if they look like means."""
     low, high, trials = counts.min(), counts.max(), sensor.trials
-    is_wrong = low < 0 or high > trials
-    hint = scaled_counts_hint(counts) if is_wrong or trials in SCALES else None
-    if is_wrong:
-        raise ValueError(
-            f"counts: expected 0 to K = {trials} ones per pixel ({sensor.frames} frames of "
-            f"{sensor.oversampling} x {sensor.oversampling} jots), got {low} to {high}"
-            + (f"; {hint}" if hint else "")
-        )
-    if hint:
+    if low < 0 or high > trials:
+        raise range_error(counts, sensor)
+    if trials in SCALES and (hint := scaled_counts_hint(counts)):
         warn(f"counts: {hint}")
+
+
+def range_error(values: npt.NDArray[Any], sensor: Sensor) -> ValueError:
+    """Return the error for counts that a sensor cannot report; they may be floats.
+
+    Examples
+    --------
+    >>> range_error(np.array([0.5, 3]), Sensor(frames=2))
+    ValueError('counts: expected 0 to K = 2 ones per pixel (2 frames of 1 x 1 jots), got 0.5 to 3')
+    """
+    whole = bool(np.isfinite(values).all() and (values == np.rint(values)).all())
+    hint = scaled_counts_hint(values.astype(np.int64)) if whole else None
+    return ValueError(
+        f"counts: expected 0 to K = {sensor.trials} ones per pixel ({sensor.frames} frames of "
+        f"{sensor.oversampling} x {sensor.oversampling} jots), got {values.min():.10g} to "
+        f"{values.max():.10g}" + (f"; {hint}" if hint else "")
+    )
 
 
 def _is_rounded(values: npt.NDArray[Any], exact: npt.NDArray[np.float64]) -> bool:

@@ -19,6 +19,7 @@ from jotlight.networks.served_sensors import choose_sensor
 from jotlight.networks.zeros import is_bright
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
+from jotlight.torch.data_checks import check_values
 from jotlight.torch.estimates import (
     equivalent_counts,
     intensity_from_complement,
@@ -143,7 +144,7 @@ class Network(nn.Module):
         ----------
         data : Tensor
             Counts L (N, 1, H, W) for a tied network, or bits (N, T, H·K̂, W·K̂) for a network with
-            one weight per jot. Values are not checked.
+            one weight per jot. Numbers need not be whole.
         sensor : Sensor, optional
             Sensor of the data, without maps of its jots. Default: the one for which
             :func:`jotlight.pretrained` was called, else the network's.
@@ -153,7 +154,13 @@ class Network(nn.Module):
         TypeError, ValueError
             When the data are no tensor or have another shape, when the network does not serve the
             sensor, when the sensor has maps, or when there is no sensor for a K-conditioned
-            network.
+            network. When data that need no gradient are not from 0 to K, or bits not from 0 to 1;
+            code under torch.compile does not check them.
+
+        Warns
+        -----
+        JotlightWarning
+            When the data look like means in place of counts.
         """
         sensor = self._sensor_of(data, sensor)
         if self._trials_range is not None:
@@ -252,6 +259,7 @@ class Network(nn.Module):
             )
         if data.dim() != 4 or data.shape[1] != channels:
             raise ValueError(f"data: expected {kind}, got shape {tuple(data.shape)}")
+        check_values(data, sensor, is_bits=not self._is_tied)
         return sensor
 
     def _filter_all(

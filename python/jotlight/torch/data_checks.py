@@ -1,0 +1,64 @@
+"""Checks of the values that a network receives as a tensor, with the messages of the engine."""
+
+import torch
+from torch import Tensor
+
+from jotlight.errors import warn
+from jotlight.sensing.scaled_counts import range_error
+from jotlight.sensing.sensor import Sensor
+
+_UNORDERED = torch.uint16, torch.uint32, torch.uint64
+"""Types for which PyTorch has no `aminmax`."""
+
+
+def check_values(data: Tensor, sensor: Sensor, *, is_bits: bool) -> None:
+    """Raise ValueError for counts or bits that a sensor cannot report.
+
+    Numbers need not be whole, since expected counts are legal. Nothing is checked when the data
+    need gradients, under torch.compile and torch.export, or when a tensor has no values to read, as
+    on the device "meta".
+
+    Parameters
+    ----------
+    data : Tensor
+        Counts or bits, of any number type.
+    sensor : Sensor
+        Sensor of the data.
+    is_bits : bool
+        Whether the data are bits instead of counts.
+
+    Warns
+    -----
+    JotlightWarning
+        When numbers from 0 to 1 look like means in place of counts.
+
+    Examples
+    --------
+    >>> sensor = Sensor(frames=8)
+    >>> check_values(torch.tensor([[0.0, 7.5]]), sensor, is_bits=False)
+    >>> check_values(torch.tensor([[0.0, 9.0]]), sensor, is_bits=False)
+    Traceback (most recent call last):
+    ...
+    ValueError: counts: expected 0 to K = 8 ones per pixel (8 frames of 1 x 1 jots), got 0 to 9
+    """
+    if torch.compiler.is_compiling() or data.requires_grad or data.numel() == 0:
+        return
+    if data.dtype in _UNORDERED:
+        data = data.long()
+    try:
+        low, high = (float(value) for value in torch.stack(torch.aminmax(data)).tolist())
+    except RuntimeError:  # the tensor has no values, as on "meta" or under torch.vmap
+        return
+    limit = 1 if is_bits else sensor.trials
+    # Counts of a narrow type, and sums of probabilities, are rounded.
+    slack = 4 * limit * torch.finfo(data.dtype).eps if data.is_floating_point() else 0
+    if not -slack <= low <= high <= limit + slack:
+        if is_bits:
+            raise ValueError(f"bits: expected 0 and 1, got {low:g} to {high:g}")
+        values = data.double().cpu().numpy()
+        raise range_error(values, sensor)
+    if high <= 1 < limit and data.is_floating_point() and bool((data != data.round()).any()):
+        warn(
+            f"counts: the values look like means, because they are from {low:g} to {high:g} and "
+            f"not whole; the network expects counts from 0 to K = {limit}: multiply means by K"
+        )
