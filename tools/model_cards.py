@@ -9,6 +9,23 @@ import jotlight as jl
 from jotlight.evaluation.evaluate import Evaluation
 from jotlight.networks.graph import flops_per_pixel
 
+BSDS300 = "BSDS300 train, gray"
+MIXTURE = "BSDS500, CID22, CLIC 2025, GB82, and synthetic patches"
+IMAGES = {
+    BSDS300: "the 200 training images of the Berkeley segmentation data set BSDS300, in gray (luma "
+    "of ITU-R BT.601). The images are display-encoded, not linear in light. The network file "
+    "contains no part of them. The data set states no license; its authors ask for a citation: "
+    "D. Martin, C. Fowlkes, D. Tal and J. Malik, ICCV 2001.",
+    MIXTURE: "335 photographs of the Berkeley segmentation data set BSDS500 that are not among the "
+    "test images of BSDS300 (no license stated; please cite P. Arbelaez, M. Maire, C. Fowlkes and "
+    "J. Malik, IEEE TPAMI 33(5), 2011), 186 of CID22 (CC BY-SA 4.0), 24 of CLIC 2025 (Unsplash "
+    "License), 15 of GB82 (public domain), and synthetic drawings; before the last stage, the "
+    "training images of BSDS300 alone. The patches are luma or a color plane, display-encoded or "
+    "linear in light, at the scale of the photograph or averaged over areas of up to 3 × 3 pixels. "
+    "The network file contains no part of the images.",
+}
+"""Descriptions of the training images, by the entry "trained on" of the network's history."""
+
 TEMPLATE = Path(__file__).with_name("model_card.md")
 WIDTH = 112
 """Maximum number of characters per line of a card."""
@@ -48,6 +65,7 @@ def render(name: str, network: jl.Network, recipe: str, scores: str) -> str:
         parameters=sum(layer.parameter_count for layer in network.layers),
         kiloflops=flops_per_pixel(network.layers) / 1000,
         purpose=purpose,
+        images=IMAGES[network.history["trained on"]],
         recipe=recipe,
         scores=scores,
         limits=TWO_LAYER_LIMITS if len(network.layers) == 2 else DEEP_LIMITS,
