@@ -5,13 +5,19 @@ of `VALIDATION_FOLDERS` validates, and the first ten files of ``photographs/gb82
 tests. All other files of `WEIGHTS` train.
 """
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 import jotlight as jl
 from jotlight.images.sets import ENDINGS
-from jotlight.training import PatchMixture, PhotographPatches, SyntheticPatches
+from jotlight.training import (
+    PatchMixture,
+    PhotographPatches,
+    SyntheticPatches,
+    read_photographs,
+)
 
 WEIGHTS = {
     "bsds300/train": 3.0,
@@ -33,11 +39,22 @@ def training_source(data: Path, **settings: float) -> PatchMixture:
 
     `settings` are those of `PhotographPatches`, for each folder.
     """
-    sources = [
-        (PhotographPatches.read(training_files(data, folder), **settings), weight)
+    sources = photograph_sources(data, **settings)
+    return PatchMixture([*sources, (SyntheticPatches(), SYNTHETIC_WEIGHT)])
+
+
+def photograph_sources(data: Path, **settings: float) -> list[tuple[PhotographPatches, float]]:
+    """Return the training photographs of each folder, and their weights."""
+    return [
+        (PhotographPatches(photographs(data, folder), **settings), weight)
         for folder, weight in WEIGHTS.items()
     ]
-    return PatchMixture([*sources, (SyntheticPatches(), SYNTHETIC_WEIGHT)])
+
+
+@cache
+def photographs(data: Path, folder: str) -> list[np.ndarray]:
+    """Return the training photographs of a folder, as 8-bit levels."""
+    return read_photographs(training_files(data, folder))
 
 
 def training_files(data: Path, folder: str) -> list[Path]:

@@ -22,7 +22,7 @@ from jotlight.training.patch_sources import (
     PatchMixture,
     PatchSource,
 )
-from jotlight.training.photographs import PhotographPatches
+from jotlight.training.photographs import PhotographPatches, read_photographs
 from jotlight.training.synthetic_patches import SyntheticPatches
 
 __all__ = [
@@ -45,6 +45,7 @@ __all__ = [
     "Step",
     "SyntheticPatches",
     "parameter_vector",
+    "read_photographs",
     "split_vector",
     "train",
     "with_parameters",

@@ -94,28 +94,11 @@ class PhotographPatches(PatchSource):
         progress: Callable[[float], object] | None = None,
         **settings: float,
     ) -> Self:
-        """Return the source of patches of 8-bit image files; `settings` are those of the class.
+        """Return the source of patches of image files, which :func:`read_photographs` reads.
 
-        Parameters
-        ----------
-        paths : sequence of paths
-            Image files that :func:`jotlight.read_image` reads. Levels of more than 8 bits are
-            rounded.
-        progress : callable, optional
-            Called with the completed fraction, 0 to 1.
-
-        Raises
-        ------
-        OSError, ValueError
-            When a file cannot be read; the message names it.
+        The other parameters, and the errors, are those of that function and of the class.
         """
-        photographs = []
-        for number, path in enumerate(paths):
-            image = read_image(Path(path))
-            photographs.append(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8))
-            if progress is not None:
-                progress((number + 1) / len(paths))
-        return cls(photographs, **settings)
+        return cls(read_photographs(paths, progress=progress), **settings)
 
     def draw(self, rng: np.random.Generator, side: int) -> Patch:
         """Return a random patch."""
@@ -145,6 +128,43 @@ class PhotographPatches(PatchSource):
             digest.update(repr(planes.shape).encode())
             digest.update(planes.data)
         return digest.hexdigest()
+
+
+def read_photographs(
+    paths: Sequence[str | os.PathLike[str]],
+    *,
+    progress: Callable[[float], object] | None = None,
+) -> list[npt.NDArray[np.uint8]]:
+    """Return photographs in files as 8-bit levels, (H, W) or (H, W, 3).
+
+    Parameters
+    ----------
+    paths : sequence of paths
+        Image files that :func:`jotlight.read_image` reads. Levels of more than 8 bits are rounded.
+    progress : callable, optional
+        Called with the completed fraction, 0 to 1.
+
+    Raises
+    ------
+    OSError, ValueError
+        When a file cannot be read; the message names it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from jotlight import save_image
+    >>> path = Path(tempfile.mkdtemp()) / "photograph.png"
+    >>> save_image(path, np.array([[0.0, 1.0]]))
+    >>> read_photographs([path])
+    [array([[  0, 255]], dtype=uint8)]
+    """
+    photographs = []
+    for number, path in enumerate(paths, 1):
+        image = read_image(Path(path))
+        photographs.append(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8))
+        if progress is not None:
+            progress(number / len(paths))
+    return photographs
 
 
 def _planes(photograph: npt.NDArray[np.uint8], index: int) -> Planes:
