@@ -171,7 +171,7 @@ def test_divergence_is_an_error_that_says_what_to_change():
         ({"precision": "float16"}, "precision: expected one of float32, bfloat16, got 'float16'"),
         ({"rng": -1}, "rng: expected at least 0, got -1"),
         ({"threads": 0}, "threads: expected at least 1, got 0"),
-        ({"patch": 21}, "patch: expected at most the 20 pixels of the smallest image, got 21"),
+        ({"patch": 21}, "patch: expected at most 20 pixels, got 21. The smallest image, number 0"),
         ({"images": -IMAGES}, "expected intensities of 0 or more"),
         ({"sensor": jl.Sensor(oversampling=2)}, "sensor: the network"),
     ],

@@ -101,6 +101,15 @@ def test_images_and_functions_become_sources():
         as_patch_source([])
 
 
+def test_the_smallest_image_is_described():
+    images = [IMAGE, IMAGE[:4]]
+    photographs = PhotographPatches([np.zeros((9, 8), np.uint8), np.zeros((3, 9, 3), np.uint8)])
+    mixture = PatchMixture([(ImagePatches(images), 1), (photographs, 1), (SyntheticPatches(), 1)])
+    assert "number 1, is 4 x 9;" in ImagePatches(images).describe_limit()
+    assert "number 1, is 3 x 9;" in mixture.describe_limit()
+    assert "4096" in SyntheticPatches().describe_limit()
+
+
 @pytest.mark.parametrize("weights", [[], [0.0], [1, -1.0], [float("nan")], [float("inf")]])
 def test_weights_that_do_not_fit_are_refused(weights):
     with pytest.raises(ValueError, match="weights: expected"):

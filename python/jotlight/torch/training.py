@@ -275,8 +275,8 @@ def _patch_side(source: PatchSource, patch: int | None) -> int:
     side = min(PATCH, source.max_side) if patch is None else whole_number("patch", patch, 1)
     if side > source.max_side:
         raise ValueError(
-            f"patch: expected at most the {source.max_side} pixels of the smallest image, got "
-            f"{side}; leave out images that are too small"
+            f"patch: expected at most {source.max_side} pixels, got {side}. "
+            f"{source.describe_limit()}"
         )
     return side
 

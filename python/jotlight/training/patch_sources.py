@@ -13,6 +13,7 @@ from jotlight.training.images import (
     Images,
     TrainingImages,
     check_images,
+    describe_smallest,
     fingerprint_images,
     generate_images,
 )
@@ -40,6 +41,10 @@ class PatchSource(ABC):
     @abstractmethod
     def fingerprint(self) -> str:
         """Return a digest or a description that identifies the source in a checkpoint."""
+
+    def describe_limit(self) -> str:
+        """Return a sentence about `max_side`, for the error message about a larger patch."""
+        return f"The source has patches of at most {self.max_side} pixels"
 
 
 class ImagePatches(PatchSource):
@@ -76,6 +81,10 @@ class ImagePatches(PatchSource):
     def fingerprint(self) -> str:
         """Return a digest of the images."""
         return fingerprint_images(self.images)
+
+    def describe_limit(self) -> str:
+        """Return a sentence about the smallest image."""
+        return describe_smallest(self.images)
 
 
 class GeneratedPatches(PatchSource):
@@ -153,6 +162,10 @@ class PatchMixture(PatchSource):
         for source in self._sources:
             digest.update(source.fingerprint().encode())
         return digest.hexdigest()
+
+    def describe_limit(self) -> str:
+        """Return the sentence of the source with the smallest patches."""
+        return min(self._sources, key=lambda source: source.max_side).describe_limit()
 
 
 def as_patch_source(images: TrainingImages | PatchSource) -> PatchSource:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from jotlight.images.color import luma
 from jotlight.images.io import read_image
+from jotlight.training.images import describe_smallest
 from jotlight.training.patch_sources import Patch, PatchSource, apply_symmetry
 
 Planes = npt.NDArray[np.uint8]
@@ -128,6 +129,10 @@ class PhotographPatches(PatchSource):
             digest.update(repr(planes.shape).encode())
             digest.update(planes.data)
         return digest.hexdigest()
+
+    def describe_limit(self) -> str:
+        """Return a sentence about the smallest photograph."""
+        return describe_smallest([planes[0] for planes in self.photographs])
 
 
 def read_photographs(
