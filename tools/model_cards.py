@@ -1,6 +1,7 @@
 """The model cards of the trained networks."""
 
 import textwrap
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,10 @@ IMAGES = {
 TEMPLATE = Path(__file__).with_name("model_card.md")
 WIDTH = 112
 """Maximum number of characters per line of a card."""
+
+ALL_TRIALS = 1, 4, 16, 64, 256
+FLUXES = 0.05, 0.2, 4.0
+PHOTONS = "{} photons per jot and frame at intensity 1"
 
 ONE_K = (
     "K = {bits} trials per pixel, from any number of jots and frames, or their counts; threshold "
@@ -80,11 +85,23 @@ def _wrap(line: str) -> str:
     )
 
 
-def score(network: jl.Network, tests: list[np.ndarray]) -> str:
-    """Return the text about a network's scores on the test images."""
+def score(
+    network: jl.Network, tests: list[np.ndarray], validation: Callable[[], list[np.ndarray]]
+) -> str:
+    """Return the text about a network's scores on the test images.
+
+    `validation` returns the validation images, which only K-conditioned networks need.
+    """
     if network.trials_range is not None:
-        mean = {bits: np.mean(_psnr(network, bits, tests[:20])) for bits in (1, 4, 16, 64, 256)}
-        return conditional_scores(mean)
+        by_bits = {bits: _mean_psnr(network, bits, tests[:20]) for bits in ALL_TRIALS}
+        images = validation()
+        validated = {bits: _mean_psnr(network, bits, images) for bits in ALL_TRIALS}
+        by_flux = {flux: _mean_psnr(network, 16, images, flux) for flux in FLUXES}
+        return (
+            f"{conditional_scores(by_bits)} On {len(images)} validation photographs (central 320 × "
+            f"320 pixels of every tenth file of three data sets): {_list_psnr(validated)}; at K = "
+            f"16 with other exposures, {_list_psnr(by_flux, PHOTONS)}."
+        )
     if len(network.layers) == 2:
         own, likelihood = (
             jl.evaluate(method, tests, network.sensor) for method in (network, jl.mle)
@@ -102,8 +119,16 @@ def score(network: jl.Network, tests: list[np.ndarray]) -> str:
     return residual_scores(float(np.mean(psnr)), float(np.mean(psnr[:20])))
 
 
-def _psnr(network: jl.Network, bits: int, tests: list[np.ndarray]) -> list[float]:
-    sensor = jl.Sensor(frames=bits)
+def _mean_psnr(
+    network: jl.Network, bits: int, images: list[np.ndarray], flux: float = 1.0
+) -> float:
+    return float(np.mean(_psnr(network, bits, images, flux)))
+
+
+def _psnr(
+    network: jl.Network, bits: int, tests: list[np.ndarray], flux: float = 1.0
+) -> list[float]:
+    sensor = jl.Sensor(frames=bits, gain=flux * bits)
     return [
         jl.metrics.psnr(network.reconstruct(sensor.expose(image, rng=number), sensor), image)
         for number, image in enumerate(tests)
@@ -123,5 +148,8 @@ def residual_scores(psnr: float, first: float) -> str:
 
 
 def conditional_scores(psnr: dict[int, float]) -> str:
-    by_bits = ", ".join(f"{value:.2f} dB for K = {bits}" for bits, value in psnr.items())
-    return f"mean PSNR of the first 20 images, for α = K: {by_bits}."
+    return f"mean PSNR of the first 20 images, for α = K: {_list_psnr(psnr)}."
+
+
+def _list_psnr(psnr: dict[int, float] | dict[float, float], unit: str = "K = {}") -> str:
+    return ", ".join(f"{value:.2f} dB for {unit.format(key)}" for key, value in psnr.items())

@@ -111,7 +111,9 @@ def write_network(name: str, network: jl.Network, recipe: str, options: argparse
     _, tests = read_image_set(options.data / "bsds300/test")
     folder = options.scratch if name in COMPARISONS else FOLDER
     network.save(folder / f"{name}.safetensors")
-    card = model_cards.render(name, network, recipe, model_cards.score(network, tests))
+    validation = partial(training_data.validation_images, options.data)
+    scores = model_cards.score(network, tests, validation)
+    card = model_cards.render(name, network, recipe, scores)
     (folder / f"{name}.md").write_text(card, encoding="utf-8")
     print(card, flush=True)
 
