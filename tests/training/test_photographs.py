@@ -111,6 +111,11 @@ def test_files_are_read_as_8_bit_levels(tmp_path):
         PhotographPatches.read([tmp_path / "broken.png"])
 
 
+def test_patches_are_as_high_as_the_photograph_is_wide():
+    patches = draw(PhotographPatches([GRAY[:, :12]], scaled=1.0), 12, 50)
+    assert {patch.values.shape for patch in patches} == {(12, 12)}
+
+
 @pytest.mark.parametrize(
     ("photographs", "settings", "message"),
     [

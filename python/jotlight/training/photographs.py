@@ -108,14 +108,15 @@ class PhotographPatches(PatchSource):
         is_color = rng.random() < self.color and len(planes) > 1
         plane = int(rng.integers(1, len(planes))) if is_color else 0
         is_linear = bool(rng.random() < self.linear)
-        size = planes.shape[1:]
+        size = np.array(planes.shape[1:])
         scale = 1.0
         if rng.random() < self.scaled:
-            max_scale = min(self.max_scale, min(size) / side)
+            max_scale = min(self.max_scale, size.min() / side)
             scale = math.exp(rng.uniform(0, math.log(max_scale)))
-            corner = rng.uniform(0, np.array(size) - scale * side)
+        if scale == 1:
+            corner = rng.integers(size - side + 1).astype(np.float64)
         else:
-            corner = rng.integers(np.array(size) - side + 1).astype(np.float64)
+            corner = rng.uniform(0, np.maximum(size - scale * side, 0))
         tones = _LINEAR if is_linear else _ENCODED
         values = _average_areas(planes[plane], tones, corner, scale, side)
         values = apply_symmetry(values, int(rng.integers(8)))
