@@ -25,6 +25,9 @@ CONDITIONS = (4, 1.0), (16, 1.0), (64, 1.0), (256, 1.0), (16, 0.05), (16, 4.0)
 """Trials, and photons per jot and frame at intensity 1."""
 
 LEARNING_RATE = 1e-3
+PLANES, DRAWINGS_WEIGHT = 0.25, 0.7
+"""Fraction of color planes and of linear light, and weight of drawings among the photographs."""
+
 MIN_CONTRAST = 0.05
 """Smallest standard deviation of a drawing that is measured."""
 
@@ -80,8 +83,8 @@ def ingredients(data: Path) -> dict[str, PatchSource]:
 
     bsds300 = training_data.photographs(data, "bsds300/train")
     scaled = mixture(color=0.0, linear=0.0)
-    planes = training_data.photograph_sources(data)
-    drawings = SyntheticPatches(), training_data.SYNTHETIC_WEIGHT
+    planes = training_data.photograph_sources(data, color=PLANES, linear=PLANES)
+    drawings = SyntheticPatches(), DRAWINGS_WEIGHT
     return {
         "BSDS300": PhotographPatches(bsds300, **PLAIN),
         "+ other photographs": mixture(**PLAIN),

@@ -28,23 +28,27 @@ WEIGHTS = {
 }
 """Folders of photographs, and their weights: about ten times the share of each patch."""
 
-SYNTHETIC_WEIGHT = 0.7
+SYNTHETIC_WEIGHT = 0.3
+
+COLOR = LINEAR = 0.1
+"""Fractions of the photographs' patches that are color planes, and that are linear in light."""
+
 VALIDATION_FOLDERS = "bsds500_extra", "photographs/cid22", "photographs/clic2025"
 VALIDATION_SIDE = 320
 """Height and width of the central part of validation photographs that is measured."""
 
 
-def training_source(data: Path, **settings: float) -> PatchMixture:
-    """Return the mixture of all photographs and synthetic patches that trains the networks.
-
-    `settings` are those of `PhotographPatches`, for each folder.
-    """
-    sources = photograph_sources(data, **settings)
+def training_source(data: Path) -> PatchMixture:
+    """Return the mixture of all photographs and synthetic patches that trains the networks."""
+    sources = photograph_sources(data, color=COLOR, linear=LINEAR)
     return PatchMixture([*sources, (SyntheticPatches(), SYNTHETIC_WEIGHT)])
 
 
 def photograph_sources(data: Path, **settings: float) -> list[tuple[PhotographPatches, float]]:
-    """Return the training photographs of each folder, and their weights."""
+    """Return the training photographs of each folder, and their weights.
+
+    `settings` are those of `PhotographPatches`, for each folder.
+    """
     return [
         (PhotographPatches(photographs(data, folder), **settings), weight)
         for folder, weight in WEIGHTS.items()
