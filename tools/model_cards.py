@@ -20,7 +20,7 @@ IMAGES = {
     MIXTURE: "335 photographs of the Berkeley segmentation data set BSDS500 that are not among the "
     "test images of BSDS300 (no license stated; please cite P. Arbelaez, M. Maire, C. Fowlkes and "
     "J. Malik, IEEE TPAMI 33(5), 2011), 186 of CID22 (CC BY-SA 4.0), 24 of CLIC 2025 (Unsplash "
-    "License), 15 of GB82 (public domain), and synthetic drawings; before the last stage, the "
+    "License), 15 of GB82 (public domain), and synthetic drawings; in the first stages, the "
     "training images of BSDS300 alone. The patches are luma or a color plane, display-encoded or "
     "linear in light, at the scale of the photograph or averaged over areas of up to 3 × 3 pixels. "
     "The network file contains no part of the images.",

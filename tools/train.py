@@ -89,14 +89,19 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=[*SHIPPED, *COMPARISONS], default=SHIPPED)
     parser.add_argument("--from", type=Path, dest="start", help="weights of one deep network")
     parser.add_argument("--steps", type=int, help="number of steps after --from")
+    parser.add_argument("--learning-rate", type=float, help="largest learning rate after --from")
+    parser.add_argument("--seed", type=int, help="seed after --from; default: number of the stage")
     parser.add_argument("--scratch", type=Path, default=Path("target/models"))
     parser.add_argument("--threads", type=int)
     parser.add_argument("--precision", choices=["float32", "bfloat16"], help="default: the fastest")
     options = parser.parse_args()
     if options.start is not None and (len(options.only) != 1 or options.only[0] in TWO_LAYER):
         parser.error("--from: expected --only with the name of one deep network")
-    if options.steps is not None and options.start is None:
-        parser.error("--steps: expected --from, after which it is the number of steps")
+    continuation = options.steps, options.learning_rate, options.seed
+    if options.start is None and any(option is not None for option in continuation):
+        parser.error(
+            "--steps, --learning-rate, and --seed: expected --from, whose run they describe"
+        )
     for name in options.only:
         if name in TWO_LAYER:
             network, recipe = train_two_layer(name, options.data, options.threads)
@@ -186,8 +191,10 @@ def train_deep(name: str, options: argparse.Namespace) -> tuple[jl.Network, str]
     else:
         network = jl.Network.load(options.start)
         last = stages[-1] if stages[-1].images == "mixture" else CONTINUATION
-        last = last if options.steps is None else dataclasses.replace(last, steps=options.steps)
-        numbered = [(len(stages) + 1, last)]
+        chosen = {"steps": options.steps, "learning_rate": options.learning_rate}
+        chosen = {name: value for name, value in chosen.items() if value is not None}
+        last = dataclasses.replace(last, **chosen)
+        numbered = [(len(stages) + 1 if options.seed is None else options.seed, last)]
         text = describe(name, (*stages, last))
     for seed, stage in numbered:
         network = train_stage(name, network, stage, seed, options)
@@ -225,6 +232,7 @@ def train_stage(
         **settings,
     )
     network.save(path)
+    checkpoint.unlink()
     return network
 
 

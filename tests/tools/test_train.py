@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import re
 import sys
 from pathlib import Path
 
@@ -80,16 +81,24 @@ def test_a_run_continues_from_weights_and_from_its_finished_stage(tools, data, t
         data=data,
         start=FOLDER / "small.safetensors",
         steps=2,
+        learning_rate=None,
+        seed=None,
         scratch=tmp_path,
         threads=1,
         precision=None,
     )
     network, recipe = tools.train.train_deep("small", options)
-    assert "then 2 steps at a learning rate of 0.0015 with 32 patches of 64 × 64" in recipe
+    assert re.search(r"then 2 steps at a learning rate of \S+ with 32 patches of 64 × 64", recipe)
     assert network.history["run"]["precision"] in ("float32", "bfloat16")
     again, _ = tools.train.train_deep("small", options)
     for layer, other in zip(network.layers, again.layers, strict=True):
         np.testing.assert_array_equal(layer.filters, other.filters)
+    # The next run has another start, so nothing in the folder of the first one stops it.
+    options.start = tmp_path / "small.5.safetensors"
+    options.seed, options.learning_rate = 6, 1e-4
+    continued, recipe = tools.train.train_deep("small", options)
+    assert continued.history["run"]["seed"] == 6
+    assert "2 steps at a learning rate of 0.0001" in recipe
     card = tools.model_cards.render("small", network, recipe, "scores.")
     assert "CC BY-SA 4.0" in card
     assert "`python tools/train.py DATA --only small` ran" in " ".join(card.split())
@@ -101,7 +110,7 @@ def test_a_run_continues_from_weights_and_from_its_finished_stage(tools, data, t
     [
         (["--from", "x.safetensors"], "--from: expected --only with the name of one deep network"),
         (["--from", "x.safetensors", "--only", "two-layer-k16"], "one deep network"),
-        (["--steps", "3"], "--steps: expected --from"),
+        (["--steps", "3"], "expected --from, whose run they describe"),
     ],
 )
 def test_options_that_do_not_fit_are_refused(tools, monkeypatch, capsys, arguments, message):
