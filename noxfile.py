@@ -19,7 +19,12 @@ nox.options.tags = ["gate"]
 ROOT = Path(__file__).parent
 DIST = ROOT / "dist"
 DATA = Path(os.environ.get("JOTLIGHT_DATA", ROOT.parent / "shared" / "data")).resolve()
-NEEDS_TORCH = ("tests/torch", "tests/cli/test_train_deep.py", "tests/cli/test_fine_tune.py")
+NEEDS_TORCH = (
+    "tests/torch",
+    "tests/cli/test_train_deep.py",
+    "tests/cli/test_fine_tune.py",
+    "tests/tools/test_train.py",
+)
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 

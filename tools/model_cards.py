@@ -1,6 +1,7 @@
 """The model cards of the trained networks."""
 
 import textwrap
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,30 @@ import jotlight as jl
 from jotlight.evaluation.evaluate import Evaluation
 from jotlight.networks.graph import flops_per_pixel
 
+BSDS300 = "BSDS300 train, gray"
+MIXTURE = "BSDS500, CID22, CLIC 2025, GB82, and synthetic patches"
+IMAGES = {
+    BSDS300: "the 200 training images of the Berkeley segmentation data set BSDS300, in gray (luma "
+    "of ITU-R BT.601). The images are display-encoded, not linear in light. The network file "
+    "contains no part of them. The data set states no license; its authors ask for a citation: "
+    "D. Martin, C. Fowlkes, D. Tal and J. Malik, ICCV 2001.",
+    MIXTURE: "335 photographs of the Berkeley segmentation data set BSDS500 that are not among the "
+    "test images of BSDS300 (no license stated; please cite P. Arbelaez, M. Maire, C. Fowlkes and "
+    "J. Malik, IEEE TPAMI 33(5), 2011), 186 of CID22 (CC BY-SA 4.0), 24 of CLIC 2025 (Unsplash "
+    "License), 15 of GB82 (public domain), and synthetic drawings; in the first stages, the "
+    "training images of BSDS300 alone. The patches are luma or a color plane, display-encoded or "
+    "linear in light, at the scale of the photograph or averaged over areas of up to 3 × 3 pixels. "
+    "The network file contains no part of the images.",
+}
+"""Descriptions of the training images, by the entry "trained on" of the network's history."""
+
 TEMPLATE = Path(__file__).with_name("model_card.md")
 WIDTH = 112
 """Maximum number of characters per line of a card."""
+
+ALL_TRIALS = 1, 4, 16, 64, 256
+FLUXES = 0.05, 0.2, 4.0
+PHOTONS = "{} photons per jot and frame at intensity 1"
 
 ONE_K = (
     "K = {bits} trials per pixel, from any number of jots and frames, or their counts; threshold "
@@ -48,6 +70,7 @@ def render(name: str, network: jl.Network, recipe: str, scores: str) -> str:
         parameters=sum(layer.parameter_count for layer in network.layers),
         kiloflops=flops_per_pixel(network.layers) / 1000,
         purpose=purpose,
+        images=IMAGES[network.history["trained on"]],
         recipe=recipe,
         scores=scores,
         limits=TWO_LAYER_LIMITS if len(network.layers) == 2 else DEEP_LIMITS,
@@ -62,11 +85,23 @@ def _wrap(line: str) -> str:
     )
 
 
-def score(network: jl.Network, tests: list[np.ndarray]) -> str:
-    """Return the text about a network's scores on the test images."""
+def score(
+    network: jl.Network, tests: list[np.ndarray], validation: Callable[[], list[np.ndarray]]
+) -> str:
+    """Return the text about a network's scores on the test images.
+
+    `validation` returns the validation images, which only K-conditioned networks need.
+    """
     if network.trials_range is not None:
-        mean = {bits: np.mean(_psnr(network, bits, tests[:20])) for bits in (1, 4, 16, 64, 256)}
-        return conditional_scores(mean)
+        by_bits = {bits: _mean_psnr(network, bits, tests[:20]) for bits in ALL_TRIALS}
+        images = validation()
+        validated = {bits: _mean_psnr(network, bits, images) for bits in ALL_TRIALS}
+        by_flux = {flux: _mean_psnr(network, 16, images, flux) for flux in FLUXES}
+        return (
+            f"{conditional_scores(by_bits)} On {len(images)} validation photographs (central 320 × "
+            f"320 pixels of every tenth file of three data sets): {_list_psnr(validated)}; at K = "
+            f"16 with other exposures, {_list_psnr(by_flux, PHOTONS)}."
+        )
     if len(network.layers) == 2:
         own, likelihood = (
             jl.evaluate(method, tests, network.sensor) for method in (network, jl.mle)
@@ -84,8 +119,16 @@ def score(network: jl.Network, tests: list[np.ndarray]) -> str:
     return residual_scores(float(np.mean(psnr)), float(np.mean(psnr[:20])))
 
 
-def _psnr(network: jl.Network, bits: int, tests: list[np.ndarray]) -> list[float]:
-    sensor = jl.Sensor(frames=bits)
+def _mean_psnr(
+    network: jl.Network, bits: int, images: list[np.ndarray], flux: float = 1.0
+) -> float:
+    return float(np.mean(_psnr(network, bits, images, flux)))
+
+
+def _psnr(
+    network: jl.Network, bits: int, tests: list[np.ndarray], flux: float = 1.0
+) -> list[float]:
+    sensor = jl.Sensor(frames=bits, gain=flux * bits)
     return [
         jl.metrics.psnr(network.reconstruct(sensor.expose(image, rng=number), sensor), image)
         for number, image in enumerate(tests)
@@ -105,5 +148,8 @@ def residual_scores(psnr: float, first: float) -> str:
 
 
 def conditional_scores(psnr: dict[int, float]) -> str:
-    by_bits = ", ".join(f"{value:.2f} dB for K = {bits}" for bits, value in psnr.items())
-    return f"mean PSNR of the first 20 images, for α = K: {by_bits}."
+    return f"mean PSNR of the first 20 images, for α = K: {_list_psnr(psnr)}."
+
+
+def _list_psnr(psnr: dict[int, float] | dict[float, float], unit: str = "K = {}") -> str:
+    return ", ".join(f"{value:.2f} dB for {unit.format(key)}" for key, value in psnr.items())

@@ -1,45 +1,68 @@
 """Train the networks that come with jotlight, and write their model cards.
 
     python tools/train.py path/to/data [--only two-layer-k16 medium ...] [--threads 2]
+    python tools/train.py path/to/data --only small --from small.safetensors [--steps 5000]
 
-The folder holds ``bsds300/train/*.jpg`` for training and ``bsds300/test/*.jpg`` for the scores.
-Networks and cards go to ``python/jotlight/networks/weights``.
+The folder holds the images of the module `training_data`, and ``bsds300/test/*.jpg`` for the
+scores. Networks and cards go to ``python/jotlight/networks/weights``.
 
 The eight two-layer networks take about ten minutes on two cores. The deep networks take days and
-need the extra `torch`; an interrupted run resumes. The other small networks start from the first
-stage of `small-k16`, so train `small-k16` first. `medium-k16`, for K = 16 only, is a comparison
-and goes to `--scratch`.
+need the extra `torch`. A run consists of stages, and an interrupted run resumes from the last
+checkpoint in `--scratch`. `--from` skips all stages but the last, which starts from the weights in
+a file. The other small networks start from the first stage of `small-k16`, so train `small-k16`
+first. `medium-k16`, for K = 16 only, is a comparison and goes to `--scratch`.
 """
 
 import argparse
+import dataclasses
 import time
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import model_cards
 import numpy as np
+import training_data
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
 from jotlight.networks.pretrained import FOLDER, TRAINED_TRIALS
 from jotlight.training.parameters import fingerprint_network
 
-Stages = tuple[tuple[int, float], ...]
-"""Number of steps and learning rate of each stage. A stage starts where the previous one ended. The
-seed of a stage is its number, from 1."""
 
-STAGES: dict[str, Stages] = {
-    "small-k16": ((40_000, 3e-3), (20_000, 1.5e-3)),
-    "medium": (
+@dataclasses.dataclass(frozen=True)
+class Stage:
+    """A part of a training. It starts where the previous one ended."""
+
+    steps: int
+    learning_rate: float
+    batch: int = 16
+    patch: int = 48
+    images: str = "bsds300"
+    """``bsds300``: the training images of BSDS300. ``mixture``: those of `training_data`."""
+
+
+def bsds300_stages(*stages: tuple[int, float]) -> tuple[Stage, ...]:
+    """Return stages with the training images of BSDS300, from steps and learning rates."""
+    return tuple(Stage(steps, learning_rate) for steps, learning_rate in stages)
+
+
+STAGES: dict[str, tuple[Stage, ...]] = {
+    "small-k16": bsds300_stages((40_000, 3e-3), (20_000, 1.5e-3)),
+    "medium": bsds300_stages(
         *((36_000, 3e-3), (24_000, 2e-3), (70_000, 2.5e-3), (45_000, 2e-3), (7_000, 1e-3)),
         *((75_000, 2e-3), (22_000, 1.2e-3)),
     ),
-    "small": ((16_000, 3e-3), (8_000, 1.2e-3), (30_000, 2.5e-3), (12_000, 1e-3)),
-    "medium-k16": ((25_000, 3e-3),),
-    "large-k16": ((24_000, 3e-3), (12_000, 1.5e-3), (5_000, 1e-3), (10_000, 1.2e-3)),
+    "small": bsds300_stages((16_000, 3e-3), (8_000, 1.2e-3), (30_000, 2.5e-3), (12_000, 1e-3)),
+    "medium-k16": bsds300_stages((25_000, 3e-3)),
+    "large-k16": bsds300_stages((24_000, 3e-3), (12_000, 1.5e-3), (5_000, 1e-3), (10_000, 1.2e-3)),
 }
-OTHER_SMALL_STAGES: Stages = ((8_000, 1.5e-3),)
+"""Stages of the deep networks. The seed of a stage is its number, from 1."""
+
+OTHER_SMALL_STAGES = bsds300_stages((8_000, 1.5e-3))
 """Stages of the other small networks, after the first stage of `small-k16`."""
+
+CONTINUATION = Stage(20_000, 1.5e-3, batch=32, patch=64, images="mixture")
+"""The stage after `--from`, if the last stage of the network trained on BSDS300 alone."""
 
 NOTES = {
     "small": "The alignment of moving scenes denoises its templates with this network.",
@@ -64,24 +87,40 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("data", type=Path)
     parser.add_argument("--only", nargs="+", choices=[*SHIPPED, *COMPARISONS], default=SHIPPED)
+    parser.add_argument("--from", type=Path, dest="start", help="weights of one deep network")
+    parser.add_argument("--steps", type=int, help="number of steps after --from")
+    parser.add_argument("--learning-rate", type=float, help="largest learning rate after --from")
+    parser.add_argument("--seed", type=int, help="seed after --from; default: number of the stage")
     parser.add_argument("--scratch", type=Path, default=Path("target/models"))
     parser.add_argument("--threads", type=int)
+    parser.add_argument("--precision", choices=["float32", "bfloat16"], help="default: the fastest")
     options = parser.parse_args()
-    _, images = read_image_set(options.data / "bsds300/train")
-    _, tests = read_image_set(options.data / "bsds300/test")
+    if options.start is not None and (len(options.only) != 1 or options.only[0] in TWO_LAYER):
+        parser.error("--from: expected --only with the name of one deep network")
+    continuation = options.steps, options.learning_rate, options.seed
+    if options.start is None and any(option is not None for option in continuation):
+        parser.error(
+            "--steps, --learning-rate, and --seed: expected --from, whose run they describe"
+        )
     for name in options.only:
         if name in TWO_LAYER:
-            network, recipe = train_two_layer(name, images, options.threads)
+            network, recipe = train_two_layer(name, options.data, options.threads)
         else:
             options.scratch.mkdir(parents=True, exist_ok=True)
-            network = train_deep(name, images, options.scratch, options.threads)
-            recipe = deep_recipe(name)
-        network.history["trained on"] = "BSDS300 train, gray"
-        folder = options.scratch if name in COMPARISONS else FOLDER
-        network.save(folder / f"{name}.safetensors")
-        card = model_cards.render(name, network, recipe, model_cards.score(network, tests))
-        (folder / f"{name}.md").write_text(card, encoding="utf-8")
-        print(card, flush=True)
+            network, recipe = train_deep(name, options)
+        write_network(name, network, recipe, options)
+
+
+def write_network(name: str, network: jl.Network, recipe: str, options: argparse.Namespace) -> None:
+    """Write the file and the card of a network."""
+    _, tests = read_image_set(options.data / "bsds300/test")
+    folder = options.scratch if name in COMPARISONS else FOLDER
+    network.save(folder / f"{name}.safetensors")
+    validation = partial(training_data.validation_images, options.data)
+    scores = model_cards.score(network, tests, validation)
+    card = model_cards.render(name, network, recipe, scores)
+    (folder / f"{name}.md").write_text(card, encoding="utf-8")
+    print(card, flush=True)
 
 
 def trials(name: str) -> int:
@@ -89,22 +128,33 @@ def trials(name: str) -> int:
     return int(name.split("-k")[1])
 
 
-def train_two_layer(
-    name: str, images: list[np.ndarray], threads: int | None
-) -> tuple[jl.Network, str]:
+def train_two_layer(name: str, data: Path, threads: int | None) -> tuple[jl.Network, str]:
     """Return a two-layer network and the text about its training."""
     sensor = jl.Sensor(oversampling=round(trials(name) ** 0.5))
     begun = time.perf_counter()
     network, _ = jl.train(
         jl.Network.initial(sensor),
-        images,
+        bsds300(data),
         steps=TWO_LAYER_STEPS,
         batch=TWO_LAYER_BATCH,
         patch=TWO_LAYER_PATCH,
         rng=TWO_LAYER_SEED,
         threads=threads,
     )
+    network.history["trained on"] = model_cards.BSDS300
     return network, two_layer_recipe(time.perf_counter() - begun)
+
+
+@cache
+def bsds300(data: Path) -> list[np.ndarray]:
+    """Return the training images of BSDS300, in gray."""
+    return read_image_set(data / "bsds300/train")[1]
+
+
+@cache
+def mixture(data: Path) -> jl.training.PatchMixture:
+    """Return the mixture of all training images."""
+    return training_data.training_source(data)
 
 
 def two_layer_recipe(seconds: float) -> str:
@@ -129,36 +179,60 @@ def deep_start(name: str, scratch: Path) -> jl.Network:
     return jl.Network([*start.layers[:2], *trained.layers[2:]], sensor)
 
 
-def train_deep(
-    name: str, images: list[np.ndarray], scratch: Path, threads: int | None
-) -> jl.Network:
-    """Return a deep network after all its stages. Finished stages come from `scratch`."""
-    from jotlight.torch import train
+def train_deep(name: str, options: argparse.Namespace) -> tuple[jl.Network, str]:
+    """Return a deep network after all its stages, and the text about its training.
 
-    network = deep_start(name, scratch)
-    for seed, (steps, learning_rate) in enumerate(STAGES.get(name, OTHER_SMALL_STAGES), 1):
-        path = scratch / f"{name}.{seed}.safetensors"
-        if path.exists():
-            finished = jl.Network.load(path)
-            run = finished.history["run"]
-            # Repeat a stage whose number of steps or start has changed.
-            if (run["steps"], run["network"]) == (steps, fingerprint_network(network)):
-                network = finished
-                continue
-        checkpoint = scratch / f"{name}.{seed}.checkpoint.safetensors"
-        network, _ = train(
-            network,
-            images,
-            steps=steps,
-            learning_rate=learning_rate,
-            rng=seed,
-            checkpoint=checkpoint,
-            resume=checkpoint.exists(),
-            callback=partial(report, name, steps),
-            device="cpu",
-            threads=threads,
-        )
-        network.save(path)
+    Finished stages come from the folder `options.scratch`.
+    """
+    stages = STAGES.get(name, OTHER_SMALL_STAGES)
+    if options.start is None:
+        network, text = deep_start(name, options.scratch), describe(name, stages)
+        numbered = list(enumerate(stages, 1))
+    else:
+        network = jl.Network.load(options.start)
+        last = stages[-1] if stages[-1].images == "mixture" else CONTINUATION
+        chosen = {"steps": options.steps, "learning_rate": options.learning_rate}
+        chosen = {name: value for name, value in chosen.items() if value is not None}
+        last = dataclasses.replace(last, **chosen)
+        numbered = [(len(stages) + 1 if options.seed is None else options.seed, last)]
+        text = describe(name, (*stages, last))
+    for seed, stage in numbered:
+        network = train_stage(name, network, stage, seed, options)
+    is_mixture = any(stage.images == "mixture" for _, stage in numbered)
+    network.history["trained on"] = model_cards.MIXTURE if is_mixture else model_cards.BSDS300
+    return network, text
+
+
+def train_stage(
+    name: str, start: jl.Network, stage: Stage, seed: int, options: argparse.Namespace
+) -> jl.Network:
+    """Return the network after a stage; a finished one with the same settings comes from a file."""
+    from jotlight.torch import fastest_precision, train
+
+    path = options.scratch / f"{name}.{seed}.safetensors"
+    if path.exists():
+        finished = jl.Network.load(path)
+        run = finished.history["run"]
+        # Repeat a stage whose number of steps or start has changed.
+        if (run["steps"], run["network"]) == (stage.steps, fingerprint_network(start)):
+            return finished
+    settings = {"batch": stage.batch, "patch": stage.patch, "threads": options.threads}
+    checkpoint = options.scratch / f"{name}.{seed}.checkpoint.safetensors"
+    network, _ = train(
+        start,
+        bsds300(options.data) if stage.images == "bsds300" else mixture(options.data),
+        steps=stage.steps,
+        learning_rate=stage.learning_rate,
+        precision=options.precision or fastest_precision(start, device="cpu", **settings),
+        rng=seed,
+        checkpoint=checkpoint,
+        resume=checkpoint.exists(),
+        callback=partial(report, name, stage.steps),
+        device="cpu",
+        **settings,
+    )
+    network.save(path)
+    checkpoint.unlink()
     return network
 
 
@@ -167,15 +241,21 @@ def report(name: str, steps: int, record: jl.training.Record) -> None:
         print(f"{name}: step {record.step} of {steps}, cost {record.loss:.4g}", flush=True)
 
 
-def deep_recipe(name: str) -> str:
-    stages = ", then ".join(
-        f"{steps:,} steps at a learning rate of {learning_rate:g}"
-        for steps, learning_rate in STAGES.get(name, OTHER_SMALL_STAGES)
-    )
+def describe(name: str, stages: tuple[Stage, ...]) -> str:
+    """Return the text about the training of a deep network."""
+    texts = []
+    for stage in stages:
+        text = f"{stage.steps:,} steps at a learning rate of {stage.learning_rate:g}"
+        if (stage.batch, stage.patch) != (Stage.batch, Stage.patch):
+            text += f" with {stage.batch} patches of {stage.patch} × {stage.patch} pixels"
+        if stage.images == "mixture":
+            text += " of all data sets"
+        texts.append(text)
+    text = ", then ".join(texts)
     if name in SMALL[1:]:
-        stages += ", starting from the first stage of small-k16"
+        text += ", starting from the first stage of small-k16"
     note = NOTES.get(name.rstrip("0123456789"), "")
-    return f"`jotlight.torch.train` for {stages}. {note}".strip()
+    return f"`jotlight.torch.train` for {text}. {note}".strip()
 
 
 if __name__ == "__main__":

@@ -155,7 +155,7 @@ def test_a_run_out_of_time_reports_its_steps(run, photo_folder):
         (["--learning-rate", 0], "learning_rate: expected a finite number above 0"),
         (["--device", "tpu"], "device: expected one of cpu, cuda, got 'tpu'"),
         (["--steps", 0], "steps: expected at least 1"),
-        (["--patch", 25], "25; image number 0 is 24 x 24"),
+        (["--patch", 25], "got 25. The smallest image, number 0, is 24 x 24"),
         (["--bits-per-pixel", "1-256"], "bits-per-pixel: expected a number such as 16, or"),
         (["--bits-per-pixel", "9:4"], "bits-per-pixel: expected a number such as 16, or"),
         (["--bits-per-pixel", "0"], "bits-per-pixel: expected a number such as 16, or"),

@@ -126,3 +126,25 @@ def test_gradients_of_the_training_cost_are_equal(level):
 def test_estimates_of_the_likelihood_methods_are_equal(level, method):
     bits = SENSOR.expose(IMAGE, 0)
     assert_same_as_scalar(level, lambda threads=1: method(bits, SENSOR, threads=threads), 1e-5)
+
+
+@pytest.mark.parametrize("coefficients", [4, 13, 19, 20])
+def test_values_and_gradients_of_splines_are_equal(level, coefficients):
+    rng = np.random.default_rng(0)
+    # Some values are outside the domain, and the number of values is not a multiple of a register.
+    planes = rng.uniform(-4, 4, (3, 5, 4103)).astype(np.float32)
+    gradient = rng.normal(size=planes.shape).astype(np.float32)
+    weights = rng.normal(size=(5, coefficients)).astype(np.float32)
+    knots = -3.0, 6 / (coefficients - 3)
+
+    def pull_back(part):
+        return lambda threads=1: engine.activate_backward(
+            (planes, weights), gradient, *knots, threads
+        )[part]
+
+    assert_same_as_scalar(
+        level, lambda threads=1: engine.activate((planes, weights), *knots, threads), 1e-6
+    )
+    assert_same_as_scalar(level, pull_back(0), 1e-6)
+    # Sums over thousands of pixels are rounded.
+    assert_same_as_scalar(level, pull_back(1), 1e-5)

@@ -8,6 +8,7 @@ import jotlight as jl
 
 pytest.importorskip("torch")
 from jotlight.torch.patches import PatchLoader
+from jotlight.training.patch_sources import ImagePatches
 
 NUMBER = 400
 SENSOR = jl.Sensor(oversampling=4, max_intensity=0.8)
@@ -16,7 +17,7 @@ LEVEL = np.float32(0.3)
 
 def first_batch(network, batch=NUMBER):
     """Return the first batch of patches of a uniform image."""
-    loader = PatchLoader([np.full((9, 9), LEVEL)], network, SENSOR, 0, batch, 8)
+    loader = PatchLoader(ImagePatches([np.full((9, 9), LEVEL)]), network, SENSOR, 0, batch, 8)
     return loader.batch(0, slice(0, batch), 1)
 
 
@@ -45,7 +46,7 @@ def test_one_patch_in_16_is_far_too_bright_or_too_dark(tied):
 def test_a_process_gets_its_part_of_the_patches_of_all():
     images = [np.random.default_rng(0).random((20, 24), np.float32)]
     network = jl.Network.residual(SENSOR, "small", rng=0)
-    loader = PatchLoader(images, network, SENSOR, 1, 64, 8)
+    loader = PatchLoader(ImagePatches(images), network, SENSOR, 1, 64, 8)
     whole, part = loader.batch(5, slice(0, 64), 1), loader.batch(5, slice(16, 32), 1)
     np.testing.assert_array_equal(whole.data[16:32], part.data)
     np.testing.assert_array_equal(whole.truth[16:32], part.truth)
@@ -57,7 +58,7 @@ def test_a_process_gets_its_part_of_the_patches_of_all():
 )
 def test_half_of_the_steps_use_a_usual_number_of_trials(trials_range, fraction):
     network = jl.Network.conditional("small", trials_range=trials_range, rng=0)
-    loader = PatchLoader([np.full((9, 9), LEVEL)], network, SENSOR, 0, 1, 8)
+    loader = PatchLoader(ImagePatches([np.full((9, 9), LEVEL)]), network, SENSOR, 0, 1, 8)
     trials = np.array([loader.batch(step, slice(0, 1), 1).trials for step in range(NUMBER)])
     low, high = trials_range
     assert low <= trials.min() < np.sqrt(low * high) < trials.max() <= high

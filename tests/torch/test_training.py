@@ -6,7 +6,11 @@ import pytest
 import jotlight as jl
 
 torch = pytest.importorskip("torch")
-from jotlight.torch import train  # noqa: E402
+from jotlight.tensors import read_tensors  # noqa: E402
+from jotlight.torch import Network, fastest_precision, train  # noqa: E402
+from jotlight.torch.trainer import flatten  # noqa: E402
+from jotlight.training import parameter_vector  # noqa: E402
+from jotlight.training.checkpoint import CheckpointWriter  # noqa: E402
 
 SENSOR = jl.Sensor(oversampling=3)
 IMAGES = np.random.default_rng(0).random((5, 20, 24), np.float32)
@@ -30,6 +34,12 @@ def assert_same(result, other_result):
     for layer, other_layer in zip(network.layers, other.layers, strict=True):
         np.testing.assert_array_equal(layer.filters, other_layer.filters)
         np.testing.assert_array_equal(layer.coefficients, other_layer.coefficients)
+
+
+def trainable_vector(network):
+    """Return the trainable parameters in the order of a checkpoint."""
+    parameters = Network(network).parameters()
+    return flatten([parameter for parameter in parameters if parameter.requires_grad])
 
 
 def smooth_scenes(rng, number):
@@ -83,6 +93,41 @@ def test_a_resumed_run_equals_an_uninterrupted_one(tmp_path, step):
     assert_same(whole, resumed)
 
 
+def test_the_result_is_a_moving_average_of_the_parameters(tmp_path, monkeypatch):
+    monkeypatch.setattr(CheckpointWriter, "INTERVAL", -1.0)
+    vectors = []
+    path, start = tmp_path / "run", STARTS["conditional"]
+
+    def read(record):
+        vectors.append(read_tensors(path, "jotlight checkpoint", "1")[0]["vector"])
+
+    network, _ = train_small(start, checkpoint=path, callback=read)
+    average = trainable_vector(start)
+    # The last call of `read` is for the result.
+    for step, vector in enumerate(vectors[:STEPS], 1):
+        weight = 9 / (step + 9)
+        average += weight * (vector - average)
+    np.testing.assert_allclose(trainable_vector(network), average, rtol=1e-5, atol=1e-7)
+
+
+def test_products_in_bfloat16_are_almost_as_exact():
+    runs = [
+        train_small(images=smooth_scenes, steps=40, batch=8, precision=precision)
+        for precision in ("float32", "bfloat16")
+    ]
+    (network, history), (other, other_history) = runs
+    np.testing.assert_allclose(other_history.loss, history.loss, rtol=0.03)
+    assert (parameter_vector(network) != parameter_vector(other)).any()
+    assert other.history["run"]["precision"] == "bfloat16"
+
+
+@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)
+def test_the_fastest_precision_is_measured(start):
+    name = fastest_precision(start, batch=2, patch=12, device="cpu", threads=1)
+    assert name in ("float32", "bfloat16")
+    train_small(start, precision=name, steps=1)
+
+
 def test_a_run_stops_at_its_time_limit():
     _, history = train_small(steps=10**6, seconds=1e-9)
     assert len(history.records) <= 2
@@ -123,9 +168,10 @@ def test_divergence_is_an_error_that_says_what_to_change():
             "learning_rate: expected a finite number above 0, got nan",
         ),
         ({"seconds": -1.0}, "seconds: expected a number above 0, got -1.0"),
+        ({"precision": "float16"}, "precision: expected one of float32, bfloat16, got 'float16'"),
         ({"rng": -1}, "rng: expected at least 0, got -1"),
         ({"threads": 0}, "threads: expected at least 1, got 0"),
-        ({"patch": 21}, "patch"),
+        ({"patch": 21}, "patch: expected at most 20 pixels, got 21. The smallest image, number 0"),
         ({"images": -IMAGES}, "expected intensities of 0 or more"),
         ({"sensor": jl.Sensor(oversampling=2)}, "sensor: the network"),
     ],

@@ -1,9 +1,9 @@
 """PyTorch versions of the networks and of the sensor, and their training (extra `torch`).
 
 In reading order: `network` (a network as a module), `splines` and `padding` (its parts), `sensing`
-and `response` (the sensor as a differentiable layer), `training` and `patches` (training on
-images), `fine_tuning` and `bit_splitting` (training on a capture), `trainer` and `distributed` (the
-loop of both), and `deepinv` (adapters for that library, extra `deepinv`).
+and `response` (the sensor as a differentiable layer), `training`, `patches`, and `precision`
+(training on images), `fine_tuning` and `bit_splitting` (training on a capture), `trainer` and
+`distributed` (the loop of both), and `deepinv` (adapters for that library, extra `deepinv`).
 
 Examples
 --------
@@ -27,8 +27,9 @@ except ImportError as error:
 
 from jotlight.torch.fine_tuning import fine_tune
 from jotlight.torch.network import Network
+from jotlight.torch.precision import fastest_precision
 from jotlight.torch.sensing import Sensing
 from jotlight.torch.splines import Spline, spline
 from jotlight.torch.training import train
 
-__all__ = ["Network", "Sensing", "Spline", "fine_tune", "spline", "train"]
+__all__ = ["Network", "Sensing", "Spline", "fastest_precision", "fine_tune", "spline", "train"]

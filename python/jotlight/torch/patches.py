@@ -1,4 +1,4 @@
-"""Batches of training patches: random cutouts of images, with new bits in every step."""
+"""Batches of training patches, with new bits in every step."""
 
 import dataclasses
 import math
@@ -14,7 +14,7 @@ from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch import response
 from jotlight.torch.network import Network as TorchNetwork
-from jotlight.training.images import ImageGenerator, Images, generate_images
+from jotlight.training.patch_sources import Patch, PatchSource
 
 _LIGHT_RANGE = 0.02, 3.0
 """Mean light of an image in photons per jot and frame, for K-conditioned networks."""
@@ -44,13 +44,16 @@ _MAX_RATE = 20.0
 """Largest rate s in the error: a bit carries no information beyond."""
 
 _EXTREME_FRACTION = 1 / 16
-"""Fraction of patches that are far too bright or too dark, for networks for one K.
+"""Fraction of patches that are far too bright or too dark.
 
 They teach the network black and intensities beyond its range, which photographs seldom have.
 """
 
 _EXTREME_FACTORS = 1 / 50, 50.0
 """Range of the brightness factor of such patches."""
+
+_EXTREME_LIGHT_RANGE = 0.002, 8.0
+"""Mean light of such patches for K-conditioned networks."""
 
 _ERROR_EXPONENT = 0.6
 """Exponent with which the error of a good estimate grows with the error of the counts."""
@@ -108,27 +111,6 @@ class Batch:
         return relative.mean((1, 2, 3))
 
 
-class _Cutouts(NamedTuple):
-    """Random cutouts of a step: image, position, and symmetry of each."""
-
-    images: Images
-    chosen: npt.NDArray[np.int64]
-    """Index of the image of each patch."""
-    corners: npt.NDArray[np.int64]
-    """First row and column of each patch."""
-    symmetries: npt.NDArray[np.int64]
-
-    def patches(self, side: int, shard: slice) -> npt.NDArray[np.float32]:
-        """Return some of the patches, (N, H, W)."""
-        selected = (indices[shard] for indices in (self.chosen, self.corners, self.symmetries))
-        return np.stack(
-            [
-                _apply_symmetry(self.images[index][y : y + side, x : x + side], symmetry)
-                for index, (y, x), symmetry in zip(*selected, strict=True)
-            ]
-        )
-
-
 class _Exposures(NamedTuple):
     """Exposures of the patches of a step, for a K-conditioned network."""
 
@@ -144,16 +126,17 @@ class PatchLoader:
 
     Examples
     --------
+    >>> from jotlight.training.patch_sources import ImagePatches
     >>> sensor = Sensor(oversampling=4)
     >>> network = Network.residual(sensor, "small", rng=0)
-    >>> images = np.full((2, 64, 64), 0.5, np.float32)
-    >>> loader = PatchLoader(images, network, sensor, seed=0, batch_size=16, side=48)
+    >>> source = ImagePatches(np.full((2, 64, 64), 0.5, np.float32))
+    >>> loader = PatchLoader(source, network, sensor, seed=0, batch_size=16, side=48)
     >>> loader.batch(step=0, shard=slice(None), threads=1).data.shape
     torch.Size([16, 1, 48, 48])
     """
 
-    images: Images | ImageGenerator
-    """Checked gray images of intensities, or a function that makes them."""
+    source: PatchSource
+    """Source of the patches."""
     network: Network
     """Network that the batches are for, which decides what the data are."""
     sensor: Sensor
@@ -177,32 +160,20 @@ class PatchLoader:
             Number of threads of the simulation.
         """
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(step, 0)))
-        # The draws of all patches come first, so that each process continues with the same numbers.
-        cutouts = self._draw_cutouts(rng)
         exposures, factors = self._draw_exposures(rng), self._draw_factors(rng)
-        seeds = [
-            np.random.SeedSequence(self.seed, spawn_key=(step, 1, number))
-            for number in range(len(cutouts.chosen))
-        ][shard]
-        truth = cutouts.patches(self.side, shard)
+        # Each patch has its own generator, so that a process draws its own patches alone.
+        generators = [
+            np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(step, 1, number)))
+            for number in range(self.batch_size)[shard]
+        ]
+        patches = [self.source.draw(generator, self.side) for generator in generators]
         if exposures is not None:
-            images = [cutouts.images[index] for index in cutouts.chosen[shard]]
-            return _exposed_batch(images, truth, exposures, seeds, shard)
-        data = self._expose(truth, factors[shard], seeds, threads)
+            return _exposed_batch(patches, exposures, generators, shard)
+        truth = np.stack([patch.values for patch in patches])
+        data = self._expose(truth, factors[shard], generators, threads)
         max_intensity = np.float32(self.sensor.max_intensity)
         truth = np.minimum(truth * factors[shard, None, None], max_intensity)
         return Batch(data, torch.from_numpy(truth)[:, None])
-
-    def _draw_cutouts(self, rng: np.random.Generator) -> _Cutouts:
-        if callable(self.images):
-            images: Images = generate_images(self.images, rng, self.batch_size)
-            chosen = np.arange(len(images))
-        else:
-            images = self.images
-            chosen = rng.integers(len(images), size=self.batch_size)
-        sizes = np.array([images[index].shape for index in chosen])
-        corners = rng.integers(sizes - self.side + 1)
-        return _Cutouts(images, chosen, corners, rng.integers(8, size=self.batch_size))
 
     def _draw_exposures(self, rng: np.random.Generator) -> _Exposures | None:
         """Return random exposures for a K-conditioned network, and None for another one."""
@@ -213,11 +184,18 @@ class PatchLoader:
         if usual_low < usual_high and rng.random() < 1 / 2:
             low, high = usual_low, usual_high
         trials = round(math.exp(rng.uniform(math.log(low), math.log(high))))
-        light, usual_light, dark_counts = (
+        light, usual_light, extreme_light, dark_counts = (
             self._log_uniform(rng, bounds)
-            for bounds in (_LIGHT_RANGE, _USUAL_LIGHT_RANGE, _DARK_COUNTS_RANGE)
+            for bounds in (
+                _LIGHT_RANGE,
+                _USUAL_LIGHT_RANGE,
+                _EXTREME_LIGHT_RANGE,
+                _DARK_COUNTS_RANGE,
+            )
         )
-        light = np.where(rng.random(self.batch_size) < _USUAL_LIGHT_FRACTION, usual_light, light)
+        chance = rng.random(self.batch_size)
+        light = np.where(chance < _USUAL_LIGHT_FRACTION, usual_light, light)
+        light = np.where(chance >= 1 - _EXTREME_FRACTION, extreme_light, light)
         dark_counts = np.where(rng.random(self.batch_size) < 1 / 2, 0, dark_counts)
         return _Exposures(trials, light, dark_counts)
 
@@ -236,36 +214,36 @@ class PatchLoader:
         self,
         truth: npt.NDArray[np.float32],
         factors: npt.NDArray[np.float32],
-        seeds: list[np.random.SeedSequence],
+        generators: list[np.random.Generator],
         threads: int,
     ) -> Tensor:
         """Return the counts or bits of patches whose brightness is multiplied by factors."""
         side, tied = self.sensor.oversampling, self.network.tied
         data = []
-        for patch, factor, seed in zip(truth, factors, seeds, strict=True):
+        for patch, factor, generator in zip(truth, factors, generators, strict=True):
             sensor = dataclasses.replace(self.sensor, gain=self.sensor.gain * float(factor))
-            bits = sensor.expose(patch, seed, threads=threads)
+            bits = sensor.expose(patch, generator, threads=threads)
             counts = bits.counts(side, threads=threads)[None] if tied else bits.to_array()
             data.append(counts.astype(np.float32))
         return torch.from_numpy(np.stack(data))
 
 
 def _exposed_batch(
-    images: list[npt.NDArray[np.float32]],
-    truth: npt.NDArray[np.float32],
+    patches: list[Patch],
     exposures: _Exposures,
-    seeds: list[np.random.SeedSequence],
+    generators: list[np.random.Generator],
     shard: slice,
 ) -> Batch:
-    """Return a batch for a K-conditioned network: one image, patch, and seed per cutout."""
+    """Return a batch for a K-conditioned network."""
     dark_counts = exposures.dark_counts[shard]
-    means = np.array([image.mean() for image in images])
+    means = np.array([patch.image_mean for patch in patches])
     slopes = (exposures.light[shard] / np.maximum(means, 1e-6)).astype(np.float32)
+    truth = np.stack([patch.values for patch in patches])
     rates = truth * slopes[:, None, None] + dark_counts[:, None, None]
     counts = np.stack(
         [
-            np.random.default_rng(seed).binomial(exposures.trials, detection_probability(1, rate))
-            for rate, seed in zip(rates.astype(np.float64), seeds, strict=True)
+            generator.binomial(exposures.trials, detection_probability(1, rate))
+            for rate, generator in zip(rates.astype(np.float64), generators, strict=True)
         ]
     ).astype(np.float32)
     return Batch(
@@ -275,9 +253,3 @@ def _exposed_batch(
         torch.from_numpy(slopes),
         torch.from_numpy(dark_counts.astype(np.float32)),
     )
-
-
-def _apply_symmetry(patch: npt.NDArray[np.float32], symmetry: int) -> npt.NDArray[np.float32]:
-    """Return the patch under one of the eight symmetries of a square, 0 to 7."""
-    patch = np.rot90(patch, symmetry % 4)
-    return patch.T if symmetry >= 4 else patch

@@ -163,18 +163,18 @@ class Trainer:
 
     def parameter_vector(self) -> Vector:
         """Return all trainable parameters as one vector."""
-        return _flatten(self.parameters)
+        return flatten(self.parameters)
 
     def set_parameters(self, vector: Vector) -> None:
         """Set all trainable parameters."""
         with torch.no_grad():
-            for parameter, values in zip(self.parameters, self._split(vector), strict=True):
+            for parameter, values in zip(self.parameters, self.split(vector), strict=True):
                 parameter.copy_(values)
 
     def state(self) -> State:
         """Return what the next step needs besides parameters and records."""
         return {
-            name: _flatten([self.optimizer.state[p][name] for p in self.parameters])
+            name: flatten([self.optimizer.state[p][name] for p in self.parameters])
             for name in Trainer.state_names
         }
 
@@ -197,7 +197,7 @@ class Trainer:
         if not is_complete or any(vector.shape != shape for vector in vectors):
             raise ValueError(f"{path}: damaged checkpoint: it does not fit the network")
         self.set_parameters(checkpoint.vector)
-        moments = {name: self._split(checkpoint.state[name]) for name in Trainer.state_names}
+        moments = {name: self.split(checkpoint.state[name]) for name in Trainer.state_names}
         for number, parameter in enumerate(self.parameters):
             step = torch.tensor(float(len(checkpoint.history)))
             own = {name: parts[number] for name, parts in moments.items()}
@@ -227,7 +227,7 @@ class Trainer:
             start += parameter.numel()
         return float(flat[0])
 
-    def _split(self, vector: Vector) -> list[Tensor]:
+    def split(self, vector: Vector) -> list[Tensor]:
         """Return each parameter's part of a vector."""
         sizes = [p.numel() for p in self.parameters]
         parts = torch.from_numpy(vector).split(sizes)
@@ -241,5 +241,6 @@ def _schedule(progress: float) -> float:
     return 0.5 * (1 + math.cos(math.pi * (progress - _WARMUP) / (1 - _WARMUP)))
 
 
-def _flatten(tensors: Sequence[Tensor]) -> Vector:
+def flatten(tensors: Sequence[Tensor]) -> Vector:
+    """Return the values of all tensors as one vector."""
     return np.asarray(torch.cat([x.detach().flatten() for x in tensors]).cpu(), np.float64)

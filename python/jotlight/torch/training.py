@@ -16,18 +16,15 @@ from jotlight.sensing.sensor import Sensor
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import PatchLoader
-from jotlight.torch.trainer import Trainer
+from jotlight.torch.precision import check_precision
+from jotlight.torch.trainer import Trainer, flatten
+from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, Record, RecordCallback
-from jotlight.training.images import (
-    ImageGenerator,
-    Images,
-    TrainingImages,
-    check_images,
-    fingerprint_images,
-    generate_images,
-)
+from jotlight.training.images import Images, TrainingImages, check_images, fingerprint_images
+from jotlight.training.optimizer import State
 from jotlight.training.parameters import fingerprint_network
-from jotlight.training.patches import patch_sensor, patch_size
+from jotlight.training.patch_sources import PatchSource, as_patch_source
+from jotlight.training.patches import patch_sensor
 from jotlight.training.reporting import shown_steps
 
 STEPS = 20_000
@@ -42,6 +39,9 @@ PATCH = 48
 LEARNING_RATE = 3e-3
 """Default learning rate."""
 
+_AVERAGE_DECAY = 0.999
+"""Decay rate of the moving average of the parameters: it spans about 1,000 steps."""
+
 _TEST_STEP = 2**32 - 1
 """Step number whose random bits belong to the test images."""
 
@@ -49,7 +49,7 @@ _TEST_STEP = 2**32 - 1
 # A run has many settings, each of them documented; all but the first three are keyword-only.
 def train(
     network: Network,
-    images: TrainingImages,
+    images: TrainingImages | PatchSource,
     sensor: Sensor | None = None,
     *,
     steps: int | None = None,
@@ -57,6 +57,7 @@ def train(
     batch: int | None = None,
     patch: int | None = None,
     learning_rate: float = LEARNING_RATE,
+    precision: str = "float32",
     rng: int | None = None,
     test: npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
@@ -69,15 +70,19 @@ def train(
     """Return a network with the smallest mean square error for a sensor and images, by Adam.
 
     Each step draws new patches, randomly rotated and mirrored, and new bits. The learning rate
-    rises over the first tenth of the steps and then falls to 0.
+    rises over the first tenth of the steps and then falls to 0. The result is an exponential moving
+    average of the parameters over about 1,000 steps, so a run that stops early is also good.
 
     Parameters
     ----------
     network : Network
         Starting point, such as ``Network.residual(sensor, "small")``, or
         ``Network.conditional("medium")`` for a network that serves a range of K at any exposure.
-    images : array (N, H, W), sequence of arrays (H, W), or callable
-        Gray images of intensities, as in :func:`jotlight.train`.
+    images : array (N, H, W), sequence of arrays (H, W), callable, or PatchSource
+        Gray images of intensities, as in :func:`jotlight.train`. A
+        :class:`jotlight.training.PatchSource` draws patches itself, such as
+        :class:`~jotlight.training.PhotographPatches` with random scales and planes, or a
+        :class:`~jotlight.training.PatchMixture` of several sources.
     sensor : Sensor, optional
         Sensor that the trained network is for. A K-conditioned network is only tested with it.
         Default: the network's.
@@ -92,6 +97,9 @@ def train(
         Height and width of a patch. Default: 48, or the side of the smallest image.
     learning_rate : float
         Largest learning rate: about the largest change of a parameter per step.
+    precision : str
+        ``"float32"``, or ``"bfloat16"`` for products of filter banks in bfloat16, which some
+        processors compute faster; :func:`~jotlight.torch.fastest_precision` measures it.
     rng : int, optional
         Seed of patches and bits. Default: a fresh one.
     test : array or sequence of arrays, optional
@@ -146,10 +154,11 @@ def train(
     steps = whole_number("steps", STEPS if steps is None else steps, 1)
     batch = whole_number("batch", BATCH if batch is None else batch, 1)
     positive_number("learning_rate", learning_rate)
+    filter_dtype = check_precision(precision)
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
-    scenes: Images | ImageGenerator = images if callable(images) else check_images(images)
-    side = _patch_side(scenes, patch)
+    source = as_patch_source(images)
+    side = _patch_side(source, patch)
     tests = None if test is None else check_images(test)
     with (
         process_group(chosen_device) as group,
@@ -161,14 +170,15 @@ def train(
                 f"processes, got {batch}"
             )
         seed = group.shared_seed(rng)
-        loader = PatchLoader(scenes, network, patch_sensor(sensor), seed, batch, side)
-        settings = _settings(loader, tests, learning_rate, steps)
+        loader = PatchLoader(source, network, patch_sensor(sensor), seed, batch, side)
+        settings = {**_settings(loader, tests, learning_rate, steps), "precision": precision}
         with thread_limit(threads):
             module = TorchNetwork(network).to(chosen_device)
+            module.filter_dtype = filter_dtype
             trainer = ImageTrainer(module, loader, settings, learning_rate, tests, group)
             trainer.begin(checkpoint, resume)
             trainer.run(steps, checkpoint, report, seconds)
-            last = trainer.measure(len(trainer.history), is_test=True)
+            last = trainer.finish()
             if group.is_main:
                 report(last)
     history = History([*trainer.history.records, last])
@@ -184,7 +194,7 @@ def train(
 
 
 class ImageTrainer(Trainer):
-    """A run on patches of images.
+    """A run on patches of images, with a moving average of the parameters.
 
     Parameters
     ----------
@@ -195,6 +205,8 @@ class ImageTrainer(Trainer):
     tests : Images, optional
         Images whose PSNR is measured.
     """
+
+    state_names = (*Trainer.state_names, "average")
 
     def __init__(
         self,
@@ -207,6 +219,7 @@ class ImageTrainer(Trainer):
     ) -> None:
         super().__init__(module, settings, learning_rate, group)
         self.loader, self.tests = loader, tests
+        self.averages = [parameter.detach().clone() for parameter in self.parameters]
 
     def loss(self, step: int) -> Tensor:
         """Return this process's part of the mean square error over the patches of a step."""
@@ -218,6 +231,32 @@ class ImageTrainer(Trainer):
         """Return the record of a step, with the cost ε of a whole patch."""
         test_psnr = self._test_psnr() if is_test and self.tests is not None else None
         return Record(step, 0.5 * self.loader.side**2 * loss, gradient_norm, test_psnr)
+
+    def update(self) -> None:
+        """Change the parameters by one step, and update their averages."""
+        super().update()
+        taken = len(self.history) + 1
+        # The first averages span only as many steps as there are.
+        decay = min(_AVERAGE_DECAY, taken / (taken + 9))
+        with torch.no_grad():
+            for average, parameter in zip(self.averages, self.parameters, strict=True):
+                average.lerp_(parameter, 1 - decay)
+
+    def finish(self) -> Record:
+        """Set the parameters to their averages, and return the record of the result."""
+        with torch.no_grad():
+            for average, parameter in zip(self.averages, self.parameters, strict=True):
+                parameter.copy_(average)
+        return self.measure(len(self.history), is_test=True)
+
+    def state(self) -> State:
+        """Return what the next step needs besides parameters and records."""
+        return {**super().state(), "average": flatten(self.averages)}
+
+    def restore(self, checkpoint: Checkpoint, path: str | os.PathLike[str]) -> None:
+        """Continue from a checkpoint; see :meth:`Trainer.restore`."""
+        super().restore(checkpoint, path)
+        self.averages = self.split(checkpoint.state["average"])
 
     def _test_psnr(self) -> float:
         """Return the mean PSNR of the test images in dB, for a peak of 1."""
@@ -231,11 +270,15 @@ class ImageTrainer(Trainer):
         return float(np.mean(values))
 
 
-def _patch_side(scenes: Images | ImageGenerator, patch: int | None) -> int:
-    """Return the height and width of patches, after a check against the images."""
-    examples = generate_images(scenes, np.random.default_rng(0), 1) if callable(scenes) else scenes
-    side = patch_size(examples, patch)
-    return min(PATCH, side) if patch is None else side
+def _patch_side(source: PatchSource, patch: int | None) -> int:
+    """Return the height and width of patches, after a check against the source."""
+    side = min(PATCH, source.max_side) if patch is None else whole_number("patch", patch, 1)
+    if side > source.max_side:
+        raise ValueError(
+            f"patch: expected at most {source.max_side} pixels, got {side}. "
+            f"{source.describe_limit()}"
+        )
+    return side
 
 
 def _settings(
@@ -245,7 +288,7 @@ def _settings(
     return {
         "network": fingerprint_network(loader.network),
         "sensor": loader.sensor.scalars(),
-        "images": fingerprint_images(loader.images),
+        "images": loader.source.fingerprint(),
         "test": None if tests is None else fingerprint_images(tests),
         "optimizer": f"Adam(learning_rate={learning_rate})",
         "steps": steps,

@@ -3,7 +3,8 @@
 In reading order: `loop` (the function `train`), `patches` and `images` (training examples), `cost`
 (the objective and its gradient), `parameters` (all parameters as one vector), `admissible` (the set
 that they stay in), `optimizer`, `optimizers`, and `gauss_newton` (steps), `history` and
-`checkpoint` (records and state of a run).
+`checkpoint` (records and state of a run). `patch_sources`, `photographs`, and `synthetic_patches`
+are sources of patches for :func:`jotlight.torch.train`.
 """
 
 from jotlight.training.admissible import AdmissibleSet, SafeSet
@@ -14,6 +15,15 @@ from jotlight.training.loop import train
 from jotlight.training.optimizer import Optimizer, Step
 from jotlight.training.optimizers import OPTIMIZERS, Adam, ProjectedGradient
 from jotlight.training.parameters import parameter_vector, split_vector, with_parameters
+from jotlight.training.patch_sources import (
+    GeneratedPatches,
+    ImagePatches,
+    Patch,
+    PatchMixture,
+    PatchSource,
+)
+from jotlight.training.photographs import PhotographPatches, read_photographs
+from jotlight.training.synthetic_patches import SyntheticPatches
 
 __all__ = [
     "OPTIMIZERS",
@@ -21,13 +31,21 @@ __all__ = [
     "AdmissibleSet",
     "Cost",
     "GaussNewton",
+    "GeneratedPatches",
     "History",
+    "ImagePatches",
     "Optimizer",
+    "Patch",
+    "PatchMixture",
+    "PatchSource",
+    "PhotographPatches",
     "ProjectedGradient",
     "Record",
     "SafeSet",
     "Step",
+    "SyntheticPatches",
     "parameter_vector",
+    "read_photographs",
     "split_vector",
     "train",
     "with_parameters",

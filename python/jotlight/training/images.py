@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -83,7 +84,7 @@ def fingerprint_images(images: Images | ImageGenerator) -> str:
     return digest.hexdigest()
 
 
-def describe_smallest(images: Images) -> str:
+def describe_smallest(images: Sequence[npt.NDArray[Any]] | npt.NDArray[Any]) -> str:
     """Return a sentence about the smallest image, for error messages about the patch size."""
     index = min(range(len(images)), key=lambda index: min(images[index].shape))
     height, width = images[index].shape

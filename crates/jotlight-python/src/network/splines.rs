@@ -1,5 +1,6 @@
 //! Splines without filters. PyTorch networks use them as their nonlinearities.
 
+use jotlight::error::Result;
 use jotlight::network::Splines;
 use jotlight::numbers::Real;
 use numpy::{Element, IntoPyArray, PyArray2, PyReadonlyArray2, PyReadonlyArray3};
@@ -7,12 +8,18 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::arguments::{Precision, for_precision};
-use crate::run;
+use crate::{run, to_python};
 
 /// Planes (N, C, P) and spline coefficients (C, `N_w`).
 type PlanesAndCoefficients<'py, F> = (PyReadonlyArray3<'py, F>, PyReadonlyArray2<'py, F>);
 
 type PyPlanes<'py> = Precision<PlanesAndCoefficients<'py, f32>, PlanesAndCoefficients<'py, f64>>;
+
+/// The maximum number of values that the calling thread processes itself, if one thread is allowed.
+///
+/// On a busy machine, waking another thread takes longer than the work on the patches of a training
+/// step. Ctrl-C waits at most some tens of milliseconds for this number of values.
+const MAX_OWN_VALUES: usize = 1 << 24;
 
 /// The gradients with respect to planes and coefficients.
 type PyGradients<'py> = (Bound<'py, PyAny>, Bound<'py, PyArray2<f64>>);
@@ -37,7 +44,7 @@ fn activate_planes<'py, F: Real + Element>(
     threads: Option<isize>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (planes, coefficients) = (planes.as_array(), coefficients.as_array());
-    let out = run(py, threads, || {
+    let out = run_splines(py, threads, planes.len(), || {
         Splines::new(coefficients, F::from_f64(start), F::from_f64(spacing))?.activate(planes)
     })?;
     Ok(out.into_pyarray(py).into_any())
@@ -72,9 +79,22 @@ fn pull_back<'py, F: Real + Element>(
     })?;
     let (planes, coefficients) = (planes.as_array(), coefficients.as_array());
     let gradient = gradient.as_array();
-    let (out, sums) = run(py, threads, || {
+    let (out, sums) = run_splines(py, threads, planes.len(), || {
         Splines::new(coefficients, F::from_f64(start), F::from_f64(spacing))?
             .pull_back(planes, gradient)
     })?;
     Ok((out.into_pyarray(py).into_any(), sums.into_pyarray(py)))
+}
+
+/// Run work on a number of values, in a pool of threads or in the calling thread.
+fn run_splines<R: Send>(
+    py: Python<'_>,
+    threads: Option<isize>,
+    values: usize,
+    work: impl FnOnce() -> Result<R> + Send,
+) -> PyResult<R> {
+    if threads == Some(1) && values <= MAX_OWN_VALUES {
+        return py.detach(work).map_err(to_python);
+    }
+    run(py, threads, work)
 }

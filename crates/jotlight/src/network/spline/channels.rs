@@ -1,6 +1,6 @@
 //! One spline per channel: values, equations (8) and (10), and gradients for stacks of planes.
 
-use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis, Zip};
+use ndarray::{Array2, Array3, ArrayView2, ArrayView3, ArrayViewMut1, ArrayViewMut2, Axis, Zip};
 use rayon::prelude::*;
 
 use super::evaluate::{Spline, TABLE};
@@ -28,23 +28,31 @@ impl<F: Real> Splines<F> {
 
     /// Apply the spline of each channel to planes `(N, C, P)`, and return the results.
     ///
+    /// Only a thread of a pool ([`crate::threads::install`]) shares the work with other threads.
+    ///
     /// # Errors
     /// [`Error::Shape`] if the number of channels is not the number of splines.
     pub fn activate(&self, planes: ArrayView3<'_, F>) -> Result<Array3<F>> {
         self.check_channels(planes.dim())?;
         memory::check::<F>("planes", planes.shape())?;
         let mut out = planes.as_standard_layout().into_owned();
-        Zip::indexed(out.lanes_mut(Axis(2))).par_for_each(|(_, channel), mut plane| {
-            let plane = plane.as_slice_mut().unwrap_or_default();
-            self.0[channel].apply(plane);
-        });
+        let apply = |(_, channel): (usize, usize), mut plane: ArrayViewMut1<'_, F>| {
+            self.0[channel].apply(plane.as_slice_mut().unwrap_or_default());
+        };
+        let planes = Zip::indexed(out.lanes_mut(Axis(2)));
+        if is_in_pool() {
+            planes.par_for_each(apply);
+        } else {
+            planes.for_each(apply);
+        }
         Ok(out)
     }
 
     /// Return the gradients with respect to planes `(N, C, P)` and coefficients `(C, N_w)`.
     ///
     /// `gradient` is the gradient with respect to the result of [`Splines::activate`]. The result
-    /// is the same for any number of threads.
+    /// is the same for any number of threads. Only a thread of a pool
+    /// ([`crate::threads::install`]) shares the work with other threads.
     ///
     /// # Errors
     /// [`Error::Shape`] if the shapes of the arrays do not match.
@@ -66,28 +74,16 @@ impl<F: Real> Splines<F> {
         )?;
         let planes = planes.as_standard_layout();
         let mut out = gradient.as_standard_layout().into_owned();
-        let sums_per_item: Vec<_> = out
-            .outer_iter_mut()
-            .into_par_iter()
-            .zip(planes.outer_iter())
-            .map(|(mut out, planes)| {
-                let mut sums = Array2::zeros((channels, coefficients));
-                let rows = out.outer_iter_mut().zip(planes.outer_iter());
-                for ((spline, (mut out, plane)), mut sums) in
-                    self.0.iter().zip(rows).zip(sums.outer_iter_mut())
-                {
-                    if interrupt::is_requested() {
-                        break;
-                    }
-                    if let (Some(out), Some(plane), Some(sums)) =
-                        (out.as_slice_mut(), plane.to_slice(), sums.as_slice_mut())
-                    {
-                        spline.pull_back(plane, out, sums);
-                    }
-                }
-                sums
-            })
-            .collect();
+        let pull_back = |(out, planes): (ArrayViewMut2<'_, F>, ArrayView2<'_, F>)| {
+            self.pull_back_item(planes, out)
+        };
+        let items = out.outer_iter_mut();
+        let sums_per_item: Vec<_> = if is_in_pool() {
+            let items = items.into_par_iter().zip(planes.outer_iter());
+            items.map(pull_back).collect()
+        } else {
+            items.zip(planes.outer_iter()).map(pull_back).collect()
+        };
         // The sums are added in order, so the result does not depend on the number of threads.
         let mut sums = Array2::zeros((channels, coefficients));
         for item in sums_per_item {
@@ -96,12 +92,43 @@ impl<F: Real> Splines<F> {
         Ok((out, sums))
     }
 
+    /// Replace the gradients (C, P) of an item, and return its gradient with respect to the
+    /// coefficients.
+    fn pull_back_item(
+        &self,
+        planes: ArrayView2<'_, F>,
+        mut gradient: ArrayViewMut2<'_, F>,
+    ) -> Array2<f64> {
+        let coefficients = self.0.first().map_or(0, Spline::len);
+        let mut sums = Array2::zeros((self.0.len(), coefficients));
+        let rows = gradient.outer_iter_mut().zip(planes.outer_iter());
+        for ((spline, (mut gradient, plane)), mut sums) in
+            self.0.iter().zip(rows).zip(sums.outer_iter_mut())
+        {
+            if interrupt::is_requested() {
+                break;
+            }
+            if let (Some(gradient), Some(plane), Some(sums)) = (
+                gradient.as_slice_mut(),
+                plane.to_slice(),
+                sums.as_slice_mut(),
+            ) {
+                spline.pull_back(plane, gradient, sums);
+            }
+        }
+        sums
+    }
+
     fn check_channels(&self, (_, channels, _): (usize, usize, usize)) -> Result<()> {
         if channels == self.0.len() {
             return Ok(());
         }
         Err(Error::shape("channels", self.0.len(), channels))
     }
+}
+
+fn is_in_pool() -> bool {
+    rayon::current_thread_index().is_some()
 }
 
 /// Return one spline for each row of coefficients.

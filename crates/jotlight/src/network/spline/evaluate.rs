@@ -2,7 +2,7 @@
 //! (19).
 
 #[cfg(target_arch = "x86_64")]
-use super::registers::{MAX_INTERVALS, RegisterTable};
+use super::registers::{MAX_INTERVALS, RegisterSpline, RegisterValues};
 #[cfg(target_arch = "x86_64")]
 use crate::cpu;
 use crate::cpu::levels;
@@ -128,25 +128,36 @@ impl<F: Real> Spline<F> {
 
     fn apply_to_part(&self, plane: &mut [F]) {
         #[cfg(target_arch = "x86_64")]
-        if self.cubics.len() <= MAX_INTERVALS
-            && let Some(simd) = cpu::v4()
+        if let Some(spline) = self.in_registers()
             && let Some(plane) = F::as_f32_slice(plane)
         {
-            let to_f32 = |x: F| x.as_f64() as f32;
-            return cpu::run(RegisterTable {
-                simd,
-                powers: self
-                    .powers
-                    .each_ref()
-                    .map(|table| std::array::from_fn(|interval| to_f32(table[interval]))),
-                intervals: self.cubics.len() as f32,
-                start: to_f32(self.start),
-                inverse_spacing: to_f32(self.inverse_spacing),
-                bounds: (to_f32(self.bounds.0), to_f32(self.bounds.1)),
+            let bounds = (self.bounds.0.as_f64() as f32, self.bounds.1.as_f64() as f32);
+            return cpu::run(RegisterValues {
+                spline,
+                bounds,
                 plane,
             });
         }
         apply(self, plane);
+    }
+
+    /// Return the spline in registers, if it has few knots and the processor has AVX-512.
+    #[cfg(target_arch = "x86_64")]
+    pub(super) fn in_registers(&self) -> Option<RegisterSpline> {
+        if self.cubics.len() > MAX_INTERVALS {
+            return None;
+        }
+        let to_f32 = |x: F| x.as_f64() as f32;
+        Some(RegisterSpline {
+            simd: cpu::v4()?,
+            powers: self
+                .powers
+                .each_ref()
+                .map(|table| std::array::from_fn(|interval| to_f32(table[interval]))),
+            intervals: self.cubics.len() as f32,
+            start: to_f32(self.start),
+            inverse_spacing: to_f32(self.inverse_spacing),
+        })
     }
 
     #[inline(always)]

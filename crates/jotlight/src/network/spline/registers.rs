@@ -1,63 +1,174 @@
-//! Evaluation of splines with few knots by AVX-512, equations (8) and (10).
+//! Splines with few knots by AVX-512: values, equations (8) and (10), and gradients, equations (14)
+//! to (19).
 //!
 //! Registers hold the coefficients of the polynomials. The instruction `vpermps` looks up sixteen
 //! coefficients at a time.
 
+use std::arch::x86_64::_CMP_EQ_OQ;
+
 use pulp::x86::V4;
 use pulp::{Simd, WithSimd, cast, f32x16};
 
-/// The maximum number of knot intervals, which is the number of `f32` in a register.
-pub(super) const MAX_INTERVALS: usize = 16;
+use crate::numbers::Real;
 
-/// The evaluation of a spline on a plane, in place. It performs the same operations as
-/// [`super::evaluate::Spline::value`], so the results are identical.
-pub(super) struct RegisterTable<'a> {
+/// The maximum number of knot intervals, which is the number of `f32` in a register.
+pub(super) const MAX_INTERVALS: usize = LANES;
+
+/// A spline whose polynomials are in registers.
+pub(super) struct RegisterSpline {
     pub simd: V4,
     /// The coefficients of the polynomial of each knot interval, power by power.
     pub powers: [[f32; MAX_INTERVALS]; 4],
     pub intervals: f32,
     pub start: f32,
     pub inverse_spacing: f32,
+}
+
+/// The evaluation of a spline on a plane, in place. It performs the same operations as
+/// [`super::evaluate::Spline::value`], so the results are identical.
+pub(super) struct RegisterValues<'a> {
+    pub spline: RegisterSpline,
+    /// The minimum and the maximum of the spline coefficients.
     pub bounds: (f32, f32),
     pub plane: &'a mut [f32],
 }
 
-impl WithSimd for RegisterTable<'_> {
+/// Sums Σ gradient · (1, f, f², f³) over the pixels in each knot interval, in [`LANES`] parts.
+pub(super) type IntervalSums = [[[f32; LANES]; 4]; MAX_INTERVALS];
+
+/// The number of `f32` in a register.
+pub(super) const LANES: usize = 16;
+
+/// The backpropagation through a spline on a plane. It replaces the gradients with respect to φ(z)
+/// with those with respect to z, and adds to the sums.
+pub(super) struct RegisterGradients<'a, F> {
+    pub spline: RegisterSpline,
+    /// The values z.
+    pub inputs: &'a [F],
+    pub gradient: &'a mut [f32],
+    pub sums: &'a mut IntervalSums,
+}
+
+/// The position of sixteen values in the knot intervals.
+struct Location {
+    /// The distance from the first knot, in knot intervals, before it is clamped to the domain.
+    unclamped: f32x16,
+    position: f32x16,
+    /// The low bits contain the knot interval.
+    index: f32x16,
+    /// The fraction of the knot interval that lies below the value.
+    f: f32x16,
+}
+
+/// At this magnitude, the last bit of the mantissa is worth 1, as in `Real::nearest`.
+const UNIT_ULP: f32 = 8_388_608.0;
+
+impl WithSimd for RegisterValues<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, _: S) {
-        let (groups, rest) = std::mem::take(&mut self.plane).as_chunks_mut::<MAX_INTERVALS>();
+        let (groups, rest) = std::mem::take(&mut self.plane).as_chunks_mut::<LANES>();
         for group in groups {
             *group = self.values(*group);
         }
-        let mut group = [0.0; MAX_INTERVALS];
+        let mut group = [0.0; LANES];
         group[..rest.len()].copy_from_slice(rest);
         group = self.values(group);
         rest.copy_from_slice(&group[..rest.len()]);
     }
 }
 
-impl RegisterTable<'_> {
+impl RegisterValues<'_> {
     /// Return φ(z) of sixteen values.
     // The methods are inlined because a call would pass registers through memory.
     #[inline(always)]
-    fn values(&self, z: [f32; MAX_INTERVALS]) -> [f32; MAX_INTERVALS] {
+    fn values(&self, z: [f32; LANES]) -> [f32; LANES] {
+        let spline = &self.spline;
+        let simd = spline.simd;
+        let Location { index, f, .. } = spline.locate(z);
+        let value = simd.mul_f32x16(spline.look_up(3, index), f);
+        let value = simd.mul_f32x16(simd.add_f32x16(value, spline.look_up(2, index)), f);
+        let value = simd.mul_f32x16(simd.add_f32x16(value, spline.look_up(1, index)), f);
+        let value = simd.add_f32x16(value, spline.look_up(0, index));
+        cast(spline.clamp(value, self.bounds.0, self.bounds.1))
+    }
+}
+
+impl<F: Real> WithSimd for RegisterGradients<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, _: S) {
+        let gradient = std::mem::take(&mut self.gradient);
+        let groups = self.inputs.chunks(LANES).zip(gradient.chunks_mut(LANES));
+        for (inputs, gradient) in groups {
+            // A gradient of 0 pads the last group.
+            let (mut z, mut outer) = ([0.0; LANES], [0.0; LANES]);
+            for (z, &input) in z.iter_mut().zip(inputs) {
+                *z = input.as_f64() as f32;
+            }
+            outer[..gradient.len()].copy_from_slice(gradient);
+            outer = self.pull_back(z, outer);
+            gradient.copy_from_slice(&outer[..gradient.len()]);
+        }
+    }
+}
+
+impl<F> RegisterGradients<'_, F> {
+    /// Return the gradient with respect to sixteen values, and add their terms to the sums.
+    #[inline(always)]
+    fn pull_back(&mut self, z: [f32; LANES], gradient: [f32; LANES]) -> [f32; LANES] {
+        let spline = &self.spline;
+        let simd = spline.simd;
+        let location = spline.locate(z);
+        let (index, f) = (location.index, location.f);
+        // The derivative of a + b·f + c·f² + d·f³.
+        let (two, three) = (simd.splat_f32x16(2.0), simd.splat_f32x16(3.0));
+        let slope = simd.mul_f32x16(simd.mul_f32x16(three, spline.look_up(3, index)), f);
+        let linear = simd.mul_f32x16(two, spline.look_up(2, index));
+        let slope = simd.mul_f32x16(simd.add_f32x16(slope, linear), f);
+        let slope = simd.add_f32x16(slope, spline.look_up(1, index));
+        let slope = simd.mul_f32x16(slope, simd.splat_f32x16(spline.inverse_spacing));
+        let gradient: f32x16 = cast(gradient);
+        let linear = simd.mul_f32x16(gradient, f);
+        let squared = simd.mul_f32x16(linear, f);
+        let powers = [gradient, linear, squared, simd.mul_f32x16(squared, f)];
+        let avx512f = simd.avx512f;
+        let mut interval = avx512f._mm512_set1_epi32(UNIT_ULP.to_bits().cast_signed());
+        let one = avx512f._mm512_set1_epi32(1);
+        for sums in self.sums.iter_mut().take(spline.intervals as usize) {
+            let is_inside = avx512f._mm512_cmpeq_epi32_mask(cast(index), interval);
+            interval = avx512f._mm512_add_epi32(interval, one);
+            for (sum, power) in sums.iter_mut().zip(powers) {
+                let old = cast(*sum);
+                *sum = cast(avx512f._mm512_mask_add_ps(old, is_inside, old, cast(power)));
+            }
+        }
+        // Outside the domain, φ is constant.
+        let is_inside = avx512f
+            ._mm512_cmp_ps_mask::<_CMP_EQ_OQ>(cast(location.unclamped), cast(location.position));
+        cast(avx512f._mm512_maskz_mul_ps(is_inside, cast(gradient), cast(slope)))
+    }
+}
+
+impl RegisterSpline {
+    #[inline(always)]
+    fn locate(&self, z: [f32; LANES]) -> Location {
         let simd = self.simd;
-        // At this magnitude, the last bit of the mantissa is worth 1, as in `Real::nearest`.
-        let unit_ulp = simd.splat_f32x16(8_388_608.0);
+        let unit_ulp = simd.splat_f32x16(UNIT_ULP);
         let start = simd.splat_f32x16(self.start);
         let inverse_spacing = simd.splat_f32x16(self.inverse_spacing);
-        let position = simd.mul_f32x16(simd.sub_f32x16(cast(z), start), inverse_spacing);
-        let position = self.clamp(position, 0.0, self.intervals);
+        let unclamped = simd.mul_f32x16(simd.sub_f32x16(cast(z), start), inverse_spacing);
+        let position = self.clamp(unclamped, 0.0, self.intervals);
         let center = simd.sub_f32x16(position, simd.splat_f32x16(0.5));
         let index = simd.add_f32x16(self.clamp(center, 0.0, self.intervals - 1.0), unit_ulp);
-        let f = simd.sub_f32x16(position, simd.sub_f32x16(index, unit_ulp));
-        let value = simd.mul_f32x16(self.look_up(3, index), f);
-        let value = simd.mul_f32x16(simd.add_f32x16(value, self.look_up(2, index)), f);
-        let value = simd.mul_f32x16(simd.add_f32x16(value, self.look_up(1, index)), f);
-        let value = simd.add_f32x16(value, self.look_up(0, index));
-        cast(self.clamp(value, self.bounds.0, self.bounds.1))
+        Location {
+            unclamped,
+            position,
+            index,
+            f: simd.sub_f32x16(position, simd.sub_f32x16(index, unit_ulp)),
+        }
     }
 
     /// Return x limited to \[low, high\], and `low` for NaN.

@@ -1,0 +1,234 @@
+"""Patches of color photographs: planes, scales, and display-encoded or linear light."""
+
+import hashlib
+import math
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.images.color import luma
+from jotlight.images.io import read_image
+from jotlight.training.images import describe_smallest
+from jotlight.training.patch_sources import Patch, PatchSource, apply_symmetry
+
+Planes = npt.NDArray[np.uint8]
+"""Planes of a photograph, (P, H, W): luma alone, or luma, red, green, and blue."""
+
+_LEVELS = np.arange(256) / 255
+_ENCODED = _LEVELS.astype(np.float32)
+"""Intensity of each level if photographs stay display-encoded."""
+
+_LINEAR = np.where(_LEVELS <= 0.04045, _LEVELS / 12.92, ((_LEVELS + 0.055) / 1.055) ** 2.4).astype(
+    np.float32
+)
+"""Intensity of each level in linear light, by the inverse of the sRGB curve (IEC 61966-2-1)."""
+
+
+class PhotographPatches(PatchSource):
+    """Random patches of photographs, randomly scaled, rotated, and mirrored.
+
+    Photographs stay in memory as 8-bit levels, 4 bytes per pixel in color and 1 byte in gray.
+
+    Parameters
+    ----------
+    photographs : sequence of uint8 arrays (H, W) or (H, W, 3)
+        Display-encoded photographs. All are equally probable.
+    color : float
+        Fraction of the patches that are a color plane, if the photograph is in color. The others
+        are luma.
+    linear : float
+        Fraction of the patches whose intensities are linear in light. The others stay
+        display-encoded.
+    scaled : float
+        Fraction of the patches whose pixels are averages over areas of 1 × 1 to `max_scale` ×
+        `max_scale` pixels. The averages make them sharper and less noisy than the photograph.
+    max_scale : float
+        Largest side of these areas, at least 1.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When there is no photograph, when one is not of uint8 with such a shape, or when a setting
+        is out of its range.
+
+    Examples
+    --------
+    >>> photograph = np.full((20, 30, 3), 51, np.uint8)
+    >>> source = PhotographPatches([photograph], linear=0.0)
+    >>> patch = source.draw(np.random.default_rng(0), 8)
+    >>> patch.values.shape, round(float(patch.values[0, 0]), 6)
+    ((8, 8), 0.2)
+    """
+
+    def __init__(
+        self,
+        photographs: Sequence[npt.NDArray[np.uint8]],
+        *,
+        color: float = 0.25,
+        linear: float = 0.25,
+        scaled: float = 0.5,
+        max_scale: float = 3.0,
+    ) -> None:
+        if len(photographs) == 0:
+            raise ValueError("photographs: expected at least one, got none")
+        for name, fraction in (("color", color), ("linear", linear), ("scaled", scaled)):
+            if not 0 <= fraction <= 1:
+                raise ValueError(f"{name}: expected a fraction in [0, 1], got {fraction}")
+        if not 1 <= max_scale < math.inf:
+            raise ValueError(f"max_scale: expected a finite number of 1 or more, got {max_scale}")
+        self.color, self.linear, self.scaled, self.max_scale = color, linear, scaled, max_scale
+        self.photographs = [
+            _planes(photograph, index) for index, photograph in enumerate(photographs)
+        ]
+        self.max_side = min(min(planes.shape[1:]) for planes in self.photographs)
+        self._means = [_mean_intensities(planes) for planes in self.photographs]
+
+    @classmethod
+    def read(
+        cls,
+        paths: Sequence[str | os.PathLike[str]],
+        *,
+        progress: Callable[[float], object] | None = None,
+        **settings: float,
+    ) -> Self:
+        """Return the source of patches of image files, which :func:`read_photographs` reads.
+
+        The other parameters, and the errors, are those of that function and of the class.
+        """
+        return cls(read_photographs(paths, progress=progress), **settings)
+
+    def draw(self, rng: np.random.Generator, side: int) -> Patch:
+        """Return a random patch."""
+        index = int(rng.integers(len(self.photographs)))
+        planes = self.photographs[index]
+        is_color = rng.random() < self.color and len(planes) > 1
+        plane = int(rng.integers(1, len(planes))) if is_color else 0
+        is_linear = bool(rng.random() < self.linear)
+        size = np.array(planes.shape[1:])
+        scale = 1.0
+        if rng.random() < self.scaled:
+            max_scale = min(self.max_scale, size.min() / side)
+            scale = math.exp(rng.uniform(0, math.log(max_scale)))
+        if scale == 1:
+            corner = rng.integers(size - side + 1).astype(np.float64)
+        else:
+            corner = rng.uniform(0, np.maximum(size - scale * side, 0))
+        tones = _LINEAR if is_linear else _ENCODED
+        values = _average_areas(planes[plane], tones, corner, scale, side)
+        values = apply_symmetry(values, int(rng.integers(8)))
+        return Patch(values, float(self._means[index][int(is_linear), plane]))
+
+    def fingerprint(self) -> str:
+        """Return a digest of the photographs and of the settings."""
+        settings = self.color, self.linear, self.scaled, self.max_scale
+        digest = hashlib.sha256(repr(settings).encode())
+        for planes in self.photographs:
+            digest.update(repr(planes.shape).encode())
+            digest.update(planes.data)
+        return digest.hexdigest()
+
+    def describe_limit(self) -> str:
+        """Return a sentence about the smallest photograph."""
+        return describe_smallest([planes[0] for planes in self.photographs])
+
+
+def read_photographs(
+    paths: Sequence[str | os.PathLike[str]],
+    *,
+    progress: Callable[[float], object] | None = None,
+) -> list[npt.NDArray[np.uint8]]:
+    """Return photographs in files as 8-bit levels, (H, W) or (H, W, 3).
+
+    Parameters
+    ----------
+    paths : sequence of paths
+        Image files that :func:`jotlight.read_image` reads. Levels of more than 8 bits are rounded.
+    progress : callable, optional
+        Called with the completed fraction, 0 to 1.
+
+    Raises
+    ------
+    OSError, ValueError
+        When a file cannot be read; the message names it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from jotlight import save_image
+    >>> path = Path(tempfile.mkdtemp()) / "photograph.png"
+    >>> save_image(path, np.array([[0.0, 1.0]]))
+    >>> read_photographs([path])
+    [array([[  0, 255]], dtype=uint8)]
+    """
+    photographs = []
+    for number, path in enumerate(paths, 1):
+        image = read_image(Path(path))
+        photographs.append(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8))
+        if progress is not None:
+            progress(number / len(paths))
+    return photographs
+
+
+def _planes(photograph: npt.NDArray[np.uint8], index: int) -> Planes:
+    """Return the planes of a photograph, after checks."""
+    if not isinstance(photograph, np.ndarray) or photograph.dtype != np.uint8:
+        kind = getattr(photograph, "dtype", type(photograph).__name__)
+        raise TypeError(f"photographs: expected uint8 arrays, got {kind} for number {index}")
+    is_color = photograph.ndim == 3 and photograph.shape[2] == 3
+    if photograph.size == 0 or not (is_color or photograph.ndim == 2):
+        raise ValueError(
+            f"photographs: expected shapes (H, W) or (H, W, 3), got {photograph.shape} for number "
+            f"{index}"
+        )
+    if not is_color:
+        return np.ascontiguousarray(photograph[None])
+    gray = np.rint(luma(photograph)).astype(np.uint8)
+    return np.ascontiguousarray(np.stack([gray, *np.moveaxis(photograph, 2, 0)]))
+
+
+def _mean_intensities(planes: Planes) -> npt.NDArray[np.float64]:
+    """Return the mean intensity of each plane, display-encoded and linear, (2, P)."""
+    histograms = [np.bincount(plane.ravel(), minlength=256) for plane in planes]
+    weights = np.array(histograms).T / planes[0].size
+    return np.asarray(np.stack([_ENCODED, _LINEAR]) @ weights)
+
+
+def _average_areas(
+    plane: npt.NDArray[np.uint8],
+    tones: npt.NDArray[np.float32],
+    corner: npt.NDArray[np.float64],
+    scale: float,
+    side: int,
+) -> npt.NDArray[np.float32]:
+    """Return the averages of `tones[plane]` over squares with sides of `scale` pixels.
+
+    The squares fill `side` rows and columns, and the first one begins at `corner`.
+    """
+    first = np.floor(corner).astype(int)
+    last = np.minimum(np.ceil(corner + scale * side).astype(int), plane.shape)
+    values = tones[plane[first[0] : last[0], first[1] : last[1]]]
+    if scale == 1:
+        return values
+    rows = _average_intervals(values, corner[0] - first[0], scale, side)
+    return _average_intervals(rows.T, corner[1] - first[1], scale, side).T
+
+
+def _average_intervals(
+    values: npt.NDArray[np.float32], start: float, scale: float, number: int
+) -> npt.NDArray[np.float32]:
+    """Return the averages over intervals of rows, the first of which begins at `start`.
+
+    There are `number` adjacent intervals with a length of `scale` rows. An interval may begin and
+    end within a row.
+    """
+    sums = np.zeros((len(values) + 1, values.shape[1]), np.float32)
+    np.cumsum(values, axis=0, out=sums[1:])
+    bounds = start + scale * np.arange(number + 1)
+    rows = np.minimum(bounds.astype(int), len(values) - 1)
+    parts = (bounds - rows).astype(np.float32)[:, None]
+    integrals = sums[rows] + parts * values[rows]
+    return np.asarray(np.diff(integrals, axis=0) / np.float32(scale))

@@ -1,0 +1,149 @@
+"""Synthetic patches: flat regions, gradients, gratings, overlapping shapes, lines, and text."""
+
+import math
+import string
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.training.patch_sources import Patch, PatchSource
+
+_IMAGE_MEAN = 0.5
+"""Mean intensity of the image that a synthetic patch stands for."""
+
+_SUPERSAMPLING = 3
+"""Rows and columns that are drawn for a pixel, so that edges lie anywhere in a pixel."""
+
+_EXTREME_LEVELS = 1 / 4
+"""Fraction of the levels that are black or white."""
+
+_MAX_SIDE = 4096
+
+_Canvas = npt.NDArray[np.float32]
+
+
+class SyntheticPatches(PatchSource):
+    """Random drawings with intensities in [0, 1], which teach a network structure.
+
+    One patch in six each shows a flat region or a gradient, a grating, overlapping disks,
+    overlapping rectangles, lines, and text.
+
+    Examples
+    --------
+    >>> patch = SyntheticPatches().draw(np.random.default_rng(0), 48)
+    >>> patch.values.shape, patch.image_mean
+    ((48, 48), 0.5)
+    """
+
+    max_side = _MAX_SIDE
+
+    def draw(self, rng: np.random.Generator, side: int) -> Patch:
+        """Return a random drawing."""
+        drawing = _DRAWINGS[rng.integers(len(_DRAWINGS))]
+        canvas = drawing(rng, side * _SUPERSAMPLING)
+        blocks = canvas.reshape(side, _SUPERSAMPLING, side, _SUPERSAMPLING)
+        return Patch(blocks.mean((1, 3), dtype=np.float32), _IMAGE_MEAN)
+
+    def fingerprint(self) -> str:
+        """Return the name of the class."""
+        return type(self).__name__
+
+
+def _level(rng: np.random.Generator) -> float:
+    if rng.random() < _EXTREME_LEVELS:
+        return float(rng.integers(2))
+    return float(rng.random())
+
+
+def _projection(rng: np.random.Generator, side: int) -> _Canvas:
+    """Return the position of each point along a random direction, in points from the center."""
+    angle = rng.uniform(0, math.pi)
+    positions = np.arange(side, dtype=np.float32) - np.float32((side - 1) / 2)
+    along = math.sin(angle) * positions[:, None] + math.cos(angle) * positions
+    return np.asarray(along, np.float32)
+
+
+def _draw_gradient(rng: np.random.Generator, side: int) -> _Canvas:
+    """Return a linear gradient between two levels, or a flat region."""
+    first = _level(rng)
+    last = first if rng.random() < 1 / 2 else _level(rng)
+    fraction = (_projection(rng, side) / side + 0.5).clip(0, 1)
+    return np.asarray(first + (last - first) * fraction, np.float32)
+
+
+def _draw_grating(rng: np.random.Generator, side: int) -> _Canvas:
+    """Return a sine or square wave with a period of 2 to 32 pixels."""
+    first, last = _level(rng), _level(rng)
+    period = _SUPERSAMPLING * 2 ** rng.uniform(1, 5)
+    phase = 2 * math.pi * (_projection(rng, side) / period + rng.random())
+    wave = np.sin(phase)
+    if rng.random() < 1 / 2:
+        wave = np.sign(wave)
+    return np.asarray(first + (last - first) * (wave + 1) / 2, np.float32)
+
+
+def _draw_disks(rng: np.random.Generator, side: int) -> _Canvas:
+    """Return overlapping disks, whose number per radius r falls as r^-3, as in photographs."""
+    y, x = np.ogrid[:side, :side]
+    canvas = np.full((side, side), _level(rng), np.float32)
+    smallest = 1.5 * _SUPERSAMPLING
+    largest = max(smallest, side / 2)
+    inverse_squares = rng.uniform(largest**-2, smallest**-2, 80)
+    for radius in np.sort(inverse_squares**-0.5)[::-1]:
+        row, column = rng.uniform(-radius, side + radius, 2)
+        top, left = (max(0, math.floor(center - radius)) for center in (row, column))
+        bottom, right = (math.ceil(center + radius) + 1 for center in (row, column))
+        part = slice(top, max(top, bottom)), slice(left, max(left, right))
+        inside = (y[part[0]] - row) ** 2 + (x[:, part[1]] - column) ** 2 <= radius**2
+        canvas[part][inside] = _level(rng)
+    return canvas
+
+
+def _draw_rectangles(rng: np.random.Generator, side: int) -> _Canvas:
+    """Return overlapping rectangles of one random orientation, as in buildings."""
+    along = _projection(rng, side)
+    across = np.rot90(along)
+    canvas = np.full((side, side), _level(rng), np.float32)
+    for _ in range(12):
+        row, column = rng.uniform(-side / 2, side / 2, 2)
+        height, width = np.exp(rng.uniform(math.log(_SUPERSAMPLING), math.log(side), 2))
+        inside = (abs(along - row) <= height / 2) & (abs(across - column) <= width / 2)
+        canvas[inside] = _level(rng)
+    return canvas
+
+
+def _draw_lines(rng: np.random.Generator, side: int) -> _Canvas:
+    """Return lines of 1 to 4 pixels in width on a uniform background."""
+    canvas = np.full((side, side), _level(rng), np.float32)
+    for _ in range(rng.integers(1, 9)):
+        width = _SUPERSAMPLING * 2 ** rng.uniform(0, 2)
+        offset = rng.uniform(-side / 2, side / 2)
+        canvas[abs(_projection(rng, side) - offset) <= width / 2] = _level(rng)
+    return canvas
+
+
+def _draw_text(rng: np.random.Generator, side: int) -> _Canvas:
+    """Return lines of random letters and digits, 6 to 24 pixels high."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    height = _SUPERSAMPLING * 2 ** rng.uniform(math.log2(6), math.log2(24))
+    font = ImageFont.load_default(height)
+    alphabet = list(string.ascii_letters + string.digits + "  ")
+    rows = math.ceil(side / height)
+    lines = ["".join(rng.choice(alphabet, math.ceil(3 * side / height))) for _ in range(rows)]
+    image = Image.new("L", (side, side), round(255 * _level(rng)))
+    corner = tuple(rng.uniform(-height, 0, 2))
+    ink = round(255 * _level(rng))
+    ImageDraw.Draw(image).multiline_text(corner, "\n".join(lines), fill=ink, font=font)
+    return np.rot90(np.asarray(image, np.float32) / np.float32(255), int(rng.integers(4)))
+
+
+_DRAWINGS: tuple[Callable[[np.random.Generator, int], _Canvas], ...] = (
+    _draw_gradient,
+    _draw_grating,
+    _draw_disks,
+    _draw_rectangles,
+    _draw_lines,
+    _draw_text,
+)
