@@ -151,17 +151,6 @@ def image_channels(
     return layout.split(array)
 
 
-def looks_like_color(shape: Sequence[int]) -> bool:
-    """Return whether the last axis of a shape is short enough to be that of colors.
-
-    Examples
-    --------
-    >>> looks_like_color((480, 640, 3)), looks_like_color((3, 480, 640))
-    (True, False)
-    """
-    return len(shape) > 2 and shape[-1] <= _MAX_CHANNELS < min(shape[-3:-1])
-
-
 def join(parts: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
     """Return parts of a stack as one. A single part is not copied.
 

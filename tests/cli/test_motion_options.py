@@ -152,7 +152,7 @@ def test_bad_input_gets_one_clear_line_and_leaves_no_files(
 @pytest.mark.skipif(sys.platform == "win32", reason="sends signals")
 def test_ctrl_c_stops_the_alignment_and_leaves_no_files(tmp_path):
     scene = jl.datasets.moving(
-        motion="shake", sensor=jl.Sensor(frames=256), shape=(256, 300), photons=0.5, rng=0
+        motion="shake", sensor=jl.Sensor(frames=2000), shape=(256, 300), photons=0.5, rng=0
     )
     jl.save(scene.bits, tmp_path / "moving.npy")
     before = files(tmp_path)
@@ -167,7 +167,7 @@ def test_ctrl_c_stops_the_alignment_and_leaves_no_files(tmp_path):
     end = time.monotonic() + 30
     while files(tmp_path) == before and time.monotonic() < end:
         time.sleep(0.01)
-    time.sleep(1)
+    time.sleep(0.3)
     assert child.poll() is None
     child.send_signal(2)
     _, output = child.communicate(timeout=30)

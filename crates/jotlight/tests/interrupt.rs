@@ -154,7 +154,7 @@ fn inverses_end() -> Result<()> {
 
 #[test]
 fn normal_equations_end() -> Result<()> {
-    const SIZE: usize = 1000;
+    const SIZE: usize = 4000;
     let probability = Array2::from_elem((SIZE, SIZE), 0.5f32);
     let counts = Array2::ones((SIZE, SIZE));
     assert_ends(|| Template::new(probability.view(), counts.view(), 30.0));
