@@ -6,6 +6,7 @@ from scipy.stats import beta, binom
 
 import jotlight as jl
 from jotlight.calibration import find_hot_jots
+from jotlight.calibration.hot_jots import fewest_trials
 from jotlight.datasets import photograph
 
 
@@ -123,3 +124,21 @@ def test_weak_hot_jots_are_found_where_the_light_is_even():
     assert np.argwhere(found).tolist() == [[10, 8]]
     light += 0.6 * (np.indices(light.shape)[0] % 3 == 0)
     assert not find_hot_jots(expose(light, 5000), trials=5000).any()
+
+
+@pytest.mark.parametrize(("p", "threshold"), [(0.02, 1), (0.5, 1), (0.9, 1), (0.5, 3)])
+def test_with_fewer_trials_not_even_a_jot_that_always_reports_1_is_found(p, threshold):
+    def finds(trials):
+        counts = np.full((9, 9), round(p * trials))
+        counts[4, 4] = trials
+        return find_hot_jots(counts, trials=trials, threshold=threshold).any()
+
+    # The neighbors add their own uncertainty, so that the search needs a few trials more.
+    fewest = fewest_trials(np.full((9, 9), round(1000 * p)), 1000, threshold=threshold)
+    assert not any(finds(trials) for trials in range(2, fewest))
+    assert finds(round(1.5 * fewest) + 9)
+
+
+def test_where_all_jots_are_saturated_no_number_of_trials_suffices():
+    assert fewest_trials(np.full((9, 9), 10**6), 10**6) > 10**7
+    assert fewest_trials(np.zeros((9, 9), int), 100) == 1

@@ -86,6 +86,15 @@ def test_the_option_is_not_recommended_after_its_use(run, tmp_path):
     assert "look hot" not in output
 
 
+@pytest.mark.filterwarnings("default")
+def test_too_few_frames_to_find_hot_jots_are_reported(run, tmp_path):
+    bits = jl.Sensor(frames=16).expose(np.full((32, 32), 0.5), rng=0)
+    jl.save(bits, tmp_path / "few.npy")
+    status, output = run("reconstruct", "few.npy", "--find-hot-jots", "-m", "mle", "-o", "b.npy")
+    assert status == 0, output
+    assert "16 frames are too few to find hot jots" in " ".join(output.split())
+
+
 def test_hot_jots_under_a_mosaic_are_not_searched(run, bayer):
     status, output = run("reconstruct", "bayer.npy", "--find-hot-jots", "-o", "a.npy")
     assert status == 1

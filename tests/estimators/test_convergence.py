@@ -188,3 +188,11 @@ def test_a_start_outside_of_0_to_s_is_clipped_and_does_not_change_the_maximum_li
 def test_an_invalid_stopping_rule_is_refused(method, options, error, message):
     with pytest.raises(error, match=message):
         method(np.ones((4, 4), int), jl.Sensor(oversampling=2), **options)
+
+
+def test_a_notebook_shows_the_state_and_the_residuals():
+    bits = jl.Sensor(oversampling=3, kernel="linear").expose(np.full((8, 8), 0.5), rng=0)
+    _, history = jl.mle_iterative(bits, return_history=True)
+    html = history._repr_html_()
+    assert "not converged" not in html
+    assert all(name in html for name in ("converged", str(history.iterations), *history.residuals))

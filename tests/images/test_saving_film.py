@@ -146,3 +146,13 @@ def test_values_that_cannot_be_displayed_are_refused(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a.npy"]
     with pytest.raises(ValueError, match="expected a name for a film"):
         jl.save_film(tmp_path / "a.avi", images)
+
+
+def test_the_first_image_with_negative_values_is_reported(tmp_path):
+    images = np.full((3, 9, 7), 0.5)
+    images[1:, 0] = -0.25
+    with pytest.warns(jl.JotlightWarning) as warnings:
+        jl.save_film(tmp_path / "a.gif", images, white=1)
+    [message] = [str(warning.message) for warning in warnings]
+    assert message.startswith("images[1]: expected values of 0 or more for display, got 7 of 63")
+    jl.save_film(tmp_path / "a.tif", images, white=1)

@@ -128,3 +128,17 @@ def test_the_bits_carry_their_sensor_and_true_width():
     assert color.shape == (2, 99, 123, 4)
     assert color.sensor == SENSOR.replace(frames=2)
     np.testing.assert_array_equal(color.packed[..., 0], bits.packed[1:3])
+
+
+@pytest.mark.parametrize(("white", "dtype"), [(255, np.float32), (65535, np.float64)])
+def test_values_of_an_integer_image_are_reported(white, dtype):
+    image = np.rint(white * IMAGE).astype(dtype)
+    image.flat[0] = white
+    message = rf"whole numbers up to {white}; .* image / {white}"
+    with pytest.warns(jl.JotlightWarning, match=message):
+        SENSOR.expose(image, rng=0)
+
+
+def test_bright_light_is_not_reported():
+    SENSOR.expose(200 * IMAGE, rng=0)
+    SENSOR.expose(np.full((4, 4), 9.0), rng=0)

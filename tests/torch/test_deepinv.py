@@ -230,3 +230,12 @@ def test_an_unfolded_solver_has_gradients_of_its_step_size():
     gradients = [p.grad for name, p in solver.named_parameters() if "stepsize" in name]
     assert gradients
     assert all(torch.isfinite(gradient).all() for gradient in gradients)
+
+
+def test_the_reconstructor_takes_modules_and_refuses_other_physics():
+    sensor = jl.Sensor(frames=16)
+    module = jl.torch.Network(jl.pretrained(sensor, "small"))
+    model = NetworkReconstructor(module)
+    assert model.module is module
+    with pytest.raises(TypeError, match=r"expected SensorPhysics\(sensor\), got Denoising"):
+        model(torch.ones((1, 1, 8, 8)), deepinv.physics.Denoising())

@@ -88,3 +88,12 @@ def test_sensors_with_maps_are_refused():
     sensor = jl.Sensor(frames=16, dark_counts=np.full((48, 48), 0.1))
     with pytest.raises(ValueError, match="without maps of its jots"):
         Network(jl.pretrained(sensor))(torch.zeros(1, 1, 48, 48))
+
+
+def test_reconstruct_takes_a_module():
+    sensor = jl.Sensor(frames=16)
+    bits = sensor.expose(jl.datasets.photograph("camera")[::8, ::8], rng=0)
+    network = jl.pretrained(sensor, "small")
+    module = jl.torch.Network(network)
+    np.testing.assert_array_equal(jl.reconstruct(bits, method=module), network.reconstruct(bits))
+    assert jl.compare({"mine": module}, np.full((32, 32), 0.5), sensor).results[0].psnr > 20

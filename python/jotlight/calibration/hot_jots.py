@@ -124,6 +124,33 @@ def find_hot_jots(
     return hot
 
 
+def fewest_trials(
+    counts: npt.ArrayLike,
+    trials: int,
+    *,
+    threshold: int = 1,
+    false_positive_rate: float = FALSE_POSITIVE_RATE,
+) -> int:
+    """Return the number of trials from which :func:`find_hot_jots` can find hot jots.
+
+    It holds for the median brightness of counts, where all neighbors have the same light. With
+    fewer trials, a jot that always reports 1 may do so by chance. Where all jots report 1, no
+    number suffices, and the result is the largest int32.
+
+    Examples
+    --------
+    >>> fewest_trials(np.full((8, 8), 8), 16), fewest_trials(np.full((8, 8), 14), 16)
+    (34, 312)
+    """
+    light = _light(np.atleast_1d(np.median(as_counts(counts)).astype(np.int32)), trials, threshold)
+    explained = float(detection_probability(threshold, MIN_EXCESS * light)[0])
+    most = np.iinfo(np.int32).max
+    if explained == 0:
+        return 1
+    limit = np.log(false_positive_rate / 2) / np.log(explained) if explained < 1 else most
+    return int(np.ceil(min(limit, most)))
+
+
 @interruptible
 def _find(
     counts: npt.NDArray[np.int32],

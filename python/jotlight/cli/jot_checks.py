@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.calibration import find_hot_jots, find_periodic_rates
+from jotlight.calibration.hot_jots import fewest_trials
 from jotlight.checks import Counts
 from jotlight.cli.captured import Captured
 from jotlight.cli.console import caution, progress
@@ -80,6 +81,13 @@ def mask_hot_jots(captured: Captured, threads: int | None = None) -> Captured:
             f"pixels of {captured.sensor.oversampling} x {captured.sensor.oversampling} jots"
         )
     counts, trials = found
+    fewest = fewest_trials(counts, trials, threshold=captured.sensor.threshold)
+    if trials < fewest:
+        caution(
+            "find-hot-jots",
+            f"{trials} frames are too few to find hot jots where the scene has its median "
+            f"brightness, which takes {fewest:,} frames or more",
+        )
     periodic = None if counts.ndim > 2 else find_periodic_rates(counts)
     if periodic is not None:
         raise ValueError(

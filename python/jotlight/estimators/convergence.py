@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.estimators.figure import draw_residuals
+from jotlight.notebook import card
 
 if TYPE_CHECKING:
     from jotlight.figures import Figure
@@ -77,6 +78,12 @@ class ConvergenceHistory:
         figure = Figure(6, 3.6)
         draw_residuals(figure.subplots(), self.residuals)
         return figure
+
+    def _repr_html_(self) -> str:
+        state = "converged" if self.converged else "not converged"
+        facts: dict[str, object] = {"state": state, "iterations": self.iterations}
+        facts |= {f"last {name}": f"{values[-1]:.2g}" for name, values in self.residuals.items()}
+        return card("ConvergenceHistory", {**facts, "objective": f"{self.objective:.6g}"})
 
     def __repr__(self) -> str:
         state = "converged" if self.converged else "not converged"

@@ -4,7 +4,7 @@ import dataclasses
 import time
 from collections.abc import Callable
 from difflib import get_close_matches
-from typing import Any, Literal, overload
+from typing import Any, Literal, cast, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -100,10 +100,10 @@ def reconstruct(
     sensor : Sensor, optional
         Sensor of the data. Default: the sensor that bits or merged counts carry. Counts need it.
     method : str, Network, or callable, optional
-        A name in ``jotlight.evaluation.methods.METHODS``, a network, or a function ``f(data,
-        sensor)`` or ``f(data)`` that returns an image. Default: the network "medium" where it
-        serves the sensor, "held-out" above 1,000 trials per pixel, and otherwise a method that
-        needs no training.
+        A name in ``jotlight.evaluation.methods.METHODS``, a network (also a module of
+        ``jotlight.torch``), or a function ``f(data, sensor)`` or ``f(data)`` that returns an
+        image. Default: the network "medium" where it serves the sensor, "held-out" above 1,000
+        trials per pixel, and otherwise a method that needs no training.
     quality : {"two-layer", "small", "medium", "large"}, optional
         Size of the shipped network to use, in place of a method.
     trials : float or array_like of float, optional
@@ -158,6 +158,8 @@ def reconstruct(
     """
     if "return_history" in options:
         raise TypeError("return_history: pass return_info=True, and take the history of the info")
+    if callable(to_network := getattr(method, "to_network", None)):
+        method = cast(Network, to_network())  # a module of jotlight.torch
     if sensor is None and isinstance(method, Network):
         sensor = carried_sensor(data) or method.default_sensor or method.sensor
     data, sensor = prepare_data(data, sensor, trials, channel_axis)

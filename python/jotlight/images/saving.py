@@ -81,21 +81,25 @@ def save_image(
         white = find_white(values) if white is None else _checked_white(white)
     write = image_writer(path, depth=depth, white=white or 1.0)
     if white is not None and path.suffix.lower() in DISPLAYED:
-        _warn_of_negatives(values, white, depth)
+        _warn_of_negatives("image", values, white, depth)
     # An image can be computed again, so it need not survive a power failure.
     with atomic_write(path, durable=False) as temporary:
         write(temporary, values)
 
 
-def _warn_of_negatives(values: npt.NDArray[Any], white: float, depth: int) -> None:
-    """Warn if values are below black by more than rounding to the levels of a file."""
+def _warn_of_negatives(name: str, values: npt.NDArray[Any], white: float, depth: int) -> bool:
+    """Warn if values are below black by more than rounding to the levels of a file.
+
+    Return whether there are such values.
+    """
     number = np.count_nonzero(values < -0.5 * white / (2**depth - 1)) if values.min() < 0 else 0
     if number:
         warn(
-            f"image: expected values of 0 or more for display, got {number} of {values.size} below "
-            f"0, down to {float(values.min()):.3g}, which are shown as black; add an offset, or "
-            "write .tif, .exr, or .npy, which keep them"
+            f"{name}: expected values of 0 or more for display, got {number} of {values.size} "
+            f"below 0, down to {float(values.min()):.3g}, which are shown as black; add an offset, "
+            "or write .tif, .exr, or .npy, which keep them"
         )
+    return bool(number)
 
 
 def save_film(
@@ -161,6 +165,7 @@ def save_film(
     is_displayed = not is_floats(path)
     _check_shape(images)
     clipping = None
+    is_negative = False
     if tone is None and is_displayed:
         exposure, images = _exposed(images)
         exposure.report("images")
@@ -174,6 +179,9 @@ def save_film(
             add(values.astype(np.float32))
             if clipping:
                 clipping.count(index, values)
+            if tone and is_displayed and not is_negative:
+                name = f"images[{index}]"
+                is_negative = _warn_of_negatives(name, values, tone.white, depth)
             if number:
                 update((index + 1) / number)
     if clipping:

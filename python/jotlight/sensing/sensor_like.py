@@ -15,6 +15,8 @@ class SensorLike(Protocol):
     @property
     def trials(self) -> int: ...  # noqa: D102
     @property
+    def max_intensity(self) -> float: ...  # noqa: D102
+    @property
     def kernel(self) -> str: ...  # noqa: D102
 
     def replace(self, **changes: Any) -> Self: ...  # noqa: D102

@@ -4,6 +4,7 @@ The library is https://deepinv.github.io.
 """
 
 import math
+import os
 from typing import Any
 
 import numpy as np
@@ -189,8 +190,9 @@ class NetworkReconstructor(Reconstructor):  # type: ignore[misc, unused-ignore]
 
     Parameters
     ----------
-    network : Network
-        A network for the sensor of the physics, or a K-conditioned network.
+    network : jotlight.Network, jotlight.torch.Network, or path
+        A network for the sensor of the physics, or a K-conditioned network. The parameters of a
+        module are shared.
 
     Examples
     --------
@@ -201,12 +203,22 @@ class NetworkReconstructor(Reconstructor):  # type: ignore[misc, unused-ignore]
     torch.Size([1, 1, 20, 30])
     """
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: Network | TorchNetwork | str | os.PathLike[str]) -> None:
         super().__init__()
-        self.module = TorchNetwork(network)
+        self.module = network if isinstance(network, TorchNetwork) else TorchNetwork(network)
 
     def forward(self, y: Tensor, physics: SensorPhysics, **_: Any) -> Tensor:
-        """Return intensities (N, 1, H, W) in [0, S]."""
+        """Return intensities (N, 1, H, W) in [0, S].
+
+        Raises
+        ------
+        TypeError
+            When the physics is not a :class:`SensorPhysics`.
+        """
+        if not isinstance(physics, SensorPhysics):
+            raise TypeError(
+                f"physics: expected SensorPhysics(sensor), got {type(physics).__name__}"
+            )
         data, sensor = y, physics.sensing.sensor
         if physics.sensing.output == "bits" and self.module.origin.tied:
             side, (height, width) = sensor.oversampling, y.shape[2:]
