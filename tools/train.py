@@ -22,6 +22,7 @@ from pathlib import Path
 import model_cards
 import numpy as np
 import training_data
+from widening import widen
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
@@ -53,6 +54,7 @@ STAGES: dict[str, tuple[Stage, ...]] = {
         *((75_000, 2e-3), (22_000, 1.2e-3)),
     ),
     "small": bsds300_stages((16_000, 3e-3), (8_000, 1.2e-3), (30_000, 2.5e-3), (12_000, 1e-3)),
+    "large": (Stage(22_000, 1.5e-3, batch=32, patch=64, images="mixture"),),
     "medium-k16": bsds300_stages((25_000, 3e-3)),
     "large-k16": bsds300_stages((24_000, 3e-3), (12_000, 1.5e-3), (5_000, 1e-3), (10_000, 1.2e-3)),
 }
@@ -72,6 +74,7 @@ NOTES = {
     "exposures of photographs were not drawn more often than others. The last four stages drew K "
     "from 9 to 100 in half of the steps. The last two stages drew most exposures from 0.08 to 1 "
     "photon per jot and frame, the previous ones from 0.15 to 1.",
+    "large": "It started with the estimates of medium, whose channels and layers were extended.",
     "large-k": "Only the last stage used patches that are strongly over- or underexposed.",
 }
 """Notes on the training of the shipped networks that the stages do not show, by name without K."""
@@ -79,7 +82,7 @@ NOTES = {
 TWO_LAYER = [f"two-layer-k{bits}" for bits in TRAINED_TRIALS]
 TWO_LAYER_STEPS, TWO_LAYER_BATCH, TWO_LAYER_PATCH, TWO_LAYER_SEED = 60, 512, 64, 0
 SMALL = [f"small-k{bits}" for bits in (16, *(bits for bits in TRAINED_TRIALS if bits != 16))]
-SHIPPED = [*TWO_LAYER, *SMALL, "small", "medium", "large-k16"]
+SHIPPED = [*TWO_LAYER, *SMALL, "small", "medium", "large", "large-k16"]
 COMPARISONS = ["medium-k16"]
 
 
@@ -168,6 +171,8 @@ def two_layer_recipe(seconds: float) -> str:
 
 def deep_start(name: str, scratch: Path) -> jl.Network:
     """Return the network before its first stage."""
+    if name == "large":
+        return widen(jl.Network.load(FOLDER / "medium.safetensors"), "medium", "large")
     if name in ("small", "medium"):
         return jl.Network.conditional(name, rng=0)
     sensor = jl.Sensor(frames=trials(name))
