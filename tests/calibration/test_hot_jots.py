@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import gammainc, gammaincinv
 from scipy.stats import beta, binom
 
 import jotlight as jl
@@ -126,17 +127,25 @@ def test_weak_hot_jots_are_found_where_the_light_is_even():
     assert not find_hot_jots(expose(light, 5000), trials=5000).any()
 
 
-@pytest.mark.parametrize(("p", "threshold"), [(0.02, 1), (0.5, 1), (0.9, 1), (0.5, 3)])
-def test_with_fewer_trials_not_even_a_jot_that_always_reports_1_is_found(p, threshold):
-    def finds(trials):
-        counts = np.full((9, 9), round(p * trials))
-        counts[4, 4] = trials
-        return find_hot_jots(counts, trials=trials, threshold=threshold).any()
+@pytest.mark.parametrize(("p", "threshold"), [(0.02, 1), (0.2, 1), (0.5, 1), (0.5, 3)])
+def test_with_fewer_trials_four_times_the_light_explains_a_jot_that_always_reports_1(p, threshold):
+    counts = np.full((9, 9), round(1000 * p))
+    fewest = fewest_trials(counts, 1000, threshold=threshold)
+    explained = gammainc(threshold, 4 * gammaincinv(threshold, p))
+    assert explained**fewest <= 0.5e-6 < explained ** (fewest - 1)
 
-    # The neighbors add their own uncertainty, so that the search needs a few trials more.
-    fewest = fewest_trials(np.full((9, 9), round(1000 * p)), 1000, threshold=threshold)
-    assert not any(finds(trials) for trials in range(2, fewest))
-    assert finds(round(1.5 * fewest) + 9)
+
+def test_bits_use_the_threshold_and_the_mask_of_their_sensor():
+    mask = np.zeros((16, 16), bool)
+    mask[3, 4] = True
+    dark_counts = np.where(np.arange(256).reshape(16, 16) == 200, 5.0, 0.0)
+    dark_counts[3, 5] = 5.0
+    sensor = jl.Sensor(frames=400, threshold=2, dark_counts=dark_counts, mask=mask)
+    bits = sensor.expose(np.full((16, 16), 0.5), rng=0)
+    found = find_hot_jots(bits)
+    np.testing.assert_array_equal(found, find_hot_jots(bits, threshold=2, mask=mask))
+    assert found.flat[200]
+    assert not found[3, 4]
 
 
 def test_where_all_jots_are_saturated_no_number_of_trials_suffices():

@@ -210,3 +210,12 @@ def test_photons_per_second_need_an_exposure_time():
 def test_counts_need_a_sensor():
     with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, because counts"):
         reconstruct(COUNTS)
+
+
+def test_a_largest_intensity_that_clips_most_pixels_is_reported():
+    sensor = jl.Sensor(frames=64)
+    bits = jl.Sensor(frames=64, max_intensity=9.0).expose(np.full((16, 16), 2.0), rng=0)
+    with pytest.warns(jl.JotlightWarning, match=r"100% .* intensity, 1, .*max_intensity=4\.85"):
+        jl.reconstruct(bits, sensor)
+    jl.reconstruct(bits)
+    jl.reconstruct(sensor.expose(np.full((16, 16), 0.9), rng=0))

@@ -79,3 +79,14 @@ def test_unpacked_applies_only_to_bits_in_arrays(tmp_path, options, message):
     np.save(tmp_path / "a.npy", np.full((2, 3, 4), 7, np.uint8))
     with pytest.raises(ValueError, match="expected bits, 0 and 1 only, got 7 to 7"):
         jl.open(tmp_path / "a.npy", unpacked=True).counts(1)
+
+
+def test_counts_are_not_taken_for_packed_bits(tmp_path):
+    counts = np.random.default_rng(0).binomial(16, 0.2, (6, 32, 40)).astype(np.uint8)
+    np.save(tmp_path / "counts.npy", counts)
+    with pytest.raises(ValueError, match=r"at most \d+, as in images of counts; pass counts=True"):
+        jl.open(tmp_path / "counts.npy")
+    with pytest.warns(jl.JotlightWarning, match="sum of its 6 images"):
+        opened = jl.open(tmp_path / "counts.npy", counts=True)
+    np.testing.assert_array_equal(opened, counts.sum(0))
+    assert jl.open(tmp_path / "counts.npy", unpacked=False).shape == (6, 32, 320)

@@ -142,3 +142,12 @@ def test_counts_that_look_like_means_are_warned_about():
     with pytest.warns(jl.JotlightWarning, match=r"look like means of 16 frames times 255"):
         jl.mle(means, jl.Sensor(frames=255))
     jl.mle(np.arange(256).reshape(16, 16), jl.Sensor(frames=255))
+
+
+def test_unpacked_frames_in_place_of_a_stack_of_counts_are_reported():
+    sensor = jl.Sensor(frames=16)
+    frames = sensor.expose(np.full((8, 9), 0.4), rng=0).to_array().astype(np.uint8)
+    with pytest.warns(jl.JotlightWarning, match=r"16 images of nothing but 0 and 1 .*from_array"):
+        assert jl.mle(frames, sensor).shape == (16, 8, 9)
+    jl.mle(frames, jl.Sensor(frames=1))
+    jl.mle(frames[:5], sensor)

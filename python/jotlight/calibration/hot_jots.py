@@ -11,6 +11,7 @@ from jotlight.layout import image_channels
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.response import detection_probability, inverse_detection_probability
+from jotlight.sensing.sensor import Sensor
 
 FALSE_POSITIVE_RATE = 1e-6
 """Default maximum probability that a jot is called hot which is not."""
@@ -39,7 +40,7 @@ def find_hot_jots(
     data: Bits | npt.ArrayLike,
     *,
     trials: int | None = None,
-    threshold: int = 1,
+    threshold: int | None = None,
     mask: npt.NDArray[np.bool_] | None = None,
     false_positive_rate: float = FALSE_POSITIVE_RATE,
     channel_axis: int | None = None,
@@ -62,10 +63,10 @@ def find_hot_jots(
         Bits, or counts of single jots. A jot of color data is hot if it is in one of the channels.
     trials : int, optional
         Number of binary readings behind each count. Required for counts.
-    threshold : int
-        q: the number of photons that make a jot report 1.
+    threshold : int, optional
+        q: the number of photons that make a jot report 1. Default: that of the bits' sensor, or 1.
     mask : ndarray of bool, shape (H, W), optional
-        True marks dead jots, which are not compared.
+        True marks dead jots, which are not compared. Default: those of the bits' sensor.
     false_positive_rate : float
         Maximum probability that a jot is called hot whose rate is at most c times the mean of its
         neighbors.
@@ -106,6 +107,9 @@ def find_hot_jots(
         )
     if isinstance(data, Bits):
         counts, number = data.counts(1, threads=threads, progress=progress), len(data)
+        if isinstance(data.sensor, Sensor):
+            threshold = data.sensor.threshold if threshold is None else threshold
+            mask = data.sensor.mask if mask is None else mask
         channel_axis = last_channel_axis(counts)
     else:
         if trials is None:
@@ -120,7 +124,7 @@ def find_hot_jots(
     valid = np.ones(size, bool) if mask is None else ~mask
     hot = np.zeros(size, bool)
     for channel in channels:
-        hot |= _find(channel, valid, number, threshold, false_positive_rate)
+        hot |= _find(channel, valid, number, threshold or 1, false_positive_rate)
     return hot
 
 
@@ -133,17 +137,17 @@ def fewest_trials(
 ) -> int:
     """Return the number of trials from which :func:`find_hot_jots` can find hot jots.
 
-    It holds for the median brightness of counts, where all neighbors have the same light. With
-    fewer trials, a jot that always reports 1 may do so by chance. Where all jots report 1, no
-    number suffices, and the result is the largest int32.
+    It holds for the median brightness of counts, where neighbors have different light. With fewer
+    trials, a jot that always reports 1 may do so by chance. Where all jots report 1, no number
+    suffices, and the result is the largest int32.
 
     Examples
     --------
-    >>> fewest_trials(np.full((8, 8), 8), 16), fewest_trials(np.full((8, 8), 14), 16)
-    (34, 312)
+    >>> fewest_trials(np.full((8, 8), 8), 64), fewest_trials(np.full((8, 8), 32), 64)
+    (17, 225)
     """
     light = _light(np.atleast_1d(np.median(as_counts(counts)).astype(np.int32)), trials, threshold)
-    explained = float(detection_probability(threshold, MIN_EXCESS * light)[0])
+    explained = float(detection_probability(threshold, EXCESS * light)[0])
     most = np.iinfo(np.int32).max
     if explained == 0:
         return 1

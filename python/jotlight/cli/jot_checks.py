@@ -85,8 +85,8 @@ def mask_hot_jots(captured: Captured, threads: int | None = None) -> Captured:
     if trials < fewest:
         caution(
             "find-hot-jots",
-            f"{trials} frames are too few to find hot jots where the scene has its median "
-            f"brightness, which takes {fewest:,} frames or more",
+            f"{trials} frames are too few to find most hot jots; at the median brightness of this "
+            f"scene it takes {fewest:,} or more",
         )
     periodic = None if counts.ndim > 2 else find_periodic_rates(counts)
     if periodic is not None:

@@ -26,9 +26,13 @@ from jotlight.sensing.pixel_counts import (
     gray_images,
     prepare_data,
 )
+from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
+
+_MAX_CLIPPED = 0.9
+"""Fraction of pixels at the largest intensity above which a warning is issued."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -173,6 +177,7 @@ def reconstruct(
         info = Info(name, name, "requested", time.perf_counter() - start)
     else:
         estimate, info = _run(data, sensor, method, quality, threads, options)
+        _warn_about_clipping(estimate, sensor)
     if scale != 1:
         estimate = estimate * scale
     return (estimate, info) if return_info else estimate
@@ -216,6 +221,19 @@ def _run(
         estimate = METHODS[choice.method].run(images, sensor, threads=threads, **options)
     seconds = time.perf_counter() - start
     return estimate, Info(choice.method, choice.title, choice.reason, seconds, history)
+
+
+def _warn_about_clipping(estimate: Image, sensor: Sensor) -> None:
+    """Warn if the largest intensity clips most pixels, although the bits are not saturated."""
+    saturation, highest = saturation_intensity(sensor), np.float32(sensor.max_intensity)
+    clipped = float(np.mean(estimate >= highest))
+    if clipped > _MAX_CLIPPED and saturation > sensor.max_intensity:
+        warn(
+            f"{clipped:.0%} of the pixels have the largest intensity, {sensor.max_intensity:g}, "
+            f"although the bits saturate only at {saturation:.3g}; "
+            f"sensor.replace(max_intensity={saturation:.3g}) (--max-intensity) lets them be "
+            "brighter"
+        )
 
 
 def _named(method: object, quality: str | None, options: dict[str, Any]) -> str | None:

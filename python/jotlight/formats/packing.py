@@ -15,6 +15,16 @@ _INSPECTED_BYTES = 1 << 20
 _MIN_NONZERO = 8
 """Minimum number of bytes above 0 at which frames can be recognized as unpacked."""
 
+_HIGHEST_BIT = 128
+"""Value of the highest bit of a byte: the first of eight jots."""
+
+_MIN_COUNTS = 256
+"""Minimum number of bytes above 0 at which counts can be recognized.
+
+If eight jots see the same light, the highest bit of such a byte is set with a probability of 1/8 or
+more, so that all of them miss it with a probability below 1e-14.
+"""
+
 
 def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
     """Return packed frames of unpacked ones. They are packed when they are read.
@@ -62,11 +72,11 @@ def pack_stack(stack: CountStack) -> Bits:
 
 
 def check_packed(frames: npt.NDArray[np.uint8] | Frames, name: str) -> None:
-    """Raise ValueError when frames look as if each byte were one bit.
+    """Raise ValueError when frames look as if each byte were one bit, or a count.
 
-    Unpacked frames hold only 0 and 1, or only 0 and 255, although many bytes are above 0. The
-    function reads the first frames. If few bytes are above 0 there, it also reads frames from the
-    middle and from the end.
+    Unpacked frames hold only 0 and 1, or only 0 and 255, although many bytes are above 0. Counts
+    below 128 never set the highest bit. The function reads the first frames. If few bytes are above
+    0 there, it also reads frames from the middle and from the end.
     """
     if frames.size == 0:
         # A file without frames can claim frames of any size, so no memory is allocated for one.
@@ -78,6 +88,12 @@ def check_packed(frames: npt.NDArray[np.uint8] | Frames, name: str) -> None:
         part = np.asarray(frames[start : start + number, ...])
         nonzero |= part.any(axis=0)
         levels |= set(np.unique(part).tolist())
+        if max(levels) < _HIGHEST_BIT and np.count_nonzero(part) >= _MIN_COUNTS and max(levels) > 1:
+            raise ValueError(
+                f"{name}: the inspected bytes are at most {max(levels)}, as in images of counts; "
+                "pass counts=True (--counts) for counts, or unpacked=False (--packed) for frames "
+                "of packed bits"
+            )
         if part.all() or levels not in ({0}, {0, 1}, {0, 255}):
             return
         if nonzero.sum() >= _MIN_NONZERO:

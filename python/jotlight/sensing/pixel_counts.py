@@ -15,7 +15,7 @@ from jotlight.sensing.counting import count_ones
 from jotlight.sensing.maps import constant_or_map, pixel_means, stack_maps
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.periodic_rates import warn_about_periods
-from jotlight.sensing.scaled_counts import check_range, check_whole
+from jotlight.sensing.scaled_counts import check_range, check_whole, warn_about_frames
 from jotlight.sensing.sensor import Sensor, require_sensor
 from jotlight.sensing.values import checked_trials
 
@@ -232,6 +232,7 @@ def prepare_data(
     images: Any = np.ascontiguousarray(layout.split(counts))
     if sensor.oversampling == 1 and channel_axis is None:  # otherwise, the jots are not counted
         warn_about_periods([images])
+    warn_about_frames(images, sensor)
     if trials is not None:
         _check_jots(images, sensor)
         if np.ndim(trials) == 2 and np.shape(trials) == images.shape[1:]:

@@ -232,6 +232,21 @@ def check_range(counts: Counts, sensor: Sensor) -> None:
         warn(f"counts: {hint}")
 
 
+def warn_about_frames(images: Counts, sensor: Sensor) -> None:
+    """Warn about a stack of counts that looks like the frames of one image, unpacked.
+
+    Examples
+    --------
+    >>> frames = Sensor(frames=16).expose(np.full((8, 8), 0.5), rng=0).to_array().astype(int)
+    >>> warn_about_frames(frames.sum(0)[None], Sensor(frames=16))  # no warning
+    """
+    if len(images) == sensor.frames > 1 == images.max():
+        warn(
+            f"counts: {len(images)} images of nothing but 0 and 1 look like the {sensor.frames} "
+            "frames of one image; jotlight.Bits.from_array(frames, sensor) makes bits of them"
+        )
+
+
 def range_error(values: npt.NDArray[Any], sensor: Sensor) -> ValueError:
     """Return the error for counts that a sensor cannot report; they may be floats.
 
