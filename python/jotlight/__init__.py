@@ -22,10 +22,11 @@ from jotlight.estimators.mle import mle
 from jotlight.estimators.mle_iterative import mle_iterative
 from jotlight.estimators.noniterative import noniterative
 from jotlight.estimators.planning import Plan, plan
-from jotlight.estimators.uncertainty import Uncertainty, uncertainty
+from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.comparison import compare
 from jotlight.evaluation.evaluate import evaluate
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.uncertainty import uncertainty
 from jotlight.formats import open, save
 from jotlight.images.io import read_image
 from jotlight.images.saving import save_film, save_image

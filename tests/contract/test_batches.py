@@ -48,7 +48,7 @@ def run_method(name, data, sensor, **options):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", jl.JotlightWarning)
         if name == "uncertainty":
-            result = jl.uncertainty(data, sensor, **options)
+            result = jl.uncertainty(data, sensor, method="mle", **options)
             return np.stack([result.low, result.high, result.standard_error], axis=-3)
         if name == "untied":
             key = "pixels" if sensor.mask is None else "dead jots"

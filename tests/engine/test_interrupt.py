@@ -87,9 +87,9 @@ CALLS = {
     ),
     "uncertainty": (
         "jl.uncertainty(np.arange(4_000_000, dtype=np.int32).reshape(2000, 2000), "
-        "jl.Sensor(frames=4_000_000))"
+        "jl.Sensor(frames=4_000_000), method='mle')"
     ),
-    "uncertainty, maps": "[jl.uncertainty(counts, maps) for _ in range(99)]",
+    "uncertainty, maps": "[jl.uncertainty(counts, maps, method='mle') for _ in range(99)]",
     "vst": "[jl.vst.inverse_anscombe(np.zeros((2, 2), np.float32), 2**31 - 1) for _ in range(99)]",
     "nlm": "jl.denoise.nlm(np.zeros((6000, 6000), np.float32))",
     "calibrate": (

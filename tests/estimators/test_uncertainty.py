@@ -13,7 +13,7 @@ def coverage(sensor, light, level=0.95):
     """Return the exact probability that the interval contains the truth: a sum over all counts."""
     bits = sensor.trials
     counts = np.arange(bits + 1)
-    result = jl.uncertainty(counts[None], sensor, confidence_level=level)
+    result = jl.uncertainty(counts[None], sensor, confidence_level=level, method="mle")
     probability = float(
         detection_probability(sensor.threshold, sensor.efficiency * light + sensor.dark_counts)
     )
@@ -44,7 +44,7 @@ def test_the_coverage_is_close_to_the_confidence_level_with_many_bits():
 def test_the_interval_is_the_exact_binomial_interval():
     counts = np.arange(21)
     result = jl.uncertainty(
-        counts[None], jl.Sensor(frames=20, max_intensity=9.0), confidence_level=0.9
+        counts[None], jl.Sensor(frames=20, max_intensity=9.0), confidence_level=0.9, method="mle"
     )
     for count in counts:
         exact = stats.binomtest(int(count), 20).proportion_ci(0.9, method="exact")
@@ -58,7 +58,7 @@ def test_for_a_threshold_of_1_the_standard_error_has_its_closed_form():
     counts = np.arange(1, 100)[None]
     light = -np.log1p(-counts / 100)
     expected = np.sqrt(np.expm1(light) / 100) * 100 / 40
-    result = jl.uncertainty(counts, sensor)
+    result = jl.uncertainty(counts, sensor, method="mle")
     np.testing.assert_allclose(result.standard_error, expected, rtol=1e-6)
 
 
@@ -72,7 +72,7 @@ def test_with_many_bits_the_standard_error_is_the_spread_of_the_estimates(thresh
     counts = np.random.default_rng(threshold).binomial(4000, probability, (1, number))
     spread = jl.mle(counts, sensor).std()
     # Four standard errors of a standard deviation: one run in 16,000 fails by chance.
-    predicted = np.median(jl.uncertainty(counts, sensor).standard_error)
+    predicted = np.median(jl.uncertainty(counts, sensor, method="mle").standard_error)
     assert abs(spread / predicted - 1) < 4 / np.sqrt(2 * number) + 0.005
 
 
@@ -112,8 +112,8 @@ def test_jots_that_differ_negligibly_have_the_uncertainty_of_equal_jots():
     dark[::2] += np.float32(1e-6)
     bits = jl.Bits.from_array(rng.random((20, 8, 8)) < 0.4)
     options = {"oversampling": 2, "frames": 20, "max_intensity": 4.0}
-    one = jl.uncertainty(bits, jl.Sensor(dark_counts=dark, **options))
-    other = jl.uncertainty(bits, jl.Sensor(dark_counts=0.1, **options))
+    one = jl.uncertainty(bits, jl.Sensor(dark_counts=dark, **options), method="mle")
+    other = jl.uncertainty(bits, jl.Sensor(dark_counts=0.1, **options), method="mle")
     for name in ("standard_error", "low", "high"):
         np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=2e-5)
 
@@ -121,7 +121,7 @@ def test_jots_that_differ_negligibly_have_the_uncertainty_of_equal_jots():
 def test_flags_mark_unlit_saturated_and_dead_pixels():
     mask = np.array([[False, False, False, True]])
     sensor = jl.Sensor(frames=10, dark_counts=0.2, mask=mask, max_intensity=3.0)
-    result = jl.uncertainty(np.array([[2, 7, 10, 0]]), sensor)
+    result = jl.uncertainty(np.array([[2, 7, 10, 0]]), sensor, method="mle")
     assert result.flags().tolist() == [[1, 0, 2, 4]]
     assert result.low[0, 0] == 0
     assert result.high[0, 2] == 3
@@ -131,7 +131,9 @@ def test_flags_mark_unlit_saturated_and_dead_pixels():
 
 
 def test_bits_that_tell_nothing_have_an_infinite_standard_error():
-    result = jl.uncertainty(np.array([[0, 6, 12]]), jl.Sensor(frames=12, gain=1e-6, threshold=16))
+    result = jl.uncertainty(
+        np.array([[0, 6, 12]]), jl.Sensor(frames=12, gain=1e-6, threshold=16), method="mle"
+    )
     assert np.isinf(result.standard_error).all()
     assert (result.low.tolist(), result.high.tolist()) == ([[0, 1, 1]], [[1, 1, 1]])
 
@@ -139,31 +141,31 @@ def test_bits_that_tell_nothing_have_an_infinite_standard_error():
 def test_the_units_are_those_of_estimates():
     sensor = jl.Sensor(frames=9, gain=18.0, exposure_time=1e-3)
     counts = np.array([[0, 4, 9]])
-    intensity = jl.uncertainty(counts, sensor).arrays()
+    intensity = jl.uncertainty(counts, sensor, method="mle").arrays()
     for units, scale in (("photons", 2), ("photons-per-second", 2000)):
-        found = jl.uncertainty(counts, sensor, units=units).arrays()
+        found = jl.uncertainty(counts, sensor, units=units, method="mle").arrays()
         for name in ("standard_error", "low", "high"):
             np.testing.assert_allclose(found[name], scale * intensity[name], rtol=1e-6)
     with pytest.raises(ValueError, match="units: expected one of intensity, photons"):
-        jl.uncertainty(counts, sensor, units="lux")
+        jl.uncertainty(counts, sensor, units="lux", method="mle")
 
 
 def test_color_channels_are_independent():
     sensor = jl.Sensor(frames=9)
     counts = np.random.default_rng(0).integers(0, 10, (3, 4, 3))
-    result = jl.uncertainty(counts, sensor, channel_axis=-1)
-    one = jl.uncertainty(counts[..., 1], sensor)
+    result = jl.uncertainty(counts, sensor, channel_axis=-1, method="mle")
+    one = jl.uncertainty(counts[..., 1], sensor, method="mle")
     assert (result.low[..., 1] == one.low).all()
     assert result.flags().shape == (3, 4, 3)
     bits = sensor.expose(np.full((3, 4, 3), 0.5), rng=0, channel_axis=-1)
-    of_counts = jl.uncertainty(bits.counts(), sensor, channel_axis=-1)
-    assert (jl.uncertainty(bits, sensor).high == of_counts.high).all()
+    of_counts = jl.uncertainty(bits.counts(), sensor, channel_axis=-1, method="mle")
+    assert (jl.uncertainty(bits, sensor, method="mle").high == of_counts.high).all()
 
 
 @pytest.mark.parametrize("level", [0.4, 1.0, float("nan")])
 def test_a_confidence_level_out_of_range_is_refused(level):
     with pytest.raises(ValueError, match=r"0\.5 to below 1"):
-        jl.uncertainty(np.zeros((1, 1), int), jl.Sensor(), confidence_level=level)
+        jl.uncertainty(np.zeros((1, 1), int), jl.Sensor(), confidence_level=level, method="mle")
 
 
 def test_counts_are_refused_where_jots_of_a_pixel_differ():
@@ -171,6 +173,7 @@ def test_counts_are_refused_where_jots_of_a_pixel_differ():
         jl.uncertainty(
             np.zeros((1, 1), int),
             jl.Sensor(oversampling=2, dark_counts=np.array([[0.0, 0.1], [0.0, 0.0]])),
+            method="mle",
         )
 
 

@@ -71,7 +71,7 @@ def test_merged_counts_have_an_uncertainty():
     trials = np.where(np.arange(32) < 16, 8.5, 64.0) * np.ones(IMAGE.shape)
     trials[0, 0] = 0
     counts = draw(trials)
-    result = jl.uncertainty(jl.Merged(counts, trials, SENSOR))
+    result = jl.uncertainty(jl.Merged(counts, trials, SENSOR), method="mle")
     np.testing.assert_array_equal(result.dead, trials == 0)
     inside = (counts > 0.5) & (counts < trials - 0.5) & (counts < trials * (1 - np.exp(-1)))
     fraction, number = (counts / np.maximum(trials, 1))[inside], trials[inside]

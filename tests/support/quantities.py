@@ -26,7 +26,7 @@ def method(name):
 
 
 def uncertainty(threads):
-    result = jl.uncertainty(COUNTS, SENSOR, threads=threads)
+    result = jl.uncertainty(COUNTS, SENSOR, threads=threads, method="mle")
     return result.standard_error, result.low, result.high, result.flags()
 
 

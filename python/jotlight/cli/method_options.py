@@ -78,7 +78,7 @@ class MethodOptions:
         values = {name: getattr(self, name) for name in names}
         return {name: value for name, value in values.items() if value is not None}
 
-    def request(self, *, needs_uncertainty: bool) -> str | None:
+    def request(self) -> str | None:
         """Return the method that the user requests, by name or by an option.
 
         Raises
@@ -92,7 +92,7 @@ class MethodOptions:
                 "Python, jotlight.reconstruct takes them, too"
             )
         method = named_method(self.method, self.quality, self.model)
-        options = [*(["uncertainty"] if needs_uncertainty else []), *self.settings()]
+        options = list(self.settings())
         if self.model is None:
             return requested_method(method, options)
         if options:

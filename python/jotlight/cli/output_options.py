@@ -11,17 +11,21 @@ from cyclopts import Parameter
 from jotlight._engine import __version__
 from jotlight.cli.common_options import OUTPUT_PANEL
 from jotlight.estimators.brightness import UNITS, unit_scale
-from jotlight.estimators.uncertainty import uncertainty
+from jotlight.evaluation.uncertainty import uncertainty
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.saving import find_white
 from jotlight.images.tone import CURVES, Tone, check_curve
+from jotlight.networks.network import Network
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.pixel_counts import Data
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 _DEFAULT_CURVE = "gamma"
+
+_SHOWN = ".png"
+"""Ending of a file that shows the uncertainty."""
 
 
 def describe_tone(tone: Tone) -> str:
@@ -99,7 +103,7 @@ class ImageOutputOptions(OutputOptions):
         Path | None,
         Parameter(
             help="A .npz, .npy or .tif with the standard error, confidence interval and flags of "
-            "each pixel, for the method mle. Default: none."
+            "each pixel, or a .png that shows them. Default: none."
         ),
     ] = None
     level: Annotated[float, Parameter(help="Coverage of the confidence interval.")] = 0.95
@@ -124,7 +128,8 @@ class ImageOutputOptions(OutputOptions):
                 ".npy, and add --preview for an image for display"
             )
         if self.uncertainty is not None:
-            stack_writer(self.uncertainty)
+            if self.uncertainty.suffix.lower() != _SHOWN:
+                stack_writer(self.uncertainty)
             if not 0.5 <= self.level < 1:
                 raise ValueError(f"level: expected a number in [0.5, 1), got {self.level}")
 
@@ -140,14 +145,15 @@ class ImageOutputOptions(OutputOptions):
         data: Data,
         sensor: Sensor,
         *,
+        method: str | Network,
         white: float | None,
         metadata: dict[str, Any],
         threads: int | None,
     ) -> list[Tone]:
         """Write the temporary files, in the order of :meth:`paths`.
 
-        `white` is the largest intensity, if it is stated. Return the tone curve of each image for
-        display.
+        `method` is that of the estimate, and `white` is the largest intensity, if it is stated.
+        Return the tone curve of each image for display.
         """
         remaining = list(files)
         scale = self.scale(sensor)
@@ -165,14 +171,18 @@ class ImageOutputOptions(OutputOptions):
             known = uncertainty(
                 data,
                 sensor,
+                method=method,
+                estimate=estimate,
                 channel_axis=last_channel_axis(data),
                 confidence_level=self.level,
                 units=self.units,
                 threads=threads,
             )
-            facts = {**metadata, "level": self.level, "flags": "1 unlit, 2 saturated, 4 dead"}
-            write_stack = stack_writer(self.uncertainty, facts)
-            write_stack(remaining.pop(0), known.arrays())
+            if self.uncertainty.suffix.lower() == _SHOWN:
+                known.plot().savefig(remaining.pop(0), format="png")
+            else:
+                facts = {**metadata, "level": self.level, "flags": "1 unlit, 2 saturated, 4 dead"}
+                stack_writer(self.uncertainty, facts)(remaining.pop(0), known.arrays())
         return tones
 
     def _output_tone(self, estimate: npt.NDArray[np.float32], white: float | None) -> Tone:

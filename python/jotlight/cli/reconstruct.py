@@ -34,7 +34,7 @@ def reconstruct(
     motion.check()
     inputs.check_outputs([*outputs.paths(), *motion.paths()])
     image_writer(outputs.output, depth=outputs.depth)
-    job = inputs.prepare(outputs.output, needs_uncertainty=outputs.uncertainty is not None)
+    job = inputs.prepare(outputs.output)
     reconstruct_image(job, outputs, motion, threads)
     caution_about_jots(job.captured, threads)
     if not motion.motion:

@@ -79,7 +79,6 @@ class Inputs:
         output: Path,
         *,
         window: int | None = None,
-        needs_uncertainty: bool = False,
     ) -> Reconstruction:
         """Return the reconstruction of an image.
 
@@ -89,10 +88,8 @@ class Inputs:
             Output, beside which the calibration is recorded.
         window : int, optional
             Number of frames of the image. Default: all.
-        needs_uncertainty : bool
-            Whether the uncertainty of the estimate is needed.
         """
-        request = self.method.request(needs_uncertainty=needs_uncertainty)
+        request = self.method.request()
         network = None if self.method.model is None else Network.load(self.method.model)
         sensor_kwargs = self.sensor.to_kwargs()
         opened = self.capture.open(self.path, self.sensor.stated_trials())
@@ -197,6 +194,7 @@ def reconstruct_image(
             estimate,
             data,
             captured.sensor,
+            method=job.method,
             white=job.white,
             metadata=metadata,
             threads=threads,

@@ -1,14 +1,14 @@
-"""The standard error and the confidence interval of `jotlight.mle`, pixel by pixel."""
+"""The uncertainty of each pixel, and the exact confidence interval of `jotlight.mle`."""
 
 import dataclasses
 import warnings
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import JotlightWarning
-from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.figure import draw_map
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
 from jotlight.estimators.light_inversion import (
@@ -19,16 +19,13 @@ from jotlight.estimators.light_inversion import (
 )
 from jotlight.estimators.mle import mle, require_bits
 from jotlight.interrupts import interruptible
-from jotlight.layout import join
+from jotlight.layout import Layout, join
 from jotlight.notebook import card, normalize
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.pixel_counts import (
-    Data,
     Estimate,
     GrayImages,
     PixelCounts,
-    gray_images,
-    prepare_data,
 )
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
@@ -39,6 +36,9 @@ if TYPE_CHECKING:
 
 _FLOATS = "standard_error", "low", "high"
 """Names of the arrays that have units."""
+
+_FLAGS = "unlit", "saturated", "dead"
+"""Names of the arrays of flags."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,6 +72,20 @@ class Uncertainty:
         """Return the standard error, the interval, and the flags."""
         floats = {name: getattr(self, name) for name in _FLOATS}
         return {**floats, "flags": self.flags()}
+
+    @classmethod
+    def arrange(cls, parts: Sequence[Self], layout: Layout) -> Self:
+        """Return the uncertainty of a stack or of color channels from that of gray images."""
+        arrays = {
+            name: layout.arrange(join([getattr(part, name) for part in parts]))
+            for name in (*_FLOATS, *_FLAGS)
+        }
+        return cls(confidence_level=parts[0].confidence_level, **arrays)
+
+    def scaled(self, factor: float) -> Self:
+        """Return the uncertainty in units that are `factor` per unit of intensity."""
+        changed = {name: getattr(self, name) * np.float32(factor) for name in _FLOATS}
+        return dataclasses.replace(self, **changed)
 
     def plot(self) -> "Figure":
         """Return a figure of the standard error and of the width of the interval.
@@ -117,51 +131,21 @@ def _first_image(values: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
     return values
 
 
-def uncertainty(
-    data: Data,
-    sensor: Sensor | None = None,
-    *,
-    confidence_level: float = 0.95,
-    trials: npt.ArrayLike | None = None,
-    channel_axis: int | None = None,
-    units: str = "intensity",
-    threads: int | None = None,
+def exact_uncertainty(
+    images: GrayImages, sensor: Sensor, confidence_level: float, threads: int | None
 ) -> Uncertainty:
-    """Return the standard error and the confidence interval of `jotlight.mle` for each pixel.
+    """Return the standard error and the exact interval of `jotlight.mle`, in units of intensity.
 
     Parameters
     ----------
-    data : Bits, Merged, list of them, or array_like of int
-        Bits, merged counts, or counts L of shape (..., H, W).
-    sensor : Sensor, optional
-        The sensor that recorded the data, as for `jotlight.mle`.
+    images : GrayImages
+        The data.
+    sensor : Sensor
+        The sensor that recorded them, with the box kernel.
     confidence_level : float
         The coverage of the intervals, in [0.5, 1).
-    trials : float or array_like of float, optional
-        The number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
-        their shape. Default: the sensor's K.
-    channel_axis : int, optional
-        The axis of counts that holds color channels. Default: none, and axes before the last two
-        are those of a stack.
-    units : {"intensity", "photons", "photons-per-second"}
-        The units of the result, as for `jotlight.reconstruct`.
     threads : int, optional
         The number of threads. Default: all cores.
-
-    Returns
-    -------
-    Uncertainty
-        Arrays of the shape of the estimate.
-
-    Raises
-    ------
-    TypeError, ValueError
-        When data, sensor, and trials do not fit together, or the confidence level is out of range.
-
-    Warns
-    -----
-    JotlightWarning
-        When the kernel is smooth. The interval is then that of the mean light on the pixel's jots.
 
     Notes
     -----
@@ -177,33 +161,10 @@ def uncertainty(
     is their mean. The sum of unequal bits varies less than a binomial count (Hoeffding 1956), so
     the coverage holds and the interval is somewhat wider than necessary. This case requires bits,
     as in `jotlight.mle`.
-
-    Examples
-    --------
-    >>> result = uncertainty(np.array([[0, 50, 100]]), Sensor(frames=100, max_intensity=10.0))
-    >>> result.standard_error.round(3)
-    array([[0.007, 0.1  , 1.411]], dtype=float32)
-    >>> result.low.round(2), result.high.round(2)
-    (array([[0.  , 0.51, 3.32]], dtype=float32), array([[ 0.04,  0.92, 10.  ]], dtype=float32))
-    >>> result.flags().tolist()
-    [[1, 0, 2]]
     """
-    if not 0.5 <= confidence_level < 1:
-        raise ValueError(
-            f"confidence_level: expected a coverage from 0.5 to below 1, got {confidence_level!r}"
-        )
-    data, sensor = prepare_data(data, sensor, trials, channel_axis)
-    scale = np.float32(unit_scale(sensor, units))
     warn_about_smooth_kernel(sensor)
-    images = gray_images(data)
     each = [_uncertainty(part, sensor, confidence_level, threads) for part in images.parts(sensor)]
-    arrays = {
-        field.name: images.layout.arrange(join([getattr(one, field.name) for one in each]))
-        for field in dataclasses.fields(Uncertainty)
-        if field.name != "confidence_level"
-    }
-    arrays.update({name: arrays[name] * scale for name in _FLOATS})
-    return Uncertainty(confidence_level=confidence_level, **arrays)
+    return Uncertainty.arrange(each, images.layout)
 
 
 def _uncertainty(

@@ -121,7 +121,7 @@ def _shipped_network(title: str, quality: str) -> Method:
 
 
 METHODS: dict[str, Method] = {
-    "mle": Method("maximum likelihood", mle, frozenset({"uncertainty"})),
+    "mle": Method("maximum likelihood", mle),
     "mle-iterative": Method(
         "maximum likelihood, iterative",
         mle_iterative,
@@ -172,7 +172,6 @@ SMOOTH_KERNEL_METHOD = "admm-tv"
 """Fallback for the bits of a sensor with a smooth kernel, because it models the kernel."""
 
 OPTION_DEFAULTS = {
-    "uncertainty": "mle",
     "inverse": FALLBACK_METHOD,
     "weight": SMOOTH_KERNEL_METHOD,
     "norm": SMOOTH_KERNEL_METHOD,

@@ -243,7 +243,7 @@ def _named(method: object, quality: str | None, options: dict[str, Any]) -> str 
             f"method: expected the name of a method, a network, or a function, got {method!r}"
         )
     if quality is None:
-        known = [name for name in OPTION_DEFAULTS if name != "uncertainty"]
+        known = list(OPTION_DEFAULTS)
         if method is None and (unknown := set(options) - set(known)):
             close = get_close_matches(min(unknown), known, 1)
             raise TypeError(

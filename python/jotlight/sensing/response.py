@@ -50,6 +50,22 @@ def detection_probability(threshold: int, rate: npt.ArrayLike) -> Array:
     )
 
 
+def silence_probability(threshold: int, rate: npt.ArrayLike) -> Array:
+    """Return 1 - P(q, s), the probability that a jot at rate s reports 0, with all digits.
+
+    Examples
+    --------
+    >>> float(silence_probability(1, 50.0))
+    1.9287498479639178e-22
+    """
+    s = np.asarray(rate, np.float64)
+    if threshold == 1:
+        return np.asarray(np.exp(-s))
+    from scipy.special import gammaincc
+
+    return np.asarray(interruptible(gammaincc)(threshold, s))
+
+
 def detection_density(threshold: int, rate: npt.ArrayLike) -> Array:
     """Return ∂P/∂s = s^(q - 1) exp(-s) / (q - 1)!.
 

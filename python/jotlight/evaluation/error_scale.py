@@ -1,0 +1,227 @@
+"""The size of a network's errors: from photographs, and corrected by held-out bits of the data.
+
+Everything is in terms of z = arcsin √p, where p is the probability that a bit of the pixel is 1.
+The noise of z is nearly the same at every exposure.
+"""
+
+import dataclasses
+import json
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.sensing.response import Array
+from jotlight.sensing.subsampling import subsample_counts
+
+FILE = Path(__file__).with_name("error_scale.json")
+"""The error model, which ``tools/calibrate_intervals.py`` writes."""
+
+WINDOWS = 3, 15
+"""Sides of the windows in which the activity of an estimate is measured, in pixels."""
+
+MIN_HELD_OUT = 2
+"""Minimum number of held-out bits of a pixel that reveal an error: with one, the variance of a bit
+is unknown."""
+
+_SEED = 2026
+"""Seed of the division of the bits, so that the result is reproducible."""
+
+_SIDE = 3
+"""Number of classes of brightness, and of activity, in which the errors are measured."""
+
+_SPREAD = 0.35
+"""Standard deviation of the logarithm of the correction between photographs."""
+
+_MIN_CORRECTION, _MAX_CORRECTION = 0.1, 100.0
+"""Limits of the correction of the squared scale."""
+
+_SMALLEST = 1e-2
+"""Variance times K below which a window counts as flat."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ErrorModel:
+    """The distribution of the errors of the network "medium" on photographs."""
+
+    weights: Array
+    """Weights of the terms of :func:`error_terms`, whose sum is the logarithm of the scale."""
+    ones: Array
+    """log(1 + expected ones) of each class of pixels, ascending."""
+    tails: Array
+    """Tail probabilities, ascending."""
+    low: Array
+    """Lower quantiles of error/scale, of each class and tail probability."""
+    high: Array
+    """Upper quantiles of error/scale, of each class and tail probability."""
+    deviation: Array
+    """Root mean square of error/scale, of each class."""
+
+    @classmethod
+    def read(cls, path: Path = FILE) -> Self:
+        """Return the model in a file."""
+        content = json.loads(path.read_text("utf-8"))
+        return cls(
+            **{field.name: np.array(content[field.name]) for field in dataclasses.fields(cls)}
+        )
+
+    def write(self, path: Path) -> None:
+        """Write the model to a file, with five significant digits."""
+        content: dict[str, Any] = {}
+        for name, values in dataclasses.asdict(self).items():
+            content[name] = json.loads(
+                json.dumps(values.tolist()), parse_float=lambda text: float(f"{float(text):.5g}")
+            )
+        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+    def scale(self, z: Array, trials: Array) -> Array:
+        """Return the scale of the errors of an estimate z (H, W), from photographs."""
+        logarithm = np.zeros(z.shape)
+        for weight, term in zip(self.weights, error_terms(z, trials), strict=True):
+            logarithm += weight * term
+        return np.exp(logarithm)
+
+    def quantiles(self, z: Array, trials: Array, tail: float) -> tuple[Array, Array]:
+        """Return the lower and the upper quantile of error/scale at each pixel."""
+        ones = _log_ones(z, trials)
+        # Between the tail probabilities, the quantiles are nearly linear in their logarithm.
+        logarithm, known = np.log(tail), np.log(self.tails)
+        low, high = (
+            np.interp(ones, self.ones, [np.interp(logarithm, known, row) for row in table])
+            for table in (self.low, self.high)
+        )
+        return low, high
+
+    def deviations(self, z: Array, trials: Array) -> Array:
+        """Return the root mean square of error/scale at each pixel."""
+        return np.asarray(np.interp(_log_ones(z, trials), self.ones, self.deviation))
+
+
+@cache
+def error_model() -> ErrorModel:
+    """Return the model that comes with jotlight."""
+    return ErrorModel.read()
+
+
+def error_terms(z: Array, trials: Array) -> Iterator[Array]:
+    """Yield the 28 terms of the logarithm of the scale, each (H, W).
+
+    They are 1 and the products of up to two of six numbers: log K, the logarithm of the variance of
+    z in two windows relative to the noise, z, and the logarithms of the expected ones and zeros.
+    """
+    from scipy.ndimage import uniform_filter
+
+    numbers = [np.log(trials) / 3]
+    for side in WINDOWS:
+        mean = uniform_filter(z, side, mode="mirror")
+        variance = uniform_filter(z * z, side, mode="mirror") - mean * mean
+        numbers.append(np.log(np.maximum(variance, 0) * trials + _SMALLEST) / 2)
+    numbers += [2 * z, _log_ones(z, trials) / 3, np.log1p(trials * np.cos(z) ** 2) / 3]
+    yield np.ones_like(z)
+    yield from numbers
+    for first in range(len(numbers)):
+        for second in range(first, len(numbers)):
+            yield numbers[first] * numbers[second]
+
+
+def _log_ones(z: Array, trials: Array) -> Array:
+    return np.asarray(np.log1p(trials * np.sin(z) ** 2))
+
+
+@dataclasses.dataclass(frozen=True)
+class Half:
+    """One half of the bits of an image."""
+
+    ones: npt.NDArray[np.int64]
+    trials: npt.NDArray[np.int64]
+
+
+def divide_bits(ones: npt.NDArray[np.int32], trials: Array) -> tuple[Half, Half]:
+    """Return two random halves of the bits of each pixel, (H, W).
+
+    Each half is a capture with half of the trials, and both are independent.
+
+    Examples
+    --------
+    >>> first, second = divide_bits(np.full((2, 3), 8), np.full((2, 3), 9.0))
+    >>> bool((first.trials + second.trials == 9).all())
+    True
+    """
+    rng = np.random.default_rng(_SEED)
+    whole = ones + np.floor(trials - ones).astype(np.int64)
+    number = np.floor(0.5 * whole + rng.random(whole.shape)).astype(np.int64)
+    number = np.minimum(number, whole)
+    first = subsample_counts(ones, whole, number, rng)
+    return Half(first, number), Half(ones - first, whole - number)
+
+
+@dataclasses.dataclass(frozen=True)
+class HalfErrors:
+    """The squared errors of an estimate from one half of the bits, by the other half."""
+
+    z: Array
+    """Estimate from one half."""
+    trials: Array
+    """Trials of that half."""
+    squared: Array
+    """Unbiased estimates of the squared error of p; they can be negative."""
+    known: npt.NDArray[np.bool_]
+    """Whether the squared error of a pixel is known."""
+
+    @classmethod
+    def measure(cls, z: Array, trained: Half, held_out: Half) -> Self:
+        """Return the errors of the estimate z from `trained`, measured by `held_out`."""
+        number = held_out.trials
+        known = (number >= MIN_HELD_OUT) & (trained.trials > 0)
+        mean = held_out.ones / np.maximum(number, 1)
+        noise = mean * (1 - mean) / np.maximum(number - 1, 1)
+        squared = (mean - np.sin(z) ** 2) ** 2 - noise
+        return cls(z, np.maximum(trained.trials, 1).astype(np.float64), squared, known)
+
+
+def correction(model: ErrorModel, halves: list[HalfErrors], z: Array, trials: Array) -> Array:
+    """Return the factor of the scale from photographs at each pixel, (H, W).
+
+    The pixels are divided into classes of brightness and activity. In each class, the measured
+    squared errors are compared with those that the model expects. The noise of the comparison
+    decides how much it counts.
+    """
+    sums = np.zeros((3, _SIDE**2))
+    for half in halves:
+        scale = model.scale(half.z, half.trials) * model.deviations(half.z, half.trials)
+        # dp = 2 sin z cos z dz = sin 2z dz
+        expected = (scale * np.sin(2 * half.z)) ** 2
+        row, column = (
+            np.minimum((_SIDE * rank).astype(int), _SIDE - 1)[half.known] for rank in _ranks(half.z)
+        )
+        for index, values in enumerate((half.squared, expected, half.squared**2)):
+            sums[index] += np.bincount(_SIDE * row + column, values[half.known], _SIDE**2)
+    measured, expected, squares = sums.reshape(3, _SIDE, _SIDE)
+    factor = measured / np.maximum(expected, 1e-300)
+    error = np.sqrt(squares) / np.maximum(expected, 1e-300)
+    factor = np.clip(factor, _MIN_CORRECTION, _MAX_CORRECTION)
+    trust = 1 / (1 + (error / factor / _SPREAD) ** 2)
+    return np.exp(0.5 * _interpolate(trust * np.log(factor), _ranks(z)))
+
+
+def _ranks(z: Array) -> tuple[Array, Array]:
+    """Return the rank of the brightness and of the activity of each pixel in the image, 0 to 1."""
+    from scipy.ndimage import uniform_filter
+
+    mean, square = (uniform_filter(values, WINDOWS[0], mode="mirror") for values in (z, z * z))
+    brightness, activity = (
+        np.searchsorted(np.sort(values, axis=None), values) / values.size
+        for values in (mean, square - mean * mean)
+    )
+    return brightness, activity
+
+
+def _interpolate(table: Array, ranks: tuple[Array, Array]) -> Array:
+    """Return the values of a table of classes, interpolated between the centers of the classes."""
+    from scipy.ndimage import map_coordinates
+
+    places = [_SIDE * rank - 0.5 for rank in ranks]
+    return np.asarray(map_coordinates(table, places, order=1, mode="nearest"))

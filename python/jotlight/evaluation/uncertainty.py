@@ -1,0 +1,155 @@
+"""The uncertainty of each pixel of the estimate of any method."""
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.estimators.brightness import unit_scale
+from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
+from jotlight.evaluation.choice import choose_method
+from jotlight.evaluation.intervals import find_intervals
+from jotlight.evaluation.methods import find_method
+from jotlight.evaluation.own_method import OwnMethod
+from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.networks.network import Network
+from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, unsupported_reason
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.pixel_counts import Data, GrayImages, gray_images, prepare_data
+from jotlight.sensing.sensor import Sensor
+
+EXACT_METHOD = "mle"
+"""Name of the method whose intervals are exact."""
+
+
+def uncertainty(
+    data: Data,
+    sensor: Sensor | None = None,
+    *,
+    method: str | Network | OwnMethod | None = None,
+    quality: str | None = None,
+    estimate: npt.ArrayLike | None = None,
+    confidence_level: float = 0.95,
+    trials: npt.ArrayLike | None = None,
+    channel_axis: int | None = None,
+    units: str = "intensity",
+    threads: int | None = None,
+) -> Uncertainty:
+    """Return the standard error and an interval of the intensity for each pixel of an estimate.
+
+    Parameters
+    ----------
+    data : Bits, Merged, list of them, or array_like of int
+        Bits, merged counts, or counts L of shape (..., H, W).
+    sensor : Sensor, optional
+        The sensor that recorded the data, as for `jotlight.reconstruct`.
+    method : str, Network, or callable, optional
+        The method of the estimate, as for `jotlight.reconstruct`, with the same default.
+    quality : {"two-layer", "small", "medium", "large"}, optional
+        The size of a shipped network, in place of a method.
+    estimate : array_like of float, optional
+        The method's estimate in units of intensity, if it is known. Default: it is computed.
+    confidence_level : float
+        The coverage of the intervals, in [0.5, 1).
+    trials : float or array_like of float, optional
+        The number of binary readings behind each pixel of counts, 0 or more: a number, or a map of
+        their shape. Default: the sensor's K.
+    channel_axis : int, optional
+        The axis of counts that holds color channels. Default: none, and axes before the last two
+        are those of a stack.
+    units : {"intensity", "photons", "photons-per-second"}
+        The units of the result, as for `jotlight.reconstruct`.
+    threads : int, optional
+        The number of threads. Default: all cores.
+
+    Returns
+    -------
+    Uncertainty
+        Arrays of the shape of the estimate.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When data, sensor, and trials do not fit together, the confidence level is out of range, or
+        no K-conditioned network serves the sensor.
+
+    Warns
+    -----
+    JotlightWarning
+        For the method "mle", when the kernel is smooth. The interval is then that of the mean light
+        on the pixel's jots.
+
+    Notes
+    -----
+    For "mle", each interval is exact: that of Clopper and Pearson. Its coverage is at least
+    `confidence_level` for any number of bits and any intensity in [0, S].
+
+    For other methods, the coverage is an average over the pixels of photographs (conformal
+    prediction), and `docs/results/uncertainty.md` states it for many cases. The errors of a
+    K-conditioned network have been measured on photographs, depending on brightness, local
+    activity, and K. From four trials per pixel, the data correct them: the bits are divided into
+    two random halves, and the estimates from one half are compared with the other. For a method
+    that is not such a network, the squared difference from the estimate of "medium" is added.
+
+    Examples
+    --------
+    >>> sensor = Sensor(frames=100, max_intensity=10.0)
+    >>> result = uncertainty(np.array([[0, 50, 100]]), sensor, method="mle")
+    >>> result.standard_error.round(3)
+    array([[0.007, 0.1  , 1.411]], dtype=float32)
+    >>> result.low.round(2), result.high.round(2)
+    (array([[0.  , 0.51, 3.32]], dtype=float32), array([[ 0.04,  0.92, 10.  ]], dtype=float32))
+    >>> result.flags().tolist()
+    [[1, 0, 2]]
+    >>> from jotlight.datasets import photograph
+    >>> image = photograph("camera")[100:200, 200:300]
+    >>> result = uncertainty(Sensor(frames=16).expose(image, rng=0), confidence_level=0.9)
+    >>> bool(0.8 < ((result.low <= image) & (image <= result.high)).mean() < 0.99)
+    True
+    """
+    if not 0.5 <= confidence_level < 1:
+        raise ValueError(
+            f"confidence_level: expected a coverage from 0.5 to below 1, got {confidence_level!r}"
+        )
+    data, sensor = prepare_data(data, sensor, trials, channel_axis)
+    scale = unit_scale(sensor, units)
+    images = gray_images(data)
+    if method == EXACT_METHOD:
+        return exact_uncertainty(images, sensor, confidence_level, threads).scaled(scale)
+    network, is_own = _reference(method, quality, images, sensor)
+    if estimate is None:
+        estimate = reconstruct(images, sensor, method=method, quality=quality, threads=threads)
+    values = images.layout.split(np.asarray(estimate, np.float32))
+    return find_intervals(
+        images,
+        np.ascontiguousarray(values),
+        sensor,
+        network,
+        is_own=is_own,
+        confidence_level=confidence_level,
+        threads=threads,
+    ).scaled(scale)
+
+
+def _reference(
+    method: str | Network | OwnMethod | None,
+    quality: str | None,
+    images: GrayImages,
+    sensor: Sensor,
+) -> tuple[Network, bool]:
+    """Return the K-conditioned network of the method, or "medium", and whether it is the method."""
+    if isinstance(method, Network) and method.trials_range is not None:
+        return method, True
+    if method is None and quality is None:
+        is_bits = all(isinstance(image, Bits) for image in images.data)
+        quality = choose_method(sensor, is_bits=is_bits).quality
+    elif isinstance(method, str):
+        quality = find_method(method).quality
+    if quality is not None:
+        network = pretrained(sensor, quality)
+        if network.trials_range is not None:
+            return network, True
+    if (reason := unsupported_reason(sensor, CONDITIONAL_SIZE)) is not None:
+        raise ValueError(
+            f"sensor: {reason}, so the errors of the estimate are unknown; method="
+            f"{EXACT_METHOD!r} has intervals for every sensor"
+        )
+    return pretrained(sensor, CONDITIONAL_SIZE), False

@@ -1,0 +1,128 @@
+"""The uncertainty of any method: coverage, stacks, maps of jots, and bad input."""
+
+import numpy as np
+import pytest
+from scipy.special import gammainc
+
+import jotlight as jl
+from jotlight.evaluation.intervals import intensity_of, stabilize
+
+CAMERA = jl.datasets.photograph("camera")[100:228, 180:308]
+SENSOR = jl.Sensor(frames=16)
+COUNTS = SENSOR.expose(CAMERA, rng=0).counts()
+
+
+def covered(known, image):
+    return float(((known.low <= image) & (image <= known.high)).mean())
+
+
+@pytest.mark.parametrize("threshold", [1, 2, 5])
+@pytest.mark.parametrize("dark_counts", [0.0, 0.1])
+def test_z_and_the_intensity_are_inverse(threshold, dark_counts):
+    sensor = jl.Sensor(frames=4, threshold=threshold, max_intensity=20.0, gain=3.0)
+    intensity = np.linspace(0.01, 20, 50)[None]
+    z = stabilize(intensity, sensor, 0.8, dark_counts)
+    p = gammainc(threshold, 0.8 * 0.75 * intensity + dark_counts)
+    np.testing.assert_allclose(np.sin(z) ** 2, p, rtol=1e-9)
+    np.testing.assert_allclose(intensity_of(z, sensor, 0.8, dark_counts), intensity, rtol=1e-5)
+
+
+@pytest.mark.parametrize("trials", [1, 3, 16, 256])
+def test_the_default_covers_most_of_a_photograph(trials):
+    sensor = jl.Sensor(frames=trials)
+    bits = sensor.expose(CAMERA, rng=1)
+    known = jl.uncertainty(bits, confidence_level=0.9)
+    assert 0.75 < covered(known, CAMERA) < 0.99
+    estimate = jl.reconstruct(bits)
+    assert (known.low <= estimate).all()
+    assert (estimate <= known.high).all()
+    error = np.sqrt(np.mean((estimate - CAMERA) ** 2))
+    assert 0.5 < np.sqrt(np.mean(known.standard_error.astype(float) ** 2)) / error < 2
+
+
+@pytest.mark.parametrize("method", ["noniterative-tv", "network-two-layer", "admm-tv"])
+def test_intervals_of_other_methods_contain_most_pixels(method):
+    known = jl.uncertainty(COUNTS, SENSOR, method=method, confidence_level=0.9)
+    assert 0.8 < covered(known, CAMERA) < 0.99
+
+
+def test_a_function_of_the_caller_has_wider_intervals_where_it_errs():
+    def shifted(counts, sensor):
+        return np.clip(jl.pretrained(sensor).reconstruct(counts) + 0.2, 0, 1)
+
+    known = jl.uncertainty(COUNTS, SENSOR, method=shifted, confidence_level=0.9)
+    own = jl.uncertainty(COUNTS, SENSOR, confidence_level=0.9)
+    assert covered(known, CAMERA) > 0.8
+    assert np.median(known.high - known.low) > 1.5 * np.median(own.high - own.low)
+
+
+def test_a_known_estimate_is_not_computed_again():
+    def fails(counts):
+        raise AssertionError
+
+    estimate = jl.reconstruct(COUNTS, SENSOR, method="noniterative-tv")
+    known = jl.uncertainty(COUNTS, SENSOR, method=fails, estimate=estimate)
+    same = jl.uncertainty(COUNTS, SENSOR, method="noniterative-tv")
+    np.testing.assert_array_equal(known.low, same.low)
+
+
+def test_stacks_and_colors_are_those_of_single_images():
+    stack = np.stack([COUNTS, COUNTS[::-1]])
+    known = jl.uncertainty(stack, SENSOR)
+    for index in range(2):
+        single = jl.uncertainty(stack[index], SENSOR)
+        np.testing.assert_array_equal(known.low[index], single.low)
+        np.testing.assert_array_equal(known.high[index], single.high)
+    color = jl.uncertainty(np.moveaxis(stack, 0, -1), SENSOR, channel_axis=-1)
+    np.testing.assert_array_equal(color.standard_error, np.moveaxis(known.standard_error, 0, -1))
+
+
+def test_units_scale_the_interval():
+    known = jl.uncertainty(COUNTS, SENSOR)
+    photons = jl.uncertainty(COUNTS, SENSOR.replace(gain=8.0), units="photons")
+    same = jl.uncertainty(COUNTS, SENSOR.replace(gain=8.0))
+    np.testing.assert_allclose(photons.high, same.high * 0.5, rtol=1e-6)
+    assert known.standard_error.shape == CAMERA.shape
+
+
+def test_maps_of_jots_and_dead_jots_are_taken_into_account():
+    efficiency = np.where(np.arange(128) < 64, 0.4, 1.0) * np.ones((128, 128))
+    mask = np.zeros((128, 128), bool)
+    mask[5, 7] = True
+    sensor = jl.Sensor(frames=16, efficiency=efficiency, dark_counts=0.02, mask=mask)
+    bits = sensor.expose(CAMERA, rng=0)
+    with pytest.warns(jl.JotlightWarning, match="inpainted|filled"):
+        known = jl.uncertainty(bits, confidence_level=0.9)
+    assert np.argwhere(known.dead).tolist() == [[5, 7]]
+    assert np.isfinite(known.standard_error).all()
+    assert 0.75 < covered(known, CAMERA) < 0.99
+
+
+def test_more_trials_narrow_the_interval():
+    widths = []
+    for trials in (2, 8, 32, 128):
+        sensor = jl.Sensor(frames=trials)
+        known = jl.uncertainty(sensor.expose(CAMERA, rng=0))
+        widths.append(np.median(known.high - known.low))
+    assert widths == sorted(widths, reverse=True)
+
+
+def test_a_scene_unlike_photographs_has_wider_intervals():
+    noise = np.random.default_rng(0).uniform(0.2, 0.8, (128, 128))
+    bits = jl.Sensor(frames=64).expose(noise, rng=0)
+    known = jl.uncertainty(bits, confidence_level=0.9)
+    assert 0.8 < covered(known, noise) < 0.99
+
+
+def test_a_sensor_that_no_network_serves_is_refused_except_for_maximum_likelihood():
+    sensor = jl.Sensor(oversampling=2, frames=8, kernel="linear")
+    bits = sensor.expose(CAMERA[:16, :16], rng=0)
+    with pytest.raises(ValueError, match=r"errors of the estimate are unknown; method='mle'"):
+        jl.uncertainty(bits)
+    with pytest.warns(jl.JotlightWarning, match="linear kernel"):
+        jl.uncertainty(bits, method="mle")
+
+
+def test_a_bad_confidence_level_is_refused():
+    with pytest.raises(ValueError, match=r"confidence_level: expected a coverage from 0\.5"):
+        jl.uncertainty(COUNTS, SENSOR, confidence_level=0.3)
