@@ -79,10 +79,23 @@ WITH_HTML = [
     "Motion",
     "Merged",
     "Comparison",
+    "ConvergenceHistory",
     "Evaluation",
     "CountStack",
 ]
-WITH_IMAGE = ["Bits", "Uncertainty", "Calibration", "Merged", "CountStack"]
+WITH_IMAGE = [
+    "Bits",
+    "Network",
+    "History",
+    "Plan",
+    "Uncertainty",
+    "Calibration",
+    "Motion",
+    "Merged",
+    "Comparison",
+    "ConvergenceHistory",
+    "CountStack",
+]
 WITH_PLOT = [
     "Network",
     "History",
@@ -138,6 +151,12 @@ def test_the_html_of_an_object_is_a_small_table_and_perhaps_a_thumbnail(objects,
     assert len(re.sub(r'src="[^"]+"', "", shown)) < 2000
     assert "<table>" in shown
     assert "array(" not in text_of(shown)
+
+
+def test_the_thumbnail_of_a_comparison_of_noise_is_small():
+    noise = RANDOM.random((300, 400, 3))
+    shown = jl.compare(["mle"], noise, SENSOR, channel_axis=-1)._repr_html_()
+    assert len(shown) < 30_000
 
 
 @pytest.mark.slow

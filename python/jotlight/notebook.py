@@ -20,7 +20,7 @@ _MAX_TEXT = 200
 
 
 def card(
-    title: str, facts: Mapping[str, object], image: npt.NDArray[np.floating] | None = None
+    title: str, facts: Mapping[str, object], image: npt.NDArray[np.floating] | bytes | None = None
 ) -> str:
     """Return HTML with a title, a table of facts, and a small image.
 
@@ -32,8 +32,8 @@ def card(
         The title.
     facts : mapping of str to object
         Names and values.
-    image : ndarray, shape (H, W) or (H, W, 3), optional
-        An image from 0, black, to 1, white.
+    image : ndarray, shape (H, W) or (H, W, 3), or bytes, optional
+        An image from 0, black, to 1, white, or a PNG, such as the thumbnail of a figure.
 
     Examples
     --------
@@ -45,7 +45,10 @@ def card(
         for name, value in facts.items()
     )
     table = f"<table>{rows}</table>" if rows else ""
-    drawing = "" if image is None else f'<div><img alt="" src="{_data_address(image)}"></div>'
+    drawing = ""
+    if image is not None:
+        address = _data_address(image if isinstance(image, bytes) else _png_of(image))
+        drawing = f'<div><img alt="" src="{address}"></div>'
     return f"<div><div><b>{_escape(title)}</b></div>{drawing}{table}</div>"
 
 
@@ -127,11 +130,16 @@ def _escape(value: object) -> str:
     return html.escape(text if len(text) <= _MAX_TEXT else text[: _MAX_TEXT - 1] + "…")
 
 
-def _data_address(image: npt.NDArray[np.floating]) -> str:
-    """Return an image as the address of a PNG that contains it."""
+def _data_address(png: bytes) -> str:
+    """Return the address of a PNG that contains it."""
+    return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
+
+
+def _png_of(image: npt.NDArray[np.floating]) -> bytes:
+    """Return a thumbnail of an image as a PNG."""
     from PIL import Image
 
     shades = np.rint(255 * np.clip(shrink(image), 0, 1)).astype(np.uint8)
     buffer = io.BytesIO()
     Image.fromarray(shades).save(buffer, "png")
-    return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode("ascii")
+    return buffer.getvalue()

@@ -56,14 +56,15 @@ def test_every_command_has_a_help_page_with_a_text_for_each_option(run, command)
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.__name__)
-def test_every_option_with_a_value_states_its_default(run, command):
-    missing = []
-    for argument in app[command.__name__.replace("_", "-")].assemble_argument_collection():
-        if not argument.show or argument.required or argument.hint is bool:
-            continue
-        has_default = argument.field_info.default not in (None, argument.field_info.empty)
-        if not (has_default or "Default" in argument.parameter.help):
-            missing.append(argument.name)
+def test_every_option_shows_its_default_or_is_required(run, command):
+    name = command.__name__.replace("_", "-")
+    entries = re.split(r"\n│ [* ]{0,4}(?=\S)", run(name, "--help")[1])
+    options = [entry for entry in entries if entry.startswith("--")]
+    shown = [each for each in app[name].assemble_argument_collection() if each.show]
+    assert len(options) == sum(each.name.startswith("--") for each in shown)
+    missing = [
+        each for each in options if not re.search(r"Default\b|\[default:|\[required\]", each)
+    ]
     assert missing == []
 
 

@@ -83,7 +83,27 @@ def test_images_of_counts_are_filmed(run, capture, tmp_path):
     np.testing.assert_allclose(levels, np.minimum(found[3] / 0.5, 1), atol=0.5001 / 255)
     status, output = run("film", "counts.npy", "-o", "b.npy", *arguments, "--frames", 42)
     assert status == 1
-    assert "frames: expected a multiple of the 10 images of counts, got 42" in output
+    assert "frames: expected a multiple of the 10 images of counts, because" in output
+    assert "got 42; if each image has 42 frames, write --frames 420" in output
+
+
+def test_messages_about_images_of_counts_propose_what_to_write(run, capture):
+    counts = capture.to_array().reshape(10, 4, 24, 30).sum(axis=1).astype(np.uint16)
+    np.save("counts.npy", counts)
+
+    def film_of(window, frames):
+        words = ["-o", "a.npy", "-m", "mle", "--window", window, "--frames", frames]
+        status, output = run("film", "counts.npy", *words)
+        return output if status == 0 else output.removeprefix("error: ")
+
+    assert "from 3 images of counts (12 frames) each" in film_of(3, 40)
+    assert "; 1 image of counts (4 frames) at the end lie in no window" in film_of(3, 40)
+    expected = "window: expected 1 to the capture's 10 images of counts, got 12"
+    assert film_of(12, 40).startswith(f"{expected}; for 12 frames, 4 in each image, write --window")
+    assert film_of(12, 50).splitlines() == [expected]
+    found = film_of(3, 10)
+    assert "expected those of all 10 images of counts together, got 10, but the sum of 3" in found
+    assert found.endswith("write --frames 100\n")
 
 
 def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):

@@ -39,6 +39,15 @@ def test_counts_need_the_number_of_frames(run, tmp_path):
     assert "k16, other" in output
 
 
+def test_the_frames_of_images_of_counts_are_those_of_all_together(run):
+    np.save("counts.npy", np.full((12, 6, 8), 5, np.uint16))
+    status, output = run("reconstruct", "counts.npy", "-o", "out.npy", "--frames", 16)
+    assert status == 1
+    assert "expected those of all 12 images of counts together, got 16" in output
+    assert "if each image has 16 frames, write --frames 192" in output
+    assert run("reconstruct", "counts.npy", "-o", "out.npy", "--frames", 192)[0] == 0
+
+
 def test_the_assumed_sensor_of_a_cube_without_a_description_is_printed(run, tmp_path):
     np.save(tmp_path / "cube.npy", np.full((4, 6, 2), 0b01010101, np.uint8))
     status, output = run("reconstruct", "cube.npy", "-o", "out.npy", "-m", "mle")

@@ -67,6 +67,13 @@ def test_what_is_no_image_is_refused(wrong):
         jl.denoise.tv(wrong)
 
 
+@pytest.mark.parametrize(("function", "name"), [(denoise.tv, "weight"), (denoise.nlm, "strength")])
+@pytest.mark.parametrize("wrong", [0, -1.0, np.nan, "0.5"])
+def test_a_strength_must_be_positive(function, name, wrong):
+    with pytest.raises(ValueError, match=f"{name}: expected a finite number above 0, got"):
+        function(np.ones((8, 8)), wrong)
+
+
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("shape", [(1, 1), (8, 8), (1, 9)])
 def test_tiny_images_keep_their_shape(name, shape):

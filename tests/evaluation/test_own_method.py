@@ -89,6 +89,28 @@ def test_a_signal_during_the_function_ends_the_process(folder):
     assert caught.value.code == 143
 
 
+def test_a_function_that_takes_bits_for_an_array_gets_a_note():
+    def mine(data):
+        return data / 16
+
+    image, sensor = np.full((16, 16), 0.5), jl.Sensor(frames=4)
+    bits = sensor.expose(image, rng=0)
+    ones = bits.counts()
+    merged = jl.Merged(ones, np.full(ones.shape, 4), sensor)
+    calls = [
+        (lambda: jl.compare({"own": mine}, image, sensor), r"mine received Bits; bits.counts() is"),
+        (lambda: jl.reconstruct(bits, method=mine), r"mine received Bits; bits.counts() is"),
+        (lambda: jl.reconstruct(merged, method=mine), "mine received Merged; merged.ones is"),
+    ]
+    for call, expected in calls:
+        with pytest.raises(TypeError) as caught:
+            call()
+        assert expected in caught.value.__notes__[0]
+    with pytest.raises(AttributeError) as caught:
+        jl.reconstruct(ones, sensor, method=lambda data: data.missing)
+    assert not hasattr(caught.value, "__notes__")
+
+
 @pytest.mark.parametrize(
     ("reference", "error", "message"),
     [

@@ -36,6 +36,9 @@ def test_notebooks_show_all_parameters():
     assert "<th>trials per pixel</th><td>4</td>" in text
     assert "<th>dark counts</th><td>0.0</td>" in text
     assert "<th>efficiency</th><td>map of 4 x 6 jots, mean 0.5</td>" in text
+    assert "<th>image</th><td>map of efficiency</td>" in text
+    assert "<img" in text
+    assert "<img" not in jl.Sensor()._repr_html_()
 
 
 def test_numpy_numbers_become_python_numbers():

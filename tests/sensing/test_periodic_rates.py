@@ -40,6 +40,18 @@ def test_a_mosaic_over_a_photograph_is_found(scene, frames):
         assert find_periodic_rates(bits).period == period
 
 
+def test_the_largest_significant_period_of_a_pattern_is_reported():
+    pattern = np.random.default_rng(5).uniform(1, 4, (4, 4))
+    light = np.tile(pattern, (64, 64))
+    bits = jl.Sensor(frames=64, gain=12.8).expose(light, rng=0)
+    found = find_periodic_rates(bits)
+    assert (found.period, found.side) == (4, 1)
+    advice = found.describe()
+    assert "every 4 x 4 jots, for example under the color filters of a mosaic of 4 x 4" in advice
+    assert "bits.counts(1)[0::4, 0::4], sensor.replace(oversampling=1))" in advice
+    assert "likewise the other starts up to [3::4, 3::4]" in advice
+
+
 @pytest.mark.parametrize("frames", [1, 16, 1000, 10**6])
 @pytest.mark.parametrize("scene", SCENES)
 def test_a_photograph_has_no_periodic_rates(scene, frames):

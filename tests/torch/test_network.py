@@ -240,6 +240,11 @@ def test_data_of_other_shapes_are_refused(shape):
         Network(residual("small"))(torch.zeros(shape))
 
 
+def test_an_image_without_the_axes_of_a_batch_gets_advice():
+    with pytest.raises(ValueError, match=r"got shape \(5, 6\); .* write data\[None, None\]"):
+        Network(residual("small"))(torch.zeros(5, 6))
+
+
 def test_arrays_and_bits_are_refused():
     bits = SENSOR.expose(np.full((5, 6), 0.5), rng=0)
     for data in (bits, bits.counts()):

@@ -52,8 +52,8 @@ REFUSED, USAGE, STOPPED = 1, 2, 130
 
 
 def _shown_default(value: object) -> object:
-    """Return the default to show in the help page, or None for a flag that is off."""
-    return None if value is False else value
+    """Return the default to show in the help page: on or off for a flag."""
+    return {False: "off", True: "on"}[value] if isinstance(value, bool) else value
 
 
 app = App(

@@ -114,8 +114,9 @@ class CaptureOptions:
             trials, rest = divmod(total_trials, len(capture))
             if rest:
                 raise ValueError(
-                    f"frames: expected a multiple of the {len(capture)} images of counts, got "
-                    f"{total_trials}"
+                    f"frames: expected a multiple of the {len(capture)} images of counts, because "
+                    f"it states the frames of all of them together, got {total_trials}; state the "
+                    "frames of each image by --trials"
                 )
         return unscale(capture, self.counts_scale, trials)
 

@@ -1,6 +1,7 @@
 """The data of a capture together with their sensor."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ class Captured:
         if isinstance(self.data, Bits):
             return self.data
         with progress(1) as begin:
-            return self.data.sum(begin("summing"))
+            return sum_counts(self.data, self.sensor, len(self.data), begin("summing"))
 
     def notes(self) -> list[str]:
         """Return the assumptions about the file and the sensor, one line each."""
@@ -49,6 +50,56 @@ class Captured:
         if self.hot_jots is not None:
             hot = [f"hot jots in the scene, which are treated as dead: {self.hot_jots}"]
         return [*provenance_notes(self.provenance), *hot, f"{origin}: {self.sensor!r}"]
+
+
+def sum_counts(
+    stack: CountStack,
+    sensor: Sensor,
+    number: int,
+    show: Callable[[float], object] | None = None,
+) -> Counts:
+    """Return the sum of some of `number` images of counts, whose sensor has their frames.
+
+    Raises
+    ------
+    ValueError
+        When it exceeds the trials, because the user stated the frames of each image, not of all.
+    """
+    total = stack.sum(show)
+    largest = int(total.max())
+    if number > 1 and largest > sensor.trials:
+        frames = sensor.frames * number // len(stack)
+        advice = ""
+        if largest <= number * sensor.trials:
+            advice = f"; if each image has {frames} frames, write --frames {number * frames}"
+        raise ValueError(
+            f"frames: expected those of all {number} images of counts together, got {frames}, but "
+            f"the sum of {len(stack)} images reaches {largest}, above K = {sensor.trials}{advice}"
+        )
+    return total
+
+
+def frames_of_each(frames: int, number: int) -> int:
+    """Return the frames of each of `number` images of counts, which have `frames` together.
+
+    Raises
+    ------
+    ValueError
+        When they have no whole number of frames.
+
+    Examples
+    --------
+    >>> frames_of_each(192, 12)
+    16
+    """
+    each, rest = divmod(frames, number)
+    if rest:
+        raise ValueError(
+            f"frames: expected a multiple of the {number} images of counts, because it states the "
+            f"frames of all of them together, got {frames}; if each image has {frames} frames, "
+            f"write --frames {number * frames}"
+        )
+    return each
 
 
 def provenance_notes(provenance: Provenance | None) -> list[str]:

@@ -14,6 +14,7 @@ from jotlight.chunks import windows
 from jotlight.cli.advice import caution_about_motion
 from jotlight.cli.applied_calibration import recorded
 from jotlight.cli.capture_options import CaptureOptions
+from jotlight.cli.captured import sum_counts
 from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
 from jotlight.cli.console import progress, report
 from jotlight.cli.jot_checks import caution_about_jots
@@ -50,13 +51,19 @@ class FilmOptions(OutputOptions):
         ),
     ]
     window: Annotated[
-        int, Parameter(group=FILM_PANEL, help="Number of frames of each image of the film.")
+        int,
+        Parameter(
+            group=FILM_PANEL,
+            help="Number of frames of each image of the film. For images of counts, the number of "
+            "those images, whatever their frames.",
+        ),
     ]
     step: Annotated[
         int | None,
         Parameter(
             group=FILM_PANEL,
-            help="Frames from one window to the next. Default: the size of a window.",
+            help="Frames, or images of counts, from one window to the next. Default: the size of a "
+            "window.",
         ),
     ] = None
     fps: Annotated[
@@ -151,16 +158,23 @@ def _write(
         seconds = time.perf_counter() - start
         record(*job.record_arguments)
     unused = len(data) - spans[-1].stop
-    window = outputs.window
+    each = job.captured.sensor.frames // outputs.window
     report(
         f"{outputs.output}: {len(spans)} image{'s' * (len(spans) > 1)} of "
-        f"{' x '.join(map(str, image.shape))} from {window} frame{'s' * (window > 1)} each, "
+        f"{' x '.join(map(str, image.shape))} from {_amount(data, outputs.window, each)} each, "
         f"values {scale * minimum:.3g} to {scale * maximum:.3g} ({_display(outputs, tone)}), by "
         f"{job.choice.title} in {seconds:.3g} s"
-        + (f"; {unused} frames at the end lie in no window" if unused else "")
+        + (f"; {_amount(data, unused, each)} at the end lie in no window" if unused else "")
     )
     report(*summary.lines())
     return Brightness(maximum, brightness)
+
+
+def _amount(data: Capture, number: int, each: int) -> str:
+    """Return a number of frames, or of images of counts of `each` frames, as a text."""
+    text = f"{number * each} frame{'s' * (number * each > 1)}"
+    images = f"{number} image{'s' * (number > 1)} of counts"
+    return text if isinstance(data, Bits) else f"{images} ({text})"
 
 
 @dataclasses.dataclass
@@ -225,8 +239,9 @@ def _sensor_of_all(job: Reconstruction, window: int) -> Sensor:
 
 def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:
     """Return the estimate of a window without alignment."""
-    pixels = part if isinstance(part, Bits) else part.sum()
     sensor = job.captured.sensor
+    whole = len(job.captured.data)
+    pixels = part if isinstance(part, Bits) else sum_counts(part, sensor, whole)
     image: Image = reconstruct(
         pixels,
         sensor,

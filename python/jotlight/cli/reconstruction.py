@@ -12,7 +12,7 @@ from jotlight.chunks import windows
 from jotlight.cli.advice import range_advice, training_advice
 from jotlight.cli.applied_calibration import AppliedCalibration, recorded
 from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
+from jotlight.cli.captured import Captured, add_sensor, frames_of_each, refuse_capture_overwrite
 from jotlight.cli.console import caution, live_iterations, progress, report
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.method_options import MethodOptions
@@ -145,16 +145,28 @@ def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:
 def _of_window(captured: Captured, window: int) -> Captured:
     """Return a capture with the sensor of one window of its frames."""
     data, sensor = captured.data, captured.sensor
-    windows(len(data), window)
     if isinstance(data, Bits):
+        windows(len(data), window)
         check_fits(data, sensor)
-    # A frame of counts has several readings.
-    each, rest = divmod(sensor.frames, len(data))
-    if rest:
-        raise ValueError(
-            f"frames: expected a multiple of the {len(data)} images of counts, got {sensor.frames}"
-        )
+        each = 1
+    else:
+        _check_window_of_counts(len(data), sensor.frames, window)
+        each = frames_of_each(sensor.frames, len(data))
     return dataclasses.replace(captured, sensor=sensor.replace(frames=each * window))
+
+
+def _check_window_of_counts(number: int, frames: int, window: int) -> None:
+    """Raise ValueError unless a window is a number of images of counts."""
+    if 1 <= window <= number:
+        return
+    each, rest = divmod(frames, number)
+    advice = ""
+    if not rest and each and window % each == 0 and 1 <= window // each <= number:
+        images = window // each
+        advice = f"; for {window} frames, {each} in each image, write --window {images}"
+    raise ValueError(
+        f"window: expected 1 to the capture's {number} images of counts, got {window}{advice}"
+    )
 
 
 @dataclasses.dataclass(frozen=True)

@@ -83,7 +83,8 @@ class ConvergenceHistory:
         state = "converged" if self.converged else "not converged"
         facts: dict[str, object] = {"state": state, "iterations": self.iterations}
         facts |= {f"last {name}": f"{values[-1]:.2g}" for name, values in self.residuals.items()}
-        return card("ConvergenceHistory", {**facts, "objective": f"{self.objective:.6g}"})
+        facts["objective"] = f"{self.objective:.6g}"
+        return card("ConvergenceHistory", facts, self.plot().thumbnail())
 
     def __repr__(self) -> str:
         state = "converged" if self.converged else "not converged"

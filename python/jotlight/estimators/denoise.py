@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import positive_number
 from jotlight.errors import MissingExtraError
 from jotlight.estimators.vst import NOISE
 from jotlight.interrupts import interruptible
@@ -76,6 +77,11 @@ def tv(image: Float32Image, weight: float = 0.5) -> Float32Image:
     weight : float
         The strength of the smoothing, above 0.
 
+    Raises
+    ------
+    ValueError
+        When the strength is not above 0, or for what is no image.
+
     Examples
     --------
     >>> noisy = np.random.default_rng(0).normal(3, NOISE, (32, 32)).astype(np.float32)
@@ -84,6 +90,7 @@ def tv(image: Float32Image, weight: float = 0.5) -> Float32Image:
     """
     from skimage.restoration import denoise_tv_chambolle
 
+    weight = positive_number("weight", weight)
     return np.asarray(denoise_tv_chambolle(image, weight=weight, max_num_iter=200), np.float32)
 
 
@@ -99,6 +106,11 @@ def nlm(image: Float32Image, strength: float = 0.7) -> Float32Image:
     strength : float
         The filter parameter h in units of the noise's standard deviation, above 0.
 
+    Raises
+    ------
+    ValueError
+        When the strength is not above 0, or for what is no image.
+
     Examples
     --------
     >>> noisy = np.random.default_rng(0).normal(3, NOISE, (32, 32)).astype(np.float32)
@@ -107,6 +119,7 @@ def nlm(image: Float32Image, strength: float = 0.7) -> Float32Image:
     """
     from skimage.restoration import denoise_nl_means
 
+    strength = positive_number("strength", strength)
     denoised = denoise_nl_means(
         image,
         patch_size=5,

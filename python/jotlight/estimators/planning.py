@@ -109,7 +109,8 @@ class Plan:
             (f"{frames:,}", f"{psnr:.1f}", *(f"{snr[place]:.1f}" for place in places))
             for frames, psnr, snr in zip(self.frames, self.psnr, self.snr, strict=True)
         ]
-        return card("Plan", facts) + table_of(titles, rows[-_MAX_ROWS:])
+        drawing = self.plot().thumbnail()
+        return card("Plan", facts, drawing) + table_of(titles, rows[-_MAX_ROWS:])
 
     def __repr__(self) -> str:
         facts = ", ".join(f"{name}: {value}" for name, value in self._facts().items())

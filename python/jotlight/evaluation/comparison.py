@@ -15,7 +15,7 @@ from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.layout import Layout
 from jotlight.networks.network import Network
-from jotlight.notebook import table_of, text_table
+from jotlight.notebook import card, table_of, text_table
 from jotlight.progress import Progress, equal_steps, shown_progress
 from jotlight.seeds import SeedLike
 from jotlight.sensing.bits import Bits
@@ -60,7 +60,7 @@ class Comparison:
         return text_table(COLUMNS, self.rows())
 
     def _repr_html_(self) -> str:
-        return table_of(COLUMNS, self.rows())
+        return card("Comparison", {}, self.plot().thumbnail()) + table_of(COLUMNS, self.rows())
 
     def plot(self) -> "Figure":
         """Return a figure of the image, of its bits, and of all estimates, with enlarged parts."""

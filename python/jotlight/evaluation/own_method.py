@@ -157,7 +157,12 @@ def run_own(
         return data.layout.arrange(np.stack(each))
     checked, expected = _prepare(data, sensor)
     arguments, keywords = arguments_of(method, checked, sensor, threads)
-    result = np.asarray(method(*arguments, **{**keywords, **options}))
+    try:
+        result = np.asarray(method(*arguments, **{**keywords, **options}))
+    except (TypeError, AttributeError) as error:
+        if isinstance(checked, Bits | Merged):
+            error.add_note(_about(checked, name))
+        raise
     if result.dtype.kind not in "biuf":
         raise TypeError(f"method: expected an image of numbers from {name}, got {result.dtype}")
     if result.shape != expected:
@@ -167,6 +172,13 @@ def run_own(
     if not np.isfinite(result).all():
         raise ValueError(f"method: expected finite intensities from {name}, got NaN or infinity")
     return result.astype(np.float32, copy=False)
+
+
+def _about(data: Bits | Merged, name: str) -> str:
+    """Return what a function of the caller received, for one that expects an array."""
+    if isinstance(data, Merged):
+        return f"{name} received Merged; merged.ones is an array of counts"
+    return f"{name} received Bits; bits.counts() is an array of counts, bits.to_array() one of bits"
 
 
 def arguments_of(

@@ -228,7 +228,8 @@ class Motion:
     def _repr_html_(self) -> str:
         names = ("model", "size", "frames", "displacement")
         facts = dict(zip(names, self._facts(), strict=True))
-        return card("Motion", {**facts, "reference": f"frame {self.reference:g}"})
+        facts["reference"] = f"frame {self.reference:g}"
+        return card("Motion", facts, self.plot().thumbnail())
 
     def __repr__(self) -> str:
         return f"<Motion: {', '.join(self._facts())}>"

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from jotlight.networks.figure import figure_of_layers
 from jotlight.networks.graph import halo_radius
 from jotlight.networks.layer import Layer
 from jotlight.notebook import card
@@ -17,7 +18,8 @@ def repr_of(layers: Sequence[Layer], sensor: Sensor, trials_range: tuple[int, in
 def html_of(layers: Sequence[Layer], sensor: Sensor, trials_range: tuple[int, int] | None) -> str:
     """Return HTML that describes a network, for notebooks."""
     halo = {"halo": f"{halo_radius(layers)} pixels"}
-    return card("Network", {**_facts(layers, sensor, trials_range), **halo})
+    drawing = figure_of_layers(layers).thumbnail()
+    return card("Network", {**_facts(layers, sensor, trials_range), **halo}, drawing)
 
 
 def _facts(

@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.notebook import card
+from jotlight.notebook import card, normalize
 from jotlight.sensing.sensor_like import SensorLike
 
 AnySensor = TypeVar("AnySensor", bound=SensorLike)
@@ -30,10 +30,15 @@ def repr_of(sensor: SensorLike, defaults: Mapping[str, object]) -> str:
 def html_of(sensor: SensorLike) -> str:
     """Return HTML that describes a sensor, for notebooks."""
     facts: dict[str, object] = {"trials per pixel": sensor.trials, **sensor.scalars()}
-    for name, values in sensor.maps().items():
+    maps, image = sensor.maps(), None
+    for name, values in maps.items():
         size = " x ".join(map(str, values.shape))
         facts[name] = f"map of {size} jots, mean {float(values.mean()):.3g}"
-    return card("Sensor", {name.replace("_", " "): value for name, value in facts.items()})
+    if maps:
+        first, values = next(iter(maps.items()))
+        facts["image"], image = f"map of {first}".replace("_", " "), normalize(values)
+    shown = {name.replace("_", " "): value for name, value in facts.items()}
+    return card("Sensor", shown, image)
 
 
 def sensor_of_parts(

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable, Iterable
 
 import numpy as np
@@ -25,7 +26,7 @@ The blocks of JPEG files and the traces of demosaicing are weaker.
 """
 
 PERIODS = 2, 4
-"""Tested periods in jots, of a Bayer mosaic and of a quad Bayer mosaic."""
+"""Tested periods in jots in ascending order, of a Bayer mosaic and of a quad Bayer mosaic."""
 
 _TILE = 16
 """Width of the tiles that are compared, in halves of a period."""
@@ -54,24 +55,34 @@ class PeriodicRates:
         Root mean square of the periodic part, relative to the mean rate.
     score : float
         How many more neighboring tiles agree than by chance, in standard deviations.
+    side : int
+        Side in jots of the squares of equal rates: half of the period, or 1 for a period of 4 if
+        neighboring jots differ, too.
     """
 
     period: int
     amplitude: float
     score: float
+    side: int
 
     def describe(self) -> str:
         """Return what periodic rates mean, and how to reconstruct the capture."""
-        side = self.period // 2
-        mosaic = "Bayer mosaic" if self.period == 2 else "quad Bayer mosaic"
-        cause = f"for example under the color filters of a {mosaic}, or because rows differ"
+        side, phases = self.side, self.period // self.side
+        mosaic = {(2, 1): "a Bayer mosaic", (4, 2): "a quad Bayer mosaic"}.get(
+            (self.period, side), f"a mosaic of {self.period} x {self.period} jots"
+        )
+        cause = f"for example under the color filters of {mosaic}, or because rows differ"
+        if phases == 2:
+            others = "likewise [0::2, 1::2], [1::2, 0::2], and [1::2, 1::2]"
+        else:
+            others = f"likewise the other starts up to [{phases - 1}::{phases}, "
+            others += f"{phases - 1}::{phases}]"
         return (
             f"the rates repeat every {self.period} x {self.period} jots, {cause}; the estimate "
             "mixes the jots. For colors, load the bits, and reconstruct each color alone: "
-            f"jotlight.reconstruct(bits.counts({side})[0::2, 0::2], "
-            f"sensor.replace(oversampling={side})), and likewise [0::2, 1::2], [1::2, 0::2], and "
-            "[1::2, 1::2]. The sensor states all frames, the gain, the dark counts, and the "
-            "efficiency; its maps need the jots of the color"
+            f"jotlight.reconstruct(bits.counts({side})[0::{phases}, 0::{phases}], "
+            f"sensor.replace(oversampling={side})), and {others}. The sensor states all frames, "
+            "the gain, the dark counts, and the efficiency; its maps need the jots of the color"
         )
 
 
@@ -86,8 +97,9 @@ def find_periodic_rates(
 
     Under a color filter mosaic, jots of different colors alternate. Methods for gray sensors mix
     them. Periodic rates also come from electronics that treat rows or columns differently. Only the
-    periods 2 and 4 are tested. A period of 8 may be reported as 2 or 4. Mosaics of
-    3 x 3 or 6 x 6 jots (X-Trans) are not detected.
+    periods 2 and 4 are tested, and the larger one that is significant is returned. A larger even
+    period, such as 6 or 8, may be reported as 2 or 4. Mosaics of 3 x 3 or 6 x 6 jots (X-Trans) are
+    not detected.
 
     Parameters
     ----------
@@ -137,11 +149,15 @@ def find_periodic_rates(
             return None
         counts = channels[0]
     rates = counts.astype(np.float32)
+    found = None
     for period in PERIODS:
-        score, amplitude = _score(rates, period // 2)
+        side = period // 2
+        score, amplitude = _score(rates, side)
         if score > THRESHOLD and amplitude > MIN_AMPLITUDE:
-            return PeriodicRates(period, amplitude, score)
-    return None
+            if found is not None:
+                side, amplitude = found.side, math.hypot(amplitude, found.amplitude)
+            found = PeriodicRates(period, amplitude, score, side)
+    return found
 
 
 def warn_about_periods(data: Iterable[object]) -> None:

@@ -218,7 +218,9 @@ class Network(nn.Module):
                 "for an image of counts, write torch.from_numpy(counts)[None, None]"
             )
         if data.dim() != 4 or data.shape[1] != channels:
-            raise ValueError(f"data: expected {kind}, got shape {tuple(data.shape)}")
+            is_image = self._is_tied and data.dim() == 2
+            hint = "; for an image of counts, write data[None, None]" if is_image else ""
+            raise ValueError(f"data: expected {kind}, got shape {tuple(data.shape)}{hint}")
         check_values(data, sensor, is_bits=not self._is_tied)
         return sensor
 

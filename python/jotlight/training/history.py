@@ -162,7 +162,8 @@ class History:
             if len(measured):
                 rows.append((name, *(pattern.format(measured[place]) for place in (0, -1))))
         steps = max(0, len(self) - 1)
-        return card("History", {"steps": steps}) + table_of(("", "first", "last"), rows)
+        drawing = self.plot().thumbnail() if self.records else None
+        return card("History", {"steps": steps}, drawing) + table_of(("", "first", "last"), rows)
 
     def __len__(self) -> int:
         return len(self.records)
