@@ -200,10 +200,13 @@ def correction(model: ErrorModel, halves: list[HalfErrors], z: Array, trials: Ar
         for index, values in enumerate((half.squared, expected, half.squared**2)):
             sums[index] += np.bincount(_SIDE * row + column, values[half.known], _SIDE**2)
     measured, expected, squares = sums.reshape(3, _SIDE, _SIDE)
-    factor = measured / np.maximum(expected, 1e-300)
-    error = np.sqrt(squares) / np.maximum(expected, 1e-300)
+    is_known = expected > 0
+    factor, error = (
+        np.divide(values, expected, out=np.ones_like(expected), where=is_known)
+        for values in (measured, np.sqrt(squares))
+    )
     factor = np.clip(factor, _MIN_CORRECTION, _MAX_CORRECTION)
-    trust = 1 / (1 + (error / factor / _SPREAD) ** 2)
+    trust = is_known / (1 + (error / factor / _SPREAD) ** 2)
     return np.exp(0.5 * _interpolate(trust * np.log(factor), _ranks(z)))
 
 
