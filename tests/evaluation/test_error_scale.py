@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from jotlight.evaluation.error_scale import (
     ErrorModel,
@@ -12,6 +13,7 @@ from jotlight.evaluation.error_scale import (
     divide_bits,
     error_model,
     error_terms,
+    is_unlikely,
 )
 
 RANDOM = np.random.default_rng(0)
@@ -134,3 +136,25 @@ def test_quantiles_widen_with_the_coverage_and_surround_0():
         assert (low < previous[0]).all()
         assert (high > previous[1]).all()
         previous = low, high
+
+
+def test_the_gain_is_the_ratio_of_two_binomial_probabilities():
+    rng = np.random.default_rng(3)
+    ones = rng.binomial(12, 0.3, (5, 6)).astype(np.int32)
+    first, second = divide_bits(ones, np.full((5, 6), 12.0))
+    p = rng.uniform(0.1, 0.6, (5, 6))
+    errors = HalfErrors.measure(np.arcsin(np.sqrt(p)), first, second)
+    fraction = (first.ones + 0.5) / (first.trials + 1)
+    expected = binom.logpmf(second.ones, 6, p) - binom.logpmf(second.ones, 6, fraction)
+    np.testing.assert_allclose(errors.gain, expected, atol=1e-9)
+
+
+def test_estimates_are_unlikely_where_the_held_out_bits_say_so():
+    truth = np.full((80, 80), 0.5)
+    ones = RANDOM.binomial(64, truth).astype(np.int32)
+    halves = divide_bits(ones, np.full(truth.shape, 64.0))
+    z = np.full(truth.shape, np.pi / 4)
+    z[:, 40:] += 0.4
+    flags = is_unlikely([HalfErrors.measure(z, *halves)])
+    assert not flags[:, :20].any()
+    assert flags[:, 60:].all()

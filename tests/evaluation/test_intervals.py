@@ -126,3 +126,25 @@ def test_a_sensor_that_no_network_serves_is_refused_except_for_maximum_likelihoo
 def test_a_bad_confidence_level_is_refused():
     with pytest.raises(ValueError, match=r"confidence_level: expected a coverage from 0\.5"):
         jl.uncertainty(COUNTS, SENSOR, confidence_level=0.3)
+
+
+def test_bits_that_speak_against_the_estimate_are_flagged():
+    rows, columns = np.indices((96, 96))
+    board = 0.1 + 0.8 * ((rows + columns) % 2)
+    sensor = jl.Sensor(frames=64)
+    known = jl.uncertainty(sensor.expose(board, rng=0))
+    assert known.unlikely.mean() > 0.9
+    assert (known.flags() & 8 > 0).mean() > 0.9
+    assert not jl.uncertainty(COUNTS, SENSOR).unlikely.any()
+    assert not jl.uncertainty(sensor.expose(board, rng=0), method="mle").unlikely.any()
+    blend = jl.reconstruct(sensor.expose(board, rng=0), method="held-out")
+    assert jl.metrics.psnr(blend, board) > 20
+
+
+def test_the_flags_of_noise_alone_are_rare():
+    flat = np.full((256, 256), 0.4)
+    fractions = [
+        jl.uncertainty(jl.Sensor(frames=trials).expose(flat, rng=trials)).unlikely.mean()
+        for trials in (4, 16, 64)
+    ]
+    assert max(fractions) < 0.005

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from jotlight._engine import __version__
 from jotlight.cli.common_options import OUTPUT_PANEL
+from jotlight.errors import warn
 from jotlight.estimators.brightness import UNITS, unit_scale
 from jotlight.evaluation.uncertainty import uncertainty
 from jotlight.images.image_stack import stack_writer
@@ -23,6 +24,9 @@ from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 _DEFAULT_CURVE = "gamma"
+
+_MANY = 0.01
+"""Fraction of unlikely pixels that is reported."""
 
 _SHOWN = ".png"
 """Ending of a file that shows the uncertainty."""
@@ -181,8 +185,15 @@ class ImageOutputOptions(OutputOptions):
             if self.uncertainty.suffix.lower() == _SHOWN:
                 known.plot().savefig(remaining.pop(0), format="png")
             else:
-                facts = {**metadata, "level": self.level, "flags": "1 unlit, 2 saturated, 4 dead"}
+                flags = "1 unlit, 2 saturated, 4 dead, 8 unlikely"
+                facts = {**metadata, "level": self.level, "flags": flags}
                 stack_writer(self.uncertainty, facts)(remaining.pop(0), known.arrays())
+            if (unlikely := known.unlikely.mean()) > _MANY:
+                warn(
+                    f"{unlikely:.0%} of the pixels look unlike photographs: their bits speak "
+                    'against the estimate; method="held-out" (--method held-out) blends it with '
+                    "methods that trust the bits more"
+                )
         return tones
 
     def _output_tone(self, estimate: npt.NDArray[np.float32], white: float | None) -> Tone:

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 _FLOATS = "standard_error", "low", "high"
 """Names of the arrays that have units."""
 
-_FLAGS = "unlit", "saturated", "dead"
+_FLAGS = "unlit", "saturated", "dead", "unlikely"
 """Names of the arrays of flags."""
 
 
@@ -61,12 +61,17 @@ class Uncertainty:
     """Whether all valid bits are 1, so that the data do not bound the intensity from above."""
     dead: npt.NDArray[np.bool_]
     """Whether the pixel has no valid bit."""
+    unlikely: npt.NDArray[np.bool_]
+    """Whether the bits speak against the estimate: held-out bits near the pixel are less probable
+    under it than under the fractions of ones alone. The scene is then unlike photographs. It is
+    False for maximum likelihood, and with fewer than 4 trials."""
     confidence_level: float
     """The coverage of the intervals."""
 
     def flags(self) -> npt.NDArray[np.uint8]:
-        """Return 1 for unlit, 2 for saturated, 4 for dead pixels, and 0 for the others."""
-        return np.asarray(1 * self.unlit + 2 * self.saturated + 4 * self.dead, np.uint8)
+        """Return the sum of 1 for unlit, 2 saturated, 4 dead, and 8 unlikely pixels."""
+        flags = self.unlit, self.saturated, self.dead, self.unlikely
+        return np.asarray(sum(2**place * flag for place, flag in enumerate(flags)), np.uint8)
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Return the standard error, the interval, and the flags."""
@@ -111,7 +116,7 @@ class Uncertainty:
         if finite.size:
             facts["standard error"] = f"{np.median(finite):.3g} in the median"
         facts["interval"] = f"{self.confidence_level:.6g}"
-        for name in ("unlit", "saturated", "dead"):
+        for name in _FLAGS:
             facts[name] = f"{getattr(self, name).mean():.2%}"
         return facts
 
@@ -192,6 +197,7 @@ def _uncertainty(
         unlit=(low <= 0) & ~dead,
         saturated=saturated,
         dead=dead,
+        unlikely=np.zeros_like(dead),
         confidence_level=confidence_level,
     )
 

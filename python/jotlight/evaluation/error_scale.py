@@ -43,6 +43,16 @@ _SMALLEST = 1e-2
 """Variance times K below which a window counts as flat."""
 
 
+_LEAST_RATIO = 1e-6
+"""Smallest ratio of two probabilities of a bit, so that one bit cannot decide."""
+
+_NEIGHBORHOOD = 6.0
+"""Standard deviation of the neighborhood whose held-out bits decide together, in pixels."""
+
+_CERTAINTY = 3.0
+"""Number of standard deviations by which held-out bits must be less probable."""
+
+
 @dataclasses.dataclass(frozen=True)
 class ErrorModel:
     """The distribution of the errors of the network "medium" on photographs."""
@@ -170,6 +180,9 @@ class HalfErrors:
     """Unbiased estimates of the squared error of p; they can be negative."""
     known: npt.NDArray[np.bool_]
     """Whether the squared error of a pixel is known."""
+    gain: Array
+    """Logarithm of the probability of the held-out bits under the estimate, relative to that under
+    the fraction of ones of the same pixel."""
 
     @classmethod
     def measure(cls, z: Array, trained: Half, held_out: Half) -> Self:
@@ -179,7 +192,15 @@ class HalfErrors:
         mean = held_out.ones / np.maximum(number, 1)
         noise = mean * (1 - mean) / np.maximum(number - 1, 1)
         squared = (mean - np.sin(z) ** 2) ** 2 - noise
-        return cls(z, np.maximum(trained.trials, 1).astype(np.float64), squared, known)
+        # Half a count keeps the fraction away from 0 and 1.
+        fraction = (trained.ones + 0.5) / (trained.trials + 1)
+        of_one, of_zero = (
+            np.log(np.maximum(ratio, _LEAST_RATIO))
+            for ratio in (np.sin(z) ** 2 / fraction, np.cos(z) ** 2 / (1 - fraction))
+        )
+        gain = held_out.ones * of_one + (number - held_out.ones) * of_zero
+        trials = np.maximum(trained.trials, 1).astype(np.float64)
+        return cls(z, trials, squared, known, np.where(known, gain, 0.0))
 
 
 def correction(model: ErrorModel, halves: list[HalfErrors], z: Array, trials: Array) -> Array:
@@ -208,6 +229,21 @@ def correction(model: ErrorModel, halves: list[HalfErrors], z: Array, trials: Ar
     factor = np.clip(factor, _MIN_CORRECTION, _MAX_CORRECTION)
     trust = is_known / (1 + (error / factor / _SPREAD) ** 2)
     return np.exp(0.5 * _interpolate(trust * np.log(factor), _ranks(z)))
+
+
+def is_unlikely(halves: list[HalfErrors]) -> npt.NDArray[np.bool_]:
+    """Return where the held-out bits speak against the estimate, (H, W).
+
+    In the neighborhood of these pixels, the fraction of ones of each pixel alone predicts the
+    held-out bits better than the estimate does.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    gain = np.sum([half.gain for half in halves], axis=0)
+    mean = gaussian_filter(gain, _NEIGHBORHOOD, mode="mirror")
+    variance = gaussian_filter((gain - mean) ** 2, _NEIGHBORHOOD, mode="mirror")
+    deviation = np.sqrt(variance / (4 * np.pi)) / _NEIGHBORHOOD
+    return np.asarray(mean < -_CERTAINTY * deviation)
 
 
 def _ranks(z: Array) -> tuple[Array, Array]:

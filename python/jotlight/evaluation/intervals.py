@@ -16,6 +16,7 @@ from jotlight.evaluation.error_scale import (
     correction,
     divide_bits,
     error_model,
+    is_unlikely,
 )
 from jotlight.layout import Layout
 from jotlight.networks.network import Network
@@ -111,23 +112,23 @@ class Pixels:
         jot = self.efficiency, self.dark_counts
         return stabilize(estimate.astype(np.float64), self.sensor, *jot)
 
-    def scale(
-        self, known: Estimate, halves: Sequence[Half], estimates: Sequence[Estimate]
-    ) -> Array:
-        """Return the scale of the errors of the network's estimate."""
+    def errors(self, halves: Sequence[Half], estimates: Sequence[Estimate]) -> list[HalfErrors]:
+        """Return the errors of the estimates from each half, if there are any."""
+        pairs = (halves, halves[::-1])
+        return [
+            HalfErrors.measure(self.stabilize(estimate), *pair)
+            for estimate, pair in zip(estimates, pairs[: len(estimates)], strict=True)
+        ]
+
+    def scale(self, known: Estimate, errors: list[HalfErrors]) -> Array:
+        """Return the scale of the errors of a network's estimate, with those from the halves."""
         model, z, trials = error_model(), self.stabilize(known), np.maximum(self.trials, 0.5)
         scale = model.scale(z, trials)
-        if not len(estimates):
-            return scale
-        first, second = halves
-        of_first, of_second = (self.stabilize(estimate) for estimate in estimates)
-        errors = [
-            HalfErrors.measure(of_first, first, second),
-            HalfErrors.measure(of_second, second, first),
-        ]
-        return scale * correction(model, errors, z, trials)
+        return scale * correction(model, errors, z, trials) if errors else scale
 
-    def uncertainty(self, estimate: Estimate, scale: Array, confidence_level: float) -> Uncertainty:
+    def uncertainty(
+        self, estimate: Estimate, scale: Array, errors: list[HalfErrors], confidence_level: float
+    ) -> Uncertainty:
         """Return the uncertainty (1, H, W) of an estimate whose errors have a scale."""
         model, z, trials = error_model(), self.stabilize(estimate), np.maximum(self.trials, 0.5)
 
@@ -146,6 +147,7 @@ class Pixels:
             unlit=((low <= 0) & ~dead)[None],
             saturated=((self.ones == self.trials) & ~dead)[None],
             dead=dead[None],
+            unlikely=(is_unlikely(errors) if errors else np.zeros_like(dead))[None],
             confidence_level=confidence_level,
         )
 
@@ -188,11 +190,12 @@ def find_intervals(
         own = estimates[len(results) : len(results) + len(part)]
         known = own if is_own else _quietly(network, part, sensor, threads)
         for place, one in enumerate(each):
-            scale = one.scale(known[place], halves[place], of_halves[place])
+            errors = one.errors(halves[place], of_halves[place])
+            scale = one.scale(known[place], errors)
             if not is_own:
                 difference = one.stabilize(own[place]) - one.stabilize(known[place])
                 scale = _widen(scale, difference)
-            results.append(one.uncertainty(own[place], scale, confidence_level))
+            results.append(one.uncertainty(own[place], scale, errors, confidence_level))
     return Uncertainty.arrange(results, images.layout)
 
 
