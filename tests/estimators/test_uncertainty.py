@@ -96,9 +96,8 @@ def test_the_coverage_reaches_the_confidence_level_where_jots_of_a_pixel_differ(
     for light in (0.0, 0.2, 2.0):
         covered[:] = 0
         for seed in range(runs):
-            result = jl.uncertainty(
-                sensor.expose(np.full((4, 4), light), rng=seed), sensor, confidence_level=0.9
-            )
+            bits = sensor.expose(np.full((4, 4), light), rng=seed)
+            result = jl.uncertainty(bits, method="mle", confidence_level=0.9)
             covered += (result.low <= light) & (light <= result.high)
         assert result.dead[0, 0]
         assert result.dead.sum() == 1

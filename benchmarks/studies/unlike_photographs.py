@@ -1,0 +1,55 @@
+"""Compare methods on scenes that are unlike photographs, and show how they are flagged.
+
+    python benchmarks/studies/unlike_photographs.py [--trials 4 16 64 256]
+
+The table shows the PSNR in dB, and the fraction of pixels that `jotlight.uncertainty` flags as
+unlikely under the estimate of "medium". The scenes have 256 x 256 pixels, 1 photon per jot and
+frame at intensity 1, and random numbers from a fixed seed.
+"""
+
+import argparse
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import gaussian_filter
+
+import jotlight as jl
+
+SIDE = 256
+METHODS = "network-medium", "held-out", "admm-tv", "noniterative-tv"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--trials", nargs="+", type=int, default=[4, 16, 64, 256])
+    options = parser.parse_args()
+    print(f"| scene | K | {' | '.join(METHODS)} | unlikely |")
+    print(f"| --- | ---: | {' | '.join('---:' for _ in METHODS)} | ---: |")
+    for name, image in scenes().items():
+        for trials in options.trials:
+            bits = jl.Sensor(frames=trials).expose(image, rng=1)
+            scores = [jl.metrics.psnr(jl.reconstruct(bits, method=each), image) for each in METHODS]
+            unlikely = jl.uncertainty(bits, method="network-medium").unlikely.mean()
+            columns = [f"{score:.2f}" for score in scores]
+            print(f"| {name} | {trials} | {' | '.join(columns)} | {unlikely:.0%} |", flush=True)
+
+
+def scenes() -> dict[str, npt.NDArray[np.float64]]:
+    """Return the scenes by name."""
+    rng = np.random.default_rng(0)
+    row, column = np.mgrid[:SIDE, :SIDE]
+    blurred = gaussian_filter(rng.normal(size=(SIDE, SIDE)), 1.5)
+    return {
+        "white noise": rng.uniform(0.1, 0.9, (SIDE, SIDE)),
+        "smooth noise": np.clip(0.5 + 1.5 * blurred, 0, 1),
+        "checkerboard, 1 pixel": 0.1 + 0.8 * ((row + column) % 2),
+        "checkerboard, 4 pixels": 0.1 + 0.8 * ((row // 4 + column // 4) % 2),
+        "saturated panels": np.where((row // 64 + column // 64) % 2, 1.0, 0.02),
+        "stripes, 3.3 pixels": 0.5 + 0.4 * np.sin(2 * np.pi * column / 3.3),
+        "points": np.where(rng.random((SIDE, SIDE)) < 0.02, 1.0, 0.05),
+    }
+
+
+if __name__ == "__main__":
+    main()
