@@ -36,6 +36,7 @@ def layer_specs(layers: Sequence[Layer]) -> list[LayerSpec]:
 
     Examples
     --------
+    >>> import numpy as np
     >>> tap = np.ones((1, 1, 1, 1), np.float32)
     >>> specs = layer_specs([Layer(tap, None), Layer(np.ones((1, 1, 3, 5), np.float32), None)])
     >>> specs[1].input, specs[1].row_padding, specs[1].column_padding
