@@ -1,5 +1,6 @@
 """Files of networks: they load unchanged, and damaged ones are refused."""
 
+import dataclasses
 import json
 import pickle
 
@@ -243,3 +244,26 @@ def test_files_of_equal_networks_have_equal_bytes(tmp_path):
         written.add(path.read_bytes())
         network = jl.Network.load(path)
     assert len(written) == 1
+
+
+def test_numbers_that_float16_holds_are_stored_in_it(tmp_path):
+    network = jl.Network.conditional("small", rng=0)
+    rounded = jl.Network(
+        [
+            dataclasses.replace(layer, filters=layer.filters.astype(np.float16).astype(np.float32))
+            for layer in network.layers
+        ],
+        network.sensor,
+        trials_range=network.trials_range,
+    )
+    sizes = []
+    for name, each in (("whole", network), ("rounded", rounded)):
+        path = tmp_path / f"{name}.safetensors"
+        each.save(path)
+        again = jl.Network.load(path)
+        for layer, expected in zip(again.layers, each.layers, strict=True):
+            assert layer.filters.dtype == np.float32
+            np.testing.assert_array_equal(layer.filters, expected.filters)
+            np.testing.assert_array_equal(layer.coefficients, expected.coefficients)
+        sizes.append(path.stat().st_size)
+    assert sizes[1] < 0.7 * sizes[0]

@@ -37,9 +37,9 @@ def write_network(
     """
     tensors: dict[str, npt.NDArray[Any]] = {}
     for index, layer in enumerate(layers):
-        tensors[f"layers.{index}.filters"] = layer.filters
+        tensors[f"layers.{index}.filters"] = _compact(layer.filters)
         if layer.coefficients is not None:
-            tensors[f"layers.{index}.coefficients"] = layer.coefficients
+            tensors[f"layers.{index}.coefficients"] = _compact(layer.coefficients)
     for name, map_ in sensor.maps().items():
         tensors[f"sensor.{name}"] = np.ascontiguousarray(map_)
     metadata = {
@@ -51,6 +51,18 @@ def write_network(
         "history": json.dumps(history),
     }
     write_tensors(path, tensors, metadata)
+
+
+def _compact(array: npt.NDArray[np.float32]) -> npt.NDArray[np.floating]:
+    """Return an array in float16 if it holds the same numbers."""
+    with np.errstate(over="ignore"):
+        half = array.astype(np.float16)
+    return half if np.array_equal(half, array) else array
+
+
+def _expand(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return an array in float32 if it is in float16."""
+    return array.astype(np.float32) if array.dtype == np.float16 else array
 
 
 def read_network(path: str | os.PathLike[str], make: Callable[..., _Network]) -> _Network:
@@ -74,8 +86,8 @@ def read_network(path: str | os.PathLike[str], make: Callable[..., _Network]) ->
     try:
         layers = [
             Layer(
-                tensors[f"layers.{index}.filters"],
-                tensors[f"layers.{index}.coefficients"] if "start" in fields else None,
+                _expand(tensors[f"layers.{index}.filters"]),
+                _expand(tensors[f"layers.{index}.coefficients"]) if "start" in fields else None,
                 **fields,
             )
             for index, fields in enumerate(json.loads(metadata["layers"]))
