@@ -64,7 +64,7 @@ def test_names_are_kept_in_their_order():
     ("name", "message"),
     [
         ("magic", "method: there is no 'magic'; expected one of mle, "),
-        ("network-large", "network-large: there is no trained network for 20 trials per pixel"),
+        ("network-small", "network-small: there is no trained network for 20 trials per pixel"),
     ],
 )
 def test_a_method_that_is_unknown_or_does_not_serve_the_sensor_is_refused(name, message):

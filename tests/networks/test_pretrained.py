@@ -293,21 +293,29 @@ def test_the_small_network_beats_the_two_layer_one(bits):
 
 
 @pytest.mark.slow
-def test_the_large_network_beats_the_medium_one_and_serves_16_bits_only():
-    sensor, image = jl.Sensor(frames=16), camera()
-    seen = sensor.expose(image, rng=1)
-    large, medium = (
-        jl.metrics.psnr(pretrained(sensor, quality).reconstruct(seen), image)
-        for quality in ("large", "medium")
-    )
-    assert large > medium + 0.1
-    with pytest.raises(ValueError, match="25 trials per pixel, only for 16;"):
-        pretrained(jl.Sensor(frames=25), "large")
+@pytest.mark.parametrize("bits", [1, 4, 16, 64, 256])
+def test_the_large_network_beats_the_medium_one(bits):
+    image = camera()
+    for sensor in (jl.Sensor(frames=bits), jl.Sensor(frames=bits, gain=0.2 * bits)):
+        seen = sensor.expose(image, rng=1)
+        large, medium = (
+            jl.metrics.psnr(pretrained(sensor, quality).reconstruct(seen), image)
+            for quality in ("large", "medium")
+        )
+        assert large > medium
+
+
+def test_at_16_trials_the_large_network_is_one_for_this_number_alone():
+    assert pretrained(jl.Sensor(frames=16), "large").trials_range is None
+    for sensor in (jl.Sensor(frames=15), jl.Sensor(frames=16, max_intensity=2.0)):
+        assert pretrained(sensor, "large").trials_range is not None
 
 
 def test_files_are_small():
     assert (FOLDER / "medium.safetensors").stat().st_size < 2_600_000
     assert (FOLDER / "large-k16.safetensors").stat().st_size < 2_000_000
+    assert (FOLDER / "large.safetensors").stat().st_size < 4_600_000
+    assert sum(file.stat().st_size for file in FOLDER.glob("*.safetensors")) < 20_000_000
     for bits in TRAINED_TRIALS:
         assert (FOLDER / f"small-k{bits}.safetensors").stat().st_size < 60_000
 

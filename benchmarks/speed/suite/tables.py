@@ -28,7 +28,7 @@ NETWORK_USES = {
     "network-two-layer": "video and previews",
     "network-small": "better images within a few milliseconds",
     "network-medium": "most images; it serves any exposure and any number of trials per pixel",
-    "network-large": "the best images, at 16 trials per pixel",
+    "network-large": "the best images",
 }
 """When to use each network, by the name of its task."""
 

@@ -14,7 +14,12 @@ from jotlight.evaluation.methods import (
     find_method,
 )
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, remedy, unsupported_reason
+from jotlight.networks.pretrained import (
+    CONDITIONAL_SIZE,
+    CONDITIONAL_SIZES,
+    remedy,
+    unsupported_reason,
+)
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
@@ -156,8 +161,8 @@ def choose_method(
             is_smooth = is_bits and sensor.kernel != "box"
             method, quality = SMOOTH_KERNEL_METHOD if is_smooth else FALLBACK_METHOD, None
             reason = missing
-        # The medium network serves any S. Every other size was trained for S = 1.
-        has_fixed_range = quality is not None and quality != CONDITIONAL_SIZE
+        # K-conditioned networks serve any S. Every other size was trained for S = 1.
+        has_fixed_range = quality is not None and quality not in CONDITIONAL_SIZES
     max_intensity = sensor.max_intensity
     limit, notes = None, []
     saturation = saturation_intensity(sensor)

@@ -8,16 +8,20 @@ from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 CONDITIONAL_SIZE = "medium"
-"""The size that is K-conditioned: its network serves any K, exposure, and S."""
+"""The default size. It is K-conditioned: its network serves any K, exposure, and S."""
+
+CONDITIONAL_SIZES = CONDITIONAL_SIZE, "large"
+"""The K-conditioned sizes."""
 
 TRAINED_TRIALS = tuple(side**2 for side in range(3, 11))
 """Values of K of the "two-layer" and "small" networks, for α = K, q = 1, S = 1, and box kernel."""
 
 LARGE_TRIALS = (16,)
-"""Values of K of the "large" networks, for the same α, q, S, and kernel."""
+"""Values of K for which there is also a "large" network for this K alone, which is better, for the
+same α, q, S, and kernel."""
 
 MAX_TRIALS = 256
-"""Largest K on which the "medium" network, which is K-conditioned, was trained."""
+"""Largest K on which the K-conditioned networks were trained."""
 
 FOLDER = Path(__file__).parent / "weights"
 """Folder of the files: `small-k16.safetensors`, for example, with its card `small-k16.md`."""
@@ -38,12 +42,13 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     Parameters
     ----------
     sensor : Sensor
-        Sensor with the box kernel. Dead jots are allowed. "medium" serves every number of trials
-        per pixel at any exposure. The other sizes serve K = 9, 16, 25, 36, 49, 64, 81, or 100
-        ("large" only 16), ηα = K, threshold 1, S = 1, and dark counts of at most 0.05.
+        Sensor with the box kernel. Dead jots are allowed. "medium" and "large" serve every number
+        of trials per pixel at any exposure. The other sizes serve K = 9, 16, 25, 36, 49, 64, 81, or
+        100, ηα = K, threshold 1, S = 1, and dark counts of at most 0.05.
     quality : {"two-layer", "small", "medium", "large"}
         Size of the network. In this order: the paper's two layers; six layers of up to 12 channels;
-        thirteen K-conditioned layers of up to 52 channels; fourteen layers of up to 80 channels.
+        thirteen K-conditioned layers of up to 52 channels; fifteen of up to 80 channels. For K = 16
+        and the sensors of the smaller sizes, "large" is a network for this K alone.
 
     Returns
     -------
@@ -73,10 +78,17 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
         )
     if (message := unsupported_message(sensor, quality)) is not None:
         raise ValueError(message)
-    name = quality if quality == CONDITIONAL_SIZE else f"{quality}-k{sensor.trials}"
-    network = Network.load(FOLDER / f"{name}.safetensors")
+    network = Network.load(FOLDER / f"{_file_name(sensor, quality)}.safetensors")
     network.default_sensor = sensor
     return network
+
+
+def _file_name(sensor: Sensor, quality: str) -> str:
+    """Return the name of the file of a network that serves a sensor."""
+    is_conditional = quality in CONDITIONAL_SIZES
+    if quality == "large" and _unsupported_by_one_exposure(sensor, LARGE_TRIALS) is None:
+        is_conditional = False
+    return quality if is_conditional else f"{quality}-k{sensor.trials}"
 
 
 def unsupported_message(sensor: Sensor, quality: str = "medium") -> str | None:
@@ -123,16 +135,15 @@ def unsupported_reason(sensor: Sensor, quality: str = "medium") -> str | None:
     """
     if quality not in SIZES:
         raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
-    if quality == CONDITIONAL_SIZE:
+    if quality in CONDITIONAL_SIZES:
         reason = _unsupported_by_conditional(sensor)
     else:
-        trained = LARGE_TRIALS if quality == "large" else TRAINED_TRIALS
-        reason = _unsupported_by_one_exposure(sensor, trained)
+        reason = _unsupported_by_one_exposure(sensor, TRAINED_TRIALS)
     return reason and f"there is no trained network for {reason}"
 
 
 def _unsupported_by_conditional(sensor: Sensor) -> str | None:
-    """Return the property of a sensor that the K-conditioned network does not serve, or None."""
+    """Return the property of a sensor that K-conditioned networks do not serve, or None."""
     if sensor.kernel != "box":
         return f"the {sensor.kernel} kernel, only for the box"
     return None
