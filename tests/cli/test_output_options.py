@@ -129,6 +129,15 @@ def test_uncertainty_is_written_in_the_units_of_the_estimate(
     assert (planes[3] == expected.flags()).all()
 
 
+def test_unknown_errors_are_reported_before_the_work(run, tmp_path):
+    sensor = jl.Sensor(oversampling=2, frames=4, kernel="linear")
+    jl.save(sensor.expose(np.full((16, 16), 0.5), rng=0), tmp_path / "smooth.npy")
+    status, output = run("reconstruct", "smooth.npy", "-o", "a.npy", "--uncertainty", "u.npz")
+    assert status == 1
+    assert "errors of the estimate are unknown" in " ".join(output.split())
+    assert not (tmp_path / "a.npy").exists()
+
+
 def test_uncertainty_is_shown_as_an_image(run, capture, tmp_path):
     status, output = run("reconstruct", "known.npy", "-o", "a.npy", "--uncertainty", "u.png")
     assert status == 0, output

@@ -9,6 +9,7 @@ from jotlight.cli.motion_options import ImageMotionOptions
 from jotlight.cli.output_options import ImageOutputOptions
 from jotlight.cli.reconstruction import Inputs, reconstruct_image
 from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.evaluation.uncertainty import check_errors_known
 from jotlight.images.io import image_writer
 
 
@@ -35,6 +36,8 @@ def reconstruct(
     inputs.check_outputs([*outputs.paths(), *motion.paths()])
     image_writer(outputs.output, depth=outputs.depth)
     job = inputs.prepare(outputs.output)
+    if outputs.uncertainty is not None:
+        check_errors_known(job.method, job.captured.sensor)
     reconstruct_image(job, outputs, motion, threads)
     caution_about_jots(job.captured, threads)
     if not motion.motion:

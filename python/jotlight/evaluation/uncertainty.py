@@ -129,6 +129,26 @@ def uncertainty(
     ).scaled(scale)
 
 
+def check_errors_known(method: str | Network | OwnMethod | None, sensor: Sensor) -> None:
+    """Raise ValueError if :func:`uncertainty` has no intervals of a method for a sensor.
+
+    Examples
+    --------
+    >>> check_errors_known("mle", Sensor(kernel="cubic"))
+    >>> check_errors_known(None, Sensor(kernel="cubic"))
+    Traceback (most recent call last):
+      ...
+    ValueError: sensor: there is no trained network for the cubic kernel, ...
+    """
+    if method == EXACT_METHOD or (isinstance(method, Network) and method.trials_range is not None):
+        return
+    if (reason := unsupported_reason(sensor, CONDITIONAL_SIZE)) is not None:
+        raise ValueError(
+            f"sensor: {reason}, so the errors of the estimate are unknown; "
+            f'method="{EXACT_METHOD}" (--method {EXACT_METHOD}) has intervals for every sensor'
+        )
+
+
 def _reference(
     method: str | Network | OwnMethod | None,
     quality: str | None,
@@ -147,9 +167,5 @@ def _reference(
         network = pretrained(sensor, quality)
         if network.trials_range is not None:
             return network, True
-    if (reason := unsupported_reason(sensor, CONDITIONAL_SIZE)) is not None:
-        raise ValueError(
-            f"sensor: {reason}, so the errors of the estimate are unknown; method="
-            f"{EXACT_METHOD!r} has intervals for every sensor"
-        )
+    check_errors_known(method, sensor)
     return pretrained(sensor, CONDITIONAL_SIZE), False
