@@ -32,7 +32,7 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
     assert status == 0
     assert f"{NETWORK}: a two-layer network for 32 bits per pixel, trained in 3 steps" in output
     assert "--quality medium trains a better network, with PyTorch." in output
-    assert "The trained network medium serves this sensor, too" in output
+    assert "The trained network large serves this sensor, too" in output
     sensor = jl.Sensor(oversampling=4, frames=2)
     trained, history = jl.train(
         jl.Network.initial(sensor), read_image_set(photo_folder)[1],

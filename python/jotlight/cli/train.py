@@ -50,8 +50,8 @@ from jotlight.training import History, Record
 _SMALL_LAYERS = 6
 """Number of layers of the network "small". Networks with more get no hint."""
 
-_BEST = "large", CONDITIONAL_SIZE
-"""Sizes of the trained networks to propose, the best one first."""
+_BEST = "large"
+"""Size of the trained network to propose."""
 
 _PHOTOGRAPHS = "photographs of scikit-image"
 
@@ -252,11 +252,10 @@ def _hint(network: Network, sensor: Sensor) -> None:
     if len(network.layers) > _SMALL_LAYERS:
         return
     report(f"--quality {CONDITIONAL_SIZE} trains a better network, with PyTorch.")
-    best = next((size for size in _BEST if unsupported_reason(sensor, size) is None), None)
-    if best is not None:
+    if unsupported_reason(sensor, _BEST) is None:
         report(
-            f"The trained network {best} serves this sensor, too: jotlight reconstruct "
-            f"CAPTURE --quality {best} -o a.png"
+            f"The trained network {_BEST} serves this sensor, too: jotlight reconstruct "
+            f"CAPTURE --quality {_BEST} -o a.png"
         )
 
 
