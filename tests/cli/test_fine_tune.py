@@ -219,7 +219,6 @@ def test_options_of_train_are_unknown(run_fine_tune, tmp_path, arguments):
 @pytest.mark.parametrize(
     ("sensor", "arguments", "expected"),
     [
-        ({"frames": 1}, [], "data: expected pixels with two bits or more"),
         ({"frames": 4, "kernel": "cubic"}, [], "expected the box kernel, got cubic"),
         ({"frames": 4}, ["--steps", 0], "steps: expected at least 1, got 0"),
         ({"frames": 4}, ["--learning-rate", 0], "learning_rate: expected a finite number above 0"),

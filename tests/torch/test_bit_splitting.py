@@ -118,3 +118,23 @@ def test_the_gradient_of_the_likelihood_agrees_with_finite_differences(threshold
         ]
         slope = float((estimate.grad * direction).sum())
         assert (ends[0] - ends[1]) / 2e-5 == pytest.approx(slope, rel=1e-4)
+
+
+def test_a_single_bit_is_either_hidden_or_an_input():
+    mask = np.zeros(SCENE.shape, bool)
+    mask[10:14, 20:23] = True
+    sensor = jl.Sensor(mask=mask)
+    bits = sensor.expose(SCENE, rng=0)
+    splitter = bit_splitter(CONDITIONAL, sensor, bits)
+    ((training_ones, training_trials),), (held_out,) = splitter.training_bits, splitter.held_out
+    held_out_ones, held_out_trials = held_out.planes[0, 1:3].numpy()
+    np.testing.assert_array_equal(training_trials + held_out_trials, ~mask)
+    np.testing.assert_array_equal(training_ones + held_out_ones, bits.counts() * ~mask)
+    split = splitter.draw(np.random.default_rng(0), 40, 48)
+    counts, ones, trials = split.planes[:, :3].unbind(1)
+    assert split.network_trials == 1
+    assert set(counts.unique().tolist()) <= {0, 1}
+    # A tenth of the pixels is hidden, besides the tenth that is held out.
+    hidden = float(trials.mean())
+    assert hidden == pytest.approx(0.9 * 0.1, abs=0.01)
+    assert (ones <= trials).all()

@@ -209,6 +209,17 @@ def test_color_maps_dead_jots_and_two_trials_can_be_tuned():
     assert np.isfinite(tuned[1].loss).all()
 
 
+def test_one_frame_suffices():
+    row, column = np.mgrid[:96, :96]
+    scene = 0.5 + 0.45 * np.sin(2 * np.pi * column / 6) * np.sin(2 * np.pi * row / 9)
+    bits = jl.Sensor().expose(scene, rng=0)
+    start = jl.Network.conditional("small", rng=0)
+    tuned, history = fine_tune(start, bits, steps=60, learning_rate=3e-3, rng=0, threads=1)
+    assert history.held_out[-1] < history.held_out[0] - 0.01
+    before, after = (jl.metrics.psnr(each.reconstruct(bits), scene) for each in (start, tuned))
+    assert after > before + 1
+
+
 def test_the_callback_gets_each_record():
     records = []
     history = tune(callback=records.append)[1]
@@ -218,13 +229,14 @@ def test_the_callback_gets_each_record():
 
 UNTIED = jl.Network.initial(jl.Sensor(oversampling=2), tied=False)
 CUBIC = jl.Sensor(frames=8, kernel="cubic")
+MASKED = jl.Sensor(mask=np.ones(SCENE.shape, bool))
 UNEVEN = jl.Sensor(oversampling=2, frames=2, efficiency=np.linspace(0.5, 1, 9216).reshape(96, 96))
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"data": BITS[:1]}, "two bits or more.*got 1; take more frames"),
+        ({"data": MASKED.expose(SCENE, rng=0)}, "pixels with valid bits, got none"),
         ({"network": UNTIED, "data": UNTIED.sensor.expose(SCENE, rng=0)}, "tied"),
         (
             {"network": jl.Network.initial(CUBIC), "data": CUBIC.expose(SCENE, rng=0)},

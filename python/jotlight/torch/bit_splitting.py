@@ -23,6 +23,7 @@ from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.subsampling import LongCounts, subsample_counts
+from jotlight.torch.blind_spots import draw_blind_spots, fill_blind_spots
 from jotlight.torch.estimates import probability_of
 from jotlight.torch.response import detection_probability
 
@@ -145,6 +146,8 @@ class BitSplitter:
         self.channel_trials: list[LongCounts] = []
         self.training_bits: list[tuple[LongCounts, LongCounts]] = []
         self.held_out: list[Split] = []
+        self.is_single = max(int(np.max(channel.trials)) for channel in channels) == 1
+        """Whether no pixel has two bits, so that bits cannot be split, but hidden."""
         for channel in channels:
             self._hold_out(channel, rng)
 
@@ -236,6 +239,8 @@ class BitSplitter:
         training = ones - held_out, trials - subset
         self.channel_trials.append(trials)
         self.training_bits.append(training)
+        if self.is_single:
+            training = _fill(rng, *training)
         whole = slice(None), slice(None)
         input_trials = max(1, round((1 - HELD_OUT_FRACTION) * self.trials))
         self.held_out.append(
@@ -252,20 +257,33 @@ class BitSplitter:
             if trials[window].any():
                 break
         ones, trials = ones[window], trials[window]
-        # A pixel with dead jots contributes the same fraction of its bits as others.
-        subset = np.rint(input_trials / self.trials * self.channel_trials[index][window])
-        subset = np.clip(subset, np.minimum(trials, 1), trials).astype(np.int64)
+        subset = self._input_trials(rng, trials, self.channel_trials[index][window], input_trials)
         input_ones = subsample_counts(ones, trials, subset, rng)
         target = ones - input_ones, trials - subset
+        input_bits = input_ones, subset
+        if self.is_single:
+            input_bits = _fill(rng, *input_bits)
         with warnings.catch_warnings():
             # The split of the held-out bits already warned that dead pixels are inpainted.
             warnings.simplefilter("ignore", JotlightWarning)
-            split = self._split(
-                self.channels[index], window, input_trials, (input_ones, subset), target
-            )
+            split = self._split(self.channels[index], window, input_trials, input_bits, target)
         symmetry = int(rng.integers(8))
         planes = torch.rot90(split.planes, symmetry % 4, (2, 3))
         return dataclasses.replace(split, planes=planes.mT if symmetry >= 4 else planes)
+
+    def _input_trials(
+        self, rng: np.random.Generator, trials: LongCounts, whole: LongCounts, input_trials: int
+    ) -> LongCounts:
+        """Return how many of the training bits of each pixel are the input, (H, W).
+
+        `whole` are the numbers of all bits, with those that are held out.
+        """
+        if self.is_single:
+            return np.where(draw_blind_spots(rng, trials > 0), 0, trials)
+        # A pixel with dead jots contributes the same fraction of its bits as others.
+        subset = np.rint(input_trials / self.trials * whole)
+        clipped = np.clip(subset, np.minimum(trials, 1), trials)
+        return np.asarray(clipped, np.int64)
 
     def _split(
         self,
@@ -292,6 +310,13 @@ class BitSplitter:
         planes = np.broadcast_arrays(counts, *target, efficiency, dark)
         tensor = torch.from_numpy(np.stack(planes).astype(np.float32)[None])
         return Split(input_trials, self.conditional, tensor)
+
+
+def _fill(
+    rng: np.random.Generator, ones: LongCounts, trials: LongCounts
+) -> tuple[LongCounts, LongCounts]:
+    """Return single bits in all pixels, where those of neighbors replace the missing ones."""
+    return fill_blind_spots(rng, ones, trials > 0), np.ones_like(trials)
 
 
 def _rate_from_probability(threshold: int, probability: Tensor) -> Tensor:

@@ -71,7 +71,8 @@ def fine_tune(
 
     The bits of a pixel are independent given the light. Each step splits them at random: 60 to 90 %
     are the input of the network, and the cost is the negative log-likelihood of the others. One
-    tenth of all bits is held out from every step, and selects the best parameters.
+    tenth of all bits is held out from every step, and selects the best parameters. Where each pixel
+    has a single bit, each step hides some pixels from the network, and their bits are the target.
 
     Parameters
     ----------
@@ -126,8 +127,8 @@ def fine_tune(
     Raises
     ------
     TypeError, ValueError
-        When network, data, sensor, and settings do not fit, when no pixel has two bits, or when the
-        checkpoint belongs to another run.
+        When network, data, sensor, and settings do not fit, when no pixel has a valid bit, or when
+        the checkpoint belongs to another run.
     FloatingPointError
         When the likelihood is not finite; the message says what to change.
 
@@ -322,12 +323,8 @@ def _count_images(
             "sensor: expected jots with the same efficiency and dark counts inside each pixel, "
             "since its bits are split at random; use the means over the pixels"
         )
-    max_trials = max(int(np.max(channel.trials)) for channel in channels)
-    if max_trials < 2:
-        raise ValueError(
-            "data: expected pixels with two bits or more, some for the input and some for the "
-            f"target, got {max_trials}; take more frames, or use the network without fine-tuning"
-        )
+    if max(int(np.max(channel.trials)) for channel in channels) < 1:
+        raise ValueError("data: expected pixels with valid bits, got none")
     return channels
 
 
