@@ -20,10 +20,9 @@ IMAGES = {
     MIXTURE: "335 photographs of the Berkeley segmentation data set BSDS500 that are not among the "
     "test images of BSDS300 (no license stated; please cite P. Arbelaez, M. Maire, C. Fowlkes and "
     "J. Malik, IEEE TPAMI 33(5), 2011), 186 of CID22 (CC BY-SA 4.0), 24 of CLIC 2025 (Unsplash "
-    "License), 15 of GB82 (public domain), and synthetic drawings; in the first stages, the "
-    "training images of BSDS300 alone. The patches are luma or a color plane, display-encoded or "
-    "linear in light, at the scale of the photograph or averaged over areas of up to 3 × 3 pixels. "
-    "The network file contains no part of the images.",
+    "License), 15 of GB82 (public domain), and synthetic drawings. The patches are luma or a "
+    "color plane, display-encoded or linear in light, at the scale of the photograph or averaged "
+    "over areas of up to 3 × 3 pixels. The network file contains no part of the images.",
 }
 """Descriptions of the training images, by the entry "trained on" of the network's history."""
 
@@ -46,9 +45,12 @@ ANY_K = (
     "because the network estimates the detection probability P(b = 1); box kernel."
 )
 TWO_LAYER_LIMITS = (
-    "other exposures (`jotlight train` makes a network for them), smooth kernels, and dark counts "
-    "above 0.05 per jot and frame. On scenes with much finer detail than photographs, the network "
+    "smooth kernels, and scenes unlike photographs. On scenes with much finer detail, the network "
     "smooths too much; on scenes with much coarser detail, too little."
+)
+ONE_EXPOSURE = (
+    "other exposures, and dark counts above 0.05 per jot and frame (the network two-layer for any "
+    "K serves them); "
 )
 DEEP_LIMITS = (
     "smooth kernels, color filters, and scenes unlike photographs. Where the bits hold little "
@@ -73,9 +75,16 @@ def render(name: str, network: jl.Network, recipe: str, scores: str) -> str:
         images=IMAGES[network.history["trained on"]],
         recipe=recipe,
         scores=scores,
-        limits=TWO_LAYER_LIMITS if len(network.layers) == 2 else DEEP_LIMITS,
+        limits=_limits(network),
     )
     return "".join(_wrap(line) + "\n" for line in card.splitlines())
+
+
+def _limits(network: jl.Network) -> str:
+    """Return what a network is not for."""
+    if len(network.layers) > 2:
+        return DEEP_LIMITS
+    return (ONE_EXPOSURE if network.trials_range is None else "") + TWO_LAYER_LIMITS
 
 
 def _wrap(line: str) -> str:

@@ -6,11 +6,12 @@
 The folder holds the images of the module `training_data`, and ``bsds300/test/*.jpg`` for the
 scores. Networks and cards go to ``python/jotlight/networks/weights``.
 
-The eight two-layer networks take about ten minutes on two cores. The deep networks take days and
-need the extra `torch`. A run consists of stages, and an interrupted run resumes from the last
-checkpoint in `--scratch`. `--from` skips all stages but the last, which starts from the weights in
-a file. The other small networks start from the first stage of `small-k16`, so train `small-k16`
-first. `medium-k16`, for K = 16 only, is a comparison and goes to `--scratch`.
+The eight two-layer networks for one K take about ten minutes on two cores. The other networks need
+the extra `torch`, and the deep ones take days. A run consists of stages, and an interrupted run
+resumes from the last checkpoint in `--scratch`. `--from` skips all stages but the last, which
+starts from the weights in a file. The other small networks start from the first stage of
+`small-k16`, so train `small-k16` first. `medium-k16`, for K = 16 only, is a comparison and goes to
+`--scratch`.
 """
 
 import argparse
@@ -48,6 +49,7 @@ def bsds300_stages(*stages: tuple[int, float]) -> tuple[Stage, ...]:
 
 
 STAGES: dict[str, tuple[Stage, ...]] = {
+    "two-layer": (Stage(6_000, 2e-3, batch=32, images="mixture"),),
     "small-k16": bsds300_stages((40_000, 3e-3), (20_000, 1.5e-3)),
     "medium": bsds300_stages(
         *((36_000, 3e-3), (24_000, 2e-3), (70_000, 2.5e-3), (45_000, 2e-3), (7_000, 1e-3)),
@@ -83,7 +85,7 @@ NOTES = {
 TWO_LAYER = [f"two-layer-k{bits}" for bits in TRAINED_TRIALS]
 TWO_LAYER_STEPS, TWO_LAYER_BATCH, TWO_LAYER_PATCH, TWO_LAYER_SEED = 60, 512, 64, 0
 SMALL = [f"small-k{bits}" for bits in (16, *(bits for bits in TRAINED_TRIALS if bits != 16))]
-SHIPPED = [*TWO_LAYER, *SMALL, "small", "medium", "large", "large-k16"]
+SHIPPED = [*TWO_LAYER, *SMALL, "two-layer", "small", "medium", "large", "large-k16"]
 COMPARISONS = ["medium-k16"]
 ROUNDED = ["large"]
 """Networks that are stored in float16, which costs them less than 0.002 dB."""
@@ -194,7 +196,7 @@ def deep_start(name: str, scratch: Path) -> jl.Network:
     """Return the network before its first stage."""
     if name == "large":
         return widen(jl.Network.load(FOLDER / "medium.safetensors"), "medium", "large")
-    if name in ("small", "medium"):
+    if name in ("two-layer", "small", "medium"):
         return jl.Network.conditional(name, rng=0)
     sensor = jl.Sensor(frames=trials(name))
     start = jl.Network.residual(sensor, name.split("-")[0], rng=0)
@@ -274,8 +276,7 @@ def describe(name: str, stages: tuple[Stage, ...]) -> str:
         text = f"{stage.steps:,} steps at a learning rate of {stage.learning_rate:g}"
         if (stage.batch, stage.patch) != (Stage.batch, Stage.patch):
             text += f" with {stage.batch} patches of {stage.patch} × {stage.patch} pixels"
-        if stage.images == "mixture":
-            text += " of all data sets"
+        text += " of all data sets" if stage.images == "mixture" else " of BSDS300"
         texts.append(text)
     text = ", then ".join(texts)
     if name in SMALL[1:]:

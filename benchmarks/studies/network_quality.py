@@ -18,7 +18,7 @@ import jotlight as jl
 from jotlight.files import atomic_write
 from jotlight.images.sets import read_image_set
 from jotlight.networks.architectures import SIZES
-from jotlight.networks.pretrained import TRAINED_TRIALS, unsupported_reason
+from jotlight.networks.pretrained import TRAINED_TRIALS
 
 ALL_TRIALS = 1, 4, *TRAINED_TRIALS, 256
 FLUXES = 0.05, 0.2, 1.0, 4.0
@@ -64,16 +64,12 @@ def exposures() -> list[tuple[int, float]]:
 
 
 def methods(sensor: jl.Sensor, models: list[Path]) -> list[tuple[str, Reconstruct]]:
-    """Return the networks that serve a sensor, and the fast classical methods."""
+    """Return the trained networks, and the fast classical methods."""
     found: list[tuple[str, Reconstruct]] = [
         ("maximum likelihood", jl.mle),
         ("total variation", lambda bits, sensor: jl.noniterative(bits, sensor, denoiser="tv")),
     ]
-    found += [
-        (quality, jl.pretrained(sensor, quality).reconstruct)
-        for quality in SIZES
-        if unsupported_reason(sensor, quality) is None
-    ]
+    found += [(quality, jl.pretrained(sensor, quality).reconstruct) for quality in SIZES]
     for path in models:
         network = jl.Network.load(path)
         try:

@@ -9,7 +9,6 @@ from PIL import Image
 import jotlight as jl
 from jotlight.evaluation.methods import METHODS
 from jotlight.images.sets import read_image_set
-from jotlight.networks.pretrained import TRAINED_TRIALS
 
 MODEL = "model.safetensors"
 SENSOR = jl.Sensor(oversampling=3, frames=2)
@@ -150,12 +149,11 @@ def test_color_images_are_converted_to_gray(run, tmp_path):
     assert_table(output, jl.evaluate(jl.mle, images, jl.Sensor(oversampling=4)))
 
 
-def test_an_unsupported_sensor_gets_the_reason_and_a_network_that_serves_it(run, photo_folder):
-    status, output = run("evaluate", photo_folder, "-k", 2, "-q", 3, "-m", "network-two-layer")
+def test_an_unsupported_sensor_gets_the_reason(run, photo_folder):
+    options = ["-k", 2, "--kernel", "cubic", "-m", "held-out"]
+    status, output = run("evaluate", photo_folder, *options)
     assert status == 1
-    assert output.startswith("error: there is no trained network for 4 trials per pixel")
-    assert all(str(bits) in output for bits in TRAINED_TRIALS)
-    assert output.endswith("; --quality medium serves this sensor\n")
+    assert output.startswith("error: expected the box kernel for a blend on held-out bits, got")
 
 
 @pytest.mark.parametrize(

@@ -177,14 +177,6 @@ def test_an_option_of_the_iterative_methods_selects_admm(run, bits, arguments):
     assert f"by {TITLES['admm-tv']} (" in output
 
 
-def test_admm_is_the_default_for_bits_of_a_smooth_kernel(run, bits, tmp_path):
-    status, output = run("reconstruct", "cubic.npy", "-o", "out.npy")
-    assert status == 0
-    assert "\nby admm-tv: there is no trained network for " in output
-    assert f"by {TITLES['admm-tv']} (" in output
-    assert_written(tmp_path / "out.npy", jl.admm_tv(bits["cubic"], CUBIC))
-
-
 @pytest.mark.parametrize("method", ITERATIVE)
 @pytest.mark.parametrize(
     ("option", "message"),

@@ -43,10 +43,10 @@ def test_an_image_too_small_for_ssim_has_none():
     ("sensor", "included", "excluded"),
     [
         (SENSOR, {"mle", "network-large"}, {"mle-iterative"}),
-        (jl.Sensor(kernel="cubic"), {"mle", "mle-iterative"}, {"network-medium"}),
-        (jl.Sensor(frames=20), {"network-medium"}, {"network-two-layer", "network-small"}),
+        (jl.Sensor(kernel="cubic"), {"mle", "mle-iterative", "network-medium"}, {"held-out"}),
+        (jl.Sensor(frames=2000), {"network-medium", "held-out"}, {"mle-iterative"}),
     ],
-    ids=["box", "cubic", "20 bits"],
+    ids=["box", "cubic", "2000 bits"],
 )
 def test_the_default_is_all_methods_that_serve_the_sensor_and_differ(sensor, included, excluded):
     names = select_methods(sensor)
@@ -64,9 +64,9 @@ def test_names_are_kept_in_their_order():
     ("name", "message"),
     [
         ("magic", "method: there is no 'magic'; expected one of mle, "),
-        ("network-small", "network-small: there is no trained network for 20 trials per pixel"),
+        ("held-out", "held-out: expected the box kernel for a blend on held-out bits, got linear"),
     ],
 )
 def test_a_method_that_is_unknown_or_does_not_serve_the_sensor_is_refused(name, message):
     with pytest.raises(ValueError, match=message):
-        select_methods(jl.Sensor(frames=20), ["mle", name])
+        select_methods(jl.Sensor(frames=20, kernel="linear"), ["mle", name])

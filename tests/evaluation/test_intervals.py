@@ -114,10 +114,10 @@ def test_a_scene_unlike_photographs_has_wider_intervals():
     assert 0.8 < covered(known, noise) < 0.99
 
 
-def test_a_sensor_that_no_network_serves_is_refused_except_for_maximum_likelihood():
+def test_a_smooth_kernel_is_refused_except_for_maximum_likelihood():
     sensor = jl.Sensor(oversampling=2, frames=8, kernel="linear")
     bits = sensor.expose(CAMERA[:16, :16], rng=0)
-    with pytest.raises(ValueError, match=r"errors of the estimate are unknown; method=\"mle\""):
+    with pytest.raises(ValueError, match="got linear: the errors of its estimates are unknown"):
         jl.uncertainty(bits)
     with pytest.warns(jl.JotlightWarning, match="linear kernel"):
         jl.uncertainty(bits, method="mle")

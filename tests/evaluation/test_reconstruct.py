@@ -130,14 +130,14 @@ def test_merged_counts_and_color():
     assert reconstruct(color, method=lambda bits: bits.counts() / 16).shape == (*IMAGE.shape, 3)
 
 
-def test_a_sensor_without_a_network_gets_another_method_with_a_warning():
+def test_the_network_serves_smooth_kernels():
     smooth = jl.Sensor(oversampling=2, frames=4, kernel="cubic")
     bits = smooth.expose(IMAGE, rng=0)
-    with pytest.warns(jl.JotlightWarning, match="no trained network for the cubic kernel"):
-        estimate, info = reconstruct(bits, return_info=True)
-    assert info.method == "admm-tv"
-    assert "cubic kernel" in info.reason
-    np.testing.assert_array_equal(estimate, jl.admm_tv(bits))
+    estimate, info = reconstruct(bits, return_info=True)
+    assert info.method == "network-medium"
+    np.testing.assert_array_equal(estimate, jl.pretrained(smooth).reconstruct(bits))
+    with pytest.raises(ValueError, match="box kernel for a blend on held-out bits, got cubic"):
+        reconstruct(bits, fallback=True)
 
 
 def test_many_trials_have_another_default():
@@ -179,13 +179,11 @@ def test_requests_that_contradict_each_other_are_refused(arguments, error, messa
         reconstruct(BITS, **arguments)
 
 
-def test_a_network_that_does_not_serve_the_sensor_names_one_that_does():
-    sensor = jl.Sensor(frames=20)
-    message = r"no trained network for 20 trials .*; quality=\"medium\" \(--quality medium\) serves"
-    with pytest.raises(ValueError, match=message):
-        reconstruct(COUNTS, sensor, method="network-small")
-    with pytest.raises(ValueError, match=message):
-        jl.pretrained(sensor, "small")
+@pytest.mark.parametrize("quality", ["two-layer", "small", "medium", "large"])
+@pytest.mark.parametrize("sensor", [jl.Sensor(frames=20), jl.Sensor(frames=16, kernel="cubic")])
+def test_networks_of_every_size_serve_every_sensor(quality, sensor):
+    expected = jl.pretrained(sensor, quality).reconstruct(COUNTS)
+    np.testing.assert_array_equal(reconstruct(COUNTS, sensor, quality=quality), expected)
 
 
 @pytest.mark.parametrize("method", ["mle", "network-medium", lambda bits: bits.counts() / 4])

@@ -1,13 +1,8 @@
-"""Advice where no shipped network fits a capture, or where the scene moves."""
+"""Advice where a network does not fit a capture, or where the scene moves."""
 
-import dataclasses
-import shlex
 from collections.abc import Iterable
-from pathlib import Path
 
-from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import caution
-from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.evaluation.choice import Choice
 from jotlight.formats.capture import Capture
 from jotlight.motion.detection import THRESHOLD, motion_score
@@ -19,40 +14,6 @@ _DIM = 0.7
 
 _CLIPPED = 0.98
 """Fraction of the largest intensity above which an estimate counts as clipped."""
-
-
-def training_advice(
-    path: Path,
-    capture: CaptureOptions,
-    sensor: CapturedSensorOptions,
-    *,
-    window: int | None,
-    is_bits: bool,
-) -> str:
-    """Return the advice to train a deep network for a capture, with the command.
-
-    Parameters
-    ----------
-    path : Path
-        Capture.
-    capture, sensor : CaptureOptions, CapturedSensorOptions
-        Options of the capture and its sensor.
-    window : int or None
-        Frames of each image of a film.
-    is_bits : bool
-        Whether the capture holds bits, which state their number of frames.
-    """
-    frames = window if window is not None else None if is_bits else sensor.frames
-    argv = [
-        *("jotlight", "train", "--sensor", str(path)),
-        *capture.to_argv("--sensor-key"),
-        *dataclasses.replace(sensor, frames=frames, find_hot_jots=False).to_argv(),
-        *("--quality", CONDITIONAL_SIZE, "-o", "model.safetensors"),
-    ]
-    return (
-        "train one for this capture with PyTorch, and use it with --model model.safetensors: "
-        + shlex.join(argv)
-    )
 
 
 def range_advice(choice: Choice, maximum: float, brightness: float) -> str | None:

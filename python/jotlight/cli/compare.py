@@ -10,13 +10,13 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from jotlight.cli.common_options import NAMES, OWN, Gray, Model, Photo, Seed, Threads, White
-from jotlight.cli.console import caution, out, progress, report
+from jotlight.cli.console import out, progress, report
 from jotlight.cli.method_options import network_name, split_names
 from jotlight.cli.sensor_options import ExposureOptions
 from jotlight.evaluation.compare import select_methods
 from jotlight.evaluation.comparison import COLUMNS, Comparison
 from jotlight.evaluation.comparison import compare as compare_by_title
-from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
+from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.own_method import OwnMethod, import_method
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.images.io import read_image
@@ -70,9 +70,6 @@ def compare(
         network.check_sensor(exposed)
         selected[str(model)] = network
     run_comparison(image, exposed, output, selected, seed=seed, threads=threads)
-    reason = METHODS[DEFAULT_METHOD].unsupported_reason(exposed)
-    if not names and reason is not None:
-        caution("Without the trained network", reason)
 
 
 def _select(sensor: Sensor, names: list[str]) -> dict[str, str | Network | OwnMethod]:

@@ -191,8 +191,8 @@ class ImageOutputOptions(OutputOptions):
             if (unlikely := known.unlikely.mean()) > _MANY:
                 warn(
                     f"{unlikely:.0%} of the pixels look unlike photographs: their bits speak "
-                    'against the estimate; method="held-out" (--method held-out) blends it with '
-                    "methods that trust the bits more"
+                    "against the estimate; fallback=True (--fallback) blends it with methods that "
+                    "trust the bits more"
                 )
         return tones
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.chunks import windows
-from jotlight.cli.advice import range_advice, training_advice
+from jotlight.cli.advice import range_advice
 from jotlight.cli.applied_calibration import AppliedCalibration, recorded
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import Captured, add_sensor, frames_of_each, refuse_capture_overwrite
@@ -115,18 +115,12 @@ class Inputs:
                     "frames of the capture"
                 )
             captured = _of_window(captured, window)
-        training = training_advice(
-            self.path, self.capture, self.sensor, window=window, is_bits=is_bits
-        )
         is_range_known = captured.has_own_sensor or self.sensor.max_intensity is not None
         choice = choose_method(
             captured.sensor,
             requested=request,
             network=network,
-            # Aligned bits are counted.
-            is_bits=is_bits and not self.motion.motion,
             is_range_known=is_range_known,
-            training=training,
         )
         if choice.quality is not None:
             network = pretrained(captured.sensor, choice.quality)
@@ -234,7 +228,7 @@ def reconstruct_image(
 def _estimate(
     job: Reconstruction, data: Data, threads: int | None
 ) -> tuple[npt.NDArray[np.float32], str]:
-    """Return the estimate of an image, and how the iterations ended."""
+    """Return the estimate of an image, and how the iterations ended or what was blended."""
     title = job.choice.title
 
     def run(**settings: Any) -> tuple[npt.NDArray[np.float32], Info]:
@@ -255,7 +249,11 @@ def _estimate(
         return estimate, f" ({_describe_convergence(info.history)})"
     with progress(None) as begin:
         begin(title)
-        return run()[0], ""
+        estimate, info = run()
+    if info.shares is None:
+        return estimate, ""
+    shares = [f"{share:.0%} {name}" for name, share in info.shares.items()]
+    return estimate, f" ({', '.join(shares)})"
 
 
 def _describe_convergence(histories: ConvergenceHistories) -> str:
@@ -280,8 +278,6 @@ def report_assumptions(job: Reconstruction, brightness: Brightness) -> None:
         else job.calibration.notes(captured.sensor, captured.provenance)
     )
     report(*about_file, *applied, about_sensor, *job.choice.notes)
-    for message in job.choice.warnings:
-        caution(label, message)
     remark = range_advice(job.choice, brightness.maximum, brightness.quantile)
     if remark is not None:
         caution(label, remark)

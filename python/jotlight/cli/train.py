@@ -43,7 +43,7 @@ from jotlight.cli.training_run import (
 )
 from jotlight.files import refuse_overwrite
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, unsupported_reason
+from jotlight.networks.pretrained import CONDITIONAL_SIZE
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import History, Record
 
@@ -153,7 +153,7 @@ def train(
     )
     report_training(f"{kind}, {_describe(history, taken, steps)}", training)
     report(f"Reconstruct with it: jotlight reconstruct CAPTURE --model {training.output} -o a.png")
-    _hint(start, exposed)
+    _hint(start)
 
 
 def _check_options(
@@ -247,16 +247,15 @@ def _jots(network: NetworkOptions, sensor: TrainedSensorOptions) -> dict[str, in
     return {"oversampling": 1, "frames": bits}
 
 
-def _hint(network: Network, sensor: Sensor) -> None:
+def _hint(network: Network) -> None:
     """Print which network is better, if this one is not the best kind."""
     if len(network.layers) > _SMALL_LAYERS:
         return
     report(f"--quality {CONDITIONAL_SIZE} trains a better network, with PyTorch.")
-    if unsupported_reason(sensor, _BEST) is None:
-        report(
-            f"The trained network {_BEST} serves this sensor, too: jotlight reconstruct "
-            f"CAPTURE --quality {_BEST} -o a.png"
-        )
+    report(
+        f"The trained network {_BEST} serves this sensor, too: jotlight reconstruct CAPTURE "
+        f"--quality {_BEST} -o a.png"
+    )
 
 
 def _describe(history: History, seconds: float, steps: int) -> str:

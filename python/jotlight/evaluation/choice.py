@@ -5,21 +5,14 @@ from collections.abc import Collection
 
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
-    FALLBACK_METHOD,
     LARGE_METHOD,
     LARGE_TRIALS,
     METHODS,
     OPTION_DEFAULTS,
-    SMOOTH_KERNEL_METHOD,
     find_method,
 )
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import (
-    CONDITIONAL_SIZE,
-    CONDITIONAL_SIZES,
-    remedy,
-    unsupported_reason,
-)
+from jotlight.networks.pretrained import is_conditional
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
@@ -86,8 +79,6 @@ class Choice:
     """Why the method was chosen."""
     notes: tuple[str, ...]
     """Assumptions to report."""
-    warnings: tuple[str, ...]
-    """Reasons why the default method was not chosen."""
 
     @property
     def title(self) -> str:
@@ -100,9 +91,7 @@ def choose_method(
     *,
     requested: str | None = None,
     network: Network | None = None,
-    is_bits: bool = True,
     is_range_known: bool = True,
-    training: str | None = None,
 ) -> Choice:
     """Return the method for some data: the requested one, or the best one for the sensor.
 
@@ -112,27 +101,16 @@ def choose_method(
         Sensor of the data.
     requested : str, optional
         Key of :data:`METHODS`, as returned by :func:`requested_method`. Default: the network
-        `DEFAULT_METHOD` where it serves the sensor, or `LARGE_METHOD` if K is above `LARGE_TRIALS`;
-        else `SMOOTH_KERNEL_METHOD` for the bits of a smooth kernel, else `FALLBACK_METHOD`.
+        `DEFAULT_METHOD`, or `LARGE_METHOD` if K is above `LARGE_TRIALS` and the kernel is the box.
     network : Network, optional
         Network of the caller. It replaces the request.
-    is_bits : bool
-        Whether the data are bits. Counts do not show how a smooth kernel spread the light.
     is_range_known : bool
         Whether the data or the user state the largest intensity S. Otherwise, with a box kernel, S
         rises to the saturation of the bits, if the method allows it.
-    training : str, optional
-        Advice to train a network, for a sensor that no trained network serves. Default: the command
-        that trains one.
 
     Returns
     -------
     Choice
-
-    Raises
-    ------
-    ValueError
-        When the requested network does not serve the sensor.
 
     Examples
     --------
@@ -140,29 +118,18 @@ def choose_method(
     'network-medium'
     >>> choose_method(Sensor(frames=10_000)).method
     'held-out'
-    >>> choose_method(Sensor(frames=16, kernel="cubic"), is_bits=False).method
-    'noniterative-tv'
     """
-    warnings: list[str] = []
     reason = "requested"
     if network is not None:
         method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
     else:
-        method = requested or (LARGE_METHOD if sensor.trials > LARGE_TRIALS else DEFAULT_METHOD)
+        is_large = sensor.trials > LARGE_TRIALS and sensor.kernel == "box"
+        method = requested or (LARGE_METHOD if is_large else DEFAULT_METHOD)
         if requested is None:
             reason = f"recommended for {sensor.trials:,} trials per pixel"
         quality = METHODS[method].quality
-        needed = CONDITIONAL_SIZE if method == LARGE_METHOD else quality
-        if needed is not None and (missing := unsupported_reason(sensor, needed)) is not None:
-            message = f"{missing}; {remedy(sensor, training)}"
-            if requested is not None:
-                raise ValueError(message)
-            warnings.append(message)
-            is_smooth = is_bits and sensor.kernel != "box"
-            method, quality = SMOOTH_KERNEL_METHOD if is_smooth else FALLBACK_METHOD, None
-            reason = missing
-        # K-conditioned networks serve any S. Every other size was trained for S = 1.
-        has_fixed_range = quality is not None and quality not in CONDITIONAL_SIZES
+        # K-conditioned networks serve any S. Networks for one K were trained for S = 1.
+        has_fixed_range = quality is not None and not is_conditional(sensor, quality)
     max_intensity = sensor.max_intensity
     limit, notes = None, []
     saturation = saturation_intensity(sensor)
@@ -183,5 +150,4 @@ def choose_method(
         limit,
         reason,
         tuple(notes),
-        tuple(warnings),
     )

@@ -12,7 +12,8 @@ from jotlight.errors import JotlightWarning
 from jotlight.estimators.admm import admm_tv
 from jotlight.estimators.mle import mle
 from jotlight.layout import Layout, join
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, unsupported_message
+from jotlight.networks.network import Network
+from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import (
@@ -26,6 +27,9 @@ from jotlight.sensing.pixel_counts import (
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.subsampling import subsample_counts
+
+NAMES = "network", "total variation", "maximum likelihood"
+"""Names of the methods of the blend."""
 
 HELD_OUT_FRACTION = 0.2
 """Fraction of the bits that are held out.
@@ -125,34 +129,73 @@ def held_out(
     True
     """
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
-    methods = _methods(sensor, threads)
-
-    def blend(images: GrayImages) -> Estimate:
-        weights = _choose_weights(methods, images, sensor, threads)
-        total = np.zeros(weights.shape[1:], np.float32)
-        for weight, method in zip(weights, methods, strict=True):
-            places = np.flatnonzero(weight.max(axis=(1, 2)) >= _MIN_WEIGHT)
-            if len(places):
-                total[places] += weight[places] * method(images.select(places.tolist()))
-        return np.clip(total, 0, np.float32(sensor.max_intensity))
-
     images = gray_images(data)
-    return images.layout.arrange(join([blend(part) for part in images.parts(sensor)]))
-
-
-Method = Callable[[GrayImages], Estimate]
-"""A method of the blend, which returns the estimates (N, H, W)."""
-
-
-def _methods(sensor: Sensor, threads: int | None) -> list[Method]:
-    if (message := unsupported_message(sensor, CONDITIONAL_SIZE)) is not None:
-        raise ValueError(f"sensor: {message}")
     network = pretrained(sensor, CONDITIONAL_SIZE)
-    return [
+    return images.layout.arrange(blend(images, sensor, network, threads)[0])
+
+
+def blend(
+    images: GrayImages, sensor: Sensor, network: Network, threads: int | None
+) -> tuple[Estimate, dict[str, float]]:
+    """Return the blends of :func:`held_out` with another network, (N, H, W), and the shares.
+
+    Parameters
+    ----------
+    images : GrayImages
+        The data.
+    sensor : Sensor
+        The sensor of the data.
+    network : Network
+        The K-conditioned network of the blend.
+    threads : int, optional
+        The number of threads. Default: all cores.
+
+    Returns
+    -------
+    ndarray of float32, shape (N, H, W)
+        The blends.
+    dict of str to float
+        The mean weight of each method, by its name. They sum to 1.
+    """
+    if (reason := smooth_kernel_reason(sensor)) is not None:
+        raise ValueError(f"sensor: {reason}")
+    methods: list[Method] = [
         lambda images: network.reconstruct(images, sensor, threads=threads),
         lambda images: admm_tv(images, sensor, threads=threads),
         lambda images: mle(images, sensor, threads=threads),
     ]
+    estimates, shares = [], []
+    for part in images.parts(sensor):
+        weights = _choose_weights(methods, part, sensor, threads)
+        total = np.zeros(weights.shape[1:], np.float32)
+        for weight, method in zip(weights, methods, strict=True):
+            places = np.flatnonzero(weight.max(axis=(1, 2)) >= _MIN_WEIGHT)
+            if len(places):
+                total[places] += weight[places] * method(part.select(places.tolist()))
+        estimates.append(np.clip(total, 0, np.float32(sensor.max_intensity)))
+        shares.extend(weights.mean(axis=(2, 3), dtype=np.float64).T)
+    mean = np.mean(shares, axis=0)
+    return join(estimates), {name: float(share) for name, share in zip(NAMES, mean, strict=True)}
+
+
+def smooth_kernel_reason(sensor: Sensor) -> str | None:
+    """Return why the bits of a sensor cannot be divided at random, or None if they can.
+
+    Examples
+    --------
+    >>> smooth_kernel_reason(Sensor(frames=16)) is None
+    True
+    """
+    if sensor.kernel == "box":
+        return None
+    return (
+        f"expected the box kernel for a blend on held-out bits, got {sensor.kernel}: the jots of a "
+        "pixel receive different light"
+    )
+
+
+Method = Callable[[GrayImages], Estimate]
+"""A method of the blend, which returns the estimates (N, H, W)."""
 
 
 def _choose_weights(

@@ -18,9 +18,9 @@ from jotlight.estimators.admm import admm_tv
 from jotlight.estimators.mle import mle
 from jotlight.estimators.mle_iterative import mle_iterative
 from jotlight.estimators.noniterative import noniterative
-from jotlight.evaluation.held_out import held_out
+from jotlight.evaluation.held_out import held_out, smooth_kernel_reason
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, unsupported_message
+from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.pixel_counts import Data, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
 
@@ -116,7 +116,6 @@ def _shipped_network(title: str, quality: str) -> Method:
         f"network, {title}",
         partial(trained_network, quality=quality),
         quality=quality,
-        unsupported_reason=partial(unsupported_message, quality=quality),
     )
 
 
@@ -147,7 +146,7 @@ METHODS: dict[str, Method] = {
     "held-out": Method(
         "best blend on held-out bits",
         held_out,
-        unsupported_reason=partial(unsupported_message, quality=CONDITIONAL_SIZE),
+        unsupported_reason=smooth_kernel_reason,
         is_distinct=lambda sensor: sensor.trials > LARGE_TRIALS,
     ),
 }
@@ -157,26 +156,20 @@ DEEP_NETWORKS = "network-small", "network-medium", "network-large"
 """Networks that go beyond the paper."""
 
 DEFAULT_METHOD = "network-medium"
-"""Method for every sensor that it serves, unless another one is requested."""
+"""Method for every sensor, unless another one is requested."""
 
 LARGE_METHOD = "held-out"
-"""Method for these sensors instead of the default if K is above :data:`LARGE_TRIALS`."""
+"""Method instead of the default if K is above :data:`LARGE_TRIALS`, with the box kernel."""
 
 LARGE_TRIALS = 1000
 """Largest K up to which the default needs no comparison with methods that trust the data more."""
 
-FALLBACK_METHOD = "noniterative-tv"
-"""Method for sensors that the default does not serve. It serves every sensor."""
-
-SMOOTH_KERNEL_METHOD = "admm-tv"
-"""Fallback for the bits of a sensor with a smooth kernel, because it models the kernel."""
-
 OPTION_DEFAULTS = {
-    "inverse": FALLBACK_METHOD,
-    "weight": SMOOTH_KERNEL_METHOD,
-    "norm": SMOOTH_KERNEL_METHOD,
-    "tol": SMOOTH_KERNEL_METHOD,
-    "max_iter": SMOOTH_KERNEL_METHOD,
+    "inverse": "noniterative-tv",
+    "weight": "admm-tv",
+    "norm": "admm-tv",
+    "tol": "admm-tv",
+    "max_iter": "admm-tv",
 }
 """Options that not all methods accept, each with the method that it selects.
 

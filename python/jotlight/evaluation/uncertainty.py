@@ -11,13 +11,15 @@ from jotlight.evaluation.methods import find_method
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, unsupported_reason
-from jotlight.sensing.bits import Bits
+from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained
 from jotlight.sensing.pixel_counts import Data, GrayImages, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
 
 EXACT_METHOD = "mle"
 """Name of the method whose intervals are exact."""
+
+_MEASURED_SIZES = CONDITIONAL_SIZE, "large"
+"""Sizes of shipped networks whose errors are as large as those of the error model."""
 
 
 def uncertainty(
@@ -69,7 +71,7 @@ def uncertainty(
     ------
     TypeError, ValueError
         When data, sensor, and trials do not fit together, the confidence level is out of range, or
-        no K-conditioned network serves the sensor.
+        the kernel is smooth (except for "mle").
 
     Warns
     -----
@@ -138,14 +140,13 @@ def check_errors_known(method: str | Network | OwnMethod | None, sensor: Sensor)
     >>> check_errors_known(None, Sensor(kernel="cubic"))
     Traceback (most recent call last):
       ...
-    ValueError: sensor: there is no trained network for the cubic kernel, ...
+    ValueError: sensor: expected the box kernel, got cubic: ...
     """
-    if method == EXACT_METHOD or (isinstance(method, Network) and method.trials_range is not None):
-        return
-    if (reason := unsupported_reason(sensor, CONDITIONAL_SIZE)) is not None:
+    if method != EXACT_METHOD and sensor.kernel != "box":
         raise ValueError(
-            f"sensor: {reason}, so the errors of the estimate are unknown; "
-            f'method="{EXACT_METHOD}" (--method {EXACT_METHOD}) has intervals for every sensor'
+            f"sensor: expected the box kernel, got {sensor.kernel}: the errors of its estimates "
+            f'are unknown; method="{EXACT_METHOD}" (--method {EXACT_METHOD}) has intervals of the '
+            "mean light of each pixel"
         )
 
 
@@ -156,16 +157,15 @@ def _reference(
     sensor: Sensor,
 ) -> tuple[Network, bool]:
     """Return the K-conditioned network of the method, or "medium", and whether it is the method."""
+    check_errors_known(method, sensor)
     if isinstance(method, Network) and method.trials_range is not None:
         return method, True
     if method is None and quality is None:
-        is_bits = all(isinstance(image, Bits) for image in images.data)
-        quality = choose_method(sensor, is_bits=is_bits).quality
+        quality = choose_method(sensor).quality
     elif isinstance(method, str):
         quality = find_method(method).quality
-    if quality is not None:
+    if quality in _MEASURED_SIZES:
         network = pretrained(sensor, quality)
         if network.trials_range is not None:
             return network, True
-    check_errors_known(method, sensor)
     return pretrained(sensor, CONDITIONAL_SIZE), False

@@ -14,7 +14,7 @@ from jotlight.experiments.report.curves import METHOD_COLORS, OTHER_COLOR, Axes,
 from jotlight.experiments.training_runs import paper_sensor, train_by_default
 from jotlight.metrics import psnr, ssim
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import TRAINED_TRIALS, pretrained, unsupported_reason
+from jotlight.networks.pretrained import TRAINED_TRIALS, is_conditional, pretrained
 from jotlight.sensing.sensor import Sensor
 
 SETTINGS = {
@@ -84,8 +84,8 @@ def _rows(context: RunContext, axis: str, sensor: Sensor, progress: Progress) ->
 
 
 def _network(context: RunContext, sensor: Sensor, progress: Progress) -> Network:
-    """Return the package's network for a sensor, or train one where there is none."""
-    if unsupported_reason(sensor, "two-layer") is None:
+    """Return the package's network for the sensor's K and exposure, or train one."""
+    if not is_conditional(sensor, "two-layer"):
         return pretrained(sensor, "two-layer")
     _, scenes = context.data.bsds300("train", context.settings["learning_images"])
     name = f"gain{sensor.gain:g}"

@@ -154,17 +154,18 @@ def build_residual(
     return add_head(builder, identity_spline(float(sensor.max_intensity)), skip=1)
 
 
-def build_conditional(architecture: Architecture, rng: np.random.Generator) -> list[Layer]:
+def build_conditional(name: str, rng: np.random.Generator) -> list[Layer]:
     """Return the layers of an untrained K-conditioned network.
 
     The network maps detected fractions L/K to detection probabilities. It works on z = arcsin
-    √(L/K), whose noise has the standard deviation 1/(2 √K) at every exposure.
+    √(L/K), whose noise has the standard deviation 1/(2 √K) at every exposure. Before training, it
+    smooths z.
 
     Parameters
     ----------
-    architecture : Architecture
-        Channels and layers of the U-Net whose output is added to the smoothed z. Before training it
-        is 0.
+    name : str
+        Size of the network: one of `SIZES`. The paper's two layers smooth z; the U-Net of a deep
+        network is added to the smoothed z.
     rng : numpy.random.Generator
         Draws the filters.
     """
@@ -175,6 +176,10 @@ def build_conditional(architecture: Architecture, rng: np.random.Generator) -> l
     coefficients, low, spacing = fit_spline(
         lambda fraction: np.arcsin(np.sqrt(fraction.clip(0, 1))), 0.0, 1.0, _FIT_COEFFICIENTS
     )
+    probability = fit_spline(lambda z: np.sin(z) ** 2, 0.0, np.pi / 2, _FIT_COEFFICIENTS)
+    if name == TWO_LAYER:
+        last = Layer(smooth, *probability, trainable="filters")
+        return [_with_sets(Layer(one, coefficients, low, spacing)), last]
     centered = coefficients - np.float32(np.pi / 4)
     start = [
         Layer(one, *identity_spline(1.0), trainable="nothing"),
@@ -182,8 +187,7 @@ def build_conditional(architecture: Architecture, rng: np.random.Generator) -> l
         Layer(one, centered, low, spacing, input=0, trainable="nothing"),
     ]
     builder = Builder(start, rng)
-    add_unet(builder, architecture, source=2)
-    probability = fit_spline(lambda z: np.sin(z) ** 2, 0.0, np.pi / 2, _FIT_COEFFICIENTS)
+    add_unet(builder, find_architecture(name), source=2)
     return [_with_sets(layer) for layer in add_head(builder, probability, skip=1)]
 
 

@@ -4,6 +4,7 @@ from typing import Protocol
 
 import numpy as np
 
+from jotlight.estimators.deconvolution import deconvolve
 from jotlight.estimators.inverse_response import (
     equivalent_counts,
     intensity_from_complement,
@@ -33,7 +34,11 @@ class Network(ConditionalNetwork, ConditionalDenoiser, Protocol):
 def estimate_intensity(
     network: Network, images: GrayImages, sensor: Sensor, threads: int | None
 ) -> Image:
-    """Return the intensities of the probabilities of :func:`estimate_probability`, (N, H, W)."""
+    """Return the intensities of the probabilities of :func:`estimate_probability`, (N, H, W).
+
+    With a smooth kernel, the probabilities state the mean light at the jots of each pixel, and the
+    intensities follow by deconvolution.
+    """
     estimate = estimate_probability(network, images, sensor, threads)
     is_zeros = estimates_zeros(network.layers, sensor)
     convert = intensity_from_complement if is_zeros else intensity_from_probability
@@ -42,7 +47,9 @@ def estimate_intensity(
     for start in range(0, len(pixels), _PIXELS_AT_ONCE):
         part = pixels[start : start + _PIXELS_AT_ONCE]
         part[:] = convert(part, sensor, threads)
-    return estimate
+    if sensor.kernel == "box":
+        return estimate
+    return np.clip(deconvolve(estimate, sensor), 0, np.float32(sensor.max_intensity))
 
 
 def estimate_probability(

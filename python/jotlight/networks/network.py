@@ -165,14 +165,15 @@ class Network(TorchHints):
         trials_range: tuple[int, int] = (1, 256),
         rng: int | None = None,
     ) -> Self:
-        """Return an untrained K-conditioned deep network, whose output is a smoothed estimate.
+        """Return an untrained K-conditioned network, whose output is a smoothed estimate.
 
         It serves every K of a range at any exposure. Train it with :mod:`jotlight.torch`.
 
         Parameters
         ----------
-        architecture : {"small", "medium", "large"}
-            Layers and channels: :data:`jotlight.networks.architectures.ARCHITECTURES`.
+        architecture : {"two-layer", "small", "medium", "large"}
+            The paper's two layers, or the layers and channels of
+            :data:`jotlight.networks.architectures.ARCHITECTURES`.
         trials_range : (int, int)
             Smallest and largest K, the number of trials per pixel.
         rng : int, optional
@@ -184,7 +185,7 @@ class Network(TorchHints):
         >>> network.reconstruct([[3, 1], [0, 9]], Sensor(frames=9)).shape
         (2, 2)
         """
-        layers = build_conditional(find_architecture(architecture), np.random.default_rng(rng))
+        layers = build_conditional(architecture, np.random.default_rng(rng))
         history = {
             "start": f"{architecture}, conditional on K; starts at the smoothed, stabilized counts"
         }

@@ -8,17 +8,16 @@ from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 CONDITIONAL_SIZE = "medium"
-"""The default size. It is K-conditioned: its network serves any K, exposure, and S."""
-
-CONDITIONAL_SIZES = CONDITIONAL_SIZE, "large"
-"""The K-conditioned sizes."""
+"""The default size. It has no networks for one K alone."""
 
 TRAINED_TRIALS = tuple(side**2 for side in range(3, 11))
-"""Values of K of the "two-layer" and "small" networks, for α = K, q = 1, S = 1, and box kernel."""
+"""Values of K for which there are "two-layer" and "small" networks for this K alone."""
 
-LARGE_TRIALS = (16,)
-"""Values of K for which there is also a "large" network for this K alone, which is better, for the
-same α, q, S, and kernel."""
+_TRIALS_OF_ONE = {"two-layer": TRAINED_TRIALS, "small": TRAINED_TRIALS, "large": (16,)}
+"""Values of K for which a size also has a network for this K alone.
+
+It is better than the K-conditioned network of its size, but only for α = K, q = 1, S = 1.
+"""
 
 MAX_TRIALS = 256
 """Largest K on which the K-conditioned networks were trained."""
@@ -42,13 +41,13 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     Parameters
     ----------
     sensor : Sensor
-        Sensor with the box kernel. Dead jots are allowed. "medium" and "large" serve every number
-        of trials per pixel at any exposure. The other sizes serve K = 9, 16, 25, 36, 49, 64, 81, or
-        100, ηα = K, threshold 1, S = 1, and dark counts of at most 0.05.
+        Any sensor. Dead jots are allowed.
     quality : {"two-layer", "small", "medium", "large"}
         Size of the network. In this order: the paper's two layers; six layers of up to 12 channels;
-        thirteen K-conditioned layers of up to 52 channels; fifteen of up to 80 channels. For K = 16
-        and the sensors of the smaller sizes, "large" is a network for this K alone.
+        thirteen of up to 52 channels; fifteen of up to 80 channels. A K-conditioned network of each
+        size serves every number of trials per pixel at any exposure. For ηα = K, threshold 1,
+        S = 1, the box kernel, and dark counts of at most 0.05, networks for one K alone replace it:
+        "two-layer" and "small" for K = 9, 16, 25, 36, 49, 64, 81, and 100, and "large" for K = 16.
 
     Returns
     -------
@@ -60,8 +59,7 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     TypeError
         When `sensor` is no sensor.
     ValueError
-        When no trained network of this size serves the sensor; the message says why, and what to
-        do.
+        For an unknown quality.
 
     Examples
     --------
@@ -76,123 +74,48 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
             "sensor: expected a jotlight.Sensor, such as Sensor(frames=16), got "
             f"{sensor!r}; pretrained(sensor, 'large') selects a size"
         )
-    if (message := unsupported_message(sensor, quality)) is not None:
-        raise ValueError(message)
-    network = Network.load(FOLDER / f"{_file_name(sensor, quality)}.safetensors")
+    check_quality(quality)
+    name = quality if is_conditional(sensor, quality) else f"{quality}-k{sensor.trials}"
+    network = Network.load(FOLDER / f"{name}.safetensors")
     network.default_sensor = sensor
     return network
 
 
-def _file_name(sensor: Sensor, quality: str) -> str:
-    """Return the name of the file of a network that serves a sensor."""
-    is_conditional = quality in CONDITIONAL_SIZES
-    if quality == "large" and _unsupported_by_one_exposure(sensor, LARGE_TRIALS) is None:
-        is_conditional = False
-    return quality if is_conditional else f"{quality}-k{sensor.trials}"
-
-
-def unsupported_message(sensor: Sensor, quality: str = "medium") -> str | None:
-    """Return why no trained network serves a sensor and what to do, or None if one does.
+def pretrained_conditional(sensor: Sensor, quality: str) -> Network:
+    """Return the trained K-conditioned network of a size, also where :func:`pretrained` does not.
 
     Examples
     --------
-    >>> unsupported_message(Sensor(frames=16)) is None
-    True
-    >>> unsupported_message(Sensor(frames=20), "two-layer").split("; ")[1]
-    'quality="medium" (--quality medium) serves this sensor'
+    >>> pretrained_conditional(Sensor(frames=16), "small").trials_range
+    (1, 256)
     """
-    reason = unsupported_reason(sensor, quality)
-    return reason and f"{reason}; {remedy(sensor)}"
+    check_quality(quality)
+    network = Network.load(FOLDER / f"{quality}.safetensors")
+    network.default_sensor = sensor
+    return network
 
 
-def remedy(sensor: Sensor, training: str | None = None) -> str:
-    """Return what to do when the trained networks of a size do not serve a sensor.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        Sensor of the data.
-    training : str, optional
-        Advice to train a network, for a sensor that no size serves. Default: the command.
-    """
-    if _unsupported_by_conditional(sensor) is None:
-        return f'quality="{CONDITIONAL_SIZE}" (--quality {CONDITIONAL_SIZE}) serves this sensor'
-    return training or f"train one with PyTorch: {training_command(sensor)}"
-
-
-def unsupported_reason(sensor: Sensor, quality: str = "medium") -> str | None:
-    """Return why no trained network serves a sensor, or None if one does.
-
-    Raises
-    ------
-    ValueError
-        For an unknown quality.
+def is_conditional(sensor: Sensor, quality: str) -> bool:
+    """Return whether the trained network of a size for a sensor is K-conditioned.
 
     Examples
     --------
-    >>> print(unsupported_reason(Sensor(frames=16, threshold=2), "two-layer"))
-    there is no trained network for the threshold 2, only for 1
+    >>> is_conditional(Sensor(frames=16), "small"), is_conditional(Sensor(frames=20), "small")
+    (False, True)
     """
-    if quality not in SIZES:
-        raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
-    if quality in CONDITIONAL_SIZES:
-        reason = _unsupported_by_conditional(sensor)
-    else:
-        reason = _unsupported_by_one_exposure(sensor, TRAINED_TRIALS)
-    return reason and f"there is no trained network for {reason}"
-
-
-def _unsupported_by_conditional(sensor: Sensor) -> str | None:
-    """Return the property of a sensor that K-conditioned networks do not serve, or None."""
-    if sensor.kernel != "box":
-        return f"the {sensor.kernel} kernel, only for the box"
-    return None
-
-
-def _unsupported_by_one_exposure(sensor: Sensor, trained: tuple[int, ...]) -> str | None:
-    """Return the property of a sensor that networks for a single exposure do not serve, or None."""
     efficiency, dark_counts = reference_jot(sensor)
     detections = efficiency * sensor.gain / sensor.trials
-    if sensor.trials not in trained:
-        numbers = ", ".join(map(str, trained))
-        return f"{sensor.trials} trials per pixel, only for {numbers}"
-    if sensor.threshold != 1:
-        return f"the threshold {sensor.threshold}, only for 1"
-    if sensor.kernel != "box":
-        return f"the {sensor.kernel} kernel, only for the box"
-    if abs(detections - 1) > 1e-9:
-        return (
-            f"{detections:.4g} detections per jot and frame at intensity 1 (efficiency * gain / "
-            "trials per pixel), only for 1"
-        )
-    if sensor.max_intensity != 1:
-        return f"the largest intensity {sensor.max_intensity:g}, only for 1"
-    if dark_counts > _MAX_DARK_COUNTS:
-        return f"dark counts of {dark_counts:.3g}, only up to {_MAX_DARK_COUNTS}"
-    return None
+    is_usual = (
+        sensor.kernel == "box"
+        and sensor.threshold == 1
+        and abs(detections - 1) <= 1e-9
+        and sensor.max_intensity == 1
+        and dark_counts <= _MAX_DARK_COUNTS
+    )
+    return not (is_usual and sensor.trials in _TRIALS_OF_ONE.get(quality, ()))
 
 
-def training_command(sensor: Sensor) -> str:
-    """Return the command that trains a deep network for a sensor.
-
-    Examples
-    --------
-    >>> print(training_command(Sensor(kernel="cubic")).partition(" -o ")[2])
-    model.safetensors --quality medium --oversampling 1 --frames 1 --kernel cubic
-    """
-    options = [f"--quality {CONDITIONAL_SIZE}"]
-    options += [f"--oversampling {sensor.oversampling}", f"--frames {sensor.frames}"]
-    if sensor.gain != sensor.trials:
-        options.append(f"--gain {float(sensor.gain)!r}")
-    if sensor.threshold != 1:
-        options.append(f"--threshold {sensor.threshold}")
-    if sensor.kernel != "box":
-        options.append(f"--kernel {sensor.kernel}")
-    efficiency, dark_counts = reference_jot(sensor)
-    if dark_counts:
-        options.append(f"--dark-counts {float(dark_counts)!r}")
-    if efficiency != 1:
-        options.append(f"--efficiency {float(efficiency)!r}")
-    if sensor.max_intensity != 1:
-        options.append(f"--max-intensity {float(sensor.max_intensity)!r}")
-    return f"jotlight train FOLDER_OF_PHOTOGRAPHS -o model.safetensors {' '.join(options)}"
+def check_quality(quality: str) -> None:
+    """Raise ValueError for an unknown size."""
+    if quality not in SIZES:
+        raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")

@@ -33,7 +33,8 @@ def check_served(
             f"{own.oversampling} jots per pixel, got {sensor.frames} frames of "
             f"{sensor.oversampling} x {sensor.oversampling}"
         )
-    if own.kernel != sensor.kernel:
+    # The engine deconvolves the estimates of K-conditioned networks.
+    if own.kernel != sensor.kernel and trials_range is None:
         raise ValueError(f"sensor: the network is for the {own.kernel} kernel, got {sensor.kernel}")
     if trials_range is not None:
         return
@@ -83,6 +84,11 @@ def choose_sensor(
             )
         sensor = own
     check_served(own, sensor, trials_range, tied=tied)
+    if own.kernel != sensor.kernel:
+        raise ValueError(
+            f"sensor: expected the {own.kernel} kernel, got {sensor.kernel}; the engine serves it "
+            "(jotlight.Network.reconstruct)"
+        )
     if sensor.maps():
         raise ValueError(
             f"sensor: expected one without maps of its jots, got {sensor!r}; the engine takes it "

@@ -1,0 +1,75 @@
+"""The fallback of networks to other methods."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.evaluation.held_out import NAMES, held_out
+from jotlight.networks.pretrained import pretrained_conditional
+
+SENSOR = jl.Sensor(frames=16)
+PHOTOGRAPH = jl.datasets.photograph("camera")[100:196, 180:276]
+ROW, COLUMN = np.mgrid[:96, :96]
+CHECKERBOARD = 0.1 + 0.8 * ((ROW + COLUMN) % 2)
+
+
+def reconstruct(image, **options):
+    bits = SENSOR.expose(image, rng=0)
+    return jl.reconstruct(bits, return_info=True, **options)
+
+
+@pytest.mark.parametrize("quality", ["small", "medium"])
+def test_a_scene_unlike_photographs_falls_back_to_the_bits(quality):
+    plain, without = reconstruct(CHECKERBOARD, quality=quality)
+    estimate, info = reconstruct(CHECKERBOARD, quality=quality, fallback=True)
+    quality_of = [jl.metrics.psnr(each, CHECKERBOARD) for each in (plain, estimate)]
+    assert quality_of[1] > quality_of[0] + 5
+    assert without.shares is None
+    assert list(info.shares) == list(NAMES)
+    assert sum(info.shares.values()) == pytest.approx(1, abs=1e-5)
+    assert info.shares["maximum likelihood"] > 0.5
+    assert info.method == f"network-{quality}"
+
+
+def test_a_photograph_keeps_the_estimate_of_the_network():
+    plain, _ = reconstruct(PHOTOGRAPH)
+    estimate, info = reconstruct(PHOTOGRAPH, fallback=True)
+    assert info.shares["network"] > 0.6
+    assert jl.metrics.psnr(estimate, PHOTOGRAPH) > jl.metrics.psnr(plain, PHOTOGRAPH) - 0.1
+
+
+def test_the_default_with_fallback_is_the_method_held_out():
+    bits = SENSOR.expose(CHECKERBOARD, rng=0)
+    expected = held_out(bits)
+    np.testing.assert_array_equal(jl.reconstruct(bits, fallback=True), expected)
+    estimate, info = jl.reconstruct(bits, method="held-out", return_info=True)
+    np.testing.assert_array_equal(estimate, expected)
+    assert info.shares is not None
+
+
+def test_a_network_of_the_caller_falls_back_too():
+    network = pretrained_conditional(SENSOR, "small")
+    bits = SENSOR.expose(CHECKERBOARD, rng=0)
+    expected = jl.reconstruct(bits, quality="small", fallback=True)
+    np.testing.assert_array_equal(jl.reconstruct(bits, method=network, fallback=True), expected)
+
+
+def test_a_stack_equals_its_images():
+    bits = [SENSOR.expose(image, rng=0) for image in (PHOTOGRAPH, CHECKERBOARD)]
+    stack = jl.reconstruct(bits, quality="small", fallback=True)
+    for each, estimate in zip(bits, stack, strict=True):
+        alone = jl.reconstruct(each, quality="small", fallback=True)
+        np.testing.assert_array_equal(estimate, alone)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "mle"}, "fallback: is for networks, but the method is mle"),
+        ({"method": lambda data: data.counts()}, "fallback: is for networks, but method is"),
+        ({"method": jl.Network.initial(SENSOR)}, "fallback: expected a K-conditioned network"),
+    ],
+)
+def test_only_conditional_networks_fall_back(options, message):
+    with pytest.raises(ValueError, match=message):
+        reconstruct(PHOTOGRAPH, fallback=True, **options)
