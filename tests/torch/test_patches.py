@@ -1,7 +1,5 @@
 """Batches of training patches."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from scipy.stats import binom
@@ -83,34 +81,3 @@ def test_most_patches_for_conditional_networks_have_a_usual_light():
     assert light.min() < 0.05
     assert light.max() > 2
     assert (batch.dark_counts.numpy() == 0).mean() == pytest.approx(0.5, abs=0.15)
-
-
-def test_a_quarter_of_the_patches_for_conditional_networks_have_a_map_of_trials():
-    network = jl.Network.conditional("small", rng=0)
-    batch = first_batch(network)
-    weights = batch.weights.numpy()
-    assert weights.shape == batch.data.shape
-    assert ((weights >= 0) & (weights <= 1)).all()
-    mapped = (weights < 1).any((1, 2, 3))
-    # Some maps are the same as one number of trials.
-    low, _ = binom.ppf([1e-6, 1 - 1e-6], NUMBER, 1 / 8)
-    _, high = binom.ppf([1e-6, 1 - 1e-6], NUMBER, 1 / 4)
-    assert low <= mapped.sum() <= high
-    counts = batch.data.numpy()[~mapped]
-    assert counts.max() <= batch.trials
-
-
-def test_errors_count_only_where_the_network_serves_the_trials():
-    torch = pytest.importorskip("torch")
-    from jotlight.torch import Network
-
-    network = jl.Network.conditional("small", rng=0)
-    module, batch = Network(network), first_batch(network, batch=8)
-    whole = dataclasses.replace(batch, weights=torch.ones_like(batch.weights))
-    half = torch.ones_like(batch.weights)
-    half[..., :4] = 0
-    part, other = (
-        dataclasses.replace(batch, weights=weights).squared_errors(module)
-        for weights in (half, 1 - half)
-    )
-    torch.testing.assert_close(part + other, whole.squared_errors(module))

@@ -60,7 +60,8 @@ def deconvolve(means: Image, sensor: Sensor) -> Image:
 def pixel_means(image: npt.NDArray[np.floating], sensor: Sensor) -> Image:
     """Return the mean intensity at the jots of each pixel of an image (H, W)."""
     side = sensor.oversampling
-    light = spread(image.shape, side, sensor.kernel, gain=side**2).forward(image)
+    values = np.asarray(image, np.float64)
+    light = spread(image.shape, side, sensor.kernel, gain=side**2).forward(values)
     height, width = image.shape
     return np.asarray(light.reshape(height, side, width, side).mean((1, 3)), np.float32)
 

@@ -15,7 +15,6 @@ from jotlight.sensing.sensor import Sensor
 from jotlight.torch import response
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.training.patch_sources import Patch, PatchSource
-from jotlight.training.trials_maps import draw_counts, draw_trials_map, serving_weights
 
 _LIGHT_RANGE = 0.02, 3.0
 """Mean light of an image in photons per jot and frame, for K-conditioned networks."""
@@ -59,9 +58,6 @@ _EXTREME_LIGHT_RANGE = 0.002, 8.0
 _ERROR_EXPONENT = 0.6
 """Exponent with which the error of a good estimate grows with the error of the counts."""
 
-_MAP_FRACTION = 1 / 4
-"""Fraction of the patches for K-conditioned networks whose pixels have different trials."""
-
 _Array = npt.NDArray[np.float64]
 
 
@@ -79,8 +75,6 @@ class Batch:
     """Light (photons per jot and frame) at intensity 1, (N,), for K-conditioned networks."""
     dark_counts: Tensor | None = None
     """Dark counts per jot and frame, (N,), for K-conditioned networks."""
-    weights: Tensor | None = None
-    """Weights of the errors (N, 1, H, W), for K-conditioned networks: how far K serves a pixel."""
 
     def to(self, device: torch.device) -> "Batch":
         """Return the batch on another device."""
@@ -103,7 +97,6 @@ class Batch:
             return squares.mean((1, 2, 3))
         assert self.light_per_intensity is not None
         assert self.dark_counts is not None
-        assert self.weights is not None
         slope, dark = (
             values.view(-1, 1, 1, 1) for values in (self.light_per_intensity, self.dark_counts)
         )
@@ -114,7 +107,7 @@ class Batch:
         weights = torch.expm1(rates).minimum(_MAX_RELATIVE_VARIANCE * mean_weight)
         errors = weights * (module.last_sums(self.data, self.trials) - target) ** 2
         scale = slope**2 * (mean_weight / (self.trials * slope**2)) ** _ERROR_EXPONENT
-        relative: Tensor = 4 * self.weights * errors / scale
+        relative: Tensor = 4 * errors / scale
         return relative.mean((1, 2, 3))
 
 
@@ -247,31 +240,16 @@ def _exposed_batch(
     slopes = (exposures.light[shard] / np.maximum(means, 1e-6)).astype(np.float32)
     truth = np.stack([patch.values for patch in patches])
     rates = truth * slopes[:, None, None] + dark_counts[:, None, None]
-    probabilities = detection_probability(1, rates.astype(np.float64))
-    drawn = [
-        _draw_counts(generator, probability, exposures.trials)
-        for probability, generator in zip(probabilities, generators, strict=True)
-    ]
-    counts, weights = (
-        torch.from_numpy(np.stack(values).astype(np.float32)[:, None])
-        for values in zip(*drawn, strict=True)
-    )
+    counts = np.stack(
+        [
+            generator.binomial(exposures.trials, detection_probability(1, rate))
+            for rate, generator in zip(rates.astype(np.float64), generators, strict=True)
+        ]
+    ).astype(np.float32)
     return Batch(
-        counts,
+        torch.from_numpy(counts)[:, None],
         torch.from_numpy(truth)[:, None],
         exposures.trials,
         torch.from_numpy(slopes),
         torch.from_numpy(dark_counts.astype(np.float32)),
-        weights,
     )
-
-
-def _draw_counts(
-    generator: np.random.Generator, probability: _Array, trials: int
-) -> tuple[npt.NDArray[np.number], npt.NDArray[np.float32]]:
-    """Return the counts of a patch and the weights of its errors, (H, W)."""
-    if generator.random() >= _MAP_FRACTION:
-        weights = np.ones(probability.shape, np.float32)
-        return generator.binomial(trials, probability), weights
-    each = draw_trials_map(generator, len(probability), trials)
-    return draw_counts(generator, probability, each, trials), serving_weights(each, trials)
