@@ -134,7 +134,7 @@ def test_unknown_errors_are_reported_before_the_work(run, tmp_path):
     jl.save(sensor.expose(np.full((16, 16), 0.5), rng=0), tmp_path / "smooth.npy")
     status, output = run("reconstruct", "smooth.npy", "-o", "a.npy", "--uncertainty", "u.npz")
     assert status == 1
-    assert "errors of the estimate are unknown" in " ".join(output.split())
+    assert "the errors of its estimates are unknown" in " ".join(output.split())
     assert not (tmp_path / "a.npy").exists()
 
 
