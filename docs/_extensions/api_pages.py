@@ -1,0 +1,215 @@
+"""Write the pages of the API reference: a page for each public name, and one for each section.
+
+The public names are those of `__all__` in `jotlight` and in its public packages, and the public
+functions of the public modules. A new name appears by itself: its folder decides the section.
+"""
+
+import importlib
+import inspect
+import pkgutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from sphinx.application import Sphinx
+from sphinx.ext.autodoc.mock import _MockObject, mock
+from sphinx.pycode import ModuleAnalyzer
+
+import jotlight
+
+SECTIONS = {
+    "sensing": "Sensor, bits, and likelihood",
+    "formats": "Captures",
+    "calibration": "Calibration",
+    "evaluation": "Reconstruction and comparison",
+    "estimators": "Classical methods",
+    "networks": "Networks",
+    "training": "Training",
+    "torch": "PyTorch",
+    "motion": "Moving scenes",
+    "images": "Images and films",
+    "plots": "Figures",
+    "datasets": "Test images and data sets",
+    "metrics": "Measures of quality",
+    "experiments": "Experiments of the paper",
+    "errors": "Warnings and errors",
+}
+"""Titles of the sections by the folder of their names, in the order of the reference.
+
+The names of another folder have a section after these, whose title is that of the folder.
+"""
+
+USED_MODULES = (
+    "jotlight.formats.reading",
+    "jotlight.images.io",
+    "jotlight.images.tone",
+    "jotlight.motion.film",
+    "jotlight.plots",
+    "jotlight.torch.deepinv",
+)
+"""Modules outside `__all__` that the guide imports from."""
+
+
+_INTRODUCTION = """\
+This reference describes every public name of jotlight. Examples begin with
+``import jotlight as jl`` and ``import numpy as np``. Names that are not listed here may change
+without notice.
+"""
+
+
+class Name(NamedTuple):
+    """A public name."""
+
+    module: str
+    name: str
+    value: Any
+
+    @property
+    def path(self) -> str:
+        """Return the name as the user writes it."""
+        return f"{self.module}.{self.name}"
+
+    @property
+    def folder(self) -> str:
+        """Return the folder of the object, or of the module that lists it."""
+        parts = (getattr(self.value, "__module__", None) or self.module).split(".")
+        if parts[0] != "jotlight" or len(parts) == 1:
+            parts = sys.modules[self.module].__name__.split(".")
+        return parts[1]
+
+
+def public_names(mocked: list[str]) -> list[Name]:
+    """Return all public names, each object once."""
+    found: list[Name] = []
+    seen: set[int] = set()
+    with mock(mocked):
+        for module, names in _namespaces():
+            for name in names:
+                value = getattr(sys.modules[module], name)
+                if isinstance(value, ModuleType) or name == "__version__" or id(value) in seen:
+                    continue
+                seen.add(id(value))
+                found.append(Name(module, name, value))
+    return found
+
+
+def _namespaces() -> Iterator[tuple[str, list[str]]]:
+    """Yield each public module, as the user writes it, and its public names."""
+    yield "jotlight", jotlight.__all__
+    for name in jotlight.__all__:
+        module = getattr(jotlight, name)
+        if isinstance(module, ModuleType):
+            # Sphinx imports `jotlight.estimators.tv` by its short name, `jotlight.tv`.
+            sys.modules[f"jotlight.{name}"] = module
+            yield f"jotlight.{name}", _names_of(module)
+    for package in pkgutil.iter_modules(jotlight.__path__, "jotlight."):
+        if package.ispkg:
+            module = importlib.import_module(package.name)
+            yield package.name, getattr(module, "__all__", [])
+    for used in USED_MODULES:
+        yield used, _names_of(importlib.import_module(used))
+
+
+def _names_of(module: ModuleType) -> list[str]:
+    """Return `__all__`, or else the public functions and classes of a module in their order."""
+    if hasattr(module, "__all__"):
+        return list(module.__all__)
+    return [
+        name
+        for name, value in vars(module).items()
+        if not name.startswith("_")
+        and getattr(value, "__module__", None) == module.__name__
+        and (inspect.isclass(value) or inspect.isfunction(value))
+    ]
+
+
+def _documentation(each: Name) -> str:
+    """Return the docstring of a name; that of data is the string after its definition."""
+    if inspect.isclass(each.value) or inspect.isroutine(each.value):
+        return inspect.getdoc(each.value) or ""
+    package = sys.modules[each.module].__name__
+    for name, module in list(sys.modules.items()):
+        if name.startswith(package) and getattr(module, each.name, None) is each.value:
+            lines = ModuleAnalyzer.for_module(name).find_attr_docs().get(("", each.name))
+            if lines:
+                return "\n".join(lines)
+    raise ValueError(f"{each.path}: has no docstring; write one after its definition")
+
+
+def _page(each: Name, documentation: str) -> str:
+    head = f"{each.path}\n{'=' * len(each.path)}\n\n.. currentmodule:: {each.module}\n\n"
+    if inspect.isclass(each.value):
+        bases = "" if each.value.__bases__ == (object,) else "   :show-inheritance:\n"
+        return f"{head}.. autoclass:: {each.name}\n   :members:\n{bases}"
+    if inspect.isroutine(each.value):
+        return f"{head}.. autofunction:: {each.name}\n"
+    body = "\n".join(f"   {line}" for line in documentation.splitlines())
+    return f"{head}.. py:data:: {each.name}\n\n{body}\n"
+
+
+def _section_page(title: str, names: list[Name], summaries: dict[str, str]) -> str:
+    lines = [title, "=" * len(title), ""]
+    for module in dict.fromkeys(each.module for each in names):
+        within = [each for each in names if each.module == module]
+        if module != "jotlight":
+            lines += [module, "-" * len(module), ""]
+        lines += [".. list-table::", "   :class: api", ""]
+        for each in within:
+            lines += [
+                f"   * - :py:obj:`{each.name} <{each.path}>`",
+                f"     - {summaries[each.path]}",
+            ]
+        lines.append("")
+    lines += [".. toctree::", "   :hidden:", ""]
+    lines += [f"   {each.name} <generated/{each.path}>" for each in names]
+    return "\n".join(lines) + "\n"
+
+
+def _index_page(titles: dict[str, str]) -> str:
+    title = "API reference"
+    lines = [title, "=" * len(title), "", _INTRODUCTION, ".. toctree::", "   :maxdepth: 2", ""]
+    return "\n".join([*lines, *(f"   {name}" for name in titles), "   ../command_line"]) + "\n"
+
+
+def write_pages(app: Sphinx) -> None:
+    """Write all pages of the reference into `docs/api`, and remove those of earlier names."""
+    folder = Path(app.srcdir) / "api"
+    names = public_names(app.config.autodoc_mock_imports)
+    texts = {each.path: _documentation(each) for each in names}
+    summaries = {path: " ".join(text.split("\n\n")[0].split()) for path, text in texts.items()}
+    folders = {each.folder for each in names}
+    titles = {name: title for name, title in SECTIONS.items() if name in folders}
+    titles |= {name: name.capitalize() for name in sorted(folders - set(SECTIONS))}
+    pages = {f"generated/{each.path}": _page(each, texts[each.path]) for each in names}
+    for name, title in titles.items():
+        within = [each for each in names if each.folder == name]
+        pages[name] = _section_page(title, within, summaries)
+    pages["index"] = _index_page(titles)
+    _write_changed(folder, pages)
+
+
+def _write_changed(folder: Path, pages: dict[str, str]) -> None:
+    """Write pages whose text changed, so that a second build is fast."""
+    (folder / "generated").mkdir(parents=True, exist_ok=True)
+    for old in (*folder.glob("*.rst"), *folder.glob("generated/*.rst")):
+        if str(old.relative_to(folder).with_suffix("")) not in pages:
+            old.unlink()
+    for name, text in pages.items():
+        path = folder / f"{name}.rst"
+        if not path.exists() or path.read_text("utf-8") != text:
+            path.write_text(text, "utf-8")
+
+
+def _union(mocked: object, other: object) -> object:
+    """Return a mocked type in place of its union with another type."""
+    return mocked
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the extension with Sphinx."""
+    # Annotations such as `torch.device | str` are evaluated; Sphinx's mocks have no `|`.
+    _MockObject.__or__ = _MockObject.__ror__ = _union  # type: ignore[attr-defined]
+    app.connect("builder-inited", write_pages, priority=100)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
