@@ -40,6 +40,7 @@ default_role = "py:obj"
 autodoc_member_order = "bysource"
 autodoc_mock_imports = ["deepinv", "torch"]  # large, and not needed to read docstrings
 autodoc_typehints = "none"  # the docstrings state types, shapes, and units
+autosummary_generate = False
 numpydoc_show_class_members = False  # the page of a class describes all of its members
 
 sphinx_gallery_conf = {

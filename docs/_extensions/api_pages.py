@@ -55,7 +55,7 @@ USED_MODULES = (
 _INTRODUCTION = """\
 This reference describes every public name of jotlight. Examples begin with
 ``import jotlight as jl`` and ``import numpy as np``. Names that are not listed here may change
-without notice.
+without notice. The :doc:`../command_line` has a page of its own.
 """
 
 
@@ -65,6 +65,8 @@ class Name(NamedTuple):
     module: str
     name: str
     value: Any
+    others: list[str]
+    """Paths in other public modules that lead to the same object."""
 
     @property
     def path(self) -> str:
@@ -73,26 +75,26 @@ class Name(NamedTuple):
 
     @property
     def folder(self) -> str:
-        """Return the folder of the object, or of the module that lists it."""
-        parts = (getattr(self.value, "__module__", None) or self.module).split(".")
-        if parts[0] != "jotlight" or len(parts) == 1:
-            parts = sys.modules[self.module].__name__.split(".")
-        return parts[1]
+        """Return the folder of the module that lists it, or that of its code for `jl.NAME`."""
+        listing = sys.modules[self.module].__name__
+        parts = (self.value.__module__ if listing == "jotlight" else listing).split(".")
+        return str(parts[1])
 
 
 def public_names(mocked: list[str]) -> list[Name]:
     """Return all public names, each object once."""
-    found: list[Name] = []
-    seen: set[int] = set()
+    found: dict[int, Name] = {}
     with mock(mocked):
         for module, names in _namespaces():
             for name in names:
                 value = getattr(sys.modules[module], name)
-                if isinstance(value, ModuleType) or name == "__version__" or id(value) in seen:
+                if isinstance(value, ModuleType) or name == "__version__":
                     continue
-                seen.add(id(value))
-                found.append(Name(module, name, value))
-    return found
+                if id(value) in found:
+                    found[id(value)].others.append(f"{module}.{name}")
+                else:
+                    found[id(value)] = Name(module, name, value, [])
+    return list(found.values())
 
 
 def _namespaces() -> Iterator[tuple[str, list[str]]]:
@@ -113,15 +115,19 @@ def _namespaces() -> Iterator[tuple[str, list[str]]]:
 
 
 def _names_of(module: ModuleType) -> list[str]:
-    """Return `__all__`, or else the public functions and classes of a module in their order."""
+    """Return `__all__`, or else the public functions, classes, and constants of a module."""
     if hasattr(module, "__all__"):
         return list(module.__all__)
+    constants = [name for _, name in ModuleAnalyzer.for_module(module.__name__).find_attr_docs()]
     return [
         name
         for name, value in vars(module).items()
         if not name.startswith("_")
-        and getattr(value, "__module__", None) == module.__name__
-        and (inspect.isclass(value) or inspect.isfunction(value))
+        and (
+            (name in constants and name.isupper())
+            or (inspect.isclass(value) or inspect.isfunction(value))
+            and value.__module__ == module.__name__
+        )
     ]
 
 
@@ -130,7 +136,8 @@ def _documentation(each: Name) -> str:
     if inspect.isclass(each.value) or inspect.isroutine(each.value):
         return inspect.getdoc(each.value) or ""
     package = sys.modules[each.module].__name__
-    for name, module in list(sys.modules.items()):
+    for module in list(sys.modules.values()):
+        name = module.__name__ if isinstance(module, ModuleType) else ""
         if name.startswith(package) and getattr(module, each.name, None) is each.value:
             lines = ModuleAnalyzer.for_module(name).find_attr_docs().get(("", each.name))
             if lines:
@@ -140,6 +147,9 @@ def _documentation(each: Name) -> str:
 
 def _page(each: Name, documentation: str) -> str:
     head = f"{each.path}\n{'=' * len(each.path)}\n\n.. currentmodule:: {each.module}\n\n"
+    # The pages of source code link to some names by their other paths.
+    anchors = "".join(f'<span id="{path}"></span>' for path in dict.fromkeys(each.others))
+    head += f".. raw:: html\n\n   {anchors}\n\n" if anchors else ""
     if inspect.isclass(each.value):
         bases = "" if each.value.__bases__ == (object,) else "   :show-inheritance:\n"
         return f"{head}.. autoclass:: {each.name}\n   :members:\n{bases}"
@@ -167,10 +177,15 @@ def _section_page(title: str, names: list[Name], summaries: dict[str, str]) -> s
     return "\n".join(lines) + "\n"
 
 
-def _index_page(titles: dict[str, str]) -> str:
+def _index_page(titles: dict[str, str], names: list[Name]) -> str:
     title = "API reference"
-    lines = [title, "=" * len(title), "", _INTRODUCTION, ".. toctree::", "   :maxdepth: 2", ""]
-    return "\n".join([*lines, *(f"   {name}" for name in titles), "   ../command_line"]) + "\n"
+    lines = [title, "=" * len(title), "", _INTRODUCTION, ".. list-table::", ""]
+    for folder in titles:
+        within = [each for each in names if each.folder == folder]
+        links = ", ".join(f":py:obj:`{each.name} <{each.path}>`" for each in within)
+        lines += [f"   * - :doc:`{folder}`", f"     - {links}"]
+    lines += ["", ".. toctree::", "   :hidden:", "", *(f"   {name}" for name in titles)]
+    return "\n".join([*lines, "   ../command_line"]) + "\n"
 
 
 def write_pages(app: Sphinx) -> None:
@@ -186,7 +201,7 @@ def write_pages(app: Sphinx) -> None:
     for name, title in titles.items():
         within = [each for each in names if each.folder == name]
         pages[name] = _section_page(title, within, summaries)
-    pages["index"] = _index_page(titles)
+    pages["index"] = _index_page(titles, names)
     _write_changed(folder, pages)
 
 

@@ -112,7 +112,8 @@ def section(results: Results) -> Section:
         "default strength that serves the sensor. The first tables are by exposure α / K, the "
         f"photons per jot where the scene has intensity 1, at K = {bits}. The second tables "
         "are by K with α = K. The learned network is the package's own where the package has one "
-        "for the sensor; otherwise this run trains it on the training images by the default training.",
+        "for the sensor; otherwise this run trains it on the training images by the default "
+        "training.",
         "jotlight reproduce gain",
         ["gain.csv"],
         tables=[
