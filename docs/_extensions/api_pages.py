@@ -4,11 +4,13 @@ The public names are those of `__all__` in `jotlight` and in its public packages
 functions of the public modules. A new name appears by itself: its folder decides the section.
 """
 
+import ast
 import importlib
 import inspect
 import pkgutil
+import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -41,16 +43,19 @@ SECTIONS = {
 The names of another folder have a section after these, whose title is that of the folder.
 """
 
-USED_MODULES = (
-    "jotlight.formats.reading",
-    "jotlight.images.io",
-    "jotlight.images.tone",
-    "jotlight.motion.film",
-    "jotlight.plots",
-    "jotlight.torch.deepinv",
-)
-"""Modules outside `__all__` that the guide imports from."""
-
+USED_NAMES = {
+    "jotlight.images.io": ("image_writer",),
+    "jotlight.images.tone": ("Tone",),
+    "jotlight.motion.film": ("film",),
+    "jotlight.plots": ("Panel", "bits_panel", "comparison", "training"),
+    "jotlight.torch.deepinv": (
+        "BitLikelihood",
+        "NetworkDenoiser",
+        "NetworkReconstructor",
+        "SensorPhysics",
+    ),
+}
+"""Names outside `__all__` that the guide and the examples import."""
 
 _INTRODUCTION = """\
 This reference describes every public name of jotlight. Examples begin with
@@ -65,13 +70,16 @@ class Name(NamedTuple):
     module: str
     name: str
     value: Any
-    others: list[str]
-    """Paths in other public modules that lead to the same object."""
 
     @property
     def path(self) -> str:
         """Return the name as the user writes it."""
         return f"{self.module}.{self.name}"
+
+    @property
+    def file(self) -> str:
+        """Return the name of its page. Some systems take `Plan` and `plan` for the same file."""
+        return f"generated/{self.path}{'-class' if inspect.isclass(self.value) else ''}"
 
     @property
     def folder(self) -> str:
@@ -90,14 +98,11 @@ def public_names(mocked: list[str]) -> list[Name]:
                 value = getattr(sys.modules[module], name)
                 if isinstance(value, ModuleType) or name == "__version__":
                     continue
-                if id(value) in found:
-                    found[id(value)].others.append(f"{module}.{name}")
-                else:
-                    found[id(value)] = Name(module, name, value, [])
+                found.setdefault(id(value), Name(module, name, value))
     return list(found.values())
 
 
-def _namespaces() -> Iterator[tuple[str, list[str]]]:
+def _namespaces() -> Iterator[tuple[str, Sequence[str]]]:
     """Yield each public module, as the user writes it, and its public names."""
     yield "jotlight", jotlight.__all__
     for name in jotlight.__all__:
@@ -110,25 +115,43 @@ def _namespaces() -> Iterator[tuple[str, list[str]]]:
         if package.ispkg:
             module = importlib.import_module(package.name)
             yield package.name, getattr(module, "__all__", [])
-    for used in USED_MODULES:
-        yield used, _names_of(importlib.import_module(used))
+    for used, names in USED_NAMES.items():
+        importlib.import_module(used)
+        yield used, names
 
 
 def _names_of(module: ModuleType) -> list[str]:
     """Return `__all__`, or else the public functions, classes, and constants of a module."""
     if hasattr(module, "__all__"):
         return list(module.__all__)
-    constants = [name for _, name in ModuleAnalyzer.for_module(module.__name__).find_attr_docs()]
+    documented = ModuleAnalyzer.for_module(module.__name__).find_attr_docs()
     return [
         name
         for name, value in vars(module).items()
         if not name.startswith("_")
         and (
-            (name in constants and name.isupper())
-            or (inspect.isclass(value) or inspect.isfunction(value))
-            and value.__module__ == module.__name__
+            (name.isupper() and ("", name) in documented)
+            or getattr(value, "__module__", None) == module.__name__
         )
     ]
+
+
+def check_guide(folder: Path, names: list[Name]) -> None:
+    """Raise ValueError for a name that the guide or an example imports without a page here."""
+    documented = {id(each.value) for each in names}
+    texts = [path.read_text("utf-8") for path in (folder.parent / "examples").glob("*.py")]
+    for page in folder.rglob("*.md"):
+        texts += re.findall(r"^```python\n(.*?)^```", page.read_text("utf-8"), re.S | re.M)
+    imports = (node for text in texts for node in ast.walk(ast.parse(text)))
+    for node in imports:
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith("jotlight"):
+            for alias in node.names:
+                module = sys.modules.get(str(node.module))
+                if id(getattr(module, alias.name, None)) not in documented:
+                    raise ValueError(
+                        f"{node.module}.{alias.name}: the guide imports it, but the reference has "
+                        "no page for it; add it to USED_NAMES in docs/_extensions/api_pages.py"
+                    )
 
 
 def _documentation(each: Name) -> str:
@@ -145,10 +168,20 @@ def _documentation(each: Name) -> str:
     raise ValueError(f"{each.path}: has no docstring; write one after its definition")
 
 
-def _page(each: Name, documentation: str) -> str:
+def _anchors(each: Name, names: list[Name]) -> str:
+    """Return anchors for the links from the page with the source code of a name.
+
+    If several public modules list names of one source file, that page links to all of them by the
+    path of one module.
+    """
+    source = getattr(each.value, "__module__", None)
+    modules = {other.module for other in names if getattr(other.value, "__module__", 0) == source}
+    spans = (f'<span id="{name}.{each.name}"></span>' for name in sorted(modules - {each.module}))
+    return "".join(spans)
+
+
+def _page(each: Name, documentation: str, anchors: str) -> str:
     head = f"{each.path}\n{'=' * len(each.path)}\n\n.. currentmodule:: {each.module}\n\n"
-    # The pages of source code link to some names by their other paths.
-    anchors = "".join(f'<span id="{path}"></span>' for path in dict.fromkeys(each.others))
     head += f".. raw:: html\n\n   {anchors}\n\n" if anchors else ""
     if inspect.isclass(each.value):
         bases = "" if each.value.__bases__ == (object,) else "   :show-inheritance:\n"
@@ -173,7 +206,7 @@ def _section_page(title: str, names: list[Name], summaries: dict[str, str]) -> s
             ]
         lines.append("")
     lines += [".. toctree::", "   :hidden:", ""]
-    lines += [f"   {each.name} <generated/{each.path}>" for each in names]
+    lines += [f"   {each.name} <{each.file}>" for each in names]
     return "\n".join(lines) + "\n"
 
 
@@ -192,12 +225,13 @@ def write_pages(app: Sphinx) -> None:
     """Write all pages of the reference into `docs/api`, and remove those of earlier names."""
     folder = Path(app.srcdir) / "api"
     names = public_names(app.config.autodoc_mock_imports)
+    check_guide(Path(app.srcdir), names)
     texts = {each.path: _documentation(each) for each in names}
     summaries = {path: " ".join(text.split("\n\n")[0].split()) for path, text in texts.items()}
     folders = {each.folder for each in names}
     titles = {name: title for name, title in SECTIONS.items() if name in folders}
     titles |= {name: name.capitalize() for name in sorted(folders - set(SECTIONS))}
-    pages = {f"generated/{each.path}": _page(each, texts[each.path]) for each in names}
+    pages = {each.file: _page(each, texts[each.path], _anchors(each, names)) for each in names}
     for name, title in titles.items():
         within = [each for each in names if each.folder == name]
         pages[name] = _section_page(title, within, summaries)

@@ -6,8 +6,10 @@ text of the files of these names at the top of the repository.
 
 import re
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
 
-from sphinx.application import Sphinx
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 ROOT = Path(__file__).parents[2]
 TOP_PAGES = {"contributing": "CONTRIBUTING.md", "changelog": "CHANGELOG.md"}
@@ -60,7 +62,7 @@ def _relative(page: PurePosixPath, folder: PurePosixPath) -> str:
     return "/".join([".."] * (len(folder.parts) - shared) + list(page.parts[shared:]))
 
 
-def read_source(app: Sphinx, page: str, source: list[str]) -> None:
+def read_source(app: "Sphinx", page: str, source: list[str]) -> None:
     """Rewrite the links of a page when Sphinx reads it."""
     path = Path(app.env.doc2path(page))
     if path.suffix != ".md":
@@ -74,7 +76,7 @@ def read_source(app: Sphinx, page: str, source: list[str]) -> None:
     source[0] = rewrite(source[0], folder, site, app.config.repository_url)
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
+def setup(app: "Sphinx") -> dict[str, bool]:
     """Register the extension with Sphinx."""
     app.add_config_value("repository_url", "", "env")
     app.connect("source-read", read_source)
