@@ -56,6 +56,7 @@ sphinx_gallery_conf = {
     "show_memory": False,
     "min_reported_time": 10_000,
     "show_signature": False,
+    "write_computation_times": False,  # its page would load a script from another site
 }
 
 templates_path = ["_templates"]
