@@ -49,7 +49,8 @@ def overview_section(results: Mapping[str, Results]) -> Section | None:
         "(time per image, below). Up is better, left is faster. The list names every method that "
         "serves this sensor and differs from the others: for the box kernel, iterative maximum "
         "likelihood equals maximum likelihood, and the best blend on held-out bits is for more "
-        f"than {LARGE_TRIALS:,} trials per pixel.",
+        f"than {LARGE_TRIALS:,} trials per pixel. A dash instead of a time means that the run that "
+        "measured the times did not include the method.",
         tables=[Table("Quality and time", columns, rows)],
         curves=[Curves("overview", "PSNR against time per image", render_svg([axes]))],
     )
