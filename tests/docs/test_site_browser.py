@@ -121,7 +121,9 @@ def bad_images(tab):
     """Return the images that do not load, or that no text describes."""
     images = tab.evaluate(
         """async () => {
-            const images = [...document.images];
+            // The thumbnails of the gallery only repeat the title below them.
+            const images = [...document.images].filter(
+                image => !image.closest(".sphx-glr-thumbcontainer"));
             for (const image of images) image.loading = "eager";
             await Promise.all(images.map(image => image.decode().catch(() => {})));
             return images.map(image => [image.src, image.naturalWidth, image.alt]);
