@@ -6,6 +6,8 @@ The tags below are the only list of the gate's steps: `.ci/run` and CONTRIBUTING
 import os
 import re
 import shutil
+import sys
+import time
 from pathlib import Path
 
 import nox
@@ -26,6 +28,9 @@ NEEDS_TORCH = (
     "tests/tools/test_train.py",
 )
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+SITE = ROOT / "docs" / "_build" / "html"
+PROGRAMS = "Scripts" if sys.platform == "win32" else "bin"
+MANYLINUX = "manylinux_2_17_x86_64"  # manylinux2014
 
 
 @nox.session(tags=["gate"])
@@ -54,12 +59,13 @@ def readme(session: nox.Session) -> None:
     for name in filter(None, tracked.split("\0")):
         (copy / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, copy / name)
-    blocks = re.findall(r"^```sh\n(.*?)^```", (copy / "README.md").read_text(), re.S | re.M)
+    text = (copy / "README.md").read_text("utf-8").replace(".venv/bin/", f".venv/{PROGRAMS}/")
+    blocks = re.findall(r"^```sh\n(.*?)^```", text, re.S | re.M)
     with session.chdir(copy):
         # All sessions share this target folder, so the engine is compiled once.
         env = {"CARGO_TARGET_DIR": str(ROOT / "target"), "JOTLIGHT_DATA": str(DATA)}
         session.run("bash", "-ec", blocks[1], env=env, external=True)
-        session.run("bash", "-ec", ".venv/bin/pytest -m slow", env=env, external=True)
+        session.run("bash", "-ec", f".venv/{PROGRAMS}/pytest -m slow", env=env, external=True)
 
 
 @nox.session(venv_backend="none", tags=["gate"])
@@ -97,6 +103,51 @@ def torch(session: nox.Session) -> None:
     session.run("pytest", "-m", "slow or not slow", "tests/docs/test_documents.py", *pages)
 
 
+@nox.session(tags=["gate"])
+def site(session: nox.Session) -> None:
+    """Build the website without running the examples, and check all links between its pages."""
+    build_site(session, "-D", "plot_gallery=0")
+
+
+@nox.session(tags=["release"])
+def gallery(session: nox.Session) -> None:
+    """Build the website with the figures of the examples, and run the examples as notebooks."""
+    build_site(session)
+    examples = [path.stem for path in sorted((ROOT / "examples").glob("*.py"))]
+    for name in examples:
+        if not list((SITE / "_images").glob(f"sphx_glr_{name}_*.png")):
+            session.error(f"the page of the example {name} has no figure")
+    session.install("ipykernel", "nbconvert")
+    notebooks = [next(SITE.glob(f"_downloads/*/{name}.ipynb")) for name in examples]
+    output = ("--output-dir", session.create_tmp())
+    session.run("jupyter", "nbconvert", "--to", "notebook", "--execute", *output, *notebooks)
+
+
+@nox.session(tags=["release"])
+def release(session: nox.Session) -> None:
+    """Build the manylinux2014 wheel, the sdist, and the crate; run the wheel without a compiler."""
+    if sys.platform != "linux":
+        session.skip("wheels for manylinux2014 are built on Linux")
+    session.install("maturin[zig]>=1.9.4,<2", "auditwheel>=6")
+    output = DIST / "release"
+    shutil.rmtree(output, ignore_errors=True)
+    options = ("--zig", "--compatibility", "manylinux2014", "--out", str(output))
+    session.run("maturin", "build", "--release", "--locked", *options)
+    built = next(output.glob("*.whl"))
+    shown = session.run("auditwheel", "show", str(built), silent=True) or ""
+    session.log(shown)
+    if f'following platform tag: "{MANYLINUX}"' not in " ".join(shown.split()):
+        session.error(f"auditwheel: expected {MANYLINUX}")
+    session.log(f"{built.name}: {built.stat().st_size / 1e6:.1f} MB")
+    run_without_compiler(session, built)
+    session.run("maturin", "sdist", "--out", str(output))
+    source = next(output.glob("*.tar.gz"))
+    target = {"CARGO_TARGET_DIR": os.environ.get("CARGO_TARGET_DIR", str(ROOT / "target"))}
+    arguments = ("--no-deps", "--wheel-dir", session.create_tmp())
+    session.run("pip", "wheel", *arguments, str(source), env=target)
+    session.run("cargo", "publish", "--dry-run", "--allow-dirty", "-p", "jotlight", external=True)
+
+
 @nox.session(tags=["release"])
 def reproduce(session: nox.Session) -> None:
     """Run all of the paper's experiments in quick mode, on the data in folder JOTLIGHT_DATA."""
@@ -112,13 +163,14 @@ def reproduce(session: nox.Session) -> None:
 
 @nox.session(tags=["release"])
 def browser(session: nox.Session) -> None:
-    """Test the page of the reproduction in a browser."""
+    """Test the website and the page of the reproduction in a browser."""
     if not any(map(shutil.which, BROWSERS)):
-        session.error(f"none of {', '.join(BROWSERS)} is installed: the page was NOT tested")
+        session.error(f"none of {', '.join(BROWSERS)} is installed: no page was tested")
+    if not (SITE / "index.html").exists():
+        session.error(f"there is no website in {SITE}: run `nox -s gallery` first")
     install_wheel(session, extra="test,browser")
-    session.run(
-        *("pytest", "-m", "slow", "tests/experiments/report/test_page_browser.py"), *session.posargs
-    )
+    tests = "tests/experiments/report/test_page_browser.py", "tests/docs/test_site_browser.py"
+    session.run("pytest", "-m", "slow", *tests, *session.posargs, env={"JOTLIGHT_SITE": str(SITE)})
 
 
 @nox.session(tags=["release"])
@@ -136,6 +188,35 @@ def tests(session: nox.Session) -> None:
     """Run the tests that the arguments select, such as `nox -s tests -- -k sensor`."""
     install_wheel(session, extra="test")
     session.run("pytest", *session.posargs, env={"JOTLIGHT_DATA": str(DATA)})
+
+
+def build_site(session: nox.Session, *options: str) -> None:
+    """Build the website from nothing, with warnings as errors, and check its links."""
+    install_wheel(session, extra="site")
+    for generated in ("_build", "api", "gallery"):
+        shutil.rmtree(ROOT / "docs" / generated, ignore_errors=True)
+    session.run("sphinx-build", "-W", "--keep-going", *options, "docs", str(SITE))
+    session.run("python", "tools/check_site.py", str(SITE))
+
+
+def run_without_compiler(session: nox.Session, built: Path) -> None:
+    """Install a wheel in an environment whose path holds no Rust toolchain, and run it."""
+    folder = Path(session.create_tmp()).resolve()
+    shutil.rmtree(folder / "installed", ignore_errors=True)
+    session.run("python", "-m", "venv", str(folder / "installed"))
+    programs = folder / "installed" / PROGRAMS
+    bare = {"PATH": str(programs)}
+    code = "import shutil; assert shutil.which('cargo') is None is shutil.which('rustc')"
+    session.run(str(programs / "python"), "-c", code, env=bare, external=True)
+    arguments = ("install", "--quiet", "--only-binary", ":all:", str(built))
+    session.run(str(programs / "pip"), *arguments, env=bare, external=True)
+    with session.chdir(folder):
+        for command in (["jotlight", "demo"], ["python", "-c", "import jotlight"]):
+            # The first run of Python also compiles the modules to bytecode.
+            for run in ("first", "second"):
+                start = time.perf_counter()
+                session.run(str(programs / command[0]), *command[1:], env=bare, external=True)
+                session.log(f"{run} run: {time.perf_counter() - start:.2f} s")
 
 
 def install_wheel(session: nox.Session, *others: str, extra: str = "") -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from jotlight.estimators.denoise import Float32Image, bm3d
 from jotlight.estimators.noniterative import noniterative
-from jotlight.evaluation.methods import DEEP_NETWORKS, LARGE_METHOD, METHODS
+from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.own_method import import_method
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.experiments.method_titles import ALGEBRAIC
@@ -20,18 +20,32 @@ TWO_LAYER_METHOD = "network-two-layer"
 """Name of the two-layer network in `METHODS`."""
 
 
+def methods_for(sensor: Sensor) -> list[str]:
+    """Return every installed method that serves a sensor, except slower ones that equal another.
+
+    Examples
+    --------
+    >>> "mle-iterative" in methods_for(Sensor(oversampling=4))  # it equals "mle" for this kernel
+    False
+    """
+    return [
+        name
+        for name, method in METHODS.items()
+        if method.available
+        and method.is_distinct(sensor)
+        and method.unsupported_reason(sensor) is None
+    ]
+
+
 def methods_with(
-    network: Network, own: Sequence[str] = ()
+    network: Network, sensor: Sensor, own: Sequence[str] = ()
 ) -> dict[str, Callable[..., Float32Image]]:
-    """Return every installed method, with this network as the learned one, and those of the caller.
+    """Return the methods for a sensor, with this network as the learned one, and the caller's.
 
     The two inverses of BM3D share one run of the denoiser.
     """
     runs: dict[str, Callable[..., Float32Image]] = {
-        name: method.run
-        for name, method in METHODS.items()
-        if method.available
-        and name not in ("mle-iterative", TWO_LAYER_METHOD, LARGE_METHOD, *DEEP_NETWORKS)
+        name: METHODS[name].run for name in methods_for(sensor)
     }
     if "noniterative-bm3d" in runs:
         denoised: list[Float32Image] = []
@@ -50,7 +64,7 @@ def methods_with(
 
         runs["noniterative-bm3d"] = exact
         runs[ALGEBRAIC] = algebraic
-    runs[TWO_LAYER_METHOD] = network.reconstruct
+    runs[TWO_LAYER_METHOD] = network.reconstruct  # in the place of the shipped one, if any
     for name in own:
         runs[name] = partial(reconstruct, method=import_method(name))
     return runs

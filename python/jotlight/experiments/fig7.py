@@ -66,7 +66,7 @@ def parts(context: RunContext) -> list[Part]:
         def run(progress: Progress) -> PartResult:
             bits = sensor.expose(image, number, threads=context.threads)
             estimates = {}
-            runs = methods_with(Network.load(path), context.own)
+            runs = methods_with(Network.load(path), sensor, context.own)
             for done, (method, reconstruct) in enumerate(runs.items()):
                 progress(done / len(runs))
                 estimates[method] = reconstruct(bits, sensor, threads=context.threads)

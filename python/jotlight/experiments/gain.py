@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from jotlight.datasets.fetch import Progress
+from jotlight.evaluation.methods import METHODS
 from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center, methods_with
 from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
 from jotlight.experiments.method_titles import ALGEBRAIC, method_title
@@ -56,7 +57,7 @@ def parts(context: RunContext) -> list[Part]:
 def _rows(context: RunContext, axis: str, sensor: Sensor, progress: Progress) -> list[Row]:
     """Return PSNR and SSIM of every method on every image for one sensor."""
     settings = context.settings
-    runs = methods_with(_network(context, sensor, progress), context.own)
+    runs = methods_with(_network(context, sensor, progress), sensor, context.own)
     runs.pop(ALGEBRAIC, None)
     names, images = context.data.bsds300("test")
     # The chosen images are spread over the whole set.
@@ -108,10 +109,11 @@ def section(results: Results) -> Section:
         EXPERIMENT.title,
         f"{len(results.unique('image'))} test images of BSDS300 in gray, their central "
         f"{settings['side']} × {settings['side']} pixels, by every installed method with its "
-        "default strength. The first tables are by exposure α / K, the photons per jot where the "
-        f"scene has intensity 1, at K = {bits}. The second tables are by K with α = K. The learned "
-        "network is the package's own where the package has one for the sensor; otherwise this "
-        "run trains it on the training images by the default training.",
+        "default strength that serves the sensor. The first tables are by exposure α / K, the "
+        f"photons per jot where the scene has intensity 1, at K = {bits}. The second tables "
+        "are by K with α = K. The learned network is the package's own where the package has one "
+        "for the sensor; otherwise this run trains it on the training images by the default "
+        "training.",
         "jotlight reproduce gain",
         ["gain.csv"],
         tables=[
@@ -138,33 +140,43 @@ def section(results: Results) -> Section:
 
 
 def _means(results: Results, **where: Any) -> dict[str, float]:
-    return {
-        method: float(results.column("psnr", method=method, **where).mean())
+    """Return the mean PSNR of each method that serves a sensor, in the order of the tables."""
+    columns = {
+        method: results.column("psnr", method=method, **where)
         for method in results.unique("method")
     }
+    return {method: float(column.mean()) for method, column in columns.items() if column.size}
 
 
 def _axes(means: Mapping[float, dict[str, float]], x_label: str, ticks: list[float]) -> Axes:
-    methods = next(iter(means.values()))
     lines = [
         Line(
             method_title(method),
-            list(means),
-            [row[method] for row in means.values()],
+            [value for value, row in means.items() if method in row],
+            [row[method] for row in means.values() if method in row],
             color=METHOD_COLORS.get(method, OTHER_COLOR),
             marker="o" if method == TWO_LAYER_METHOD else ".",
         )
-        for method in methods
+        for method in _methods_of(means)
     ]
     return Axes(lines, x_label, "PSNR, dB", x_log=True, x_ticks=ticks)
 
 
+def _methods_of(means: Means) -> list[str]:
+    """Return the methods that serve any of the sensors, in the order of all tables."""
+    found = dict.fromkeys(method for row in means.values() for method in row)
+    known = [method for method in METHODS if method in found]
+    return known + [method for method in found if method not in METHODS]
+
+
 def _psnr_table(title: str, means: Means) -> Table:
-    methods = next(iter(means.values()))
     return Table(
         title,
         [Column("method"), *(Column(f"{value:g}", ".2f", "highest") for value in means)],
-        [[method_title(method), *(row[method] for row in means.values())] for method in methods],
+        [
+            [method_title(method), *(row.get(method) for row in means.values())]
+            for method in _methods_of(means)
+        ],
     )
 
 

@@ -16,10 +16,10 @@ import numpy as np
 from jotlight._engine import DEBUG_BUILD
 from jotlight.datasets.fetch import Progress
 from jotlight.estimators.denoise import Float32Image
-from jotlight.evaluation.methods import DEEP_NETWORKS, LARGE_METHOD, METHODS
+from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.own_method import import_method
 from jotlight.evaluation.reconstruct import reconstruct
-from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center
+from jotlight.experiments.bsds_methods import TWO_LAYER_METHOD, crop_center, methods_for
 from jotlight.experiments.experiment import Experiment, Part, PartResult, Results, Row, RunContext
 from jotlight.experiments.method_titles import UNTIED, method_title
 from jotlight.experiments.report.content import Claim, Column, Section, Table, Verdict
@@ -57,11 +57,7 @@ def _run(context: RunContext, progress: Progress) -> PartResult:
     image = crop_center(images[0], settings["side"])
     sensor = paper_sensor(settings["bits"])
     packed = np.asarray(sensor.expose(image, settings["seed"]).packed)
-    methods = [
-        name
-        for name, method in METHODS.items()
-        if method.available and name not in ("mle-iterative", LARGE_METHOD, *DEEP_NETWORKS)
-    ] + [UNTIED, *context.own]
+    methods = [*methods_for(sensor), UNTIED, *context.own]
     rows: list[Row] = []
     rounds = settings["rounds"]
     with contextlib.ExitStack() as workers:

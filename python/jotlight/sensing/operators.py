@@ -271,7 +271,7 @@ def check_adjoint(
     Returns
     -------
     float
-        The largest |⟨G x, y⟩ - ⟨x, Gᵀ y⟩| / (‖G x‖ ‖y‖ + ‖x‖ ‖Gᵀ y‖).
+        The largest ``|⟨G x, y⟩ - ⟨x, Gᵀ y⟩| / (‖G x‖ ‖y‖ + ‖x‖ ‖Gᵀ y‖)``.
 
     Raises
     ------

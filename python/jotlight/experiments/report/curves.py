@@ -24,6 +24,9 @@ METHOD_COLORS = {
     "admm-tv": "#c98a00",
     "network-initial": "#a58c6f",
     "network-two-layer": "#d55e00",
+    "network-small": "#e0559a",
+    "network-medium": "#c0392b",
+    "network-large": "#7b2d8b",
 }
 """The color of each method, the same in every figure."""
 

@@ -1,0 +1,42 @@
+"""The sources of the website: links between the pages, and the examples of the gallery."""
+
+import ast
+import importlib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+
+
+@pytest.fixture
+def links(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS / "_extensions"))
+    return importlib.import_module("repository_links")
+
+
+@pytest.mark.parametrize(
+    ("target", "folder", "site", "expected"),
+    [
+        ("networks.md#speed", "docs/guide", "docs/guide", "networks.md#speed"),
+        ("../notation.md", "docs/guide", "docs/guide", "../notation.md"),
+        ("../../CONTRIBUTING.md#write", "docs/guide", "docs/guide", "../contributing.md#write"),
+        ("docs/guide/files.md", ".", "docs", "guide/files.md"),
+        ("docs/decisions", ".", "docs", "decisions/index.md"),
+        ("../../noxfile.py", "docs/guide", "docs/guide", "R/blob/main/noxfile.py"),
+        ("../examples", "docs", "docs", "R/tree/main/examples"),
+        ("https://example.org/a", "docs", "docs", "https://example.org/a"),
+        ("#here", "docs", "docs", "#here"),
+    ],
+)
+def test_links_lead_to_the_site_or_to_the_repository(links, target, folder, site, expected):
+    assert links.rewrite(f"see [it]({target}).", folder, site, "R") == f"see [it]({expected})."
+
+
+def test_every_example_has_a_title_and_ends_with_its_figure():
+    for path in (ROOT / "examples").glob("*.py"):
+        text = path.read_text("utf-8")
+        title, line = (ast.get_docstring(ast.parse(text)) or "").splitlines()[:2]
+        assert line == "=" * len(title)
+        assert text.endswith(f'figure.savefig("{path.stem}.png")\nfigure\n')
