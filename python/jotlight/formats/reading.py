@@ -222,7 +222,7 @@ def _verifiable(capture: Capture, path: Path, verify: Callable[[Path], int]) -> 
     def attach(frames: npt.NDArray[Any] | Frames) -> npt.NDArray[Any] | Frames:
         if not isinstance(frames, Frames):
             return frames
-        return Frames(frames.shape, frames.read, frames.dtype, lambda: verify(path))
+        return Frames(frames.shape, frames.read, frames.dtype, lambda: verify(path), frames.mapped)
 
     if isinstance(capture, CountStack):
         return dataclasses.replace(capture, images=attach(capture.images))
