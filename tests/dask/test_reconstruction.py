@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.dask import reconstruction
+from jotlight.dask import estimator, reconstruction
 from jotlight.evaluation.methods import METHODS
 
 pytestmark = pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
@@ -99,7 +99,7 @@ def test_masks_of_jots_need_pixels_of_one_jot():
 
 def test_only_methods_with_a_known_halo_are_tiled():
     sensor = jl.Sensor(frames=16)
-    assert reconstruction.choose_estimator(sensor, "mle").halo == 0
-    assert reconstruction.choose_estimator(sensor, "network-small").halo == 8
-    assert reconstruction.choose_estimator(sensor, "held-out").halo is None
+    assert estimator.choose_estimator(sensor, "mle").halo == 0
+    assert estimator.choose_estimator(sensor, "network-small").halo == 8
+    assert estimator.choose_estimator(sensor, "held-out").halo is None
     assert set(METHODS) >= {"mle", "held-out"}

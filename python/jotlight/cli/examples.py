@@ -19,6 +19,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "jotlight reconstruct counts.npy --frames 64 -o image.tif --units photons",
         "jotlight reconstruct raw.bin --format swissspad2 -o image.png",
         "jotlight reconstruct moving.npy --motion -o sharp.png",
+        "jotlight reconstruct capture.npy -o video.zarr --window 64 --workers 2",
     ),
     "film": (
         "jotlight film capture.npy --window 16 -o film.gif",
@@ -52,10 +53,12 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "jotlight plan 0.01:1 --target 30",
         "jotlight plan 100:10000 --frame-rate 100000 --plot plan.png",
     ),
+    "gather": ("jotlight gather videos",),
     "info": ("jotlight info capture.npy", "jotlight info mine.safetensors"),
     "convert": (
         "jotlight convert raw.bin --format swissspad2 -o capture.npy",
         "jotlight convert capture.npy -o counts.tif",
+        "jotlight convert capture.npy -o counts.zarr --window 64",
     ),
 }
 """Command lines by the name of the command."""

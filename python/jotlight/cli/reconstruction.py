@@ -25,6 +25,7 @@ from jotlight.evaluation.choice import Choice, choose_method
 from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.reconstruct import Info, reconstruct
 from jotlight.files import atomic_write_together, refuse_overwrite
+from jotlight.formats.capture import Capture
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.bits import Bits, check_fits
@@ -89,10 +90,16 @@ class Inputs:
         window : int, optional
             Number of frames of the image. Default: all.
         """
+        opened = self.capture.open(self.path, self.sensor.stated_trials())
+        return self.prepare_opened(opened, output, window=window)
+
+    def prepare_opened(
+        self, opened: Capture, output: Path, *, window: int | None = None
+    ) -> Reconstruction:
+        """Return the reconstruction of an image from an opened capture, as :meth:`prepare`."""
         request = self.method.request()
         network = None if self.method.model is None else Network.load(self.method.model)
         sensor_kwargs = self.sensor.to_kwargs()
-        opened = self.capture.open(self.path, self.sensor.stated_trials())
         calibration = None
         if self.sensor.calibration is not None:
             calibration = AppliedCalibration.read(self.sensor.calibration, output)

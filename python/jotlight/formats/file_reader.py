@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jotlight.formats.remote import remote_file
 from jotlight.sensing.frames import Packed
 
 
@@ -55,6 +56,8 @@ class FileReader:
             When the file has changed since it was opened, or is too short.
         """
         self._check_size(position + size)  # before memory is allocated
+        if (remote := remote_file(self.path)) is not None:
+            return np.frombuffer(remote.read(position, position + size), np.uint8)
         data = np.empty(size, np.uint8)
         with self.path.open("rb", buffering=0) as file:
             file.seek(position)
@@ -74,8 +77,8 @@ class FileReader:
             When the file has changed since it was opened, or is too short.
         """
         self._check_size(position + size)
-        if size == 0:
-            return np.empty(0, np.uint8)
+        if size == 0 or remote_file(self.path) is not None:
+            return self.read(position, size)
         self.check_unchanged()
         data = np.memmap(self.path, np.uint8, "r", position, (size,))
         self.check_unchanged()

@@ -78,17 +78,24 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
         )
     if (message := unsupported_message(sensor, quality)) is not None:
         raise ValueError(message)
-    network = Network.load(FOLDER / f"{_file_name(sensor, quality)}.safetensors")
+    network = Network.load(pretrained_file(sensor, quality))
     network.default_sensor = sensor
     return network
 
 
-def _file_name(sensor: Sensor, quality: str) -> str:
-    """Return the name of the file of a network that serves a sensor."""
+def pretrained_file(sensor: Sensor, quality: str = "medium") -> Path:
+    """Return the file of the network of a size that serves a sensor.
+
+    Examples
+    --------
+    >>> pretrained_file(Sensor(frames=16), "small").name
+    'small-k16.safetensors'
+    """
     is_conditional = quality in CONDITIONAL_SIZES
     if quality == "large" and _unsupported_by_one_exposure(sensor, LARGE_TRIALS) is None:
         is_conditional = False
-    return quality if is_conditional else f"{quality}-k{sensor.trials}"
+    name = quality if is_conditional else f"{quality}-k{sensor.trials}"
+    return FOLDER / f"{name}.safetensors"
 
 
 def unsupported_message(sensor: Sensor, quality: str = "medium") -> str | None:

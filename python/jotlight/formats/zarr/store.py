@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 import zarr
-from zarr.abc.store import RangeByteRequest, SuffixByteRequest
+from zarr.abc.store import OffsetByteRequest, RangeByteRequest, SuffixByteRequest
+from zarr.core.buffer import default_buffer_prototype
 from zarr.storage import LocalStore, StorePath
 
 from jotlight.formats.file_reader import FileReader
+from jotlight.formats.remote import RemoteFile, remote_file
 from jotlight.formats.zarr.codecs import ChunkSizes, bound_codecs
 from jotlight.formats.zarr.manifest import MAX_METADATA_BYTES, METADATA_FILES
 
@@ -56,7 +58,11 @@ class BoundedStore(LocalStore):
             When the file is empty or too large, or is not the chunk that the manifest lists.
         """
         await asyncio.to_thread(self._check, key, byte_range)
-        value = await super().get(key, prototype, byte_range)
+        remote = remote_file(self.root / key) if key in self._files else None
+        if remote is None:
+            value = await super().get(key, prototype, byte_range)
+        else:
+            value = await asyncio.to_thread(_read_remote, remote, prototype, byte_range)
         await asyncio.to_thread(self._check_unchanged, key)
         if self._checksums is not None and key not in METADATA_FILES:
             if value is None:
@@ -87,6 +93,19 @@ class BoundedStore(LocalStore):
             size = byte_range.suffix
         if byte_range is not None and size > self._sizes.part:
             raise ValueError(f"{key}: a chunk in it has {size} bytes, more than expected")
+
+
+def _read_remote(remote: RemoteFile, prototype: Any, byte_range: Any) -> Any:
+    """Return a range of a remote file as a buffer of zarr."""
+    start, stop = 0, remote.size
+    if isinstance(byte_range, RangeByteRequest):
+        start, stop = byte_range.start, min(byte_range.end, remote.size)
+    elif isinstance(byte_range, SuffixByteRequest):
+        start = max(0, remote.size - byte_range.suffix)
+    elif isinstance(byte_range, OffsetByteRequest):
+        start = min(byte_range.offset, remote.size)
+    prototype = prototype or default_buffer_prototype()
+    return prototype.buffer.from_bytes(remote.read(start, stop))
 
 
 def open_bounded_array(
