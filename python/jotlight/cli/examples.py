@@ -53,13 +53,13 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "jotlight plan 0.01:1 --target 30",
         "jotlight plan 100:10000 --frame-rate 100000 --plot plan.png",
     ),
-    "gather": ("jotlight gather videos",),
     "info": ("jotlight info capture.npy", "jotlight info mine.safetensors"),
     "convert": (
         "jotlight convert raw.bin --format swissspad2 -o capture.npy",
         "jotlight convert capture.npy -o counts.tif",
         "jotlight convert capture.npy -o counts.zarr --window 64",
     ),
+    "gather": ("jotlight gather videos",),
 }
 """Command lines by the name of the command."""
 

@@ -256,6 +256,7 @@ def _video_job(
     else:
         frames = frames_per_chunk(bits.packed.shape, run.chunks)
     store = VideoStore(target.output, record, shape, dtype, max(1, frames // step))
+    store = store.resumed()
     return VideoJob(target.name, source, spans, side, estimator, store)
 
 

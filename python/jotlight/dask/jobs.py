@@ -280,6 +280,6 @@ def run_record(
         "format": bits.provenance.format if bits.provenance else None,
         "provenance": bits.provenance.describe() if bits.provenance else [],
         "read": capture.describe(),
-        "shape": list(bits.shape),
+        "bits": list(bits.shape),
         **facts,
     }

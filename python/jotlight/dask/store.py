@@ -96,9 +96,15 @@ class VideoStore:
         if self.part.exists():
             stored = read_json(self.part / "run.json")
             check_same_run(self.part, stored.get("run"), self.run)
-            if stored.get("group") != self.group or stored.get("shape") != list(self.shape):
-                raise AnotherRunError(f"{self.part}: is damaged; delete it")
         return False
+
+    def resumed(self) -> "VideoStore":
+        """Return the store with the size of the groups with which the same run began it."""
+        if not self.path.exists() and (self.part / "run.json").exists():
+            begun = open_unfinished(self.part)
+            if (begun.run, begun.shape) == (self.run, self.shape):
+                return begun
+        return self
 
     def create(self) -> None:
         """Create the unfinished array, unless it exists. Several processes may do so at once.
@@ -137,13 +143,26 @@ class VideoStore:
         import google_crc32c
 
         data = np.ascontiguousarray(image, np.dtype(self.dtype).newbyteorder("<")).tobytes()
-        path = self.part / "video.zarr" / "c" / str(index)
-        path = path.joinpath(*("0" for _ in self.shape[1:]))
+        path = self._chunk(index)
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("wb", buffering=0) as file:
             for content in (data, google_crc32c.value(data).to_bytes(4, "little")):
                 if file.write(content) != len(content):
                     raise OSError(errno.ENOSPC, f"cannot write {path}", str(path))
+
+    def _chunk(self, index: int) -> Path:
+        zeros = ("0" for _ in self.shape[1:])
+        return self.part.joinpath("video.zarr", "c", str(index), *zeros)
+
+    def _is_intact(self, index: int) -> bool:
+        """Return whether the file of an image is complete. A power failure may have damaged it."""
+        import google_crc32c
+
+        path, size = self._chunk(index), self.nbytes // self.shape[0]
+        if not path.is_file() or path.stat().st_size != size + 4:
+            return False
+        content = path.read_bytes()
+        return bool(google_crc32c.value(content[:size]).to_bytes(4, "little") == content[size:])
 
     def images_of(self, group: int) -> range:
         """Return the numbers of the images of a group."""
@@ -173,6 +192,14 @@ class VideoStore:
         if missing := self.missing():
             raise ValueError(
                 f"{self.part}: {len(missing)} of its {self.groups} groups of images are missing"
+            )
+        damaged = [index for index in range(self.shape[0]) if not self._is_intact(index)]
+        for index in damaged:
+            self._marker(index // self.group).unlink(missing_ok=True)
+        if damaged:
+            raise ValueError(
+                f"{self.part}: {len(damaged)} of its images were damaged, for example by a power "
+                "failure; run the command again, which makes them again"
             )
         facts = [read_json(self._marker(group)) for group in range(self.groups)]
         record = {"run": self.run, **_summary(facts)}

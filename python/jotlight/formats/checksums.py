@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
-from jotlight.formats.remote import remote_file
+from jotlight.formats.stubs import remote_file
 
 _READ_BYTES = 1 << 23
 """Number of bytes of a remote file that are read at a time."""

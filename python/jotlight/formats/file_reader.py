@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jotlight.formats.remote import remote_file
+from jotlight.formats.stubs import remote_file
 from jotlight.sensing.frames import Packed
 
 

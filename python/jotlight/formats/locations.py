@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from jotlight.errors import MissingExtraError
+from jotlight.formats.file_systems import expand_url, url_state
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+(::[A-Za-z0-9+.\-/]+)*://")
 
@@ -46,8 +46,6 @@ def expand(path: str, storage_options: dict[str, Any] | None = None) -> list[str
     if not is_glob(path):
         return [path]
     if is_url(path):
-        from jotlight.formats.remote import expand_url
-
         found = expand_url(path, storage_options)
     else:
         found = sorted(glob.glob(path, recursive=True))  # noqa: PTH207
@@ -65,8 +63,6 @@ def file_state(path: str, storage_options: dict[str, Any] | None = None) -> tupl
         When there is no such capture.
     """
     if is_url(path):
-        from jotlight.formats.remote import url_state
-
         return url_state(path, storage_options)
     files = [Path(path)]
     if files[0].is_dir():
@@ -75,18 +71,3 @@ def file_state(path: str, storage_options: dict[str, Any] | None = None) -> tupl
     return sum(state.st_size for state in states), max(
         (state.st_mtime_ns for state in states), default=0
     )
-
-
-def import_fsspec() -> Any:
-    """Return the library fsspec.
-
-    Raises
-    ------
-    MissingExtraError
-        When it is not installed.
-    """
-    try:
-        import fsspec
-    except ImportError as error:
-        raise MissingExtraError("URLs need fsspec: pip install 'jotlight[dask]'") from error
-    return fsspec

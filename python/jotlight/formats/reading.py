@@ -13,10 +13,12 @@ from jotlight.checks import as_path
 from jotlight.errors import warn
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.detect import detect_format
+from jotlight.formats.file_systems import url_state
 from jotlight.formats.format import Format, OpenOptions
 from jotlight.formats.locations import expand, is_glob, is_url
 from jotlight.formats.packing import pack_stack
 from jotlight.formats.registry import FORMATS
+from jotlight.formats.remote import LocalCopy
 from jotlight.formats.scaled import unscale
 from jotlight.formats.selection import select
 from jotlight.sensing.bits import Bits
@@ -167,8 +169,6 @@ def open_capture(
 
 def _open_url(url: str, storage_options: dict[str, Any] | None, options: dict[str, Any]) -> Capture:
     """Return the capture at a URL."""
-    from jotlight.formats.remote import LocalCopy, url_state
-
     name = options.get("format")
     whole = name in FORMATS and not FORMATS[name].is_raw and name not in ("npy", "zarr")
     copy = LocalCopy(url, storage_options, whole=whole)
@@ -199,8 +199,6 @@ def _open_url_data(
     url: str, state: tuple[int, int], storage_options: dict[str, Any] | None, **options: Any
 ) -> Any:
     """Return the frames at a URL, which a copy in another process opens again."""
-    from jotlight.formats.remote import url_state
-
     if url_state(url, storage_options) != state:
         raise ValueError(f"{url}: a file has changed since it was opened")
     capture = _open_url(url, storage_options, options)

@@ -12,7 +12,7 @@ from zarr.core.buffer import default_buffer_prototype
 from zarr.storage import LocalStore, StorePath
 
 from jotlight.formats.file_reader import FileReader
-from jotlight.formats.remote import RemoteFile, remote_file
+from jotlight.formats.stubs import RemoteFile, remote_file
 from jotlight.formats.zarr.codecs import ChunkSizes, bound_codecs
 from jotlight.formats.zarr.manifest import MAX_METADATA_BYTES, METADATA_FILES
 
