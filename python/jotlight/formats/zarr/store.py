@@ -15,8 +15,9 @@ from jotlight.formats.file_reader import FileReader
 from jotlight.formats.stubs import RemoteFile, remote_file
 from jotlight.formats.zarr.codecs import ChunkSizes, bound_codecs
 from jotlight.formats.zarr.manifest import MAX_METADATA_BYTES, METADATA_FILES
+from jotlight.formats.zarr.shards import check_index, index_bytes, is_shard, parts_of_shard
 
-_NO_CHUNKS = ChunkSizes(0, 0, 0)
+_NO_CHUNKS = ChunkSizes(0, 0, 0, 1)
 """Limits of a store that can only read metadata."""
 
 
@@ -46,6 +47,7 @@ class BoundedStore(LocalStore):
         super().__init__(root, read_only=True)
         self._files = files
         self._sizes, self._checksums = sizes, checksums
+        self._kept: tuple[str, dict[int, str]] | None = None  # the last index of a shard
 
     async def get(self, key: str, prototype: Any = None, byte_range: Any = None) -> Any:
         """Return the content of a file, or None if it does not exist.
@@ -67,9 +69,40 @@ class BoundedStore(LocalStore):
         if self._checksums is not None and key not in METADATA_FILES:
             if value is None:
                 raise ValueError(f"{key} is missing")
-            if value.as_numpy_array()[-4:].tobytes().hex() != self._checksums.get(key):
-                raise ValueError(f"{key} is not the chunk that jotlight wrote")
+            content = value.as_numpy_array().tobytes()
+            await asyncio.to_thread(self._compare, key, content, byte_range)
         return value
+
+    def _compare(self, key: str, content: bytes, byte_range: Any) -> None:
+        """Compare the checksums of a chunk, or of a part of a shard, with those of the manifest."""
+        assert self._checksums is not None, "a manifest"
+        stored = self._checksums.get(key, "")
+        if not is_shard(stored):
+            expected = stored
+        elif isinstance(byte_range, RangeByteRequest):
+            index = self._index(key, stored)
+            expected = index.get(byte_range.start, "")
+        elif isinstance(byte_range, SuffixByteRequest):
+            check_index(content, stored)
+            return
+        else:
+            chunks = self._sizes.chunks_per_file
+            parts = parts_of_shard(content, chunks)
+            check_index(parts[-1], stored)
+            expected, content = stored, b"".join(part[-4:] for part in parts)
+            if content.hex() != expected:
+                raise ValueError(f"{key} is not the shard that jotlight wrote")
+            return
+        if content[-4:].hex() != expected:
+            raise ValueError(f"{key} is not the chunk that jotlight wrote")
+
+    def _index(self, key: str, stored: str) -> dict[int, str]:
+        """Return the checksum of each chunk of a shard by its position."""
+        if self._kept is None or self._kept[0] != key:
+            file, size = self._files[key], index_bytes(self._sizes.chunks_per_file)
+            index = file.read(file.size - size, size).tobytes()
+            self._kept = key, check_index(index, stored)
+        return self._kept[1]
 
     def _check_unchanged(self, key: str) -> None:
         if key in self._files:
