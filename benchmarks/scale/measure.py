@@ -64,12 +64,12 @@ def share_counted(window, frames, ready, times):
     data = np.random.default_rng(0).integers(0, 256, (16384, *FRAME), np.uint8)
     jl.Bits(data[:64]).counts(1, threads=1)
     ready.wait()
-    start = time.perf_counter()
+    start, cpu = time.perf_counter(), time.process_time()
     for first in range(0, frames, len(data)):
         part = data[: min(len(data), frames - first)]
         for begin in range(0, len(part), window):
             jl.Bits(part[begin : begin + window]).counts(1, threads=1)
-    times.put(time.perf_counter() - start)
+    times.put((time.perf_counter() - start, time.process_time() - cpu))
 
 
 def share_read(path, number, ready, times):
@@ -77,25 +77,32 @@ def share_read(path, number, ready, times):
     size = path.stat().st_size // WORKERS
     buffer = memoryview(bytearray(1 << 23))
     ready.wait()
-    start, left = time.perf_counter(), size
+    start, cpu, left = time.perf_counter(), time.process_time(), size
     with path.open("rb", buffering=0) as file:
         file.seek(number * size)
         while left > 0 and (read := file.readinto(buffer)):
             left -= read
-    times.put(time.perf_counter() - start)
+    times.put((time.perf_counter() - start, time.process_time() - cpu))
 
 
 def in_processes(target, arguments):
-    """Return the time of the slowest of some processes that begin together."""
+    """Return the time of the slowest of some processes that begin together, and their CPU time."""
     context = multiprocessing.get_context("spawn")
     ready, times = context.Barrier(len(arguments)), context.Queue()
     processes = [context.Process(target=target, args=(*each, ready, times)) for each in arguments]
     for process in processes:
         process.start()
-    slowest = max(times.get() for _ in processes)
+    found = [times.get() for _ in processes]
     for process in processes:
         process.join()
-    return slowest
+    return max(seconds for seconds, _ in found), sum(cpu for _, cpu in found)
+
+
+def on_workers(client, function):
+    """Return the seconds that a function takes, and the CPU time of the workers meanwhile."""
+    before = sum(client.run(time.process_time).values())
+    seconds = timed(function)
+    return seconds, sum(client.run(time.process_time).values()) - before
 
 
 def video_job(path, folder, window, method):
@@ -119,12 +126,19 @@ def timed(function):
     return time.perf_counter() - start
 
 
+def cpu_time(function):
+    """Return the CPU time that a function takes in this process."""
+    start = time.process_time()
+    function()
+    return time.process_time() - start
+
+
 def run_video(client, path, folder, window, method):
     """Return the seconds of a run that writes a video."""
     job = video_job(path, folder, window, method)
-    seconds = timed(lambda: check(run_jobs([job], Cluster(client))))
+    times = on_workers(client, lambda: check(run_jobs([job], Cluster(client))))
     shutil.rmtree(folder, ignore_errors=True)
-    return seconds
+    return times
 
 
 def check(outcome):
@@ -144,11 +158,11 @@ def measure_speed(options):
                 share = [(window, frames // WORKERS)] * WORKERS
                 row["bare"] = in_processes(share_counted, share)
                 lazy = jl.dask.count(jl.open(path, counts=False), window)
-                row["count"] = timed(lambda lazy=lazy: lazy.max(axis=(1, 2)).compute())
+                row["count"] = on_workers(client, lambda lazy=lazy: lazy.max(axis=(1, 2)).compute())
                 sensor = jl.Sensor(frames=window)
                 bits = jl.open(path, counts=False)
                 lazy = jl.dask.reconstruct(bits, sensor, window, method="mle")
-                row["mle"] = timed(lambda lazy=lazy: lazy.max(axis=(1, 2)).compute())
+                row["mle"] = on_workers(client, lambda lazy=lazy: lazy.max(axis=(1, 2)).compute())
                 row["run counts"] = run_video(client, path, folder, window, None)
                 row["run mle"] = run_video(client, path, folder, window, "mle")
                 drop_from_cache(path)
@@ -159,12 +173,14 @@ def measure_speed(options):
                 print(json.dumps(row), flush=True)
     for window in options.windows:
         rows = [row for row in rounds if row["window"] == window]
-        print(f"window {window}: GiB/s and ratios, medians of {len(rows)} rounds")
+        print(f"window {window}: medians of {len(rows)} rounds; ratios of time and of CPU time")
         for name in ("bare", "count", "mle", "run counts", "run mle", "disk", "cold run mle"):
             base = "disk" if name == "cold run mle" else "bare"
-            speed = statistics.median(options.gib / row[name] for row in rows)
-            ratio = statistics.median(row[base] / row[name] for row in rows)
-            print(f"    {name:14} {speed:6.2f} GiB/s   {ratio:.0%} of {base}")
+            speed = statistics.median(options.gib / row[name][0] for row in rows)
+            ratio, cpu = (
+                statistics.median(row[base][i] / row[name][i] for row in rows) for i in (0, 1)
+            )
+            print(f"    {name:14} {speed:6.2f} GiB/s   {ratio:.0%} and {cpu:.0%} of {base}")
     path.unlink()
 
 
@@ -180,13 +196,16 @@ def measure_small(options):
     with connected(None, WORKERS) as client:
         for _ in range(options.rounds):
             estimator(images[0])
+            cpu = time.process_time()
             seconds = timed(lambda: [estimator(image) for image in images])
-            alone = len(images) / seconds
-            job = frames // window / run_video(client, path, folder, window, "network-small")
-            ratios.append(job / alone / WORKERS)
-            row = {"images/s of one thread": alone, "images/s of the run": job}
+            alone = len(images) / seconds, len(images) / (time.process_time() - cpu)
+            times = run_video(client, path, folder, window, "network-small")
+            job = [frames // window / each for each in times]
+            ratios.append((job[0] / alone[0] / WORKERS, job[1] / alone[1]))
+            row = {"images/s, images/CPU s of one thread": alone, "of the run": job}
             print(json.dumps({**row, "load": os.getloadavg()[0]}), flush=True)
-    print(f"ratio to {WORKERS} times one thread: {statistics.median(ratios):.0%}")
+    wall, cpu = (statistics.median(each[i] for each in ratios) for i in (0, 1))
+    print(f"{wall:.0%} of {WORKERS} times the speed of one thread; {cpu:.0%} by CPU time")
     path.unlink()
 
 
@@ -222,7 +241,7 @@ def measure_memory(options):
 
 
 def measure_stages(options):
-    """Measure the seconds per GiB of packed bits that one thread needs for each stage."""
+    """Measure the CPU seconds per GiB of packed bits that one thread needs for each stage."""
     path = options.folder / "capture.npy"
     frames = GIB // FRAME_BYTES
     make_capture(path, frames)
@@ -230,15 +249,14 @@ def measure_stages(options):
     stages = {}
 
     def best(name, function, scale=1.0):
-        stages[name] = min(scale * timed(function) for _ in range(options.rounds))
-        print(f"{name:50} {stages[name]:9.3f} s per GiB", flush=True)
+        stages[name] = min(scale * cpu_time(function) for _ in range(options.rounds))
+        print(f"{name:50} {stages[name]:9.3f} CPU s per GiB", flush=True)
 
     def read():
         for first in range(0, frames, 256):
             capture.packed.read(first, first + 256)
 
-    drop_from_cache(path)
-    best("read from the disk (first of the rounds is cold)", read)
+    best("read from the page cache", read)
     data = capture.packed.map(0, frames)
 
     def crc():

@@ -96,6 +96,18 @@ def url_state(url: str, storage_options: Mapping[str, Any] | None) -> tuple[int,
     return sum(size for _, size, _ in facts), _digest(facts)
 
 
+def find_files(
+    url: str, storage_options: Mapping[str, Any] | None = None
+) -> list[tuple[str, int, str]]:
+    """Return the path, the size, and a tag of the content of all files in a folder, sorted."""
+    fs, path = open_file_system(url, storage_options)
+    with explained(url):
+        found = fs.find(path, detail=True)
+    return sorted(
+        (str(name), int(each.get("size") or 0), _tag(each)) for name, each in found.items()
+    )
+
+
 def _tag(info: Mapping[str, Any]) -> str:
     names = ("ETag", "etag", "LastModified", "mtime", "updated", "last_modified", "md5Hash")
     return str(next((info[name] for name in names if info.get(name)), ""))

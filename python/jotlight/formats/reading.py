@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_path
@@ -24,6 +25,9 @@ from jotlight.formats.selection import select
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
 
+Data = Bits | npt.NDArray[np.int32]
+"""The bits, or the image of counts, of a capture."""
+
 
 def open(
     path: str | os.PathLike[str],
@@ -40,7 +44,7 @@ def open(
     counts_scale: float | None = None,
     trials: int | None = None,
     storage_options: dict[str, Any] | None = None,
-) -> Any:
+) -> Data | list[Data]:
     """Return the bits, or the image of counts, in a file or folder of any size.
 
     Bits are read from their files when they are needed.
@@ -123,7 +127,8 @@ def open(
         )
     options = {name: value for name, value in locals().items() if name != "path"}
     if isinstance(path, str) and is_glob(path):
-        return [open(each, **options) for each in expand(path, storage_options)]
+        opened = (open(each, **options) for each in expand(path, storage_options))
+        return [each for each in opened if not isinstance(each, list)]
     capture = open_capture(
         path,
         format=format,
