@@ -62,7 +62,11 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
         raise ValueError(f"workers: expected 1 or more, got {workers}")
     import dask
 
-    settings = {"distributed.scheduler.allowed-failures": _MAX_DEATHS}
+    settings = {
+        "distributed.scheduler.allowed-failures": _MAX_DEATHS,
+        # It interrupts each worker a hundred times per second.
+        "distributed.worker.profile.enabled": False,
+    }
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with (
         dask.config.set(settings),

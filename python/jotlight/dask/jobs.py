@@ -148,7 +148,7 @@ class VideoJob:
         self.store.mark(unit, {**facts, "minimum": low, "maximum": high})
 
     def finish(self) -> None:
-        """Give the array its record and its name."""
+        """Complete the array: it receives its record and its name."""
         self.store.finish()
 
 

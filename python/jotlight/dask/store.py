@@ -179,7 +179,7 @@ class VideoStore:
         return [group for group in range(self.groups) if str(group) not in done]
 
     def finish(self) -> None:
-        """Give a complete array its record and its name.
+        """Write the record of a complete array, and rename it.
 
         Raises
         ------

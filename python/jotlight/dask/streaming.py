@@ -16,6 +16,9 @@ from jotlight.sensing.frames import Frames, Packed
 _MAX_BYTES = 1 << 23
 """Number of bytes that are counted at a time: the checksum then finds them in the cache."""
 
+_MAX_MAPPED_BYTES = 1 << 27
+"""Number of bytes of a file that are mapped at a time. Large maps consist of large pages."""
+
 
 class Checksum:
     """The CRC-32 of bytes, as zlib computes it. Checksums of successive parts can be combined.
@@ -75,6 +78,7 @@ class WindowCounter:
         self._packed, self._width = bits.packed, bits.width
         self._spans, self._oversampling = spans, oversampling
         self._threads, self._mapped = threads, mapped
+        self._last_map: tuple[int, Packed] = 0, np.empty((0, *bits.packed.shape[1:]), np.uint8)
         _, height, width, *channels = bits.shape
         self._shape = (height // oversampling, width // oversampling, *channels)
 
@@ -99,20 +103,38 @@ class WindowCounter:
     def _count(self, start: int, stop: int, *, entering: bool = False) -> npt.NDArray[np.int32]:
         """Return the counts of some frames. If they enter a window, add them to the checksum."""
         out = np.zeros(self._shape, np.int32)
-        frames = max(1, _MAX_BYTES // max(1, self._packed[:1].nbytes))
-        for first in range(start, stop, frames):
-            part = np.ascontiguousarray(self._read(first, min(first + frames, stop)))
+        for part in self._parts(start, stop):
             if entering:
                 self.checksum.update(part)
             add_counts(part, self._width, self._oversampling, out, self._threads)
         return out
 
-    def _read(self, start: int, stop: int) -> Packed:
-        if not isinstance(self._packed, Frames):
-            return self._packed[start:stop]
-        frames = self._packed
-        part: Packed = (frames.map if self._mapped else frames.read)(start, stop)
-        return part
+    def _parts(self, start: int, stop: int) -> Iterator[Packed]:
+        """Yield some frames in parts of a few MiB."""
+        packed, frame_bytes = self._packed, max(1, self._packed[:1].nbytes)
+        small = max(1, _MAX_BYTES // frame_bytes)
+        is_mapped = self._mapped and isinstance(packed, Frames) and packed.mapped is not None
+        large = max(1, _MAX_MAPPED_BYTES // frame_bytes) if is_mapped else small
+        for first in range(start, stop, large):
+            # Windows begin anywhere in a map, which the next window uses again.
+            begin, end = first, min(first + large, stop)
+            if is_mapped:
+                whole = self._map(begin, end, large)
+            elif isinstance(packed, Frames):
+                whole = packed.read(begin, end)
+            else:
+                whole = packed[begin:end]
+            for part in range(0, len(whole), small):
+                yield np.ascontiguousarray(whole[part : part + small])
+
+    def _map(self, start: int, stop: int, frames: int) -> Packed:
+        """Return some frames as a view of the file, from the last map if it contains them."""
+        assert isinstance(self._packed, Frames), "frames in a file"
+        first, mapped = self._last_map
+        if not first <= start <= stop <= first + len(mapped):
+            last = min(start + frames, len(self._packed))
+            first, mapped = self._last_map = start, self._packed.map(start, max(stop, last))
+        return mapped[start - first : stop - first]
 
 
 def add_counts(
