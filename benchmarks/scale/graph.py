@@ -56,9 +56,8 @@ def main():
     ):
         tasks = tasks_of(captures, size)
         total = captures * size
-        print(
-            f"{captures:7} x {size / GIB:9.2f} GiB: {tasks:8} tasks, {total / tasks / 2**20:8.0f} MiB"
-        )
+        each = total / tasks / 2**20
+        print(f"{captures:7} x {size / GIB:9.2f} GiB: {tasks:8} tasks, {each:8.0f} MiB")
 
     from distributed import Client, LocalCluster
 
@@ -82,9 +81,10 @@ def main():
             if done in (1000, 10_000, 100_000) or done == options.tasks:
                 seconds, cpu = time.perf_counter() - start, time.process_time()
                 memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+                times = f"{1000 * seconds / done:.2f} ms, {1000 * cpu / done:.2f} CPU ms"
                 print(
-                    f"{done:8} tasks: {1000 * seconds / done:.2f} ms, {1000 * cpu / done:.2f} CPU ms "
-                    f"per task; scheduler, client, and worker together at most {memory:.0f} MiB",
+                    f"{done:8} tasks: {times} per task; scheduler, client, and worker together "
+                    f"take at most {memory:.0f} MiB",
                     flush=True,
                 )
 

@@ -167,3 +167,15 @@ def test_no_capture_is_an_error(run):
     assert run("reconstruct", "-o", "a.png")[0] == 1
     assert run("convert", "-o", "a.npy")[0] == 1
     assert run("gather")[0] == 1
+
+
+@pytest.mark.parametrize("ending", [".tif", ".png", ".jpg"])
+def test_a_single_image_states_its_origin(run, captures, ending):
+    run("reconstruct", captures[0], "-o", f"one{ending}", "--quality", "medium")
+    code, out = run("info", f"one{ending}")
+    assert code == 0
+    packed = np.asarray(jl.open(captures[0]).packed).tobytes()
+    assert f"{len(packed)} bytes, crc32 {zlib.crc32(packed):08x}" in out
+    weights = Path(jl.__file__).parent / "networks/weights/medium.safetensors"
+    assert hashlib.sha256(weights.read_bytes()).hexdigest() in out
+    assert "1.npy" in out

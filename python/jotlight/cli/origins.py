@@ -4,6 +4,10 @@ from pathlib import Path
 from typing import Any
 
 from jotlight.dask.store import PART, open_unfinished, read_json, read_record
+from jotlight.images.io import read_note
+
+_NOTED = (".tif", ".tiff", ".png", ".jpg", ".jpeg")
+"""Endings of images that contain a note."""
 
 Facts = list[tuple[str, str]]
 
@@ -31,12 +35,31 @@ def origin_facts(path: Path) -> Facts:
         return [("kind", kind), _images(shape), *_record_facts(record)]
     record_path = path.with_name(f"{path.name}.json")
     if not record_path.is_file():
-        return []
+        return _note_facts(path)
     try:
         record = read_json(record_path)
     except ValueError:  # the description of a capture, which its reader checks
         return []
     return _record_facts(record) if isinstance(record.get("run"), dict) else []
+
+
+def _note_facts(path: Path) -> Facts:
+    """Return the rows of the note that an image contains."""
+    if path.suffix.lower() not in _NOTED:
+        return []
+    note = read_note(path)
+    if "jotlight" in note:
+        return _record_facts(note["jotlight"])
+    names = ("capture", "bytes", "method", "weights_sha256", "calibration_sha256", "software")
+    facts = [(name.replace("_sha256", ""), _text(note[name])) for name in names if note.get(name)]
+    facts += [
+        ("read", f"{note.get(f'{content}_bytes')} bytes, crc32 {note[f'{content}_crc32']}")
+        for content in ("packed", "counts")
+        if f"{content}_crc32" in note
+    ]
+    if isinstance(note.get("sensor"), dict):
+        facts.append(("sensor", _text(note["sensor"])))
+    return facts
 
 
 def _images(shape: Any) -> tuple[str, str]:
