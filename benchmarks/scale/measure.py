@@ -103,7 +103,7 @@ def on_workers(client, function):
     """Return the seconds that a function takes, and the CPU time of the workers for it."""
     idle = cpu_of_workers(client, lambda: time.sleep(_IDLE_SECONDS))[1] / _IDLE_SECONDS
     seconds, cpu = cpu_of_workers(client, function)
-    # On a busy machine, the workers wait for a long time, and the ticks of their event loops add up.
+    # On a busy machine, the workers wait for long, and the ticks of their event loops add up.
     return seconds, cpu - idle * seconds
 
 

@@ -15,7 +15,7 @@ def captures():
 
 
 @pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
-@pytest.mark.parametrize("chunk", [7, 300])
+@pytest.mark.parametrize("chunk", [pytest.param(7, marks=pytest.mark.slow), 90])
 def test_the_calibration_is_that_of_one_machine(chunk):
     dark, flat = captures()
     lazy = jl.dask.calibrate(dark.to_dask(chunk), flat.to_dask(chunk))

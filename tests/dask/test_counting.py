@@ -27,7 +27,7 @@ def naive_counts(bits, window, step):
     step=st.integers(1, 50),
     chunk=st.integers(1, 45),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_counts_of_windows_do_not_depend_on_the_chunks(frames, window, step, chunk):
     window = min(window, frames)
     bits = random_bits(frames)

@@ -1,4 +1,5 @@
 import dataclasses
+import sys
 from collections import namedtuple
 from pathlib import Path
 
@@ -6,9 +7,12 @@ import numpy as np
 import pytest
 
 from jotlight.dask import running
+from jotlight.dask.cluster import connected
 from jotlight.dask.names import Part
 from jotlight.dask.running import ThisProcess, compute_unit, run_jobs
 from jotlight.dask.store import AnotherRunError
+from jotlight.errors import MissingExtraError
+from jotlight.formats.reading import open_capture
 
 
 @dataclasses.dataclass
@@ -110,6 +114,19 @@ def test_results_that_do_not_fit_on_the_disk_are_refused(tmp_path, monkeypatch):
         run_jobs(jobs, ThisProcess())
     jobs[0].complete = True
     assert len(run_jobs(jobs, ThisProcess()).made) == 2
+
+
+@pytest.mark.parametrize(
+    ("package", "use"),
+    [
+        ("distributed", lambda: connected(None, 2).__enter__()),
+        ("fsspec", lambda: open_capture("s3://bucket/a.npy")),
+    ],
+)
+def test_a_missing_extra_is_named_before_work(monkeypatch, package, use):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'jotlight\[dask\]'"):
+        use()
 
 
 def test_a_worker_of_another_version_is_refused(tmp_path):

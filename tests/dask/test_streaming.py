@@ -21,7 +21,7 @@ def random_frames(frames, height=4, width=11):
     step=st.integers(1, 50),
     group=st.integers(1, 8),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_groups_of_windows_have_the_counts_and_the_checksum_of_the_whole(
     frames, window, step, group
 ):

@@ -47,7 +47,7 @@ def http_server(folder, ranges=True):
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         server.requests, server.ranges = [], ranges
         server.url = f"http://127.0.0.1:{server.server_port}"
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
         thread.start()
         try:
             yield server

@@ -146,6 +146,8 @@ def _make_jobs(
             except AnotherRunError:
                 raise
             except (OSError, ValueError) as error:
+                if is_url(target.path) and isinstance(error, PermissionError):
+                    raise  # credentials that fail concern all captures
                 first = first or error
                 refused[target.name] = str(error)
                 if len(targets) > 1:
