@@ -54,6 +54,7 @@ def test_the_longest_chain_of_units_is_short(imports):
                 "channels",
                 "counting",
                 "frames",
+                "lazy",
                 "preview",
                 "provenance",
                 "sensor_like",

@@ -59,13 +59,13 @@ _OTHER_NAMES = {
 
 
 def __getattr__(name: str) -> object:
-    """Import `jotlight.torch` when it is first used, because importing PyTorch takes seconds."""
-    if name != "torch":
+    """Import `jotlight.torch` and `jotlight.dask` when they are first used: both take time."""
+    if name not in ("dask", "torch"):
         hint = f"; write jotlight.{_OTHER_NAMES[name]}" if name in _OTHER_NAMES else ""
         raise AttributeError(f"module 'jotlight' has no attribute {name!r}{hint}")
     import importlib
 
-    return importlib.import_module("jotlight.torch")
+    return importlib.import_module(f"jotlight.{name}")
 
 
 __all__ = [

@@ -99,12 +99,7 @@ def calibrate(
     >>> calibration.sensor(frames=16)
     Sensor(frames=16, dark_counts=<64 x 64 map>, mask=<64 x 64 map>)
     """
-    if not 0 < false_positive_rate <= 0.01:
-        raise ValueError(
-            f"false_positive_rate: expected a number in (0, 0.01], got {false_positive_rate!r}"
-        )
-    if not 0 < max_dark < np.inf:
-        raise ValueError(f"max_dark: expected a finite number above 0, got {max_dark!r}")
+    check_limits(false_positive_rate, max_dark)
     known = _provenance(dark=dark, flat=flat) if provenance is None else dict(provenance)
     if "dark" in known and "flat" in known:
         check_same_orientation("flat", known["flat"], "dark", known["dark"])
@@ -115,7 +110,47 @@ def calibrate(
 
     if flat_frames is None and not isinstance(flat, Bits):
         flat_frames = frames
-    ones, number, steady = _count_jots("dark", dark, frames, threads, progress_from(0))
+    sums = count_jots("dark", dark, frames, threads, progress_from(0))
+    bright = None
+    if flat is not None:
+        bright = count_jots("flat", flat, flat_frames, threads, progress_from(half))
+    return calibrate_sums(sums, bright, threshold, false_positive_rate, max_dark, known)
+
+
+@dataclasses.dataclass(frozen=True)
+class JotSums:
+    """What a calibration needs from a dark or a flat capture."""
+
+    ones: Counts
+    """Number of ones of each jot, (H, W)."""
+    frames: int
+    steadiness: Steadiness | None
+    """Results of the tests of the frames, if the frames are known."""
+
+
+def check_limits(false_positive_rate: float, max_dark: float) -> None:
+    """Raise ValueError for a rate or a number of dark counts out of range."""
+    if not 0 < false_positive_rate <= 0.01:
+        raise ValueError(
+            f"false_positive_rate: expected a number in (0, 0.01], got {false_positive_rate!r}"
+        )
+    if not 0 < max_dark < np.inf:
+        raise ValueError(f"max_dark: expected a finite number above 0, got {max_dark!r}")
+
+
+def calibrate_sums(
+    dark: JotSums,
+    flat: JotSums | None,
+    threshold: int,
+    false_positive_rate: float,
+    max_dark: float,
+    provenance: dict[str, Provenance],
+) -> Calibration:
+    """Return the calibration from the sums of a dark capture and, optionally, of a flat one.
+
+    See :func:`calibrate` for the parameters.
+    """
+    ones, number = dark.ones, dark.frames
     if ones.size < _MIN_JOTS:
         raise ValueError(
             f"dark: expected {_MIN_JOTS} jots or more to find the ordinary ones, got {ones.size}"
@@ -141,8 +176,8 @@ def calibrate(
         hot_probability=bulk.tail_probability(hot_threshold),
         dark_ones=ones,
         dark_frames=number,
-        dark_steadiness=steady,
-        provenance=known,
+        dark_steadiness=dark.steadiness,
+        provenance=provenance,
     )
     if hot_threshold > number:
         warn(
@@ -150,21 +185,13 @@ def calibrate(
             f"the rate of {false_positive_rate:.2g}; record more frames, or frames with fewer dark "
             "counts"
         )
-    _warn_about_frames("dark", steady, false_positive_rate)
-    if flat is None:
-        return found
-    return _with_flat(found, flat, flat_frames, threads, progress_from(half))
+    _warn_about_frames("dark", dark.steadiness, false_positive_rate)
+    return found if flat is None else _with_flat(found, flat)
 
 
-def _with_flat(
-    found: Calibration,
-    flat: Bits | npt.ArrayLike,
-    frames: int | None,
-    threads: int | None,
-    progress: Callable[[float], object] | None,
-) -> Calibration:
+def _with_flat(found: Calibration, flat: JotSums) -> Calibration:
     """Return the calibration with the results of the flat capture."""
-    ones, number, steady = _count_jots("flat", flat, frames, threads, progress)
+    ones, number = flat.ones, flat.frames
     if ones.shape != found.shape:
         raise ValueError(
             f"flat: expected the dark capture's {found.shape[0]} x {found.shape[1]} jots, got "
@@ -180,7 +207,7 @@ def _with_flat(
         threshold=found.threshold,
         false_positive_rate=found.false_positive_rate,
     )
-    _warn_about_frames("flat", steady, found.false_positive_rate)
+    _warn_about_frames("flat", flat.steadiness, found.false_positive_rate)
     efficiency = np.minimum(measured.relative / measured.relative.max(), 1).astype(np.float32)
     mask = found.mask | measured.dead
     return dataclasses.replace(
@@ -195,18 +222,18 @@ def _with_flat(
         prnu=measured.prnu,
         prnu_error=measured.prnu_error,
         flat_noise=measured.noise,
-        flat_steadiness=steady,
+        flat_steadiness=flat.steadiness,
     )
 
 
-def _count_jots(
+def count_jots(
     name: str,
     data: Bits | npt.ArrayLike,
     frames: int | None,
     threads: int | None,
     progress: Callable[[float], object] | None,
-) -> tuple[Counts, int, Steadiness | None]:
-    """Return the ones of each jot, the number of frames, and the results of the frame tests."""
+) -> JotSums:
+    """Return what a calibration needs from a capture, named in messages."""
     if isinstance(data, Bits):
         if len(data.shape) != 3:
             raise ValueError(
@@ -216,7 +243,7 @@ def _count_jots(
         if frames is not None and frames != len(data):
             raise ValueError(f"frames: expected the {len(data)} of the {name} bits, got {frames}")
         ones = data.counts(1, threads=threads)
-        return ones, len(data), steadiness(data, threads=threads, progress=progress)
+        return JotSums(ones, len(data), steadiness(data, threads=threads, progress=progress))
     ones = as_counts(data)
     if ones.ndim != 2:
         raise ValueError(f"{name}: expected counts of one channel (H, W), got shape {ones.shape}")
@@ -230,7 +257,7 @@ def _count_jots(
             f"frames: expected at least the largest of the {name} counts, {ones.max()}, "
             f"got {frames}"
         )
-    return ones, int(frames), None
+    return JotSums(ones, int(frames), None)
 
 
 def _provenance(**data: object) -> dict[str, Provenance]:

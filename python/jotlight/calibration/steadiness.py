@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import numpy.typing as npt
@@ -87,27 +87,64 @@ def steadiness(
     >>> round(steadiness(Bits.from_array(twice)).correlation, 1)
     0.5
     """
-    frames = len(bits)
-    if frames < _MIN_FRAMES:
+    size = block_frames(len(bits))
+    if size is None:
         return None
-    blocks = min(BLOCKS, frames // 4)
-    size = frames // blocks
-    shape = bits.shape[1:]
-    ones = np.zeros(shape, np.int64)
-    squares, excess, variance, scale = (np.zeros(shape) for _ in range(4))
+    blocks = len(bits) // size
+    counts, pairs = [], []
     for index in range(blocks):
         block = bits[index * size : (index + 1) * size]
-        number = block.counts(1, threads=threads)
-        pairs = _successive_ones(block).counts(1, threads=threads)
+        counts.append(block.counts(1, threads=threads))
+        pairs.append(_successive_ones(block).counts(1, threads=threads))
+        if progress:
+            progress((index + 1) / blocks)
+    return steadiness_of_blocks(counts, pairs, size, mask)
+
+
+def block_frames(frames: int) -> int | None:
+    """Return the number of frames of each of the blocks that are compared.
+
+    It is None if there are too few frames.
+
+    Examples
+    --------
+    >>> block_frames(1000), block_frames(7)
+    (62, None)
+    """
+    return None if frames < _MIN_FRAMES else frames // min(BLOCKS, frames // 4)
+
+
+def steadiness_of_blocks(
+    counts: Iterable[npt.NDArray[np.int32]],
+    pairs: Iterable[npt.NDArray[np.int32]],
+    size: int,
+    mask: npt.NDArray[np.bool_] | None = None,
+) -> Steadiness | None:
+    """Return the results of the tests from the counts of each block of frames.
+
+    Parameters
+    ----------
+    counts, pairs : iterable of ndarray of int32, shape (H, W)
+        For each block, the number of ones of each jot, and the number of ones that are followed by
+        a one in the same block.
+    size : int
+        Number of frames of a block.
+    mask : ndarray of bool, shape (H, W), optional
+        True marks jots to ignore.
+    """
+    blocks = 0
+    for number, each in zip(counts, pairs, strict=True):
+        if not blocks:
+            ones = np.zeros(number.shape, np.int64)
+            squares, excess, variance, scale = (np.zeros(number.shape) for _ in range(4))
+        blocks += 1
         ones += number
         squares += number.astype(np.float64) ** 2
         for total, part in zip(
-            (excess, variance, scale), _correlation(number, pairs, size), strict=True
+            (excess, variance, scale), _correlation(number, each, size), strict=True
         ):
             total += part
-        if progress:
-            progress((index + 1) / blocks)
-    good = np.ones(shape, bool) if mask is None else ~mask
+    good = np.ones(ones.shape, bool) if mask is None else ~mask
     map_, spread = _homogeneity(ones, squares, blocks, size)
     if not (spread[good] > 0).any() or not (variance[good] > 0).any():
         return None

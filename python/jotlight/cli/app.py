@@ -16,6 +16,7 @@ from jotlight.cli.evaluate import evaluate
 from jotlight.cli.examples import USAGES, help_epilogue, overview_epilogue
 from jotlight.cli.film import film
 from jotlight.cli.fine_tune import fine_tune
+from jotlight.cli.gather import gather
 from jotlight.cli.info import info
 from jotlight.cli.plan import plan
 from jotlight.cli.reconstruct import reconstruct
@@ -44,6 +45,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     plan,
     info,
     convert,
+    gather,
 )
 """All commands, in the order of the help page."""
 

@@ -19,6 +19,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "jotlight reconstruct counts.npy --frames 64 -o image.tif --units photons",
         "jotlight reconstruct raw.bin --format swissspad2 -o image.png",
         "jotlight reconstruct moving.npy --motion -o sharp.png",
+        "jotlight reconstruct capture.npy -o video.zarr --window 64 --workers 2",
     ),
     "film": (
         "jotlight film capture.npy --window 16 -o film.gif",
@@ -56,7 +57,9 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "convert": (
         "jotlight convert raw.bin --format swissspad2 -o capture.npy",
         "jotlight convert capture.npy -o counts.tif",
+        "jotlight convert capture.npy -o counts.zarr --window 64",
     ),
+    "gather": ("jotlight gather videos",),
 }
 """Command lines by the name of the command."""
 

@@ -14,6 +14,7 @@ from jotlight.calibration.result import FORMAT as CALIBRATION
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import out, progress
 from jotlight.cli.jot_checks import jot_remarks
+from jotlight.cli.origins import origin_facts
 from jotlight.files import refuse_overwrite
 from jotlight.formats import open_capture
 from jotlight.formats.archives import describe_npz_arrays, read_npz_label
@@ -110,6 +111,15 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
         if stored_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
         return _network_facts(file, Network.load(file))
+    origin = origin_facts(file)
+    if origin and file.is_dir():
+        return origin
+    return [*_content_facts(file, capture), *origin]
+
+
+def _content_facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
+    """Return the rows about the content of a capture or an image."""
+    ending = file.suffix.lower()
     # With an option that only captures have, the file is a capture.
     if dataclasses.replace(capture, isolate=True) == CaptureOptions() and file.is_file():
         if ending == ".npz" and read_npz_label(file) is None:

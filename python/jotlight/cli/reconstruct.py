@@ -1,37 +1,50 @@
 """``jotlight reconstruct``: an image from bits or counts."""
 
+from pathlib import Path
+
 from jotlight.cli.advice import caution_about_motion
 from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.common_options import CapturePath, Threads
+from jotlight.cli.common_options import Threads
 from jotlight.cli.jot_checks import caution_about_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import ImageMotionOptions
 from jotlight.cli.output_options import ImageOutputOptions
 from jotlight.cli.reconstruction import Inputs, reconstruct_image
+from jotlight.cli.run_options import CapturePaths, RunOptions
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.evaluation.uncertainty import check_errors_known
 from jotlight.images.io import image_writer
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor
 
 
 def reconstruct(
-    data: CapturePath,
-    /,
-    *,
+    *data: CapturePaths,
     outputs: ImageOutputOptions,
     method: MethodOptions = MethodOptions(),
     capture: CaptureOptions = CaptureOptions(),
     sensor: CapturedSensorOptions = CapturedSensorOptions(),
     motion: ImageMotionOptions = ImageMotionOptions(),
+    run: RunOptions = RunOptions(),
     threads: Threads = None,
 ) -> None:
-    """Reconstruct an image from bits or counts.
+    """Reconstruct an image from bits or counts, or images of many captures or windows.
 
     The sensor is the one that the capture states, changed first by the calibration and then by the
     options. With a calibration, OUTPUT.json records what was applied. If the scene moves, --motion
     aligns the frames.
+
+    With --window, each capture becomes a video in a .zarr. Several captures need a name such as
+    -o videos/{name}.zarr. The command continues a run that was stopped: results that are complete
+    are not made again.
     """
-    inputs = Inputs(data, method, capture, sensor, motion)
+    if not data:
+        raise ValueError("expected a capture: a file, a folder, a URL, or a glob")
     outputs.check()
+    if run.is_requested(data):
+        _reconstruct_many(data, outputs, method, capture, sensor, motion, run, threads)
+        return
+    inputs = Inputs(Path(data[0]), method, capture, sensor, motion)
     motion.check()
     inputs.check_outputs([*outputs.paths(), *motion.paths()])
     image_writer(outputs.output, depth=outputs.depth)
@@ -42,3 +55,32 @@ def reconstruct(
     caution_about_jots(job.captured, threads)
     if not motion.motion:
         caution_about_motion([job.captured.data], job.captured.sensor, threads)
+
+
+def _reconstruct_many(
+    data: tuple[str, ...],
+    outputs: ImageOutputOptions,
+    method: MethodOptions,
+    capture: CaptureOptions,
+    sensor: CapturedSensorOptions,
+    motion: ImageMotionOptions,
+    run: RunOptions,
+    threads: int | None,
+) -> None:
+    """Reconstruct many captures, or the windows of one."""
+    from jotlight.cli.many import Target, process, reconstruction_job
+    from jotlight.dask.jobs import CaptureSource, Job
+
+    plain = ImageOutputOptions(output=outputs.output, depth=outputs.depth)
+    if outputs != plain or motion != ImageMotionOptions():
+        raise ValueError(
+            "of the options of outputs and motion, a run over many captures or windows accepts "
+            "--output and --depth only"
+        )
+    sensors: dict[Sensor, Sensor] = {}
+
+    def make_job(target: Target, bits: Bits, source: CaptureSource) -> Job:
+        inputs = Inputs(Path(target.path), method, capture, sensor, motion)
+        return reconstruction_job(target, bits, source, inputs, run, outputs.depth, sensors)
+
+    process(data, outputs.output, capture, run, threads, make_job)

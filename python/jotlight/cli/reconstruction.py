@@ -22,11 +22,15 @@ from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.choice import Choice, choose_method
-from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.methods import LARGE_METHOD, METHODS
 from jotlight.evaluation.reconstruct import Info, reconstruct
 from jotlight.files import atomic_write_together, refuse_overwrite
+from jotlight.formats.capture import Capture
+from jotlight.formats.checked_reading import with_checksum
+from jotlight.formats.checksums import file_checksum
+from jotlight.formats.locations import file_state
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained
+from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, pretrained_file
 from jotlight.sensing.bits import Bits, check_fits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.pixel_counts import Data
@@ -47,6 +51,8 @@ class Reconstruction:
     calibration: AppliedCalibration | None
     white: float | None
     """Largest intensity, if the capture or the user states it."""
+    model: Path | None = None
+    """File of the network, if the user passes one."""
 
     @property
     def record_arguments(self) -> tuple[Any, ...]:
@@ -89,10 +95,16 @@ class Inputs:
         window : int, optional
             Number of frames of the image. Default: all.
         """
+        opened = self.capture.open(self.path, self.sensor.stated_trials())
+        return self.prepare_opened(opened, output, window=window)
+
+    def prepare_opened(
+        self, opened: Capture, output: Path, *, window: int | None = None
+    ) -> Reconstruction:
+        """Return the reconstruction of an image from an opened capture, as :meth:`prepare`."""
         request = self.method.request()
         network = None if self.method.model is None else Network.load(self.method.model)
         sensor_kwargs = self.sensor.to_kwargs()
-        opened = self.capture.open(self.path, self.sensor.stated_trials())
         calibration = None
         if self.sensor.calibration is not None:
             calibration = AppliedCalibration.read(self.sensor.calibration, output)
@@ -128,7 +140,16 @@ class Inputs:
         method = choice.method if network is None else network
         settings = self.method.settings()
         white = choice.max_intensity if is_range_known else None
-        return Reconstruction(self.path, captured, choice, method, settings, calibration, white)
+        return Reconstruction(
+            self.path,
+            captured,
+            choice,
+            method,
+            settings,
+            calibration,
+            white,
+            self.method.model,
+        )
 
 
 def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:
@@ -187,7 +208,10 @@ def reconstruct_image(
         recorded(job.calibration) as record,
     ):
         metadata = outputs.metadata(captured.sensor, title, captured.provenance)
+        watched, checksum = with_checksum(captured.data)
+        captured = dataclasses.replace(captured, data=watched)
         if motion.motion:
+            metadata |= _origin(job, checksum())
             merged, path = motion.align(captured, threads)
             motion.write(files[len(paths) :], merged, path, metadata)
             found = describe(merged, path)
@@ -195,6 +219,7 @@ def reconstruct_image(
         start = time.perf_counter()
         estimate, ending = _estimate(job, data, threads)
         seconds = time.perf_counter() - start
+        metadata |= _origin(job, checksum())
         tones = outputs.write(
             files[: len(paths)],
             estimate,
@@ -223,6 +248,22 @@ def reconstruct_image(
     report_assumptions(
         job, Brightness(float(estimate.max()), float(np.quantile(estimate, BRIGHTNESS_QUANTILE)))
     )
+
+
+def _origin(job: Reconstruction, checksum: tuple[int, int]) -> dict[str, Any]:
+    """Return what an image was made of, and how, in addition to its sensor and method."""
+    choice, calibration, sensor = job.choice, job.calibration, job.captured.sensor
+    quality = CONDITIONAL_SIZE if choice.method == LARGE_METHOD else choice.quality
+    weights = job.model if quality is None else pretrained_file(sensor, quality)
+    content = "packed" if isinstance(job.captured.data, Bits) else "counts"
+    return {
+        "capture": job.path.name,
+        "bytes": file_state(str(job.path))[0],
+        f"{content}_bytes": checksum[0],
+        f"{content}_crc32": f"{checksum[1]:08x}",
+        "weights_sha256": weights and file_checksum(weights),
+        "calibration_sha256": calibration and calibration.sha256,
+    }
 
 
 def _estimate(

@@ -13,6 +13,7 @@ from jotlight.cli.sensor_options import CalibratedSensorOptions
 from jotlight.cli.training_options import ImageOptions
 from jotlight.datasets import PHOTOGRAPHS, photograph, uniform_scenes
 from jotlight.estimators.brightness import training_sensor
+from jotlight.formats.locations import is_url
 from jotlight.images.sets import read_image_set
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
@@ -53,7 +54,7 @@ def read_training_images(images: str | None, options: ImageOptions, seed: int) -
         if tests is None:
             tests = uniform_scenes(np.random.default_rng([seed, 1]), _TEST_SCENES)
         return uniform_scenes, tests
-    if not Path(images).exists():
+    if not is_url(images) and not Path(images).exists():
         raise FileNotFoundError(
             f"there is no folder or file {images}; the word {SYNTHETIC} stands for random scenes"
         )

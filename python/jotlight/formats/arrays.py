@@ -172,7 +172,11 @@ def open_npy_array(path: str | os.PathLike[str]) -> npt.NDArray[Any] | Frames:
         data = reader.read(start + first * frame_bytes, (stop - first) * frame_bytes)
         return np.ndarray((stop - first, *shape[1:]), dtype, data)
 
-    return Frames(shape, read, dtype)
+    def mapped(first: int, stop: int) -> npt.NDArray[Any]:
+        data = reader.map(start + first * frame_bytes, (stop - first) * frame_bytes)
+        return np.ndarray((stop - first, *shape[1:]), dtype, data)
+
+    return Frames(shape, read, dtype, mapped=mapped)
 
 
 def write_npy(

@@ -13,6 +13,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
+from jotlight.formats.stubs import remote_file
+
+_READ_BYTES = 1 << 23
+"""Number of bytes of a remote file that are read at a time."""
+
 _KEY = "checksum"
 """Key of the checksum in sealed JSON, which is JSON with a checksum of itself."""
 
@@ -58,6 +63,11 @@ def file_checksum(path: Path, start: int = 0) -> str:
     >>> file_checksum(path)[:16]
     'ba7816bf8f01cfea'
     """
+    if (remote := remote_file(path)) is not None:
+        digest = hashlib.sha256()
+        for first in range(start, remote.size, _READ_BYTES):
+            digest.update(remote.read(first, min(first + _READ_BYTES, remote.size)))
+        return digest.hexdigest()
     with path.open("rb") as file:
         file.seek(start)
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -7,15 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from jotlight.formats.stubs import remote_file
 from jotlight.sensing.frames import Packed
 
 
 class FileReader:
     """The bytes of a file, which are read when they are needed.
 
-    The file is not mapped into memory, because the operating system kills a process that uses the
-    map of a file that has become shorter. It is not kept open either, because a folder may have
-    more files than the system lets a process open at once.
+    Except by dask's workers, the file is not mapped into memory, because the operating system kills
+    a process that uses the map of a file that has become shorter. It is not kept open either,
+    because a folder may have more files than the system lets a process open at once.
 
     Parameters
     ----------
@@ -54,11 +55,9 @@ class FileReader:
         OSError
             When the file has changed since it was opened, or is too short.
         """
-        # This check comes before memory is allocated.
-        if position + size > self.size:
-            raise OSError(
-                f"{self.path}: expected {position + size} bytes, got {self.size}; it is truncated"
-            )
+        self._check_size(position + size)  # before memory is allocated
+        if (remote := remote_file(self.path)) is not None:
+            return np.frombuffer(remote.read(position, position + size), np.uint8)
         data = np.empty(size, np.uint8)
         with self.path.open("rb", buffering=0) as file:
             file.seek(position)
@@ -68,6 +67,26 @@ class FileReader:
             # This check comes last, so it also finds changes during the reading.
             self._check(os.fstat(file.fileno()), complete=not left)
         return data
+
+    def map(self, position: int, size: int) -> Packed:
+        """Return a read-only view of `size` bytes from `position` on, which is not copied.
+
+        Raises
+        ------
+        OSError
+            When the file has changed since it was opened, or is too short.
+        """
+        self._check_size(position + size)
+        if size == 0 or remote_file(self.path) is not None:
+            return self.read(position, size)
+        self.check_unchanged()
+        data = np.memmap(self.path, np.uint8, "r", position, (size,))
+        self.check_unchanged()
+        return data.view(np.ndarray)
+
+    def _check_size(self, end: int) -> None:
+        if end > self.size:
+            raise OSError(f"{self.path}: expected {end} bytes, got {self.size}; it is truncated")
 
     def check_unchanged(self) -> None:
         """Raise OSError when the file has changed since it was opened, or is missing."""

@@ -14,13 +14,19 @@ from jotlight.checks import as_path
 from jotlight.errors import warn
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.detect import detect_format
+from jotlight.formats.file_systems import url_state
 from jotlight.formats.format import Format, OpenOptions
+from jotlight.formats.locations import expand, is_glob, is_url
 from jotlight.formats.packing import pack_stack
 from jotlight.formats.registry import FORMATS
+from jotlight.formats.remote import LocalCopy
 from jotlight.formats.scaled import unscale
 from jotlight.formats.selection import select
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
+
+Data = Bits | npt.NDArray[np.int32]
+"""The bits, or the image of counts, of a capture."""
 
 
 def open(
@@ -37,7 +43,8 @@ def open(
     isolate: bool = False,
     counts_scale: float | None = None,
     trials: int | None = None,
-) -> Bits | npt.NDArray[np.int32]:
+    storage_options: dict[str, Any] | None = None,
+) -> Data | list[Data]:
     """Return the bits, or the image of counts, in a file or folder of any size.
 
     Bits are read from their files when they are needed.
@@ -45,7 +52,9 @@ def open(
     Parameters
     ----------
     path : path
-        A file, or a folder of files.
+        A file, or a folder of files; a URL that fsspec supports, such as ``s3://bucket/a.npy``; or
+        a glob of many captures, such as ``captures/*.npy``. `.npy`, raw frames, and zarr are read
+        in ranges from URLs. Other formats are fetched as a whole.
     format : str, optional
         One of ``jotlight.formats.FORMATS``. Default: detected from the content. Raw frames
         (`.bin`) have no header, so their format is required.
@@ -77,9 +86,13 @@ def open(
         as 255, or 1 for floats. The result is the counts. Requires `trials`.
     trials : int, optional
         Number of frames of which each value is the mean. Only with `counts_scale`.
+    storage_options : dict, optional
+        Options of the file system of a URL, as in dask and pandas, such as ``{"anon": True}``.
 
     Returns
     -------
+    list
+        For a glob, one of the following for each capture, in the order of their names.
     Bits
         The bits. Their ``provenance`` states what was assumed.
     ndarray of int32, shape (H, W) or (H, W, C)
@@ -112,6 +125,10 @@ def open(
             "trials: states the frames of each mean, together with counts_scale; counts themselves "
             "need Sensor(frames=...)"
         )
+    options = {name: value for name, value in locals().items() if name != "path"}
+    if isinstance(path, str) and is_glob(path):
+        opened = (open(each, **options) for each in expand(path, storage_options))
+        return [each for each in opened if not isinstance(each, list)]
     capture = open_capture(
         path,
         format=format,
@@ -124,6 +141,7 @@ def open(
         unpacked=unpacked,
         isolate=isolate,
         means=counts_scale is not None,
+        storage_options=storage_options,
     )
     if counts_scale is not None:
         capture = unscale(capture, counts_scale, trials)
@@ -134,8 +152,17 @@ def open(
     return capture.sum()
 
 
-def open_capture(path: str | os.PathLike[str], **options: Any) -> Capture:
+def open_capture(
+    path: str | os.PathLike[str],
+    *,
+    storage_options: dict[str, Any] | None = None,
+    **options: Any,
+) -> Capture:
     """Return a capture as :func:`open` does, with its options, but do not sum images of counts."""
+    if isinstance(path, str) and is_url(path):
+        return _open_url(path, storage_options, options)
+    if storage_options is not None:
+        raise ValueError(f"storage_options: are for URLs, not for {path}")
     path = as_path(path, 'jotlight.open("capture.npy")')
     absolute = path.absolute()
     capture = _open_once(path, **options)
@@ -143,6 +170,44 @@ def open_capture(path: str | os.PathLike[str], **options: Any) -> Capture:
     if isinstance(data, Frames):
         data.set_origin(functools.partial(_open_data, absolute, _state_of(absolute), **options))
     return capture
+
+
+def _open_url(url: str, storage_options: dict[str, Any] | None, options: dict[str, Any]) -> Capture:
+    """Return the capture at a URL."""
+    name = options.get("format")
+    whole = name in FORMATS and not FORMATS[name].is_raw and name not in ("npy", "zarr")
+    copy = LocalCopy(url, storage_options, whole=whole)
+    try:
+        capture = _open_once(copy.path, **options)
+    except (OSError, ValueError) as error:
+        raise type(error)(str(error).replace(str(copy.path), url)) from error
+    state = url_state(url, storage_options)
+
+    def attach(frames: npt.NDArray[Any] | Frames) -> npt.NDArray[Any] | Frames:
+        if not isinstance(frames, Frames):
+            return frames
+
+        def read(start: int, stop: int) -> npt.NDArray[Any]:
+            assert copy.path, "the local copy lives as long as this function"
+            return frames.read(start, stop)
+
+        kept = Frames(frames.shape, read, frames.dtype, frames.verify)
+        kept.set_origin(functools.partial(_open_url_data, url, state, storage_options, **options))
+        return kept
+
+    if isinstance(capture, CountStack):
+        return dataclasses.replace(capture, images=attach(capture.images))
+    return Bits(attach(capture.packed), capture.width, capture.sensor, capture.provenance)
+
+
+def _open_url_data(
+    url: str, state: tuple[int, int], storage_options: dict[str, Any] | None, **options: Any
+) -> Any:
+    """Return the frames at a URL, which a copy in another process opens again."""
+    if url_state(url, storage_options) != state:
+        raise ValueError(f"{url}: a file has changed since it was opened")
+    capture = _open_url(url, storage_options, options)
+    return capture.images if isinstance(capture, CountStack) else capture.packed
 
 
 def _state_of(path: Path) -> tuple[int, int, int]:
@@ -222,7 +287,7 @@ def _verifiable(capture: Capture, path: Path, verify: Callable[[Path], int]) -> 
     def attach(frames: npt.NDArray[Any] | Frames) -> npt.NDArray[Any] | Frames:
         if not isinstance(frames, Frames):
             return frames
-        return Frames(frames.shape, frames.read, frames.dtype, lambda: verify(path))
+        return Frames(frames.shape, frames.read, frames.dtype, lambda: verify(path), frames.mapped)
 
     if isinstance(capture, CountStack):
         return dataclasses.replace(capture, images=attach(capture.images))

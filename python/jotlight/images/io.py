@@ -219,7 +219,8 @@ def image_writer(
     white : float
         The intensity that becomes white in PNG and JPEG. Brighter pixels are white, too.
     note : mapping, optional
-        Values that JSON can hold, for the ImageDescription of a TIFF and the `comments` of an EXR.
+        Values that JSON can hold, for the ImageDescription of a TIFF, the `comments` of an EXR, the
+        text `Description` of an 8-bit PNG, and the comment of a JPEG.
 
     Returns
     -------
@@ -274,9 +275,49 @@ def image_writer(
 
             levels = display_levels(image, white, 255).astype(np.uint8)
             kind, options = ("PNG", _PNG) if suffix == ".png" else ("JPEG", {"quality": 95})
+            if note:
+                options = {**options, **_embedded(kind, json.dumps(dict(note)))}
             PillowImage.fromarray(levels).save(handle, kind, **options)
 
     return write
+
+
+def _embedded(kind: str, text: str) -> dict[str, Any]:
+    """Return the options of Pillow that embed a text in a PNG or a JPEG."""
+    if kind == "JPEG":
+        return {"comment": text[:60_000].encode()}
+    from PIL.PngImagePlugin import PngInfo
+
+    info = PngInfo()
+    info.add_text("Description", text)
+    return {"pnginfo": info}
+
+
+def read_note(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the note that :func:`image_writer` embedded in a PNG, JPEG, or TIFF; {} without one.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> path = Path(tempfile.mkdtemp()) / "a.png"
+    >>> image_writer(path, note={"method": "mle"})(path, np.zeros((4, 5)))
+    >>> read_note(path)
+    {'method': 'mle'}
+    """
+    path = Path(path)
+    try:
+        if path.suffix.lower() in (".tif", ".tiff"):
+            with open_checked_tiff(path) as file:
+                text = file.pages[0].description
+        else:
+            from PIL import Image as PillowImage
+
+            with PillowImage.open(path) as image:
+                text = image.info.get("Description") or image.info.get("comment", b"")
+        content = json.loads(text)
+    except Exception:  # any type: the file may be damaged, which its reader reports
+        return {}
+    return content if isinstance(content, dict) else {}
 
 
 def display_levels(image: FloatImage, white: float, max_level: int) -> FloatImage:

@@ -1,6 +1,7 @@
 """Sets of images, read from a folder or from an array in a file."""
 
 import os
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import numpy.typing as npt
 from jotlight.errors import warn
 from jotlight.formats.archives import read_npz
 from jotlight.formats.arrays import open_npy_array
+from jotlight.formats.file_systems import explained, find_files, open_file_system
+from jotlight.formats.locations import is_url
 from jotlight.formats.safe_paths import check_inside
 from jotlight.images.io import read_image
 
@@ -30,8 +33,8 @@ def read_image_set(
     Parameters
     ----------
     source : path
-        A folder of images, whose colors are converted to gray. Or a `.npy` or `.npz` file with an
-        array (N, H, W).
+        A folder of images, whose colors are converted to gray; it may be a URL. Or a `.npy` or
+        `.npz` file with an array (N, H, W).
     key : str, optional
         The name of the array in a `.npz`.
     white : float, optional
@@ -47,8 +50,12 @@ def read_image_set(
     OSError, ValueError
         If there are no images, or one cannot be read; the message names it.
     """
-    source = Path(source)
     check_first(first)
+    if is_url(source):
+        with tempfile.TemporaryDirectory() as folder:
+            _fetch_images(str(source), Path(folder))
+            return read_image_set(folder, key=key, white=white, first=first, progress=progress)
+    source = Path(source)
     if not source.exists():
         raise FileNotFoundError(f"there is no folder or file {source}")
     if not source.is_dir():
@@ -114,3 +121,14 @@ def _read_stack(
     digits = len(str(len(array) - 1))
     names = [f"{number:0{digits}d}" for number in range(len(array))]
     return names, list(stack)
+
+
+def _fetch_images(url: str, folder: Path) -> None:
+    """Fetch the images of a folder at a URL, numbered in the order of their names."""
+    fs, _ = open_file_system(url, None)
+    names = [name for name, *_ in find_files(url) if name.lower().endswith(ENDINGS)]
+    if not names:
+        raise ValueError(f"{url}: expected a folder of images ({', '.join(ENDINGS)}), got none")
+    for number, name in enumerate(names):
+        with explained(name):
+            fs.get_file(name, str(folder / f"{number:08}-{name.rpartition('/')[2]}"))

@@ -75,10 +75,21 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
             f"{sensor!r}; pretrained(sensor, 'large') selects a size"
         )
     check_quality(quality)
-    name = quality if is_conditional(sensor, quality) else f"{quality}-k{sensor.trials}"
-    network = Network.load(FOLDER / f"{name}.safetensors")
+    network = Network.load(pretrained_file(sensor, quality))
     network.default_sensor = sensor
     return network
+
+
+def pretrained_file(sensor: Sensor, quality: str = "medium") -> Path:
+    """Return the file of the network of a size that serves a sensor.
+
+    Examples
+    --------
+    >>> pretrained_file(Sensor(frames=16), "small").name
+    'small-k16.safetensors'
+    """
+    name = quality if is_conditional(sensor, quality) else f"{quality}-k{sensor.trials}"
+    return FOLDER / f"{name}.safetensors"
 
 
 def pretrained_conditional(sensor: Sensor, quality: str) -> Network:

@@ -2,7 +2,7 @@
 
 import operator
 from collections.abc import Callable, Iterator
-from typing import Any, Self, SupportsIndex, overload
+from typing import TYPE_CHECKING, Any, Self, SupportsIndex, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +10,7 @@ import numpy.typing as npt
 from jotlight.checks import refuse_masked
 from jotlight.chunks import windows
 from jotlight.layout import MAX_CHANNELS
-from jotlight.sensing import preview
+from jotlight.sensing import lazy, preview
 from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.counting import count_ones
@@ -20,8 +20,12 @@ from jotlight.sensing.frames import (
     format_frame_range,
     read_in_chunks,
 )
+from jotlight.sensing.lazy import Chunks
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
+
+if TYPE_CHECKING:
+    import dask.array
 
 
 class Bits(ArrayHints):
@@ -276,6 +280,35 @@ class Bits(ArrayHints):
             oversampling = self.sensor.oversampling if self.sensor else 1
         counts: npt.NDArray[np.int32] = count_ones([self], oversampling, mask, threads, progress)[0]
         return counts
+
+    def to_dask(self, chunks: Chunks = "128MiB") -> "dask.array.Array":
+        """Return the packed bits as a lazy array of dask, chunked in time (extra `dask`).
+
+        Parameters
+        ----------
+        chunks : str, int, or tuple
+            Maximum size of a chunk, such as ``"128MiB"``; or its number of frames; or its shape,
+            such as ``(1000, -1, -1)``. A chunk holds whole frames.
+
+        Returns
+        -------
+        dask.array.Array of uint8, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
+            Workers open the files themselves. Bits in memory become part of the graph.
+
+        Raises
+        ------
+        MissingExtraError
+            When dask is not installed.
+        TypeError, ValueError
+            When a chunk does not hold whole frames.
+
+        Examples
+        --------
+        >>> bits = Bits.from_array(np.ones((100, 16, 16), bool))
+        >>> bits.to_dask(chunks=40).chunks[0]
+        (40, 40, 20)
+        """
+        return lazy.to_dask(self.packed, chunks)
 
     def channels(self) -> list["Bits"]:
         """Return the bits of each channel, (T, H, W). Gray bits are themselves the only channel."""

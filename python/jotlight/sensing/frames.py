@@ -52,6 +52,9 @@ class Frames:
     verify : callable, optional
         A function that raises ValueError if a file has changed since it was written. Reading does
         not call it, because it reads whole files; conversions do. Default: nothing can be verified.
+    mapped : callable, optional
+        ``mapped(start, stop)`` returns the same frames as ``read``, as a view of the file. Default:
+        the file does not contain the frames as they are, so they cannot be mapped.
 
     Examples
     --------
@@ -66,13 +69,15 @@ class Frames:
         read: Callable[[int, int], npt.NDArray[Any]],
         dtype: npt.DTypeLike = np.uint8,
         verify: Callable[[], object] = lambda: None,
+        mapped: Callable[[int, int], npt.NDArray[Any]] | None = None,
     ) -> None:
         self.shape = tuple(map(int, shape))
         self.dtype = np.dtype(dtype)
         self.verify = verify
+        self.mapped = mapped
         self._read = read
-        self._origin: Callable[[], Any] | None = None
-        self._selections: tuple[Any, ...] = ()
+        self.origin: Callable[[], Any] | None = None
+        self.selections: tuple[Any, ...] = ()
 
     @property
     def ndim(self) -> int:
@@ -94,7 +99,7 @@ class Frames:
 
     def set_origin(self, origin: Callable[[], Any]) -> None:
         """Set the function that opens the same files again, for copies of these frames."""
-        self._origin, self._selections = origin, ()
+        self.origin, self.selections = origin, ()
 
     def read(self, start: int, stop: int) -> npt.NDArray[Any]:
         """Return the frames from `start` to `stop` as an array.
@@ -104,8 +109,23 @@ class Frames:
         ValueError
             When a file has changed since it was opened.
         """
-        part = self._read(start, stop)
-        expected = (stop - start, *self.shape[1:])
+        return self._checked(self._read(start, stop), stop - start)
+
+    def map(self, start: int, stop: int) -> npt.NDArray[Any]:
+        """Return the frames from `start` to `stop`, as a view of the file if possible.
+
+        Mapping copies nothing. But the operating system kills a process that uses the map of a file
+        that another program has shortened. So only dask's workers map files: they are replaced.
+
+        Raises
+        ------
+        OSError, ValueError
+            When a file has changed since it was opened.
+        """
+        return self._checked((self.mapped or self._read)(start, stop), stop - start)
+
+    def _checked(self, part: npt.NDArray[Any], number: int) -> npt.NDArray[Any]:
+        expected = (number, *self.shape[1:])
         if part.shape != expected or part.dtype != self.dtype:
             raise ValueError(
                 f"expected frames of shape {expected} in {self.dtype}, got {part.shape} in "
@@ -141,18 +161,21 @@ class Frames:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return how to open the files again for a copy, or else the content."""
-        if self._origin is None:
+        if self.origin is None:
             return np.asarray, (np.asarray(self),)
-        return _open_again, (self._origin, self._selections, self.shape, self.dtype)
+        return _open_again, (self.origin, self.selections, self.shape, self.dtype)
 
     def _select_frames(self, key: slice) -> "Frames":
         start, stop, step = key.indices(len(self))
         number = len(range(start, stop, step))
         read = self.read
         if step == 1:
-            return self._derive(
+            derived = self._derive(
                 key, (number, *self.shape[1:]), lambda a, b: read(start + a, start + b)
             )
+            if self.mapped is not None:
+                derived.mapped = lambda a, b: self.map(start + a, start + b)
+            return derived
 
         def read_each(a: int, b: int) -> npt.NDArray[Any]:
             indices = range(start + a * step, start + b * step, step)
@@ -172,7 +195,7 @@ class Frames:
     ) -> "Frames":
         """Return the frames that an index selects."""
         derived = Frames(shape, read, self.dtype, self.verify)
-        derived._origin, derived._selections = self._origin, (*self._selections, key)
+        derived.origin, derived.selections = self.origin, (*self.selections, key)
         return derived
 
 

@@ -3,8 +3,8 @@
 In reading order: `loop` (the function `train`), `patches` and `images` (training examples), `cost`
 (the objective and its gradient), `parameters` (all parameters as one vector), `admissible` (the set
 that they stay in), `optimizer`, `optimizers`, and `gauss_newton` (steps), `history` and
-`checkpoint` (records and state of a run). `patch_sources`, `photographs`, and `synthetic_patches`
-are sources of patches for :func:`jotlight.torch.train`.
+`checkpoint` (records and state of a run). `patch_sources`, `photographs`, `url_photographs`, and
+`synthetic_patches` are sources of patches for :func:`jotlight.torch.train`.
 """
 
 from jotlight.training.admissible import AdmissibleSet, SafeSet
@@ -24,6 +24,7 @@ from jotlight.training.patch_sources import (
 )
 from jotlight.training.photographs import PhotographPatches, read_photographs
 from jotlight.training.synthetic_patches import SyntheticPatches
+from jotlight.training.url_photographs import UrlPhotographs
 
 __all__ = [
     "OPTIMIZERS",
@@ -44,6 +45,7 @@ __all__ = [
     "SafeSet",
     "Step",
     "SyntheticPatches",
+    "UrlPhotographs",
     "parameter_vector",
     "read_photographs",
     "split_vector",

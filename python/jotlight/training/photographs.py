@@ -18,6 +18,9 @@ from jotlight.training.patch_sources import Patch, PatchSource, apply_symmetry
 Planes = npt.NDArray[np.uint8]
 """Planes of a photograph, (P, H, W): luma alone, or luma, red, green, and blue."""
 
+Means = npt.NDArray[np.float64]
+"""Mean intensity of each plane, display-encoded and linear, (2, P)."""
+
 _LEVELS = np.arange(256) / 255
 _ENCODED = _LEVELS.astype(np.float32)
 """Intensity of each level if photographs stay display-encoded."""
@@ -75,17 +78,29 @@ class PhotographPatches(PatchSource):
     ) -> None:
         if len(photographs) == 0:
             raise ValueError("photographs: expected at least one, got none")
+        self._set(color, linear, scaled, max_scale)
+        self.photographs = [
+            planes_of(photograph, index) for index, photograph in enumerate(photographs)
+        ]
+        self.max_side = min(min(planes.shape[1:]) for planes in self.photographs)
+        self._means = [mean_intensities(planes) for planes in self.photographs]
+
+    def _set(self, color: float, linear: float, scaled: float, max_scale: float) -> None:
+        """Check and set the settings."""
         for name, fraction in (("color", color), ("linear", linear), ("scaled", scaled)):
             if not 0 <= fraction <= 1:
                 raise ValueError(f"{name}: expected a fraction in [0, 1], got {fraction}")
         if not 1 <= max_scale < math.inf:
             raise ValueError(f"max_scale: expected a finite number of 1 or more, got {max_scale}")
         self.color, self.linear, self.scaled, self.max_scale = color, linear, scaled, max_scale
-        self.photographs = [
-            _planes(photograph, index) for index, photograph in enumerate(photographs)
-        ]
-        self.max_side = min(min(planes.shape[1:]) for planes in self.photographs)
-        self._means = [_mean_intensities(planes) for planes in self.photographs]
+
+    def __len__(self) -> int:
+        """Return the number of photographs."""
+        return len(self.photographs)
+
+    def _photograph(self, index: int) -> tuple[Planes, Means]:
+        """Return the planes of a photograph, and their mean intensities."""
+        return self.photographs[index], self._means[index]
 
     @classmethod
     def read(
@@ -103,8 +118,7 @@ class PhotographPatches(PatchSource):
 
     def draw(self, rng: np.random.Generator, side: int) -> Patch:
         """Return a random patch."""
-        index = int(rng.integers(len(self.photographs)))
-        planes = self.photographs[index]
+        planes, means = self._photograph(int(rng.integers(len(self))))
         is_color = rng.random() < self.color and len(planes) > 1
         plane = int(rng.integers(1, len(planes))) if is_color else 0
         is_linear = bool(rng.random() < self.linear)
@@ -120,7 +134,7 @@ class PhotographPatches(PatchSource):
         tones = _LINEAR if is_linear else _ENCODED
         values = _average_areas(planes[plane], tones, corner, scale, side)
         values = apply_symmetry(values, int(rng.integers(8)))
-        return Patch(values, float(self._means[index][int(is_linear), plane]))
+        return Patch(values, float(means[int(is_linear), plane]))
 
     def fingerprint(self) -> str:
         """Return a digest of the photographs and of the settings."""
@@ -173,7 +187,7 @@ def read_photographs(
     return photographs
 
 
-def _planes(photograph: npt.NDArray[np.uint8], index: int) -> Planes:
+def planes_of(photograph: npt.NDArray[np.uint8], index: int) -> Planes:
     """Return the planes of a photograph, after checks."""
     if not isinstance(photograph, np.ndarray) or photograph.dtype != np.uint8:
         kind = getattr(photograph, "dtype", type(photograph).__name__)
@@ -190,7 +204,7 @@ def _planes(photograph: npt.NDArray[np.uint8], index: int) -> Planes:
     return np.ascontiguousarray(np.stack([gray, *np.moveaxis(photograph, 2, 0)]))
 
 
-def _mean_intensities(planes: Planes) -> npt.NDArray[np.float64]:
+def mean_intensities(planes: Planes) -> Means:
     """Return the mean intensity of each plane, display-encoded and linear, (2, P)."""
     histograms = [np.bincount(plane.ravel(), minlength=256) for plane in planes]
     weights = np.array(histograms).T / planes[0].size

@@ -74,6 +74,7 @@ def test_every_missing_or_emptied_file_is_refused(folder):
 
 def test_chunks_that_changed_places_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "_CHUNK_BYTES", 12)
+    monkeypatch.setattr(module, "_SHARD_CHUNKS", 1)
     write_capture(BITS, tmp_path / "a", name="zarr")
     (tmp_path / "a" / "c/0/0/0").rename(tmp_path / "b")
     (tmp_path / "a" / "c/1/0/0").rename(tmp_path / "a" / "c/0/0/0")
@@ -84,9 +85,71 @@ def test_chunks_that_changed_places_are_refused(tmp_path, monkeypatch):
         verify_capture(tmp_path / "a")
 
 
+def shard_of_bits(tmp_path, monkeypatch):
+    """Return a folder of bits in several shards of several chunks."""
+    monkeypatch.setattr(module, "_CHUNK_BYTES", 12)
+    monkeypatch.setattr(module, "_SHARD_CHUNKS", 4)
+    frames = np.random.default_rng(0).random((30, 6, 13)) < 0.4
+    write_capture(jl.Bits.from_array(frames), tmp_path / "a", name="zarr")
+    return tmp_path / "a", frames
+
+
+def test_shards_are_read_as_a_whole_and_in_parts(tmp_path, monkeypatch):
+    folder, frames = shard_of_bits(tmp_path, monkeypatch)
+    assert zarr.open_array(str(folder), mode="r").shards == (4, 6, 2)
+    bits = jl.open(folder)
+    np.testing.assert_array_equal(bits.to_array(), frames)
+    np.testing.assert_array_equal(bits[5:6].to_array(), frames[5:6])
+    np.testing.assert_array_equal(bits[6:15].to_array(), frames[6:15])
+    assert "match their checksums" in verify_capture(folder)
+
+
+def test_shards_that_changed_places_are_refused(tmp_path, monkeypatch):
+    folder, _ = shard_of_bits(tmp_path, monkeypatch)
+    (folder / "c/0/0/0").rename(tmp_path / "b")
+    (folder / "c/1/0/0").rename(folder / "c/0/0/0")
+    (tmp_path / "b").rename(folder / "c/1/0/0")
+    for frames in (slice(0, 1), slice(0, 4)):
+        with pytest.raises(ValueError, match="jotlight wrote"):
+            jl.open(folder)[frames].to_array()
+    with pytest.raises(ValueError, match="is damaged; restore it from a copy"):
+        verify_capture(folder)
+
+
+def test_chunks_that_changed_places_in_a_shard_are_refused(tmp_path, monkeypatch):
+    folder, _ = shard_of_bits(tmp_path, monkeypatch)
+    path = folder / "c/0/0/0"
+    content = bytearray(path.read_bytes())
+    index = np.frombuffer(content[-68:-4], "<u8").reshape(4, 2)
+    (first, size), (second, same) = index[:2].tolist()
+    if size != same:
+        pytest.skip("the chunks were compressed to different sizes")
+    a, b = content[first : first + size], content[second : second + size]
+    content[first : first + size], content[second : second + size] = b, a
+    path.write_bytes(content)
+    for frames in (slice(0, 1), slice(0, 4)):
+        with pytest.raises(ValueError, match="jotlight wrote"):
+            jl.open(folder)[frames].to_array()
+
+
+def test_flipped_bits_of_shards_are_refused(tmp_path, monkeypatch):
+    folder, _ = shard_of_bits(tmp_path, monkeypatch)
+    path = folder / "c/2/0/0"
+    content = path.read_bytes()
+    for bit in range(0, 8 * len(content), 29):
+        changed = bytearray(content)
+        changed[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(changed)
+        with pytest.raises(ValueError):  # noqa: PT011
+            jl.open(folder).to_array()
+        with pytest.raises(ValueError):  # noqa: PT011
+            verify_capture(folder)
+
+
 @pytest.mark.parametrize("data", [BITS, COUNTS], ids=["bits", "counts"])
 def test_every_chunk_is_written_and_small(tmp_path, monkeypatch, data):
     monkeypatch.setattr(module, "_CHUNK_BYTES", 8)
+    monkeypatch.setattr(module, "_SHARD_CHUNKS", 1)
     empty = jl.Bits(np.zeros_like(BITS.packed), 13) if data is BITS else np.zeros_like(COUNTS)
     for number, capture in enumerate([data, empty]):
         path = tmp_path / str(number)

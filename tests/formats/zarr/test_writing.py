@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.formats.zarr import writing
 from jotlight.sensing.bits import Bits
 
 zarr = pytest.importorskip("zarr")
@@ -31,6 +32,7 @@ def test_an_interrupted_write_leaves_nothing_even_if_zarr_is_slow(tmp_path, monk
         return put(*arguments, **options)
 
     monkeypatch.setattr(local, "_put", slow_put)
+    monkeypatch.setattr(writing, "_SHARD_CHUNKS", 1)
     frames = np.random.default_rng(0).integers(0, 2, (300, 256, 1024), np.uint8)
     bits = Bits.from_array(frames)
     with pytest.raises(KeyboardInterrupt):

@@ -20,6 +20,9 @@ import numpy.typing as npt
 from numcodecs.abc import Codec
 from zarr.abc.codec import BytesBytesCodec
 
+# Importing it registers the codec.
+import jotlight.formats.zarr.packbits  # noqa: F401
+
 MAX_CHUNK_BYTES = 1 << 28
 """Maximum size of a decoded chunk in bytes. The library decodes a chunk as a whole."""
 
@@ -171,6 +174,8 @@ class ChunkSizes:
     """Maximum size of the file of a chunk or shard."""
     part: int
     """Maximum size of a part of a shard that is read at once."""
+    chunks_per_file: int
+    """Number of chunks in a file: 1, or the number of those in a shard."""
 
 
 def bound_codecs(metadata: Any, itemsize: int) -> tuple[Any, ChunkSizes]:
@@ -190,14 +195,14 @@ def bound_codecs(metadata: Any, itemsize: int) -> tuple[Any, ChunkSizes]:
             "filters": tuple(exact[: len(filters)]) or None,
             "compressor": next(iter(exact[len(filters) :]), None),
         }
-        return dataclasses.replace(metadata, **changes), ChunkSizes(size, limit, limit)
+        return dataclasses.replace(metadata, **changes), ChunkSizes(size, limit, limit, 1)
     shape, codecs = metadata.chunk_grid.chunk_shape, tuple(metadata.codecs)
     if [_name(codec) for codec in codecs] == ["sharding_indexed"]:
         shard, sizes = _bound_shard(codecs[0], shape, itemsize)
         return dataclasses.replace(metadata, codecs=(shard,)), sizes
     size = math.prod(shape) * itemsize
     exact, limit = _bound_version_3(codecs, size)
-    return dataclasses.replace(metadata, codecs=tuple(exact)), ChunkSizes(size, limit, limit)
+    return dataclasses.replace(metadata, codecs=tuple(exact)), ChunkSizes(size, limit, limit, 1)
 
 
 def _bound_shard(codec: Any, shape: tuple[int, ...], itemsize: int) -> tuple[Any, ChunkSizes]:
@@ -211,7 +216,7 @@ def _bound_shard(codec: Any, shape: tuple[int, ...], itemsize: int) -> tuple[Any
     exact, limit = _bound_version_3(codec.codecs, size)
     index_bytes = 16 * chunks + 4 * len(codec.index_codecs)
     shard = dataclasses.replace(codec, codecs=tuple(exact))
-    return shard, ChunkSizes(size, chunks * limit + index_bytes, max(limit, index_bytes))
+    return shard, ChunkSizes(size, chunks * limit + index_bytes, max(limit, index_bytes), chunks)
 
 
 def _bound_version_3(codecs: Sequence[Any], size: int) -> tuple[list[Any], int]:
@@ -263,7 +268,8 @@ def _bound_chain(
             size = size // codec.dtype.itemsize * codec.astype.itemsize
             _check_chunk_bytes(size)
         elif name == "packbits":
-            size = 1 + (size + 7) // 8
+            has_padding = getattr(codec, "padding_encoding", "first_byte") != "none"
+            size = (size + 7) // 8 + has_padding
         elif name not in _SAME_SIZE:
             raise ValueError(f"codecs: the size of a chunk after {name} is unknown")
         bounded.append(codec)

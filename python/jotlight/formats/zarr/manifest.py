@@ -1,7 +1,8 @@
 """The manifest of a zarr folder that jotlight wrote: the files that it must contain.
 
-Each chunk ends in its CRC-32C, which the zarr library checks. The manifest lists these checksums,
-which reveals missing and exchanged chunks. It also lists the SHA-256 of all metadata.
+Each chunk ends in its CRC-32C, which the zarr library checks. Files of many chunks, called shards,
+end in an index with such a checksum. The manifest lists these checksums, which reveals missing and
+exchanged chunks. It also lists the SHA-256 of all metadata.
 """
 
 import json
@@ -12,6 +13,13 @@ from typing import Any
 from jotlight.formats.checksums import check_file, check_seal, file_checksum, seal
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.safe_paths import check_inside
+from jotlight.formats.zarr.shards import (
+    CHECKSUM_BYTES,
+    chunks_per_shard,
+    is_shard,
+    parts_of_shard,
+    stored_checksums,
+)
 
 METADATA_FILES = ("zarr.json", ".zarray", ".zgroup", ".zattrs")
 """Names of the files that describe an array or a group, in versions 3 and 2 of zarr."""
@@ -36,9 +44,6 @@ _FORMAT, _VERSION = "jotlight zarr", 1
 _MAX_MANIFEST_BYTES = 1 << 27
 """Maximum size of the manifest in bytes. It has about 40 bytes per chunk, enough for 20 TB."""
 
-_CHECKSUM_BYTES = 4
-"""Size of the CRC-32C at the end of a chunk."""
-
 
 def write_manifest(folder: Path, array: Path) -> None:
     """Write the manifest of a complete zarr folder into the folder of one of its arrays."""
@@ -48,9 +53,7 @@ def write_manifest(folder: Path, array: Path) -> None:
         if path.name in METADATA_FILES:
             metadata[name] = file_checksum(path)
         else:
-            with path.open("rb") as file:
-                file.seek(path.stat().st_size - _CHECKSUM_BYTES)
-                chunks[name] = file.read().hex()
+            chunks[name] = stored_checksums(path, chunks_per_shard(_metadata_of(path, folder)))
     content = {"format": _FORMAT, "version": _VERSION, "metadata": metadata, "chunks": chunks}
     (array / MANIFEST).write_text(seal(content), encoding="utf-8")
 
@@ -111,12 +114,24 @@ def verify_chunks(folder: Path, checksums: Mapping[str, str]) -> int:
     import google_crc32c
 
     for name, checksum in checksums.items():
-        content = (folder / name).read_bytes()
-        data, stored = content[:-_CHECKSUM_BYTES], content[-_CHECKSUM_BYTES:]
-        computed = google_crc32c.value(data).to_bytes(_CHECKSUM_BYTES, "little")
-        if not computed == stored == bytes.fromhex(checksum):
-            raise ValueError(f"{folder / name}: is damaged; restore it from a copy")
+        path = folder / name
+        content = path.read_bytes()
+        parts = [content]
+        if is_shard(checksum):
+            parts = parts_of_shard(content, chunks_per_shard(_metadata_of(path, folder)))
+        computed, stored = "", ""
+        for part in parts:
+            computed += google_crc32c.value(part[:-CHECKSUM_BYTES]).to_bytes(4, "little").hex()
+            stored += part[-CHECKSUM_BYTES:].hex()
+        if not computed == stored == checksum:
+            raise ValueError(f"{path}: is damaged; restore it from a copy")
     return len(checksums)
+
+
+def _metadata_of(chunk: Path, folder: Path) -> Path:
+    """Return the file that describes the array of a chunk."""
+    parents = [path for path in chunk.parents if path.is_relative_to(folder)]
+    return next(path / "zarr.json" for path in parents if (path / "zarr.json").is_file())
 
 
 def _parse(content: Any) -> tuple[dict[str, str], dict[str, str]]:

@@ -22,6 +22,9 @@ from jotlight.sensing.frames import Frames
 _CHUNK_BYTES = 1 << 23
 """Approximate size in bytes of the chunks that jotlight writes."""
 
+_SHARD_CHUNKS = 16
+"""Maximum number of chunks in a file."""
+
 _PATIENCE = 10.0
 """Maximum time in seconds until the writes of an interrupted call have ended."""
 
@@ -95,20 +98,35 @@ def _write_array(
 ) -> None:
     """Write an array, all of whose chunks are written and end in a checksum."""
     zarr = import_zarr()
+    chunks = _chunk_shape(values.shape, np.dtype(dtype).itemsize)
+    shards = _shard_shape(values.shape, chunks)
     array = zarr.create_array(
         str(folder),
         name=name,
         shape=values.shape,
-        chunks=_chunk_shape(values.shape, np.dtype(dtype).itemsize),
+        chunks=chunks,
+        shards=shards,
         dtype=dtype,
         compressors=[zarr.codecs.ZstdCodec(), zarr.codecs.Crc32cCodec()],
         attributes={} if label is None else {ATTRIBUTE: label},
         config={"write_empty_chunks": True},
     )
-    # Each write covers complete chunks, so no chunk is written twice.
-    for start in range(0, array.shape[0], array.chunks[0]):
-        place = slice(start, min(start + array.chunks[0], array.shape[0]))
+    # Each write covers complete chunks or shards, so none is written twice.
+    step = (shards or chunks)[0]
+    for start in range(0, array.shape[0], step):
+        place = slice(start, min(start + step, array.shape[0]))
         array[place] = np.asarray(values[place, ...])
+
+
+def _shard_shape(shape: tuple[int, ...], chunks: tuple[int, ...]) -> tuple[int, ...] | None:
+    """Return the shape of files of up to 16 chunks, or None where one chunk is a file.
+
+    Large files are faster on the disks of networks, and a copy of a capture has fewer files.
+    """
+    number = -(-shape[0] // chunks[0])
+    if min(number, _SHARD_CHUNKS) < 2 or chunks[1:] != shape[1:]:
+        return None
+    return (chunks[0] * min(number, _SHARD_CHUNKS), *chunks[1:])
 
 
 def _chunk_shape(shape: tuple[int, ...], itemsize: int) -> tuple[int, ...]:

@@ -1,0 +1,93 @@
+"""The graph of a run for collections of growing size: tasks, bytes, memory, and the scheduler.
+
+    python benchmarks/scale/graph.py [--tasks 1000000]
+
+First, the script computes the number of tasks of a run from the size of the collection. Then it
+runs a scheduler of dask with workers that do nothing, and submits as many tasks as the largest run
+has, in the way that a run does. It prints the seconds per task, and the memory of the scheduler.
+"""
+
+import argparse
+import resource
+import time
+
+from jotlight.dask.counting import Spans
+from jotlight.dask.jobs import CaptureSource, VideoJob
+from jotlight.dask.running import Cluster
+from jotlight.dask.store import VideoStore
+
+GIB = 1 << 30
+FRAME_BYTES = 512 * 64
+CHUNK, MAX_GROUPS = 1 << 27, 1024
+
+
+def tasks_of(captures, size):
+    """Return the tasks of a run over equal captures: their groups, and one for each job."""
+    group = max(CHUNK, size // MAX_GROUPS)
+    return captures * (1 + -(-size // group))
+
+
+class NoWork(VideoJob):
+    """A job of real size whose units do nothing."""
+
+    def compute(self, unit, threads, mapped):
+        """Do nothing."""
+
+
+def make_job(number, groups):
+    """Return a job as `jotlight reconstruct` makes it, with this number of groups."""
+    run = {"values": "float32", "capture": f"scene{number}", "method": "mle", "x": "0" * 1500}
+    store = VideoStore(f"v{number}.zarr", run, (groups, 512, 512), "float32", 1)
+    spans = Spans(4096, 4096, groups)
+    return NoWork(f"scene{number}", CaptureSource("/x.npy"), spans, 1, None, store)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--tasks", type=int, default=1_000_000)
+    options = parser.parse_args()
+    print("captures x size: tasks, bytes per task")
+    for captures, size in (
+        (10_532, 655_360_000),
+        (1, 7 * 1024 * GIB),
+        (100, 7 * 1024 * GIB),
+        (10**6 // 6, 655_360_000),
+        (1000, 1024 * GIB),
+    ):
+        tasks = tasks_of(captures, size)
+        total = captures * size
+        each = total / tasks / 2**20
+        print(f"{captures:7} x {size / GIB:9.2f} GiB: {tasks:8} tasks, {each:8.0f} MiB")
+
+    from distributed import Client, LocalCluster
+
+    with (
+        LocalCluster(
+            n_workers=1, threads_per_worker=4, processes=False, dashboard_address=None
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        groups = 1000
+
+        def units():
+            for number in range(options.tasks // groups):
+                job = make_job(number, groups)
+                for unit in range(groups):
+                    yield number, job, unit
+
+        start = time.perf_counter()
+        for done, (_, _, error) in enumerate(Cluster(client).run(units()), 1):
+            assert error is None, error
+            if done in (1000, 10_000, 100_000) or done == options.tasks:
+                seconds, cpu = time.perf_counter() - start, time.process_time()
+                memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+                times = f"{1000 * seconds / done:.2f} ms, {1000 * cpu / done:.2f} CPU ms"
+                print(
+                    f"{done:8} tasks: {times} per task; scheduler, client, and worker together "
+                    f"take at most {memory:.0f} MiB",
+                    flush=True,
+                )
+
+
+if __name__ == "__main__":
+    main()

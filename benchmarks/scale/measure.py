@@ -1,0 +1,330 @@
+"""Speed and memory of runs on a local cluster, compared with bare counting in memory.
+
+    python benchmarks/scale/measure.py speed --folder FOLDER     speed, warm and cold
+    python benchmarks/scale/measure.py small --folder FOLDER     speed of the network "small"
+    python benchmarks/scale/measure.py memory --folder FOLDER    memory for 1, 4, and 16 GiB
+    python benchmarks/scale/measure.py stages --folder FOLDER    seconds per GiB of each stage
+
+The folder needs up to 21 GiB of free space. Each round measures everything in turns, so that other
+programs affect all of it alike. The script prints one line of JSON for each round, and then the
+median of each ratio.
+"""
+
+import argparse
+import contextlib
+import json
+import multiprocessing
+import os
+import shutil
+import statistics
+import time
+from pathlib import Path
+
+import numpy as np
+
+import jotlight as jl
+from jotlight.dask.cluster import connected
+from jotlight.dask.counting import Spans
+from jotlight.dask.estimator import choose_estimator
+from jotlight.dask.jobs import CaptureSource, VideoJob
+from jotlight.dask.running import Cluster, run_jobs
+from jotlight.dask.store import VideoStore
+from jotlight.dask.streaming import Checksum, WindowCounter
+from jotlight.formats.reading import open_capture
+
+GIB = 1 << 30
+FRAME = 512, 64
+FRAME_BYTES = 512 * 64
+WORKERS = 2
+_IDLE_SECONDS = 2.0
+
+
+def make_capture(path, frames, sparse=False):
+    """Write a photon cube of random bits, or a sparse one of zeros."""
+    header = {"descr": "|u1", "fortran_order": False, "shape": (frames, *FRAME)}
+    block = np.random.default_rng(0).integers(0, 256, (4096, *FRAME), np.uint8)
+    with path.open("wb", buffering=0) as file:
+        np.lib.format.write_array_header_1_0(file, header)
+        if sparse:
+            file.truncate(file.tell() + frames * FRAME_BYTES)
+            return
+        for start in range(0, frames, len(block)):
+            file.write(block[: frames - start].data)
+        os.fsync(file.fileno())
+
+
+def drop_from_cache(path):
+    """Remove a file from the page cache."""
+    handle = os.open(path, os.O_RDONLY)
+    os.posix_fadvise(handle, 0, 0, os.POSIX_FADV_DONTNEED)
+    os.close(handle)
+
+
+def share_counted(window, frames, ready, times):
+    """Count random frames in memory, as one of the processes of the comparison."""
+    data = np.random.default_rng(0).integers(0, 256, (16384, *FRAME), np.uint8)
+    jl.Bits(data[:64]).counts(1, threads=1)
+    ready.wait()
+    start, cpu = time.perf_counter(), time.process_time()
+    for first in range(0, frames, len(data)):
+        part = data[: min(len(data), frames - first)]
+        for begin in range(0, len(part), window):
+            jl.Bits(part[begin : begin + window]).counts(1, threads=1)
+    times.put((time.perf_counter() - start, time.process_time() - cpu))
+
+
+def share_read(path, number, ready, times):
+    """Read a half of a file in blocks of 8 MiB, as one of the processes of the comparison."""
+    size = path.stat().st_size // WORKERS
+    buffer = memoryview(bytearray(1 << 23))
+    ready.wait()
+    start, cpu, left = time.perf_counter(), time.process_time(), size
+    with path.open("rb", buffering=0) as file:
+        file.seek(number * size)
+        while left > 0 and (read := file.readinto(buffer)):
+            left -= read
+    times.put((time.perf_counter() - start, time.process_time() - cpu))
+
+
+def in_processes(target, arguments):
+    """Return the time of the slowest of some processes that begin together, and their CPU time."""
+    context = multiprocessing.get_context("spawn")
+    ready, times = context.Barrier(len(arguments)), context.Queue()
+    processes = [context.Process(target=target, args=(*each, ready, times)) for each in arguments]
+    for process in processes:
+        process.start()
+    found = [times.get() for _ in processes]
+    for process in processes:
+        process.join()
+    return max(seconds for seconds, _ in found), sum(cpu for _, cpu in found)
+
+
+def on_workers(client, function):
+    """Return the seconds that a function takes, and the CPU time of the workers for it."""
+    idle = cpu_of_workers(client, lambda: time.sleep(_IDLE_SECONDS))[1] / _IDLE_SECONDS
+    seconds, cpu = cpu_of_workers(client, function)
+    # On a busy machine, the workers wait for long, and the ticks of their event loops add up.
+    return seconds, cpu - idle * seconds
+
+
+def cpu_of_workers(client, function):
+    before = sum(client.run(time.process_time).values())
+    seconds = timed(function)
+    return seconds, sum(client.run(time.process_time).values()) - before
+
+
+def video_job(path, folder, window, method):
+    """Return the job of `jotlight reconstruct --window`, with its checksum and its results."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    frames = jl.open(path, counts=False).shape[0]
+    number = frames // window
+    estimator = None if method is None else choose_estimator(jl.Sensor(frames=window), method)
+    dtype = "int32" if method is None else "float32"
+    group = max(1, max(1 << 27, frames * FRAME_BYTES // 1024) // (window * FRAME_BYTES))
+    store = VideoStore(folder / "v.zarr", {"values": dtype}, (number, 512, 512), dtype, group)
+    source = CaptureSource(str(path), (("counts", False),))
+    return VideoJob("v", source, Spans(window, window, number), 1, estimator, store)
+
+
+def timed(function):
+    """Return the seconds that a function takes."""
+    start = time.perf_counter()
+    function()
+    return time.perf_counter() - start
+
+
+def cpu_time(function):
+    """Return the CPU time that a function takes in this process."""
+    start = time.process_time()
+    function()
+    return time.process_time() - start
+
+
+def run_video(client, path, folder, window, method):
+    """Return the seconds of a run that writes a video."""
+    job = video_job(path, folder, window, method)
+    times = on_workers(client, lambda: check(run_jobs([job], Cluster(client))))
+    shutil.rmtree(folder, ignore_errors=True)
+    return times
+
+
+def check(outcome):
+    assert outcome.made == ["v"], outcome
+
+
+def warm_up(client, path, folder):
+    """Import everything that the workers need."""
+    run_video(client, path, folder, 4096, "mle")
+    jl.dask.count(jl.open(path, counts=False), 4096).max(axis=(1, 2)).compute()
+
+
+def measure_speed(options):
+    """Measure counting and "mle", with the file in the page cache and without."""
+    path, folder = options.folder / "capture.npy", options.folder / "out"
+    frames = options.gib * GIB // FRAME_BYTES
+    make_capture(path, frames)
+    rounds = []
+    with connected(None, WORKERS) as client:
+        warm_up(client, path, folder)
+        for number in range(options.rounds):
+            for window in options.windows:
+                row = {"round": number, "window": window, "load": os.getloadavg()[0]}
+                share = [(window, frames // WORKERS)] * WORKERS
+                row["bare"] = in_processes(share_counted, share)
+                lazy = jl.dask.count(jl.open(path, counts=False), window)
+                row["count"] = on_workers(client, lambda lazy=lazy: lazy.max(axis=(1, 2)).compute())
+                sensor = jl.Sensor(frames=window)
+                bits = jl.open(path, counts=False)
+                lazy = jl.dask.reconstruct(bits, sensor, window, method="mle")
+                row["mle"] = on_workers(client, lambda lazy=lazy: lazy.max(axis=(1, 2)).compute())
+                row["run counts"] = run_video(client, path, folder, window, None)
+                row["run mle"] = run_video(client, path, folder, window, "mle")
+                drop_from_cache(path)
+                row["disk"] = in_processes(share_read, [(path, i) for i in range(WORKERS)])
+                drop_from_cache(path)
+                row["cold run mle"] = run_video(client, path, folder, window, "mle")
+                rounds.append(row)
+                print(json.dumps(row), flush=True)
+    for window in options.windows:
+        rows = [row for row in rounds if row["window"] == window]
+        print(f"window {window}: medians of {len(rows)} rounds; ratios of time and of CPU time")
+        for name in ("bare", "count", "mle", "run counts", "run mle", "disk", "cold run mle"):
+            base = "disk" if name == "cold run mle" else "bare"
+            speed = statistics.median(options.gib / row[name][0] for row in rows)
+            ratio, cpu = (
+                statistics.median(row[base][i] / row[name][i] for row in rows) for i in (0, 1)
+            )
+            print(f"    {name:14} {speed:6.2f} GiB/s   {ratio:.0%} and {cpu:.0%} of {base}")
+    path.unlink()
+
+
+def measure_small(options):
+    """Measure "small" on two workers, and with one thread on images in memory."""
+    path, folder, window = options.folder / "capture.npy", options.folder / "out", 64
+    frames = options.gib * GIB // FRAME_BYTES
+    make_capture(path, frames)
+    estimator = choose_estimator(jl.Sensor(frames=window), "network-small")
+    bits = jl.open(path, counts=False)
+    images = [bits[64 * i : 64 * i + 64].counts(1)[None] for i in range(64)]
+    ratios = []
+    with connected(None, WORKERS) as client:
+        for _ in range(options.rounds):
+            estimator(images[0])
+            cpu = time.process_time()
+            seconds = timed(lambda: [estimator(image) for image in images])
+            alone = len(images) / seconds, len(images) / (time.process_time() - cpu)
+            times = run_video(client, path, folder, window, "network-small")
+            job = [frames // window / each for each in times]
+            ratios.append((job[0] / alone[0] / WORKERS, job[1] / alone[1]))
+            row = {"images/s, images/CPU s of one thread": alone, "of the run": job}
+            print(json.dumps({**row, "load": os.getloadavg()[0]}), flush=True)
+    wall, cpu = (statistics.median(each[i] for each in ratios) for i in (0, 1))
+    print(f"{wall:.0%} of {WORKERS} times the speed of one thread; {cpu:.0%} by CPU time")
+    path.unlink()
+
+
+def peak_memory():
+    """Return the peak of the resident memory of this process in MiB, and its part not in files."""
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    return {name: int(status[name].split()[0]) // 1024 for name in ("VmHWM", "RssAnon", "RssFile")}
+
+
+def measure_memory(options):
+    """Measure the memory of workers for captures of different lengths."""
+    for gib in (1, 4, 16):
+        path = options.folder / "capture.npy"
+        make_capture(path, gib * GIB // FRAME_BYTES, sparse=True)
+        for title in ("run", "lazy"):
+            with connected(None, WORKERS) as client:
+                before = max(each["VmHWM"] for each in client.run(peak_memory).values())
+                if title == "run":
+                    run_video(client, path, options.folder / "out", 1024, "mle")
+                else:
+                    bits = jl.open(path, counts=False)
+                    video = jl.dask.reconstruct(bits, jl.Sensor(frames=1024), 1024, method="mle")
+                    video.max(axis=(1, 2)).compute()
+                found = client.run(peak_memory).values()
+            peak = max(each["VmHWM"] for each in found)
+            anonymous = max(each["RssAnon"] for each in found)
+            print(
+                f"{gib:2} GiB, {title}: peak {peak} MiB per worker ({before} MiB before the work), "
+                f"{anonymous} MiB not in files at the end",
+                flush=True,
+            )
+        path.unlink()
+
+
+def measure_stages(options):
+    """Measure the CPU seconds per GiB of packed bits that one thread needs for each stage."""
+    path = options.folder / "capture.npy"
+    frames = GIB // FRAME_BYTES
+    make_capture(path, frames)
+    capture = open_capture(path, counts=False)
+    stages = {}
+
+    def best(name, function, scale=1.0):
+        stages[name] = min(scale * cpu_time(function) for _ in range(options.rounds))
+        print(f"{name:50} {stages[name]:9.3f} CPU s per GiB", flush=True)
+
+    def read():
+        for first in range(0, frames, 256):
+            capture.packed.read(first, first + 256)
+
+    best("read from the page cache", read)
+    data = capture.packed.map(0, frames)
+
+    def crc():
+        checksum = Checksum()
+        for first in range(0, frames, 256):
+            checksum.update(data[first : first + 256])
+
+    best("checksum", crc)
+    for window in options.windows:
+        spans = Spans(window, window, frames // window)
+
+        def count(spans=spans):
+            for _ in WindowCounter(capture, spans, 1, 1, mapped=True).windows(0, spans.number):
+                pass
+
+        best(f"map, count, and checksum, window {window}", count)
+        counts = [capture[i * window : (i + 1) * window].counts(1)[None] for i in range(4)]
+        scale = spans.number / len(counts)
+        for method in ("mle", "network-small", "network-medium"):
+            if method == "network-small" and window not in (9, 16, 25, 36, 49, 64, 81, 100):
+                continue
+            estimator = choose_estimator(jl.Sensor(frames=window), method)
+            estimator(counts[0])
+            best(
+                f"estimate by {method}, window {window}",
+                lambda estimator=estimator, counts=counts: [estimator(each) for each in counts],
+                scale,
+            )
+        job = video_job(path, options.folder / "out", window, "mle")
+        job.store.create()
+        images = [np.ones((512, 512), np.float32)] * 16
+
+        def write(images=images, store=job.store):
+            for index, image in enumerate(images):
+                store.write_image(index % store.shape[0], image)
+
+        best(f"write images, window {window}", write, spans.number / len(images))
+    shutil.rmtree(options.folder / "out", ignore_errors=True)
+    path.unlink()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("speed", "small", "memory", "stages"))
+    parser.add_argument("--folder", type=Path, required=True)
+    parser.add_argument("--gib", type=int, default=4)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--windows", type=int, nargs="+", default=[1024])
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    with contextlib.suppress(KeyboardInterrupt):
+        globals()[f"measure_{options.what}"](options)
+
+
+if __name__ == "__main__":
+    main()

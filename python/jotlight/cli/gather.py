@@ -1,0 +1,30 @@
+"""``jotlight gather``: completion of the results of a job array."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from jotlight.cli.console import progress, report
+
+
+def gather(
+    *folders: Annotated[
+        Path, Parameter(help="Folders that contain unfinished results, NAME.zarr.part.")
+    ],
+) -> None:
+    """Complete the results of a job array, whose tasks ran with --part.
+
+    Results with missing parts stay unfinished, and are listed.
+    """
+    from jotlight.dask.gathering import find_unfinished, gather_results
+
+    if not folders:
+        raise ValueError("gather: expected one folder or more")
+    parts = find_unfinished(folders)
+    with progress(1) as begin:
+        finished, unfinished = gather_results(parts, begin("gathering"))
+    report(f"{len(finished)} of {len(parts)} results completed")
+    if unfinished:
+        text = "; ".join(f"{path}: {reason}" for path, reason in list(unfinished.items())[:20])
+        raise ValueError(f"{len(unfinished)} results are not complete: {text}")

@@ -1,0 +1,327 @@
+"""Runs of `reconstruct` and `convert` over many captures, or over the windows of a capture."""
+
+import contextlib
+import dataclasses
+import hashlib
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from jotlight.chunks import windows
+from jotlight.cli.capture_options import CaptureOptions, parse_frame_range
+from jotlight.cli.console import caution, progress, report
+from jotlight.cli.reconstruction import Inputs, Reconstruction
+from jotlight.cli.run_options import RunOptions
+from jotlight.dask.cluster import connected
+from jotlight.dask.counting import Spans
+from jotlight.dask.estimator import Estimator, check_countable
+from jotlight.dask.jobs import (
+    CaptureSource,
+    ConversionJob,
+    ImageJob,
+    Job,
+    VideoJob,
+    run_record,
+)
+from jotlight.dask.names import Part, find_captures, name_captures, name_outputs
+from jotlight.dask.running import (
+    Cluster,
+    Executor,
+    Outcome,
+    ThisProcess,
+    format_bytes,
+    run_jobs,
+)
+from jotlight.dask.store import AnotherRunError, VideoStore
+from jotlight.formats.locations import file_state, is_url
+from jotlight.formats.writing import choose_output_format
+from jotlight.images.io import image_writer
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.lazy import frames_per_chunk
+from jotlight.sensing.sensor import Sensor
+
+_MIN_CHUNK = 1 << 27
+"""Default size in bytes of the part of a capture that is computed at a time."""
+
+_MAX_GROUPS = 1024
+"""Number of parts of a large capture by default. So the scheduler has few tasks for any size."""
+
+_MAX_SHOWN = 20
+"""Number of failed captures whose errors are repeated at the end."""
+
+_ZARR = ".zarr"
+
+
+@dataclasses.dataclass(frozen=True)
+class Target:
+    """One capture of a run."""
+
+    path: str
+    name: str
+    output: Path
+    number: int
+
+
+MakeJob = Callable[[Target, Bits, CaptureSource], Job]
+"""A function that returns the job of a capture."""
+
+
+def process(
+    captures: tuple[str, ...],
+    output: Path,
+    capture: CaptureOptions,
+    run: RunOptions,
+    threads: int | None,
+    make_job: MakeJob,
+) -> None:
+    """Make the results of all captures, and report them.
+
+    Raises
+    ------
+    ValueError
+        At the end, when some captures could not be processed.
+    """
+    part = None if run.part is None else Part.parse(run.part)
+    if part is None and run.scheduler is None and run.workers is None:
+        part = Part.of_slurm()
+    if run.scheduler is not None and run.workers is not None:
+        raise ValueError("expected one of --scheduler and --workers, got both")
+    if part is not None and (run.scheduler is not None or run.workers is not None):
+        raise ValueError("part: is for job arrays without dask; leave out --scheduler, --workers")
+    paths = find_captures(captures)
+    names = name_captures(paths)
+    outputs = name_outputs(output, names)
+    for path, result in zip(paths, outputs, strict=True):
+        _refuse_input(path, result)
+    targets = [
+        Target(*each, number) for number, each in enumerate(zip(paths, names, outputs, strict=True))
+    ]
+    chosen = [
+        target for target in targets if part is None or part.has_capture(target.number, len(paths))
+    ]
+    with _executor(run, threads, part) as executor:
+        jobs, refused = _make_jobs(chosen, capture, run, make_job)
+        with progress(1) as begin:
+            outcome = run_jobs(
+                [job for _, job in jobs],
+                executor,
+                part=part,
+                numbers=[target.number for target, _ in jobs],
+                captures=len(paths),
+                progress=begin(f"{len(chosen)} captures" if len(chosen) > 1 else names[0]),
+                warn=lambda text: caution("failed", text),
+            )
+    outcome.failed = {**refused, **outcome.failed}
+    _report(outcome, {target.name: target for target in chosen}, part)
+
+
+@contextlib.contextmanager
+def _executor(run: RunOptions, threads: int | None, part: Part | None) -> Iterator[Executor]:
+    if run.scheduler is None and run.workers is None:
+        yield ThisProcess(mapped=part is not None, threads=threads)
+        return
+    with connected(run.scheduler, run.workers) as client:
+        report(f"dashboard of dask: {client.dashboard_link}")
+        yield Cluster(client)
+
+
+def _make_jobs(
+    targets: list[Target], capture: CaptureOptions, run: RunOptions, make_job: MakeJob
+) -> tuple[list[tuple[Target, Job]], dict[str, str]]:
+    """Return the jobs of all captures that can be opened, and the errors of the others.
+
+    Raises
+    ------
+    OSError, ValueError
+        The error of the first capture, when none can be opened.
+    """
+    jobs, refused, first = [], {}, None
+    with progress(max(1, len(targets))) as begin:
+        for target in targets:
+            begin(f"opening {target.name}")
+            source = _source(target.path, capture, run)
+            try:
+                jobs.append((target, make_job(target, source.open(), source)))
+            except AnotherRunError:
+                raise
+            except (OSError, ValueError) as error:
+                if is_url(target.path) and isinstance(error, PermissionError):
+                    raise  # credentials that fail concern all captures
+                first = first or error
+                refused[target.name] = str(error)
+                if len(targets) > 1:
+                    caution("failed", f"{target.name}: {error}")
+    if not jobs and first is not None:
+        raise first
+    return jobs, refused
+
+
+def _source(path: str, capture: CaptureOptions, run: RunOptions) -> CaptureSource:
+    """Return a capture as the workers open it."""
+    options: dict[str, Any] = {
+        "format": capture.format,
+        "width": capture.width,
+        "frames": parse_frame_range(capture.frame_range),
+        "rotate": capture.rotate,
+        "flip": capture.flip,
+        "key": capture.key,
+        "counts": capture.counts,
+        "unpacked": capture.unpacked,
+        "isolate": capture.isolate,
+        "storage_options": run.storage_options() if is_url(path) else None,
+    }
+    if capture.counts_scale is not None or capture.trials is not None:
+        raise ValueError("counts-scale, trials: are for one capture of counts, not for a run")
+    absolute = path if is_url(path) else str(Path(path).absolute())
+    kept = {name: value for name, value in options.items() if value is not None}
+    return CaptureSource(absolute, tuple(kept.items()))
+
+
+def reconstruction_job(
+    target: Target,
+    bits: Bits,
+    source: CaptureSource,
+    inputs: Inputs,
+    run: RunOptions,
+    depth: int,
+    sensors: dict[Sensor, Sensor],
+) -> Job:
+    """Return the job that reconstructs a capture: a video if there are windows, else an image."""
+    prepared = inputs.prepare_opened(bits, target.output, window=run.window)
+    estimator = _estimator(prepared, inputs, sensors)
+    facts = _method_facts(estimator, prepared, inputs)
+    if run.window is not None:
+        return _video_job(target, bits, source, run, estimator, facts)
+    if target.output.suffix.lower() == _ZARR:
+        raise ValueError(f"{target.output}: a .zarr holds images of windows; pass --window")
+    image_writer(target.output, depth=depth)
+    side = estimator.sensor.oversampling
+    _, height, width, *channels = bits.shape
+    return ImageJob(
+        target.name,
+        source,
+        len(bits),
+        side,
+        estimator,
+        target.output,
+        run_record(target.name, bits, source, _state(source), **facts),
+        4 * height * width * math.prod(channels) // side**2,
+        depth,
+    )
+
+
+def conversion_job(
+    target: Target, bits: Bits, source: CaptureSource, run: RunOptions, to: str | None
+) -> Job:
+    """Return the job that converts a capture: to counts of windows, or to another format."""
+    if run.window is not None:
+        return _video_job(target, bits, source, run, None, {"method": "counts"})
+    name = choose_output_format(target.output, to)
+    record = run_record(target.name, bits, source, _state(source), to=name)
+    return ConversionJob(target.name, source, target.output, name, record, bits.packed.nbytes)
+
+
+def _video_job(
+    target: Target,
+    bits: Bits,
+    source: CaptureSource,
+    run: RunOptions,
+    estimator: Estimator | None,
+    facts: dict[str, Any],
+) -> VideoJob:
+    assert run.window is not None, "a video"
+    if target.output.suffix.lower() != _ZARR:
+        raise ValueError(
+            f"output: expected a name in {_ZARR} for images of windows, got {target.output}; "
+            "`jotlight film` writes .mp4, .gif, .npy, and .tif"
+        )
+    step = run.step or run.window
+    spans = Spans(run.window, step, len(windows(len(bits), run.window, run.step)))
+    side = 1 if estimator is None else estimator.sensor.oversampling
+    _, height, width, *channels = bits.shape
+    shape = (spans.number, height // side, width // side, *channels)
+    dtype = "int32" if estimator is None else "float32"
+    record = run_record(
+        target.name,
+        bits,
+        source,
+        _state(source),
+        window=run.window,
+        step=step,
+        values=dtype,
+        **facts,
+    )
+    frame_bytes = bits.packed.nbytes // len(bits)
+    if run.chunks is None:
+        frames = max(_MIN_CHUNK, bits.packed.nbytes // _MAX_GROUPS) // frame_bytes
+    else:
+        frames = frames_per_chunk(bits.packed.shape, run.chunks)
+    store = VideoStore(target.output, record, shape, dtype, max(1, frames // step))
+    store = store.resumed()
+    return VideoJob(target.name, source, spans, side, estimator, store)
+
+
+def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor]) -> Estimator:
+    """Return the method as the workers run it. Captures of equal sensors share one object."""
+    sensor = sensors.setdefault(job.captured.sensor, job.captured.sensor)
+    check_countable(sensor)
+    if sensor.kernel != "box":
+        raise ValueError(
+            f"kernel: expected box in a run over windows or captures, got {sensor.kernel}, for "
+            "which counts are not enough; reconstruct one capture at a time without --window"
+        )
+    choice = job.choice
+    network = None if inputs.method.model is None or isinstance(job.method, str) else job.method
+    options = tuple(sorted(job.settings.items()))
+    return Estimator(sensor, choice.method, choice.quality, network, options)
+
+
+def _method_facts(estimator: Estimator, job: Reconstruction, inputs: Inputs) -> dict[str, Any]:
+    sensor, calibration = estimator.sensor, job.calibration
+    return {
+        "method": estimator.method,
+        "options": dict(estimator.options),
+        "weights_sha256": estimator.weights(inputs.method.model),
+        "sensor": sensor.scalars(),
+        "maps_sha256": {
+            name: hashlib.sha256(map_.tobytes()).hexdigest() for name, map_ in sensor.maps().items()
+        },
+        "calibration": calibration and {"file": calibration.name, "sha256": calibration.sha256},
+    }
+
+
+def _state(source: CaptureSource) -> tuple[int, int]:
+    return file_state(source.path, dict(source.options).get("storage_options"))
+
+
+def _refuse_input(path: str, output: Path) -> None:
+    if is_url(path) or not output.exists():
+        return
+    if output.resolve() == Path(path).resolve():
+        raise ValueError(f"{output}: is read, so it is not overwritten; choose another name")
+
+
+def _report(outcome: Outcome, targets: dict[str, Target], part: Part | None) -> None:
+    made = len(outcome.made) + len(outcome.partial)
+    share = "" if part is None else f" (part {part.number} of {part.total})"
+    lines = [f"{made} made{share}"]
+    if outcome.existed:
+        lines.append(f"{len(outcome.existed)} complete before")
+    if outcome.failed:
+        lines.append(f"{len(outcome.failed)} failed")
+    if len(targets) == 1 and outcome.made:
+        result = targets[outcome.made[0]].output
+        size = sum(file.stat().st_size for file in [result, *result.rglob("*")] if file.is_file())
+        report(f"{result}: {format_bytes(size)}")
+    report(f"{len(targets)} capture{'s' * (len(targets) > 1)}: {', '.join(lines)}")
+    if outcome.partial:
+        report("when all parts have ended, `jotlight gather` completes the results")
+    if outcome.failed:
+        shown = list(outcome.failed.items())[:_MAX_SHOWN]
+        more = len(outcome.failed) - len(shown)
+        text = "; ".join(f"{name}: {error}" for name, error in shown)
+        raise ValueError(
+            f"{len(outcome.failed)} of {len(targets)} captures failed: {text}"
+            + (f"; and {more} more" if more else "")
+        )

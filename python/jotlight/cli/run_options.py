@@ -1,0 +1,87 @@
+"""Options of commands that process many captures, or a capture in many windows."""
+
+import dataclasses
+from typing import Annotated, Any
+
+from cyclopts import Group, Parameter
+
+RUN_PANEL = Group("Many captures and windows", sort_key=9)
+
+CapturePaths = Annotated[
+    str,
+    Parameter(
+        help="Captures of bits or counts: files, folders, URLs such as s3://bucket/a.npy, or globs "
+        "of them in quotation marks."
+    ),
+]
+
+
+@Parameter(name="*", group=RUN_PANEL)
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """Windows of frames, and the processes that compute them."""
+
+    window: Annotated[
+        int | None,
+        Parameter(
+            help="Number of frames of a window. Each window becomes an image of a .zarr. "
+            "Default: one image of all frames."
+        ),
+    ] = None
+    step: Annotated[
+        int | None,
+        Parameter(help="Frames from one window to the next. Default: the size of a window."),
+    ] = None
+    workers: Annotated[
+        int | None,
+        Parameter(
+            help="Number of worker processes of dask on this machine. Default: this process alone."
+        ),
+    ] = None
+    scheduler: Annotated[
+        str | None,
+        Parameter(
+            help="Address of a running scheduler of dask, such as tcp://10.0.0.1:8786. Default: "
+            "none."
+        ),
+    ] = None
+    part: Annotated[
+        str | None,
+        Parameter(
+            help="Part of the work, such as 3/64, for job arrays without dask; `jotlight gather` "
+            "completes the results. Default: all, or the part of the Slurm job array."
+        ),
+    ] = None
+    chunks: Annotated[
+        str | None,
+        Parameter(
+            help="Size of the parts of a capture that are computed at a time, such as 128MiB. The "
+            "result does not depend on it. Default: 128MiB, or a 1024th of a large capture."
+        ),
+    ] = None
+    storage_option: Annotated[
+        list[str] | None,
+        Parameter(
+            help="Option of the file system of a URL, such as anon=true for public data on S3. "
+            "Repeat it for several. Default: none."
+        ),
+    ] = None
+
+    def is_requested(self, captures: tuple[str, ...]) -> bool:
+        """Return whether the captures and options need a run, rather than one reconstruction."""
+        from jotlight.formats.locations import is_glob, is_url
+
+        single = len(captures) == 1 and not is_glob(captures[0]) and not is_url(captures[0])
+        return not single or self != RunOptions()
+
+    def storage_options(self) -> dict[str, Any] | None:
+        """Return the options of the file system by name; None without any."""
+        if not self.storage_option:
+            return None
+        values: dict[str, Any] = {}
+        for text in self.storage_option:
+            name, sign, value = text.partition("=")
+            if not sign or not name:
+                raise ValueError(f"storage-option: expected NAME=VALUE, got {text!r}")
+            values[name] = {"true": True, "false": False}.get(value.lower(), value)
+        return values

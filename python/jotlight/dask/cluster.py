@@ -1,0 +1,129 @@
+"""The cluster of a run: a running scheduler, or workers on this machine."""
+
+import contextlib
+import logging
+from collections.abc import Iterator
+from typing import Any
+
+from jotlight._engine import __version__
+from jotlight.errors import MissingExtraError
+
+_TIMEOUT = "10s"
+"""Time after which a scheduler that does not answer is reported."""
+
+_MAX_DEATHS = 20
+"""Number of workers that may die while they compute a unit, before its capture fails."""
+
+
+def import_distributed() -> Any:
+    """Return the library distributed.
+
+    Raises
+    ------
+    MissingExtraError
+        When it is not installed.
+    """
+    try:
+        import distributed
+    except ImportError as error:
+        raise MissingExtraError("clusters need dask: pip install 'jotlight[dask]'") from error
+    return distributed
+
+
+@contextlib.contextmanager
+def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
+    """Yield a ``dask.distributed.Client`` for a scheduler, or for workers on this machine.
+
+    Parameters
+    ----------
+    scheduler : str or None
+        Address of a running scheduler, such as ``tcp://10.0.0.1:8786``.
+    workers : int or None
+        Number of worker processes, of one thread each, on this machine.
+
+    Raises
+    ------
+    MissingExtraError
+        When dask is not installed.
+    OSError
+        When nothing listens at the address.
+    RuntimeError
+        When a worker has another version of jotlight.
+    ValueError
+        When the number of workers is below 1.
+    """
+    distributed = import_distributed()
+    if scheduler is not None:
+        with _client(distributed, scheduler) as client:
+            check_workers(client)
+            yield client
+        return
+    if workers is None or workers < 1:
+        raise ValueError(f"workers: expected 1 or more, got {workers}")
+    import dask
+
+    settings = {
+        "distributed.scheduler.allowed-failures": _MAX_DEATHS,
+        # It interrupts each worker a hundred times per second.
+        "distributed.worker.profile.enabled": False,
+    }
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    with (
+        dask.config.set(settings),
+        distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=":0",
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        check_workers(client)
+        yield client
+
+
+def _client(distributed: Any, address: str) -> Any:
+    try:
+        return distributed.Client(address, timeout=_TIMEOUT)
+    except (OSError, ValueError) as error:
+        raise OSError(
+            f"scheduler: no scheduler of dask answers at {address}; check the address, and start "
+            "one with `dask scheduler`"
+        ) from error
+
+
+def check_workers(client: Any) -> None:
+    """Raise RuntimeError unless each worker can run this version of jotlight.
+
+    Raises
+    ------
+    RuntimeError
+        When there is no worker, a worker has no jotlight or another version, or its dask is not
+        compatible.
+    """
+    if not client.nthreads():
+        try:
+            client.wait_for_workers(1, timeout=_TIMEOUT)
+        except TimeoutError as error:
+            raise RuntimeError(
+                "scheduler: has no workers; start some with `dask worker ADDRESS`"
+            ) from error
+    found = client.run(_version, on_error="return")
+    others = {
+        address: version if isinstance(version, str) else "none that can be imported"
+        for address, version in found.items()
+        if version != __version__
+    }
+    if others:
+        address, version = next(iter(others.items()))
+        raise RuntimeError(
+            f"workers: expected jotlight {__version__} on all {len(found)}, but {len(others)} have "
+            f"another one, such as {version} on {address}; install the same version everywhere"
+        )
+
+
+def _version() -> str:
+    # Imported here, so that a worker without jotlight reports that it is missing.
+    from jotlight._engine import __version__
+
+    return __version__

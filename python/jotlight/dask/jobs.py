@@ -1,0 +1,285 @@
+"""What a run makes of each capture: a video, an image, or a copy in another format.
+
+A job consists of units, which processes on several machines compute in any order. Each unit writes
+its results itself, and can be repeated.
+"""
+
+import dataclasses
+import functools
+import json
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from jotlight._engine import __version__
+from jotlight.dask.counting import Spans
+from jotlight.dask.estimator import Estimator
+from jotlight.dask.store import Record, VideoStore, check_same_run, read_json
+from jotlight.dask.streaming import WindowCounter
+from jotlight.files import atomic_write_together, write_file
+from jotlight.formats.reading import open_capture
+from jotlight.formats.writing import write_capture
+from jotlight.images.io import DISPLAYED, image_writer
+from jotlight.images.saving import find_white
+from jotlight.images.tone import Tone
+from jotlight.sensing.bits import Bits
+
+_KEPT = 4
+"""Number of captures that a process keeps open."""
+
+
+class Job(Protocol):
+    """All work on one capture."""
+
+    @property
+    def name(self) -> str:
+        """The capture, for messages."""
+
+    @property
+    def output(self) -> Path:
+        """The result."""
+
+    @property
+    def nbytes(self) -> int:
+        """Maximum number of bytes of the result."""
+
+    def is_complete(self) -> bool:
+        """Return whether the result exists. Raise ValueError if it is that of another run."""
+
+    def prepare(self) -> list[int]:
+        """Create what the units write to, and return the numbers of the units to compute."""
+
+    def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
+        """Compute a unit and write its results."""
+
+    def finish(self) -> None:
+        """Complete the result after all units."""
+
+
+@dataclasses.dataclass(frozen=True)
+class CaptureSource:
+    """A capture, as each process opens it."""
+
+    path: str
+    """A path or a URL."""
+    options: tuple[tuple[str, Any], ...] = ()
+    """Options of :func:`jotlight.formats.open_capture`."""
+
+    def open(self) -> Bits:
+        """Return the bits. A process keeps the captures that it used last.
+
+        Raises
+        ------
+        OSError, ValueError
+            When the capture cannot be read, or holds counts.
+        """
+        return _open(self.path, _HashableOptions(self.options))
+
+    def describe(self) -> Record:
+        """Return the options that say how the capture is read, as values of JSON."""
+        hidden = ("isolate", "means", "storage_options")
+        return {
+            name: repr(value) if isinstance(value, slice) else value
+            for name, value in self.options
+            if value not in (None, 0) and name not in hidden
+        }
+
+
+class _HashableOptions(dict[str, Any]):
+    """Options that are equal if their texts are, because slices cannot be hashed."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(repr(self))
+
+
+@functools.lru_cache(_KEPT)
+def _open(path: str, options: _HashableOptions) -> Bits:
+    capture = open_capture(path, **options)
+    if not isinstance(capture, Bits):
+        raise ValueError(f"{path}: holds counts, but this run needs bits")
+    return capture
+
+
+@dataclasses.dataclass(frozen=True)
+class VideoJob:
+    """An estimate, or the counts, of each window of a capture, as images of a zarr array."""
+
+    name: str
+    capture: CaptureSource
+    spans: Spans
+    oversampling: int
+    estimator: Estimator | None
+    """Method, or None for counts."""
+    store: VideoStore
+
+    @property
+    def output(self) -> Path:
+        """The zarr folder."""
+        return self.store.path
+
+    @property
+    def nbytes(self) -> int:
+        """Number of bytes of the array."""
+        return self.store.nbytes
+
+    def is_complete(self) -> bool:
+        """Return whether the zarr folder exists."""
+        return self.store.is_complete()
+
+    def prepare(self) -> list[int]:
+        """Create the array, and return the groups of images that are missing."""
+        self.store.create()
+        return self.store.missing()
+
+    def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
+        """Count or estimate a group of images, and write them. One image is in memory at a time."""
+        images, low, high = self.store.images_of(unit), np.inf, -np.inf
+        estimator = self.estimator and dataclasses.replace(self.estimator, threads=threads)
+        counter = WindowCounter(
+            self.capture.open(), self.spans, self.oversampling, threads, mapped=mapped
+        )
+        windows = counter.windows(images.start, images.stop)
+        for index, counts in zip(images, windows, strict=True):
+            image = counts if estimator is None else estimator(counts[None])[0]
+            self.store.write_image(index, image)
+            low, high = min(low, float(image.min())), max(high, float(image.max()))
+        facts = {"crc32": f"{counter.checksum.value:08x}", "bytes": counter.checksum.size}
+        self.store.mark(unit, {**facts, "minimum": low, "maximum": high})
+
+    def finish(self) -> None:
+        """Complete the array: it receives its record and its name."""
+        self.store.finish()
+
+
+@dataclasses.dataclass(frozen=True)
+class ImageJob:
+    """One estimate of a whole capture, as an image with a record beside it."""
+
+    name: str
+    capture: CaptureSource
+    frames: int
+    oversampling: int
+    estimator: Estimator
+    output: Path
+    run: Record
+    """What the image is made of, and how."""
+    nbytes: int
+    depth: int = 8
+
+    @property
+    def record(self) -> Path:
+        """The record beside the image."""
+        return self.output.with_name(f"{self.output.name}.json")
+
+    def is_complete(self) -> bool:
+        """Return whether the image and its record exist."""
+        return _is_complete(self.output, self.record, self.run)
+
+    def prepare(self) -> list[int]:
+        """Return the only unit."""
+        self.output.parent.mkdir(parents=True, exist_ok=True)
+        return [0]
+
+    def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
+        """Count the frames, estimate the image, and write it with its record."""
+        spans = Spans(self.frames, self.frames, 1)
+        counter = WindowCounter(
+            self.capture.open(), spans, self.oversampling, threads, mapped=mapped
+        )
+        counts = next(counter.windows(0, 1))
+        image = dataclasses.replace(self.estimator, threads=threads)(counts[None])[0]
+        record = {
+            "run": self.run,
+            "input": {
+                "packed_bytes": counter.checksum.size,
+                "packed_crc32": f"{counter.checksum.value:08x}",
+            },
+            "minimum": float(image.min()),
+            "maximum": float(image.max()),
+        }
+        write = image_writer(self.output, depth=self.depth, note={"jotlight": record})
+        if self.output.suffix.lower() in DISPLAYED:
+            image = Tone("linear", find_white(image))(image)
+        with atomic_write_together([self.record, self.output]) as (text, file):
+            write_file(text, json.dumps({"format": "jotlight image", **record}, indent=1))
+            write(file, image)
+
+    def finish(self) -> None:
+        """Do nothing: the image is complete."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ConversionJob:
+    """A capture in another format, with a record beside it."""
+
+    name: str
+    capture: CaptureSource
+    output: Path
+    format: str
+    run: Record
+    nbytes: int
+
+    @property
+    def record(self) -> Path:
+        """The record beside the copy."""
+        return self.output.with_name(f"{self.output.name}.run.json")
+
+    def is_complete(self) -> bool:
+        """Return whether the copy and its record exist."""
+        return _is_complete(self.output, self.record, self.run)
+
+    def prepare(self) -> list[int]:
+        """Write the record, and return the only unit. The copy appears later, and completely."""
+        self.output.parent.mkdir(parents=True, exist_ok=True)
+        write_file(self.record, json.dumps({"run": self.run}, indent=1))
+        return [0]
+
+    def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
+        """Convert the capture, which must match its checksums."""
+        write_capture(self.capture.open(), self.output, self.format)
+
+    def finish(self) -> None:
+        """Do nothing: the copy is complete."""
+
+
+def _is_complete(output: Path, record: Path, run: Record) -> bool:
+    if record.exists():
+        check_same_run(record, read_json(record).get("run"), run)
+        return output.exists()
+    if output.exists():
+        check_same_run(output, None, run)
+    return False
+
+
+def run_record(
+    name: str,
+    bits: Bits,
+    capture: CaptureSource,
+    size: tuple[int, int],
+    **facts: Any,
+) -> Record:
+    """Return what a result is made of, and how, as values of JSON.
+
+    Parameters
+    ----------
+    name : str
+        Name of the capture.
+    bits : Bits
+    capture : CaptureSource
+    size : tuple of int
+        Number of bytes of the files of the capture, and their last change in nanoseconds.
+    **facts
+        Further facts.
+    """
+    return {
+        "jotlight": __version__,
+        "capture": name,
+        "bytes": size[0],
+        "modified": size[1],
+        "format": bits.provenance.format if bits.provenance else None,
+        "provenance": bits.provenance.describe() if bits.provenance else [],
+        "read": capture.describe(),
+        "bits": list(bits.shape),
+        **facts,
+    }

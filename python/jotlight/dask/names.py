@@ -1,0 +1,152 @@
+"""The captures of a run, and the names of their results."""
+
+import dataclasses
+import itertools
+import os
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path, PurePosixPath
+
+from jotlight.formats.locations import expand, is_url
+
+_PLACE = "{name}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """One of several parts of a run, which separate processes compute: `number` of `total`.
+
+    Examples
+    --------
+    >>> part = Part.parse("3/64")
+    >>> part.number, part.total
+    (3, 64)
+    >>> [Part(1, 2).has(capture, unit=5, captures=2) for capture in (0, 1)]
+    [True, False]
+    """
+
+    number: int
+    total: int
+
+    @classmethod
+    def parse(cls, text: str) -> "Part":
+        """Return the part of a text such as ``3/64``.
+
+        Raises
+        ------
+        ValueError
+            When the text is no such part.
+        """
+        match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text.strip(), re.ASCII)
+        if match is None or not 1 <= int(match[1]) <= int(match[2]):
+            raise ValueError(
+                f"part: expected a part such as 3/64, from 1/64 to 64/64, got {text!r}"
+            )
+        return cls(int(match[1]), int(match[2]))
+
+    @classmethod
+    def of_slurm(cls, environment: dict[str, str] | None = None) -> "Part | None":
+        """Return the part of a Slurm job array, or None outside of one.
+
+        Examples
+        --------
+        >>> Part.of_slurm({"SLURM_ARRAY_TASK_ID": "7", "SLURM_ARRAY_TASK_MIN": "5",
+        ...                "SLURM_ARRAY_TASK_COUNT": "4"})
+        Part(number=3, total=4)
+        """
+        values = os.environ if environment is None else environment
+        task = values.get("SLURM_ARRAY_TASK_ID")
+        if not task:
+            return None
+        step = int(values.get("SLURM_ARRAY_TASK_STEP", "1"))
+        number = (int(task) - int(values.get("SLURM_ARRAY_TASK_MIN", "1"))) // step + 1
+        total = values.get("SLURM_ARRAY_TASK_COUNT")
+        if total is None:
+            raise ValueError(
+                "SLURM_ARRAY_TASK_COUNT: expected the number of tasks beside SLURM_ARRAY_TASK_ID; "
+                "pass part= (--part)"
+            )
+        return cls.parse(f"{number}/{total}")
+
+    def has_capture(self, capture: int, captures: int) -> bool:
+        """Return whether the part has units of a capture, by its number among all captures."""
+        return not self.divides_captures(captures) or capture % self.total == self.number - 1
+
+    def has(self, capture: int, unit: int, captures: int) -> bool:
+        """Return whether the part has a unit of a capture."""
+        if self.divides_captures(captures):
+            return self.has_capture(capture, captures)
+        return (capture + unit) % self.total == self.number - 1
+
+    def divides_captures(self, captures: int) -> bool:
+        """Return whether each capture belongs to one part as a whole, if there are enough."""
+        return captures >= self.total
+
+
+def find_captures(patterns: Iterable[str]) -> list[str]:
+    """Return the captures that paths, URLs, and globs name, without repetition.
+
+    Raises
+    ------
+    FileNotFoundError
+        When a pattern matches nothing.
+    """
+    return list(dict.fromkeys(each for pattern in patterns for each in expand(pattern)))
+
+
+def name_captures(captures: Sequence[str]) -> list[str]:
+    """Return a different name for each capture: its path below their common folder.
+
+    The ending is left out where the names still differ.
+
+    Examples
+    --------
+    >>> name_captures(["data/a/1.npy", "data/b/1.npy"])
+    ['a/1', 'b/1']
+    >>> name_captures(["s3://bucket/day/1.npy", "s3://bucket/day/1.bin"])
+    ['1.npy', '1.bin']
+    >>> name_captures(["capture.npy"])
+    ['capture']
+    """
+    paths = [
+        PurePosixPath(each if is_url(each) else Path(each).absolute().as_posix())
+        for each in captures
+    ]
+    parents = [path.parent.parts for path in paths]
+    pairs = itertools.takewhile(lambda level: len(set(level)) == 1, zip(*parents, strict=False))
+    shared = len(list(pairs))
+    names = [PurePosixPath(*path.parts[shared:]) for path in paths]
+    short = [name.with_name(_stem(name.name)).as_posix() for name in names]
+    if len(set(short)) == len(short):
+        return short
+    return [name.as_posix() for name in names]
+
+
+def _stem(name: str) -> str:
+    for ending in (".npy.gz", ".bin.gz"):
+        if name.lower().endswith(ending):
+            return name[: -len(ending)]
+    return PurePosixPath(name).stem
+
+
+def name_outputs(pattern: Path, names: Sequence[str]) -> list[Path]:
+    """Return the path of each result: the pattern, in which ``{name}`` stands for the capture.
+
+    Raises
+    ------
+    ValueError
+        When there are several captures, but the pattern has no place for their names.
+
+    Examples
+    --------
+    >>> [path.as_posix() for path in name_outputs(Path("films/{name}.zarr"), ["a/1", "b/1"])]
+    ['films/a/1.zarr', 'films/b/1.zarr']
+    """
+    text = pattern.as_posix()
+    if _PLACE not in text and len(names) > 1:
+        example = pattern.with_name(f"{_PLACE}{pattern.suffix or '.zarr'}")
+        raise ValueError(
+            f"output: expected a name with {_PLACE} for the {len(names)} captures, such as "
+            f"{example}, got {pattern}"
+        )
+    return [Path(text.replace(_PLACE, name)) for name in names]

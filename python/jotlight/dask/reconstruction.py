@@ -1,0 +1,108 @@
+"""Videos as lazy arrays: an estimate of each of many windows of frames."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jotlight.dask.counting import count
+from jotlight.dask.estimator import choose_estimator
+from jotlight.networks.network import Network
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor, require_sensor
+
+if TYPE_CHECKING:
+    import dask.array
+
+_MAX_PIXELS = 1 << 22
+"""Maximum number of pixels of an image that is not divided into tiles."""
+
+_TILE = 1024
+"""Maximum side of a tile, in pixels. Tiles depend on the size of the image only, not on chunks."""
+
+
+def reconstruct(
+    x: "Bits | dask.array.Array",
+    sensor: Sensor | None = None,
+    window: int | None = None,
+    step: int | None = None,
+    *,
+    method: str | Network | None = None,
+    quality: str | None = None,
+    width: int | None = None,
+    **options: Any,
+) -> "dask.array.Array":
+    """Return a video, an estimate of each window of frames, as a lazy array.
+
+    Parameters
+    ----------
+    x : Bits or dask.array.Array of uint8, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
+        Bits, or packed bits as :meth:`jotlight.Bits.to_dask` returns them.
+    sensor : Sensor, optional
+        Sensor of the data; its number of frames becomes that of a window. Default: the sensor of
+        the bits.
+    window : int, optional
+        Number of frames of an image. Default: all.
+    step : int, optional
+        Frames from one window to the next. Default: the size of a window.
+    method : str or Network, optional
+        A name in ``jotlight.evaluation.methods.METHODS``, or a network. Default: the recommended
+        method for the sensor.
+    quality : {"two-layer", "small", "medium", "large"}, optional
+        Size of a shipped network, in place of a method.
+    width : int, optional
+        W: the true width in jots. Default: that of the bits, or a multiple of 8.
+    **options
+        Options of the method, such as `weight`.
+
+    Returns
+    -------
+    dask.array.Array of float32, shape (N, H / K̂, W / K̂) or (N, H / K̂, W / K̂, C)
+        Intensities in [0, S].
+
+    Raises
+    ------
+    MissingExtraError
+        When dask is not installed.
+    TypeError, ValueError
+        When the data, their sensor, the method, and its options do not fit together.
+
+    Notes
+    -----
+    The method gets the counts of each window. Images of more than 4 Mpixel are divided into tiles
+    of at most 1024 x 1024 pixels, with the halo of the method, if the sensor has no maps and the
+    method is "mle" or a network. The tiles do not depend on the chunks, so neither does the result.
+
+    Examples
+    --------
+    >>> bits = Sensor(frames=64).expose(np.full((16, 16), 0.5), rng=0)
+    >>> reconstruct(bits, window=16, method="mle").shape
+    (4, 16, 16)
+    """
+    if sensor is None and isinstance(x, Bits):
+        sensor = x.sensor  # type: ignore[assignment]
+    if sensor is None:
+        raise TypeError(
+            "sensor: expected a jotlight.Sensor, because these bits carry none; pass the sensor "
+            "that recorded them, such as Sensor(frames=16)"
+        )
+    require_sensor(sensor)
+    window = int(x.shape[0]) if window is None else window
+    estimator = choose_estimator(sensor.replace(frames=window), method, quality, options)
+    counts = count(x, window, step, oversampling=sensor.oversampling, width=width)
+    sensor.check_map_shapes(*(size * sensor.oversampling for size in counts.shape[1:3]))
+    meta = np.empty((0,) * counts.ndim, np.float32)
+    halo = estimator.halo
+    is_small = counts.shape[1] * counts.shape[2] <= _MAX_PIXELS
+    if halo is None or is_small or halo > _TILE // 2:
+        return counts.map_blocks(estimator, dtype=np.float32, meta=meta)
+    # Equal tiles, because a tile must not be smaller than the halo.
+    sides = {axis: -(-counts.shape[axis] // -(-counts.shape[axis] // _TILE)) for axis in (1, 2)}
+    tiles = counts.rechunk(sides)
+    return tiles.map_overlap(
+        estimator,
+        depth={1: halo, 2: halo},
+        boundary="none",
+        allow_rechunk=False,
+        dtype=np.float32,
+        meta=meta,
+    )

@@ -1,0 +1,301 @@
+"""Videos and counts of windows as zarr arrays, which many processes write image by image.
+
+While a video is made, it lies in a folder `NAME.zarr.part`:
+
+* `run.json` states what the video is made of, and how. Another run refuses to add to it.
+* `video.zarr` is the array. Each image is one chunk, a file that ends in its CRC-32C.
+* `groups` has a file for each group of images that is complete.
+
+When all groups are complete, the array receives its record as an attribute and its final name. All
+steps can be repeated: a killed run continues where it stopped.
+"""
+
+import dataclasses
+import errno
+import json
+import math
+import os
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.dask.streaming import Checksum
+from jotlight.files import flush_to_disk, write_file
+from jotlight.formats.zarr.writing import import_zarr
+
+ATTRIBUTE = "jotlight"
+"""Attribute of the array that holds the record."""
+
+PART = ".part"
+"""Ending of the folder in which an array is made."""
+
+_MAX_JSON_BYTES = 1 << 22
+
+Record = dict[str, Any]
+"""What an array was made of, and how, as JSON."""
+
+
+class AnotherRunError(ValueError):
+    """An output exists that was made from other data, or in another way."""
+
+
+@dataclasses.dataclass(frozen=True)
+class VideoStore:
+    """One zarr array of images, which may be unfinished.
+
+    Parameters
+    ----------
+    path : path
+        The folder of the array, which ends in `.zarr`.
+    run : dict
+        What the array is made of, and how. Values that JSON can hold.
+    shape : tuple of int
+        (N, H, W) or (N, H, W, C).
+    dtype : str
+        ``"float32"`` or ``"int32"``.
+    group : int
+        Number of images that are made at a time.
+    """
+
+    path: Path
+    run: Record
+    shape: tuple[int, ...]
+    dtype: str
+    group: int
+
+    @property
+    def part(self) -> Path:
+        """The folder in which the array is made."""
+        return self.path.with_name(self.path.name + PART)
+
+    @property
+    def groups(self) -> int:
+        """Number of groups."""
+        return -(-self.shape[0] // self.group)
+
+    @property
+    def nbytes(self) -> int:
+        """Number of bytes of the array."""
+        return math.prod(self.shape) * np.dtype(self.dtype).itemsize
+
+    def is_complete(self) -> bool:
+        """Return whether the finished array exists.
+
+        Raises
+        ------
+        AnotherRunError
+            When the array, finished or not, is that of another run.
+        """
+        if self.path.exists():
+            check_same_run(self.path, read_record(self.path).get("run"), self.run)
+            return True
+        if self.part.exists():
+            stored = read_json(self.part / "run.json")
+            check_same_run(self.part, stored.get("run"), self.run)
+        return False
+
+    def resumed(self) -> "VideoStore":
+        """Return the store with the size of the groups with which the same run began it."""
+        if not self.path.exists() and (self.part / "run.json").exists():
+            begun = open_unfinished(self.part)
+            if (begun.run, begun.shape) == (self.run, self.shape):
+                return begun
+        return self
+
+    def create(self) -> None:
+        """Create the unfinished array, unless it exists. Several processes may do so at once.
+
+        Raises
+        ------
+        AnotherRunError
+            When another run has created it.
+        OSError
+            When it cannot be written.
+        """
+        if self.is_complete() or self.part.exists():
+            return
+        zarr = import_zarr()
+        temporary = self.part.with_name(f".{self.part.name}-{os.getpid()}")
+        shutil.rmtree(temporary, ignore_errors=True)
+        (temporary / "groups").mkdir(parents=True)
+        codecs = zarr.codecs
+        zarr.create_array(
+            str(temporary / "video.zarr"),
+            shape=self.shape,
+            chunks=(1, *self.shape[1:]),
+            dtype=self.dtype,
+            compressors=[codecs.Crc32cCodec()],
+        )
+        content = {"run": self.run, "group": self.group, "shape": list(self.shape)}
+        write_file(temporary / "run.json", json.dumps(content, indent=1))
+        try:
+            temporary.rename(self.part)
+        except OSError:
+            shutil.rmtree(temporary, ignore_errors=True)
+            self.is_complete()  # another process was faster, with the same run
+
+    def write_image(self, index: int, image: npt.NDArray[Any]) -> None:
+        """Write an image as the chunk that the zarr library would write, without its overhead."""
+        import google_crc32c
+
+        data = np.ascontiguousarray(image, np.dtype(self.dtype).newbyteorder("<")).tobytes()
+        path = self._chunk(index)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("wb", buffering=0) as file:
+            for content in (data, google_crc32c.value(data).to_bytes(4, "little")):
+                if file.write(content) != len(content):
+                    raise OSError(errno.ENOSPC, f"cannot write {path}", str(path))
+
+    def _chunk(self, index: int) -> Path:
+        zeros = ("0" for _ in self.shape[1:])
+        return self.part.joinpath("video.zarr", "c", str(index), *zeros)
+
+    def _is_intact(self, index: int) -> bool:
+        """Return whether the file of an image is complete. A power failure may have damaged it."""
+        import google_crc32c
+
+        path, size = self._chunk(index), self.nbytes // self.shape[0]
+        if not path.is_file() or path.stat().st_size != size + 4:
+            return False
+        content = path.read_bytes()
+        return bool(google_crc32c.value(content[:size]).to_bytes(4, "little") == content[size:])
+
+    def images_of(self, group: int) -> range:
+        """Return the numbers of the images of a group."""
+        first = group * self.group
+        return range(first, min(first + self.group, self.shape[0]))
+
+    def mark(self, group: int, facts: Record) -> None:
+        """Note that a group is complete. `facts` are its checksum, size, minimum, and maximum."""
+        write_file(self._marker(group), json.dumps(facts))
+
+    def missing(self) -> list[int]:
+        """Return the numbers of the groups that are not complete."""
+        done = {path.stem for path in (self.part / "groups").glob("[0-9]*.json")}
+        return [group for group in range(self.groups) if str(group) not in done]
+
+    def finish(self) -> None:
+        """Write the record of a complete array, and rename it.
+
+        Raises
+        ------
+        OSError, ValueError
+            When a group is missing or damaged, or a file cannot be written.
+        """
+        if self.is_complete():
+            shutil.rmtree(self.part, ignore_errors=True)
+            return
+        if missing := self.missing():
+            raise ValueError(
+                f"{self.part}: {len(missing)} of its {self.groups} groups of images are missing"
+            )
+        damaged = [index for index in range(self.shape[0]) if not self._is_intact(index)]
+        for index in damaged:
+            self._marker(index // self.group).unlink(missing_ok=True)
+        if damaged:
+            raise ValueError(
+                f"{self.part}: {len(damaged)} of its images were damaged, for example by a power "
+                "failure; run the command again, which makes them again"
+            )
+        facts = [read_json(self._marker(group)) for group in range(self.groups)]
+        record = {"run": self.run, **_summary(facts)}
+        zarr = import_zarr()
+        array = self.part / "video.zarr"
+        zarr.open_array(str(array), mode="r+").attrs[ATTRIBUTE] = record
+        for folder, _, names in os.walk(array):
+            for name in names:
+                flush_to_disk(Path(folder, name))
+        array.rename(self.path)
+        flush_to_disk(self.path.parent)
+        shutil.rmtree(self.part, ignore_errors=True)
+
+    def _marker(self, group: int) -> Path:
+        return self.part / "groups" / f"{group}.json"
+
+
+def open_unfinished(part: Path) -> VideoStore:
+    """Return the store of a folder `NAME.zarr.part`.
+
+    Raises
+    ------
+    OSError, ValueError
+        When the folder is damaged, or is something else.
+    """
+    content = read_json(part / "run.json")
+    run, group, shape = (content.get(name) for name in ("run", "group", "shape"))
+    if (
+        isinstance(run, dict)
+        and run.get("values") in ("float32", "int32")
+        and isinstance(group, int)
+        and group > 0
+        and isinstance(shape, list)
+        and len(shape) in (3, 4)
+        and all(isinstance(size, int) and 0 < size < 2**31 for size in shape)
+    ):
+        path = part.with_name(part.name.removesuffix(PART))
+        return VideoStore(path, run, tuple(shape), run["values"], group)
+    raise ValueError(f"{part}: expected an unfinished video of jotlight; it is damaged")
+
+
+def read_record(path: Path) -> Record:
+    """Return the record of a finished array, or an empty one if jotlight did not make it.
+
+    Raises
+    ------
+    OSError, ValueError
+        When its description cannot be read.
+    """
+    attributes = read_json(path / "zarr.json").get("attributes", {})
+    record = attributes.get(ATTRIBUTE) if isinstance(attributes, dict) else None
+    return record if isinstance(record, dict) else {}
+
+
+def _summary(facts: Iterable[Record]) -> Record:
+    """Return the checksum of all frames that were read, and the range of the values."""
+    total, low, high = Checksum(), math.inf, -math.inf
+    for each in facts:
+        total.append(int(each["crc32"], 16), int(each["bytes"]))
+        low, high = min(low, each["minimum"]), max(high, each["maximum"])
+    return {
+        "input": {"packed_bytes": total.size, "packed_crc32": f"{total.value:08x}"},
+        "minimum": low,
+        "maximum": high,
+    }
+
+
+def check_same_run(path: Path, stored: Any, expected: Record) -> None:
+    """Raise AnotherRunError unless the stored run is the expected one."""
+    if stored == expected:
+        return
+    if not isinstance(stored, dict):
+        raise AnotherRunError(
+            f"{path}: exists already, and is not the result of such a run; choose another name"
+        )
+    names = sorted(stored.keys() | expected.keys())
+    name = next(name for name in names if stored.get(name) != expected.get(name))
+    raise AnotherRunError(
+        f"{path}: is of another run: its {name} is {_short(stored.get(name))}, not "
+        f"{_short(expected.get(name))}; delete it, or choose another name for the output"
+    )
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 100 else f"{text[:100]}…"
+
+
+def read_json(path: Path) -> Record:
+    """Return an object of JSON from a file that may be damaged."""
+    if path.stat().st_size > _MAX_JSON_BYTES:
+        raise ValueError(f"{path}: expected at most {_MAX_JSON_BYTES} bytes; it is damaged")
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: is damaged ({error})") from error
+    if not isinstance(content, dict):
+        raise ValueError(f"{path}: is damaged: expected an object of JSON")
+    return content

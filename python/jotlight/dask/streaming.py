@@ -1,0 +1,159 @@
+"""Counts of consecutive windows of a capture, read in parts of a few MiB, in constant memory."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from isal import isal_zlib
+
+import jotlight._engine as engine
+from jotlight.dask.counting import Spans
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import channel_views
+from jotlight.sensing.frames import Frames, Packed
+
+_MAX_BYTES = 1 << 23
+"""Number of bytes that are counted at a time: the checksum then finds them in the cache."""
+
+_MAX_MAPPED_BYTES = 1 << 27
+"""Number of bytes of a file that are mapped at a time. Large maps consist of large pages."""
+
+
+class Checksum:
+    """The CRC-32 of bytes, as zlib computes it. Checksums of successive parts can be combined.
+
+    Examples
+    --------
+    >>> first, second = Checksum(), Checksum()
+    >>> first.update(np.frombuffer(b"1234", np.uint8))
+    >>> second.update(np.frombuffer(b"56789", np.uint8))
+    >>> first.append(second.value, second.size)
+    >>> f"{first.value:08x}"
+    'cbf43926'
+    """
+
+    def __init__(self) -> None:
+        self.value, self.size = 0, 0
+
+    def update(self, data: npt.NDArray[np.uint8]) -> None:
+        """Add contiguous bytes."""
+        self.value = isal_zlib.crc32(data, self.value)
+        self.size += data.nbytes
+
+    def append(self, value: int, size: int) -> None:
+        """Add the checksum of the `size` bytes that follow."""
+        self.value = isal_zlib.crc32_combine(self.value, value, size)
+        self.size += size
+
+
+class WindowCounter:
+    """Counts of windows of the frames of a capture.
+
+    Parameters
+    ----------
+    bits : Bits
+    spans : Spans
+        All windows of the capture.
+    oversampling : int
+        K̂.
+    threads : int, optional
+        Number of threads. Default: all.
+    mapped : bool
+        Whether files are mapped into memory, which is faster. See
+        :meth:`jotlight.sensing.frames.Frames.map`.
+    """
+
+    def __init__(
+        self,
+        bits: Bits,
+        spans: Spans,
+        oversampling: int,
+        threads: int | None = None,
+        *,
+        mapped: bool = False,
+    ) -> None:
+        self.checksum = Checksum()
+        """Checksum of the packed frames that entered windows, each frame once."""
+        self._packed, self._width = bits.packed, bits.width
+        self._spans, self._oversampling = spans, oversampling
+        self._threads, self._mapped = threads, mapped
+        self._last_map: tuple[int, Packed] = 0, np.empty((0, *bits.packed.shape[1:]), np.uint8)
+        _, height, width, *channels = bits.shape
+        self._shape = (height // oversampling, width // oversampling, *channels)
+
+    def windows(self, first: int, stop: int) -> Iterator[npt.NDArray[np.int32]]:
+        """Yield the counts of the windows from number `first` to `stop`, (H, W) or (H, W, C)."""
+        window, step = self._spans.window, self._spans.step
+        counts = np.zeros(self._shape, np.int32)
+        # The group before has read these frames of the first window.
+        known = 0 if first == 0 else (first - 1) * step + window
+        for number in range(first, stop):
+            start, end = number * step, number * step + window
+            if number > first and 2 * step < window:
+                # Of most frames the counts are known: those of the window before.
+                counts -= self._count(start - step, start)
+                counts += self._count(end - step, end, entering=True)
+            else:
+                counts = self._count(start, max(start, min(known, end)))
+                counts += self._count(max(start, known), end, entering=True)
+            known = end
+            yield counts.copy()
+
+    def _count(self, start: int, stop: int, *, entering: bool = False) -> npt.NDArray[np.int32]:
+        """Return the counts of some frames. If they enter a window, add them to the checksum."""
+        out = np.zeros(self._shape, np.int32)
+        for part in self._parts(start, stop):
+            if entering:
+                self.checksum.update(part)
+            add_counts(part, self._width, self._oversampling, out, self._threads)
+        return out
+
+    def _parts(self, start: int, stop: int) -> Iterator[Packed]:
+        """Yield some frames in parts of a few MiB."""
+        packed, frame_bytes = self._packed, max(1, self._packed[:1].nbytes)
+        small = max(1, _MAX_BYTES // frame_bytes)
+        is_mapped = self._mapped and isinstance(packed, Frames) and packed.mapped is not None
+        large = max(1, _MAX_MAPPED_BYTES // frame_bytes) if is_mapped else small
+        for first in range(start, stop, large):
+            # Windows begin anywhere in a map, which the next window uses again.
+            begin, end = first, min(first + large, stop)
+            if is_mapped:
+                whole = self._map(begin, end, large)
+            elif isinstance(packed, Frames):
+                whole = packed.read(begin, end)
+            else:
+                whole = packed[begin:end]
+            for part in range(0, len(whole), small):
+                yield np.ascontiguousarray(whole[part : part + small])
+
+    def _map(self, start: int, stop: int, frames: int) -> Packed:
+        """Return some frames as a view of the file, from the last map if it contains them."""
+        assert isinstance(self._packed, Frames), "frames in a file"
+        first, mapped = self._last_map
+        if not first <= start <= stop <= first + len(mapped):
+            last = min(start + frames, len(self._packed))
+            first, mapped = self._last_map = start, self._packed.map(start, max(stop, last))
+        return mapped[start - first : stop - first]
+
+
+def add_counts(
+    packed: Packed,
+    width: int,
+    oversampling: int,
+    out: npt.NDArray[np.int32],
+    threads: int | None = None,
+) -> None:
+    """Add the number of ones of each pixel to `out`, (H, W) or (H, W, C).
+
+    Examples
+    --------
+    >>> out = np.zeros((1, 8), np.int32)
+    >>> add_counts(np.full((3, 1, 1), 0b10000001, np.uint8), 8, 1, out)
+    >>> out.tolist()
+    [[3, 0, 0, 0, 0, 0, 0, 3]]
+    """
+    views: list[Any] = channel_views(packed, 3)
+    stack = out[None]
+    for channel, place in zip(views, channel_views(stack, 3), strict=True):
+        engine.add_block_counts([channel], width, oversampling, None, place, threads)

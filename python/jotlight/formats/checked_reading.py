@@ -1,0 +1,63 @@
+"""The CRC-32 of the frames of a capture, computed while they are read for another purpose."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from isal import isal_zlib
+
+from jotlight.formats.capture import Capture, CountStack
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames, read_in_chunks
+
+
+def with_checksum(data: Capture) -> tuple[Capture, Callable[[], tuple[int, int]]]:
+    """Return the same capture, and a function that returns its size and CRC-32 after reading.
+
+    If the frames were read in order, the function reads nothing. Otherwise it reads those that are
+    missing.
+
+    Examples
+    --------
+    >>> import zlib
+    >>> bits, checksum = with_checksum(Bits(np.full((3, 1, 1), 7, np.uint8)))
+    >>> checksum() == (3, zlib.crc32(bytes([7, 7, 7])))
+    True
+    """
+    frames = data.packed if isinstance(data, Bits) else data.images
+    watched, checksum = _watch(frames)
+    if isinstance(data, CountStack):
+        return dataclasses.replace(data, images=watched), checksum
+    bits = Bits(watched, data.width, data.sensor, data.provenance)
+    bits.tested_for_periods = data.tested_for_periods
+    return bits, checksum
+
+
+def _watch(
+    frames: npt.NDArray[Any] | Frames,
+) -> tuple[npt.NDArray[Any] | Frames, Callable[[], tuple[int, int]]]:
+    done, value = 0, 0
+
+    def add(start: int, part: npt.NDArray[Any]) -> None:
+        nonlocal done, value
+        if start == done:
+            value = isal_zlib.crc32(np.ascontiguousarray(part).view(np.uint8), value)
+            done += len(part)
+
+    def finish() -> tuple[int, int]:
+        for place, part in read_in_chunks(frames[done:]):
+            add(done, part)
+            assert place.stop > 0, "progress"
+        return frames.nbytes, value
+
+    if not isinstance(frames, Frames):
+        return frames, finish
+
+    def read(start: int, stop: int) -> npt.NDArray[Any]:
+        part = frames.read(start, stop)
+        add(start, part)
+        return part
+
+    return Frames(frames.shape, read, frames.dtype, frames.verify), finish

@@ -1,0 +1,117 @@
+"""File systems of URLs, which the library fsspec opens."""
+
+import contextlib
+import zlib
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from jotlight.errors import MissingExtraError
+
+
+def import_fsspec() -> Any:
+    """Return the library fsspec.
+
+    Raises
+    ------
+    MissingExtraError
+        When it is not installed.
+    """
+    try:
+        import fsspec
+    except ImportError as error:
+        raise MissingExtraError("URLs need fsspec: pip install 'jotlight[dask]'") from error
+    return fsspec
+
+
+@contextlib.contextmanager
+def explained(url: str) -> Iterator[None]:
+    """Raise OSError with the URL for the errors of all file systems.
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError, OSError
+    """
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"there is no file {url}") from error
+    except PermissionError as error:
+        raise _denied(url, error) from error
+    except (OSError, ValueError) as error:
+        if url in str(error):
+            raise
+        raise OSError(f"{url}: cannot be read ({error})") from error
+    except Exception as error:  # each file system has its own errors
+        name = type(error).__name__
+        if "Credential" in name or "Auth" in name or getattr(error, "status", None) in (401, 403):
+            raise _denied(url, error) from error
+        if getattr(error, "status", None) == 404:
+            raise FileNotFoundError(f"there is no file {url}") from error
+        raise OSError(f"{url}: cannot be read ({name}: {error})") from error
+
+
+def _denied(url: str, error: BaseException) -> PermissionError:
+    return PermissionError(
+        f"{url}: access was denied ({error}); check the credentials, or pass storage_options= "
+        "(--storage-option), such as anon=true for public data on S3"
+    )
+
+
+def open_file_system(url: str, storage_options: Mapping[str, Any] | None) -> tuple[Any, str]:
+    """Return the file system of a URL, and the path in it.
+
+    Raises
+    ------
+    MissingExtraError
+        When fsspec, or the package for this kind of URL, is not installed.
+    ValueError
+        When the kind of URL is unknown.
+    """
+    fsspec = import_fsspec()
+    try:
+        fs, path = fsspec.core.url_to_fs(url, **(storage_options or {}))
+    except ImportError as error:
+        raise MissingExtraError(f"{url}: needs another package: {error}") from error
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{url}: cannot be opened ({error})") from error
+    return fs, str(path)
+
+
+def expand_url(url: str, storage_options: Mapping[str, Any] | None) -> list[str]:
+    """Return the URLs that a pattern matches, sorted."""
+    fs, path = open_file_system(url, storage_options)
+    with explained(url):
+        return sorted(fs.unstrip_protocol(each) for each in fs.glob(path))
+
+
+def url_state(url: str, storage_options: Mapping[str, Any] | None) -> tuple[int, int]:
+    """Return the size of the files at a URL, and a number that changes with their content."""
+    fs, path = open_file_system(url, storage_options)
+    with explained(url):
+        info = fs.info(path)
+        found = fs.find(path, detail=True) if info.get("type") == "directory" else {path: info}
+    facts = sorted(
+        (str(name), int(each.get("size") or 0), _tag(each)) for name, each in found.items()
+    )
+    return sum(size for _, size, _ in facts), _digest(facts)
+
+
+def find_files(
+    url: str, storage_options: Mapping[str, Any] | None = None
+) -> list[tuple[str, int, str]]:
+    """Return the path, the size, and a tag of the content of all files in a folder, sorted."""
+    fs, path = open_file_system(url, storage_options)
+    with explained(url):
+        found = fs.find(path, detail=True)
+    return sorted(
+        (str(name), int(each.get("size") or 0), _tag(each)) for name, each in found.items()
+    )
+
+
+def _tag(info: Mapping[str, Any]) -> str:
+    names = ("ETag", "etag", "LastModified", "mtime", "updated", "last_modified", "md5Hash")
+    return str(next((info[name] for name in names if info.get(name)), ""))
+
+
+def _digest(facts: object) -> int:
+    return zlib.crc32(repr(facts).encode())

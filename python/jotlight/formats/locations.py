@@ -1,0 +1,73 @@
+"""Paths, URLs, and globs of captures."""
+
+import glob
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+from jotlight.formats.file_systems import expand_url, url_state
+
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+(::[A-Za-z0-9+.\-/]+)*://")
+
+
+def is_url(path: object) -> bool:
+    """Return whether a path is a URL.
+
+    Examples
+    --------
+    >>> is_url("s3://bucket/a.npy"), is_url("C:/data/a.npy"), is_url("a.npy")
+    (True, False, False)
+    """
+    return isinstance(path, str) and _URL.match(path) is not None
+
+
+def is_glob(path: str) -> bool:
+    """Return whether a path or URL is a pattern of several, unless a file has this very name.
+
+    Examples
+    --------
+    >>> is_glob("captures/*.npy"), is_glob("https://host/a.npy?version=2")
+    (True, False)
+    """
+    if is_url(path):
+        return re.search(r"[*\[]", path) is not None
+    return glob.has_magic(path) and not Path(path).exists()
+
+
+def expand(path: str, storage_options: dict[str, Any] | None = None) -> list[str]:
+    """Return the paths or URLs that a pattern matches, sorted; or else the path itself.
+
+    Raises
+    ------
+    FileNotFoundError
+        When a pattern matches nothing.
+    """
+    if not is_glob(path):
+        return [path]
+    if is_url(path):
+        found = expand_url(path, storage_options)
+    else:
+        found = sorted(glob.glob(path, recursive=True))  # noqa: PTH207
+    if not found:
+        raise FileNotFoundError(f"there is no file {path}: the pattern matches nothing")
+    return found
+
+
+def file_state(path: str, storage_options: dict[str, Any] | None = None) -> tuple[int, int]:
+    """Return the size of a capture in bytes, and its last change in nanoseconds (0: unknown).
+
+    Raises
+    ------
+    OSError
+        When there is no such capture.
+    """
+    if is_url(path):
+        return url_state(path, storage_options)
+    files = [Path(path)]
+    if files[0].is_dir():
+        files = [Path(folder, name) for folder, _, names in os.walk(path) for name in names]
+    states = [file.stat() for file in files]
+    return sum(state.st_size for state in states), max(
+        (state.st_mtime_ns for state in states), default=0
+    )

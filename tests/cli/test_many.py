@@ -1,0 +1,181 @@
+"""Runs of `reconstruct` and `convert` over many captures and over windows."""
+
+import hashlib
+import json
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zarr
+
+import jotlight as jl
+from jotlight.dask.names import Part
+from jotlight.images.io import read_image
+
+
+@pytest.fixture
+def captures(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(0)
+    for name in ("a/1", "a/2", "b/1"):
+        path = Path("captures", f"{name}.npy")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        jl.save(jl.Bits.from_array(rng.random((64, 16, 24)) < 0.4, jl.Sensor(frames=64)), path)
+    return sorted(Path("captures").rglob("*.npy"))
+
+
+def test_each_capture_becomes_a_video(run, captures):
+    code, out = run(
+        "reconstruct", "captures/*/*.npy", "-o", "v/{name}.zarr", "--window", 16, "-m", "mle"
+    )
+    assert code == 0
+    assert "3 captures: 3 made" in out
+    for path in captures:
+        bits = jl.open(path)
+        name = path.relative_to("captures").with_suffix(".zarr")
+        array = zarr.open_array(str(Path("v") / name), mode="r")
+        expected = [jl.reconstruct(part, method="mle") for part in bits.windows(16)]
+        np.testing.assert_array_equal(array[:], expected)
+        record = array.attrs["jotlight"]
+        assert record["input"] == {
+            "packed_bytes": bits.packed.nbytes,
+            "packed_crc32": f"{zlib.crc32(np.asarray(bits.packed).tobytes()):08x}",
+        }
+        assert record["run"]["sensor"]["frames"] == 16
+        assert record["run"]["bytes"] == path.stat().st_size
+
+
+def test_each_capture_becomes_an_image_with_a_record(run, captures):
+    args = ("reconstruct", *captures, "-o", "i/{name}.tif", "--quality", "medium")
+    assert run(*args)[0] == 0
+    image = read_image("i/a/1.tif")
+    np.testing.assert_array_equal(image, jl.reconstruct(jl.open(captures[0])))
+    record = json.loads(Path("i/a/1.tif.json").read_text())
+    weights = Path(jl.__file__).parent / "networks/weights/medium.safetensors"
+    assert record["run"]["weights_sha256"] == hashlib.sha256(weights.read_bytes()).hexdigest()
+    assert record["run"]["method"] == "network-medium"
+    assert "3 complete before" in run(*args)[1]
+
+
+def test_each_capture_is_converted(run, captures):
+    args = ("convert", "captures/*/*.npy", "-o", "c/{name}.zarr")
+    assert run(*args)[0] == 0
+    for path in captures:
+        copy = jl.open(Path("c") / path.relative_to("captures").with_suffix(".zarr"))
+        np.testing.assert_array_equal(np.asarray(copy), np.asarray(jl.open(path)))
+    assert "3 complete before" in run(*args)[1]
+
+
+def test_windows_are_converted_to_counts(run, captures):
+    args = ("convert", captures[0], "-o", "c.zarr", "--window", 20, "--step", 10)
+    assert run(*args)[0] == 0
+    array = zarr.open_array("c.zarr", mode="r")
+    assert array.dtype == np.int32
+    expected = [part.counts() for part in jl.open(captures[0]).windows(20, 10)]
+    np.testing.assert_array_equal(array[:], expected)
+
+
+def test_a_slurm_job_array_computes_parts(run, captures, monkeypatch):
+    base = ("reconstruct", captures[0], "-o", "v.zarr", "--window", 4, "-m", "mle")
+    base += ("--chunks", "1KiB")
+    monkeypatch.setenv("SLURM_ARRAY_TASK_COUNT", "3")
+    for task in (1, 2, 3):
+        monkeypatch.setenv("SLURM_ARRAY_TASK_ID", str(task))
+        code, out = run(*base)
+        assert code == 0
+        assert f"part {task} of 3" in out
+        if task == 2:
+            code, err = run("gather", ".")
+            assert code == 1
+            assert "groups are missing" in err
+    code, out = run("gather", ".")
+    assert (code, out) == (0, "1 of 1 results completed\n")
+    assert zarr.open_array("v.zarr", mode="r").shape == (16, 16, 24)
+    assert Part.of_slurm() == Part(3, 3)
+
+
+def test_results_of_another_run_are_refused(run, captures):
+    base = ("reconstruct", captures[0], "-o", "v.zarr", "-m", "mle", "--window")
+    assert run(*base, 16)[0] == 0
+    code, err = run(*base, 32)
+    assert code == 1
+    assert "v.zarr: is of another run: its sensor is" in err
+
+
+def test_a_capture_that_changed_is_another_run(run, captures):
+    base = ("convert", captures[0], "-o", "v.zarr", "--window", 16)
+    assert run(*base)[0] == 0
+    jl.save(jl.Bits.from_array(np.ones((64, 16, 24), bool), jl.Sensor(frames=64)), captures[0])
+    code, err = run(*base)
+    assert code == 1
+    assert "v.zarr: is of another run: its" in err
+
+
+def test_info_shows_the_origin_of_a_video(run, captures):
+    run("reconstruct", captures[0], "-o", "v.zarr", "--window", 16, "--quality", "small")
+    code, out = run("info", "v.zarr")
+    assert code == 0
+    facts = dict(line.strip().split(maxsplit=1) for line in out.splitlines() if " " in line)
+    assert facts["kind"] == "video"
+    assert "4 images of 16 x 24" in out
+    assert "network-small" in out
+    assert "crc32" in out
+    assert "weights" in out
+
+
+def test_info_shows_the_origin_of_an_image(run, captures):
+    run("reconstruct", *captures, "-o", "i/{name}.npy", "-m", "mle")
+    code, out = run("info", "i/a/1.npy")
+    assert code == 0
+    assert "crc32" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("-o", "v.zarr"), "expected a name with {name} for the 3 captures"),
+        (("-o", "v/{name}.npy", "--window", 16), "expected a name in .zarr"),
+        (("-o", "v/{name}.zarr"), "pass --window"),
+        (("-o", "v/{name}.zarr", "--window", 65), "expected 1 to the capture's 64 frames"),
+        (("-o", "v/{name}.zarr", "--window", 16, "--chunks", "7B"), "which is one frame"),
+        (("-o", "v/{name}.zarr", "--window", 16, "--part", "4/3"), "expected a part such as"),
+        (("-o", "v/{name}.zarr", "--window", 16, "--workers", 0), "workers: expected 1 or more"),
+        (("-o", "{name}.tif", "--motion"), "accepts --output and --depth only"),
+        (
+            ("-o", "v/{name}.zarr", "--window", 16, "--part", "1/3", "--workers", 2),
+            "for job arrays without dask",
+        ),
+    ],
+)
+def test_bad_options_are_refused_before_work(run, captures, arguments, message):
+    code, err = run("reconstruct", "captures/*/*.npy", *arguments)
+    assert code == 1
+    assert message in " ".join(err.split())
+    assert sorted(path.name for path in Path.cwd().iterdir()) == ["captures"]
+
+
+def test_a_capture_is_never_overwritten(run, captures):
+    before = captures[0].read_bytes()
+    code, err = run("convert", *captures, "-o", "captures/{name}.npy")
+    assert code == 1
+    assert "is read, so it is not overwritten" in err
+    assert captures[0].read_bytes() == before
+
+
+def test_no_capture_is_an_error(run):
+    assert run("reconstruct", "-o", "a.png")[0] == 1
+    assert run("convert", "-o", "a.npy")[0] == 1
+    assert run("gather")[0] == 1
+
+
+@pytest.mark.parametrize("ending", [".tif", ".png", ".jpg"])
+def test_a_single_image_states_its_origin(run, captures, ending):
+    run("reconstruct", captures[0], "-o", f"one{ending}", "--quality", "medium")
+    code, out = run("info", f"one{ending}")
+    assert code == 0
+    packed = np.asarray(jl.open(captures[0]).packed).tobytes()
+    assert f"{len(packed)} bytes, crc32 {zlib.crc32(packed):08x}" in out
+    weights = Path(jl.__file__).parent / "networks/weights/medium.safetensors"
+    assert hashlib.sha256(weights.read_bytes()).hexdigest() in out
+    assert "1.npy" in out

@@ -1,0 +1,179 @@
+"""Runs on clusters of processes: the same bytes everywhere, deaths of workers, and bad input."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import dask
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.cli.app import run
+from jotlight.dask.cluster import check_workers, connected
+
+pytestmark = pytest.mark.slow
+
+WINDOW = ("--window", "40", "--step", "30", "-m", "mle")
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory):
+    path = tmp_path_factory.mktemp("capture") / "capture.npy"
+    rng = np.random.default_rng(0)
+    bits = jl.Bits.from_array(rng.random((1500, 64, 96)) < 0.3, jl.Sensor(frames=1500))
+    jl.save(bits, path)
+    return path
+
+
+def content(folder):
+    """Return the bytes of all files of a folder by name."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.fixture(scope="module")
+def expected(capture, tmp_path_factory):
+    output = tmp_path_factory.mktemp("expected") / "video.zarr"
+    assert run(["reconstruct", str(capture), "-o", str(output), *WINDOW]) == 0
+    return content(output)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--workers", "1"),
+        ("--workers", "2"),
+        ("--workers", "4"),
+        ("--chunks", "64KiB"),
+        ("--chunks", "1GiB"),
+        ("--threads", "1"),
+        ("--workers", "2", "--chunks", "64KiB"),
+    ],
+)
+def test_the_bytes_do_not_depend_on_workers_and_chunks(capture, expected, options, tmp_path):
+    output = tmp_path / "video.zarr"
+    assert run(["reconstruct", str(capture), "-o", str(output), *WINDOW, *options]) == 0
+    assert content(output) == expected
+
+
+@pytest.mark.parametrize("total", [3, 64])
+def test_the_bytes_do_not_depend_on_parts(capture, expected, total, tmp_path):
+    output = tmp_path / "video.zarr"
+    base = ["reconstruct", str(capture), "-o", str(output), *WINDOW, "--chunks", "64KiB"]
+    for number in range(1, total + 1):
+        assert not output.exists()
+        assert run([*base, "--part", f"{number}/{total}"]) == 0
+    assert run(["gather", str(tmp_path)]) == 0
+    assert content(output) == expected
+
+
+@pytest.mark.parametrize("scheduler", ["sync", "threads", "processes"])
+def test_lazy_videos_do_not_depend_on_the_scheduler(capture, expected, scheduler):
+    bits = jl.open(capture)
+    video = jl.dask.reconstruct(bits, window=40, step=30, method="mle")
+    with dask.config.set(scheduler=scheduler):
+        images = video.compute()
+    assert images[3].tobytes() == expected["c/3/0/0"][:-4]
+
+
+@pytest.mark.parametrize("workers", [1, 2, 4])
+def test_lazy_videos_do_not_depend_on_the_number_of_workers(capture, expected, workers):
+    bits = jl.open(capture)
+    with connected(None, workers):
+        video = jl.dask.reconstruct(bits.to_dask("128KiB"), bits.sensor, 40, 30, method="mle")
+        images = video.compute()
+    assert [image.tobytes() for image in images] == [
+        expected[f"c/{index}/0/0"][:-4] for index in range(len(images))
+    ]
+
+
+def test_a_worker_that_is_killed_is_replaced(capture, expected, tmp_path, monkeypatch):
+    from jotlight.dask import running
+
+    output, deaths = tmp_path / "video.zarr", []
+    submit = running.Cluster._take
+
+    def take(self, completed, tasks):
+        if len(deaths) < 2:
+            pids = list(self.client.run(os.getpid).values())
+            os.kill(random.choice(pids), signal.SIGKILL)
+            deaths.append(1)
+        return submit(self, completed, tasks)
+
+    monkeypatch.setattr(running.Cluster, "_take", take)
+    options = ("--workers", "2", "--chunks", "64KiB")
+    assert run(["reconstruct", str(capture), "-o", str(output), *WINDOW, *options]) == 0
+    assert len(deaths) == 2
+    assert content(output) == expected
+
+
+def test_a_run_that_is_killed_continues(capture, expected, tmp_path):
+    output = tmp_path / "video.zarr"
+    command = [sys.executable, "-m", "jotlight", "reconstruct", str(capture), "-o", str(output)]
+    command += [*WINDOW, "--chunks", "16KiB", "--threads", "1"]
+    groups = output.with_name("video.zarr.part") / "groups"
+    for kills in (2, 9):
+        process = subprocess.Popen(command)
+        while process.poll() is None and len(list(groups.glob("*.json"))) < kills:
+            time.sleep(0.001)
+        process.kill()
+        process.wait()
+    assert not output.exists()
+    before = {path: path.stat().st_mtime_ns for path in groups.glob("*.json")}
+    assert before
+    assert run(command[3:]) == 0
+    assert content(output) == expected
+
+
+def test_a_damaged_capture_is_reported_at_the_end(capture, expected, tmp_path, capsys):
+    folder = tmp_path / "captures"
+    folder.mkdir()
+    for name in ("a", "c"):
+        (folder / f"{name}.npy").hardlink_to(capture)
+        (folder / f"{name}.json").hardlink_to(capture.with_suffix(".json"))
+    (folder / "b.npy").write_bytes(capture.read_bytes()[:1000])
+    command = ["reconstruct", f"{folder}/*.npy", "-o", f"{tmp_path}/{{name}}.zarr", *WINDOW]
+    assert run([*command, "--workers", "2"]) == 1
+    assert "1 of 3 captures failed: b: " in capsys.readouterr().err
+    for name in ("a", "c"):
+        images = content(tmp_path / f"{name}.zarr")
+        assert {key: value for key, value in images.items() if key != "zarr.json"} == {
+            key: value for key, value in expected.items() if key != "zarr.json"
+        }
+
+
+def test_an_address_where_nothing_listens(capture, tmp_path, capsys):
+    output = tmp_path / "video.zarr"
+    address = ("--scheduler", "tcp://127.0.0.1:9")
+    assert run(["reconstruct", str(capture), "-o", str(output), *WINDOW, *address]) == 1
+    assert "no scheduler of dask answers at tcp://127.0.0.1:9" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_worker_with_another_version():
+    class Client:
+        def nthreads(self):
+            return {"tcp://a": 1, "tcp://b": 1}
+
+        def run(self, function, on_error):
+            return {"tcp://a": function(), "tcp://b": "0.0.1"}
+
+    with pytest.raises(RuntimeError, match=r"1 have another one, such as 0.0.1 on tcp://b"):
+        check_workers(Client())
+
+
+def test_the_command_runs_on_a_scheduler(capture, expected, tmp_path, capsys):
+    with connected(None, 2) as client:
+        output = Path(tmp_path / "video.zarr")
+        address = ("--scheduler", client.scheduler.address)
+        assert run(["reconstruct", str(capture), "-o", str(output), *WINDOW, *address]) == 0
+    assert "dashboard of dask: http" in capsys.readouterr().out
+    assert content(output) == expected

@@ -1,0 +1,90 @@
+import dask
+import dask.array as da
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import jotlight as jl
+from jotlight.dask import counting
+
+
+def random_bits(frames, height=6, width=13, channels=(), seed=0):
+    rng = np.random.default_rng(seed)
+    return jl.Bits.from_array(rng.random((frames, height, width, *channels)) < 0.3)
+
+
+def naive_counts(bits, window, step):
+    """Return the counts of each window from unpacked bits."""
+    frames = bits.to_array()
+    starts = range(0, len(frames) - window + 1, step)
+    return np.stack([frames[start : start + window].sum(0) for start in starts])
+
+
+@given(
+    frames=st.integers(1, 40),
+    window=st.integers(1, 40),
+    step=st.integers(1, 50),
+    chunk=st.integers(1, 45),
+)
+@settings(max_examples=25, deadline=None)
+def test_counts_of_windows_do_not_depend_on_the_chunks(frames, window, step, chunk):
+    window = min(window, frames)
+    bits = random_bits(frames)
+    counts = jl.dask.count(bits.to_dask(chunk), window, step, width=13)
+    with dask.config.set(scheduler="sync"):
+        result = counts.compute()
+    expected = naive_counts(bits, window, step)
+    assert counts.shape == expected.shape
+    assert result.dtype == np.int32
+    np.testing.assert_array_equal(result, expected)
+
+
+def test_each_chunk_of_the_result_has_the_stated_size():
+    counts = jl.dask.count(random_bits(100).to_dask(30), 7, 3, width=13)
+    blocks = [block.shape for block in dask.compute(*counts.to_delayed().ravel())]
+    assert [shape[0] for shape in blocks] == list(counts.chunks[0])
+
+
+def test_counts_cover_pixels_of_several_jots_and_channels():
+    bits = random_bits(20, 8, 16, (3,))
+    counts = jl.dask.count(bits, 10, oversampling=2)
+    expected = naive_counts(bits, 10, 10).reshape(2, 4, 2, 8, 2, 3).sum((2, 4))
+    np.testing.assert_array_equal(counts.compute(), expected)
+
+
+def test_chunks_with_many_pieces_are_divided(monkeypatch):
+    bits = random_bits(64)
+    monkeypatch.setattr(counting, "_MAX_BYTES", 4 * 6 * 13 * 5)
+    counts = jl.dask.count(bits.to_dask(64), 4, 1, width=13)
+    np.testing.assert_array_equal(counts.compute(), naive_counts(bits, 4, 1))
+    assert max(counts.chunks[0]) <= 5
+
+
+@pytest.mark.parametrize(
+    ("x", "message"),
+    [
+        (np.zeros((4, 4, 1), np.uint8), "expected jotlight.Bits, or a dask array"),
+        (da.zeros((4, 4, 1), dtype=np.int32), "expected jotlight.Bits, or a dask array"),
+        (da.zeros((4, 4), dtype=np.uint8), "expected shape"),
+        (da.zeros((4, 4, 2), chunks=(4, 2, 2), dtype=np.uint8), "expected whole frames"),
+        (da.zeros((4, 4, 2), chunks=(4, 4, 1), dtype=np.uint8), r"rechunk\(\(4, -1, -1\)\)"),
+    ],
+)
+def test_bad_arrays_are_refused(x, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        jl.dask.count(x, 2)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"window": 41}, "window"),
+        ({"window": 4, "step": 0}, "step"),
+        ({"window": 4, "width": 17}, "width: expected 9 to 16"),
+        ({"window": 4, "oversampling": 4}, "multiples of the oversampling"),
+    ],
+)
+def test_bad_options_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        jl.dask.count(random_bits(40).to_dask(), **options)

@@ -1,0 +1,63 @@
+from pathlib import Path
+
+import pytest
+
+from jotlight.dask.names import Part, find_captures, name_captures, name_outputs
+
+
+@pytest.mark.parametrize("text", ["0/3", "4/3", "3", "a/b", "-1/3", "1/0", "1/3/5", ""])
+def test_bad_parts_are_refused(text):
+    with pytest.raises(ValueError, match="part: expected a part such as 3/64"):
+        Part.parse(text)
+
+
+@pytest.mark.parametrize(("captures", "total"), [(1, 3), (1, 64), (10, 3), (3, 64), (64, 64)])
+def test_each_unit_belongs_to_exactly_one_part(captures, total):
+    parts = [Part(number, total) for number in range(1, total + 1)]
+    for capture in range(captures):
+        for unit in range(20):
+            owners = [part for part in parts if part.has(capture, unit, captures)]
+            assert len(owners) == 1
+            assert owners[0].has_capture(capture, captures)
+
+
+def test_slurm_states_the_part():
+    assert Part.of_slurm({}) is None
+    task = {"SLURM_ARRAY_TASK_ID": "0", "SLURM_ARRAY_TASK_MIN": "0"}
+    assert Part.of_slurm({**task, "SLURM_ARRAY_TASK_COUNT": "4"}) == Part(1, 4)
+    step = {"SLURM_ARRAY_TASK_ID": "8", "SLURM_ARRAY_TASK_MIN": "4", "SLURM_ARRAY_TASK_STEP": "2"}
+    assert Part.of_slurm({**step, "SLURM_ARRAY_TASK_COUNT": "4"}) == Part(3, 4)
+    with pytest.raises(ValueError, match="SLURM_ARRAY_TASK_COUNT"):
+        Part.of_slurm(task)
+
+
+def test_globs_are_expanded_and_sorted(tmp_path):
+    for name in ("b/1.npy", "a/2.npy", "a/1.npy"):
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.touch()
+    found = find_captures([f"{tmp_path}/*/1.npy", f"{tmp_path}/a/*.npy"])
+    assert [Path(each).relative_to(tmp_path).as_posix() for each in found] == [
+        "a/1.npy",
+        "b/1.npy",
+        "a/2.npy",
+    ]
+    with pytest.raises(FileNotFoundError, match="matches nothing"):
+        find_captures([f"{tmp_path}/*.bin"])
+
+
+def test_a_file_whose_name_looks_like_a_glob_is_a_file(tmp_path):
+    path = tmp_path / "a[1].npy"
+    path.touch()
+    assert find_captures([str(path)]) == [str(path)]
+
+
+def test_names_are_different():
+    assert name_captures(["x/a.npy", "x/a.npy.gz"]) == ["a.npy", "a.npy.gz"]
+    assert name_captures(["https://host/d/a.npy", "https://host/d/b.npy"]) == ["a", "b"]
+
+
+def test_several_captures_need_a_place_for_their_names():
+    with pytest.raises(ValueError, match=r"such as out/\{name\}.zarr"):
+        name_outputs(Path("out/video.zarr"), ["a", "b"])
+    assert name_outputs(Path("video.zarr"), ["a"]) == [Path("video.zarr")]

@@ -1,0 +1,105 @@
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.dask import estimator, reconstruction
+from jotlight.evaluation.methods import METHODS
+
+pytestmark = pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
+
+
+@pytest.fixture(scope="module")
+def bits():
+    image = jl.datasets.photograph("camera")[::8, ::8]
+    return jl.Sensor(frames=64).expose(image, rng=0)
+
+
+@pytest.mark.parametrize(
+    "method", ["mle", "network-small", "network-medium", "noniterative-gaussian"]
+)
+@pytest.mark.parametrize("chunk", [7, 64])
+def test_each_image_is_that_of_reconstruct(bits, method, chunk):
+    x = bits.to_dask(chunk)
+    video = jl.dask.reconstruct(x, bits.sensor, 16, 12, method=method).compute()
+    sensor = bits.sensor.replace(frames=16)
+    for image, part in zip(video, bits.windows(16, 12), strict=True):
+        expected = jl.reconstruct(part.counts(), sensor, method=method)
+        np.testing.assert_array_equal(image, expected)
+
+
+def test_color_videos_have_channels_last():
+    rng = np.random.default_rng(0)
+    bits = jl.Bits.from_array(rng.random((16, 24, 32, 3)) < 0.4, jl.Sensor(frames=16))
+    video = jl.dask.reconstruct(bits, window=8, quality="medium").compute()
+    expected = jl.reconstruct(bits[:8].counts(), jl.Sensor(frames=8), channel_axis=-1)
+    np.testing.assert_array_equal(video[0], expected)
+
+
+@pytest.mark.parametrize(
+    ("method", "exact"), [("mle", True), ("network-small", True), ("network-medium", False)]
+)
+def test_tiles_of_large_images_are_those_of_the_image(bits, method, exact, monkeypatch):
+    whole = jl.dask.reconstruct(bits, window=16, method=method).compute()
+    monkeypatch.setattr(reconstruction, "_MAX_PIXELS", 100)
+    monkeypatch.setattr(reconstruction, "_TILE", 48)
+    tiled = jl.dask.reconstruct(bits, window=16, method=method)
+    assert len(tiled.chunks[1]) == 2
+    np.testing.assert_allclose(tiled.compute(), whole, rtol=0, atol=0 if exact else 2e-6)
+    again = jl.dask.reconstruct(bits.to_dask(9), bits.sensor, 16, method=method)
+    np.testing.assert_array_equal(again.compute(), tiled.compute())
+
+
+def test_sensors_with_maps_are_not_tiled(monkeypatch, bits):
+    monkeypatch.setattr(reconstruction, "_MAX_PIXELS", 100)
+    mask = np.zeros((64, 64), bool)
+    mask[20, 30] = True
+    sensor = bits.sensor.replace(mask=mask)
+    video = jl.dask.reconstruct(bits, sensor, 32, method="mle").compute()
+    expected = jl.mle(bits[:32].counts(), sensor.replace(frames=32))
+    np.testing.assert_array_equal(video[0], expected)
+
+
+def test_a_network_of_the_caller(bits):
+    network = jl.pretrained(jl.Sensor(frames=16), "small")
+    video = jl.dask.reconstruct(bits, window=16, method=network).compute()
+    named = jl.dask.reconstruct(bits, window=16, quality="small").compute()
+    np.testing.assert_array_equal(video, named)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "network-smal"}, "did you mean"),
+        ({"method": "mle", "quality": "small"}, "quality"),
+        ({"quality": "tiny"}, "expected one of"),
+        ({"method": "mle", "weight": 1.0}, "weight"),
+        ({"method": max}, "method: expected"),
+        ({"quality": "small", "window": 20}, "no trained network"),
+        ({"window": 65}, "window"),
+    ],
+)
+def test_bad_options_are_refused_before_work(bits, options, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        jl.dask.reconstruct(bits, **{"window": 16, **options})
+
+
+def test_bits_without_a_sensor_are_refused(bits):
+    with pytest.raises(TypeError, match="sensor: expected a jotlight"):
+        jl.dask.reconstruct(bits.to_dask(), window=16)
+
+
+def test_masks_of_jots_need_pixels_of_one_jot():
+    mask = np.zeros((8, 8), bool)
+    mask[0, 0] = True
+    sensor = jl.Sensor(oversampling=2, frames=4, mask=mask)
+    bits = jl.Bits.from_array(np.ones((4, 8, 8), bool), sensor)
+    with pytest.raises(ValueError, match="oversampling=1"):
+        jl.dask.reconstruct(bits, window=2)
+
+
+def test_only_methods_with_a_known_halo_are_tiled():
+    sensor = jl.Sensor(frames=16)
+    assert estimator.choose_estimator(sensor, "mle").halo == 0
+    assert estimator.choose_estimator(sensor, "network-small").halo == 8
+    assert estimator.choose_estimator(sensor, "held-out").halo is None
+    assert set(METHODS) >= {"mle", "held-out"}

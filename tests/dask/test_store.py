@@ -1,0 +1,140 @@
+import json
+import shutil
+
+import numpy as np
+import pytest
+import zarr
+
+from jotlight.dask.store import AnotherRunError, VideoStore, open_unfinished, read_record
+
+RUN = {"method": "mle", "values": "float32"}
+FACTS = {"crc32": "00000000", "bytes": 0, "minimum": 0.0, "maximum": 1.0}
+
+
+def store_at(path, run=RUN, **changes):
+    values = {"shape": (5, 3, 4), "dtype": "float32", "group": 2, **changes}
+    return VideoStore(path, run, **values)
+
+
+def fill(store, groups=None):
+    store.create()
+    for group in range(store.groups) if groups is None else groups:
+        for index in store.images_of(group):
+            store.write_image(index, np.full(store.shape[1:], index, store.dtype))
+        store.mark(group, FACTS)
+
+
+@pytest.mark.parametrize(("dtype", "shape"), [("float32", (5, 3, 4)), ("int32", (5, 3, 4, 2))])
+def test_the_zarr_library_reads_what_was_written(tmp_path, dtype, shape):
+    store = store_at(tmp_path / "v.zarr", dtype=dtype, shape=shape)
+    fill(store)
+    store.finish()
+    array = zarr.open_array(str(store.path), mode="r")
+    assert array.shape == shape
+    assert array.chunks == (1, *shape[1:])
+    assert array.dtype == dtype
+    np.testing.assert_array_equal(
+        array[:, 0, 0].ravel()[:: shape[-1] if len(shape) > 3 else 1], np.arange(5)
+    )
+    assert array.attrs["jotlight"]["run"] == RUN
+    assert not store.part.exists()
+
+
+def test_a_flipped_bit_is_detected(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store)
+    store.finish()
+    path = store.path / "c/1/0/0"
+    content = bytearray(path.read_bytes())
+    content[7] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match="checksum"):
+        zarr.open_array(str(store.path), mode="r")[1]
+
+
+def test_an_unfinished_store_continues(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store, [1])
+    assert store.missing() == [0, 2]
+    assert not store.is_complete()
+    with pytest.raises(ValueError, match="2 of its 3 groups of images are missing"):
+        store.finish()
+    again = open_unfinished(store.part)
+    assert again == store
+    fill(again, [0, 2])
+    again.finish()
+    assert store.is_complete()
+    assert read_record(store.path)["maximum"] == 1.0
+
+
+def test_finishing_twice_is_harmless(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store)
+    part = tmp_path / "copy"
+    shutil.copytree(store.part, part)
+    store.finish()
+    part.rename(store.part)  # as if the process was killed before it deleted the folder
+    store.finish()
+    assert not store.part.exists()
+
+
+def test_another_run_is_refused_finished_or_not(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    other = store_at(tmp_path / "v.zarr", {**RUN, "method": "network-small"})
+    store.create()
+    with pytest.raises(AnotherRunError, match='its method is "mle", not "network-small"'):
+        other.create()
+    fill(store)
+    store.finish()
+    with pytest.raises(AnotherRunError, match='its method is "mle", not "network-small"'):
+        other.create()
+
+
+def test_an_image_that_was_damaged_before_the_end_is_made_again(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store)
+    for index, content in ((1, b"short"), (4, bytes(3 * 4 * 4 + 4))):
+        (store.part / f"video.zarr/c/{index}/0/0").write_bytes(content)
+    with pytest.raises(ValueError, match="2 of its images were damaged"):
+        store.finish()
+    assert store.missing() == [0, 2]
+    fill(store, [0, 2])
+    store.finish()
+    assert store.is_complete()
+
+
+def test_other_folders_and_files_are_refused(tmp_path):
+    path = tmp_path / "v.zarr"
+    zarr.create_array(str(path), shape=(3,), dtype="u1")
+    with pytest.raises(AnotherRunError, match="not the result of such a run"):
+        store_at(path).is_complete()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "[]",
+        '{"run": 3}',
+        '{"run": {"values": "object"}, "group": 1, "shape": [1, 1, 1]}',
+        '{"run": {"values": "int32"}, "group": 0, "shape": [1, 1, 1]}',
+        '{"run": {"values": "int32"}, "group": 1, "shape": [1, -1, 1]}',
+    ],
+)
+def test_damaged_unfinished_stores_are_refused(tmp_path, content):
+    part = tmp_path / "v.zarr.part"
+    part.mkdir()
+    (part / "run.json").write_text(content)
+    with pytest.raises(ValueError, match="damaged"):
+        open_unfinished(part)
+
+
+def test_a_run_continues_with_the_groups_it_began_with(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    assert store.resumed() is store
+    store.create()
+    stored = json.loads((tmp_path / "v.zarr.part" / "run.json").read_text())
+    assert stored == {"run": RUN, "group": 2, "shape": [5, 3, 4]}
+    assert store_at(tmp_path / "v.zarr", group=3).resumed() == store
+    other = store_at(tmp_path / "v.zarr", {**RUN, "method": "x"})
+    assert other.resumed() is other

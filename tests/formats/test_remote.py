@@ -1,0 +1,198 @@
+import gc
+import pickle
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.formats import stubs
+from jotlight.formats.locations import expand, file_state, is_glob, is_url
+from servers import http_server, s3_server
+
+pytest.importorskip("fsspec")
+
+# aiohttp and botocore issue warnings of their own.
+pytestmark = pytest.mark.filterwarnings("ignore")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("remote")
+    mask = np.zeros((32, 61), bool)
+    mask[3, 5] = True
+    rng = np.random.default_rng(0)
+    frames = rng.random((3000, 32, 61)) < 0.3
+    sensor = jl.Sensor(frames=3000, mask=mask)
+    bits = jl.Bits.from_array(frames, sensor)
+    jl.save(bits, folder / "capture.npy")
+    jl.save(bits[:50], folder / "small.npy.gz")
+    jl.save(bits[:50], folder / "array.zarr")
+    raw = jl.Bits.from_array(rng.random((64, 256, 512)) < 0.3)
+    jl.save(raw, folder / "raw.bin", format="swissspad2")
+    return folder
+
+
+@pytest.fixture
+def server(folder):
+    with http_server(folder) as server:
+        yield server
+
+
+def packed(bits):
+    return np.asarray(bits.packed)
+
+
+@pytest.mark.parametrize("name", ["capture.npy", "small.npy.gz"])
+def test_captures_at_urls_are_those_of_files(folder, server, name):
+    local, found = jl.open(folder / name), jl.open(f"{server.url}/{name}")
+    assert found.shape == local.shape
+    assert found.sensor == local.sensor
+    assert found.provenance == local.provenance
+    np.testing.assert_array_equal(packed(found), packed(local))
+
+
+def test_only_the_frames_that_are_used_are_read(server):
+    bits = jl.open(f"{server.url}/capture.npy")
+    opened = sum(size or 0 for path, size in server.requests if path == "/capture.npy")
+    assert opened <= 1 << 17
+    server.requests.clear()
+    bits[1000:1010].counts()
+    assert [(path, size) for path, size in server.requests if size] == [
+        ("/capture.npy", bits.packed[:10].nbytes)
+    ]
+
+
+def test_raw_frames_at_urls_are_read_in_ranges(folder, server):
+    local = jl.open(folder / "raw.bin", format="swissspad2")
+    found = jl.open(f"{server.url}/raw.bin", format="swissspad2")
+    np.testing.assert_array_equal(packed(found), packed(local))
+    assert all(size for path, size in server.requests if path == "/raw.bin" and size is not None)
+
+
+def test_a_server_without_ranges_is_refused(folder):
+    with http_server(folder, ranges=False) as server, pytest.raises(OSError, match=r"capture\.npy"):
+        jl.open(f"{server.url}/capture.npy").counts()
+
+
+def test_a_copy_of_the_bits_opens_the_url_again(server):
+    bits = jl.open(f"{server.url}/capture.npy")
+    data = pickle.dumps(bits)
+    assert len(data) < 10_000
+    np.testing.assert_array_equal(packed(pickle.loads(data)), packed(bits))
+
+
+def test_lazy_arrays_read_ranges(folder, server):
+    found = jl.dask.count(jl.open(f"{server.url}/capture.npy").to_dask("64KiB"), 100, width=61)
+    local = jl.dask.count(jl.open(folder / "capture.npy"), 100)
+    np.testing.assert_array_equal(found.compute(), local.compute())
+
+
+def test_conversions_compare_checksums(server, tmp_path):
+    bits = jl.open(f"{server.url}/capture.npy")
+    jl.save(bits, tmp_path / "copy.npy")
+    np.testing.assert_array_equal(packed(jl.open(tmp_path / "copy.npy")), packed(bits))
+
+
+def test_temporary_files_are_deleted_with_the_bits(server):
+    bits = jl.open(f"{server.url}/capture.npy")
+    paths = list(stubs._remote)
+    assert len(paths) == 1
+    assert Path(paths[0]).exists()
+    del bits
+    gc.collect()
+    assert stubs._remote == {}
+    assert not Path(paths[0]).exists()
+
+
+def test_missing_files_and_servers(server):
+    with pytest.raises(FileNotFoundError, match="there is no file http"):
+        jl.open(f"{server.url}/missing.npy")
+    with pytest.raises(OSError, match=r"http://127.0.0.1:9/a\.npy"):
+        jl.open("http://127.0.0.1:9/a.npy")
+    with pytest.raises(ValueError, match="cannot be opened"):
+        jl.open("nosuch://host/a.npy")
+
+
+def test_options_of_urls_are_refused_for_files(folder):
+    with pytest.raises(ValueError, match="storage_options: are for URLs"):
+        jl.open(folder / "capture.npy", storage_options={"anon": True})
+
+
+def test_globs_open_many_captures(folder, tmp_path):
+    for name in ("b", "a"):
+        jl.save(jl.Bits.from_array(np.ones((2, 4, 8), bool)), tmp_path / f"{name}.npy")
+    found = jl.open(f"{tmp_path}/*.npy")
+    assert [bits.provenance.name for bits in found] == ["a.npy", "b.npy"]
+    with pytest.raises(FileNotFoundError, match="matches nothing"):
+        jl.open(f"{tmp_path}/*.bin")
+
+
+@pytest.mark.parametrize(
+    ("path", "url", "glob"),
+    [
+        ("s3://bucket/*.npy", True, True),
+        ("s3://bucket/a.npy", True, False),
+        ("simplecache::s3://bucket/a.npy", True, False),
+        ("https://host/a.npy?x=1", True, False),
+        ("captures/a?.npy", False, True),
+        ("C:\\data\\a.npy", False, False),
+    ],
+)
+def test_urls_and_globs_are_recognized(path, url, glob):
+    assert (is_url(path), is_glob(path)) == (url, glob)
+
+
+def test_a_file_at_a_url_that_changed_is_refused(tmp_path):
+    np.save(tmp_path / "a.npy", np.zeros((9000, 4, 8), np.uint8))
+    with http_server(tmp_path) as server:
+        data = pickle.dumps(jl.open(f"{server.url}/a.npy", counts=False))
+        np.save(tmp_path / "a.npy", np.zeros((8000, 4, 8), np.uint8))
+        with pytest.raises(ValueError, match="has changed"):
+            pickle.loads(data)
+
+
+@pytest.fixture(scope="module")
+def bucket(folder):
+    """Return the storage options of a bucket with the files of the folder."""
+    pytest.importorskip("moto")
+    s3fs = pytest.importorskip("s3fs")
+    with s3_server() as endpoint, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        options = {"key": "test", "secret": "test", "endpoint_url": endpoint}
+        fs = s3fs.S3FileSystem(**options)
+        fs.mkdir("bucket")
+        fs.put(str(folder), "bucket/day", recursive=True)
+        yield options
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["capture.npy", "small.npy.gz", "array.zarr"])
+def test_captures_on_s3(folder, bucket, name):
+    local = jl.open(folder / name)
+    found = jl.open(f"s3://bucket/day/{name}", storage_options=bucket)
+    assert found.sensor == local.sensor
+    np.testing.assert_array_equal(packed(found), packed(local))
+    np.testing.assert_array_equal(packed(pickle.loads(pickle.dumps(found))), packed(local))
+
+
+@pytest.mark.slow
+def test_globs_on_s3(bucket):
+    assert expand("s3://bucket/day/cap*.npy", bucket) == [
+        "s3://bucket/day/capture.mask.npy",
+        "s3://bucket/day/capture.npy",
+    ]
+    size, _ = file_state("s3://bucket/day/capture.npy", bucket)
+    assert size == 3000 * 32 * 8 + 128
+
+
+@pytest.mark.slow
+def test_credentials_that_fail(bucket, monkeypatch):
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_PROFILE"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
+    monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", "/nonexistent")
+    options = {"endpoint_url": bucket["endpoint_url"], "skip_instance_cache": True}
+    with pytest.raises(PermissionError, match=r"access was denied .* check the credentials"):
+        jl.open("s3://bucket/day/capture.npy", storage_options=options)
