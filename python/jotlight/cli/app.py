@@ -29,6 +29,7 @@ from jotlight.cli.signals import (
 )
 from jotlight.cli.simulate import simulate
 from jotlight.cli.train import train
+from jotlight.cli.view import view
 
 COMMANDS: tuple[Callable[..., None], ...] = (
     demo,
@@ -44,6 +45,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     plan,
     info,
     convert,
+    view,
 )
 """All commands, in the order of the help page."""
 

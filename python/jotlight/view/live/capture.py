@@ -1,0 +1,150 @@
+"""A capture that grows while it is viewed."""
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.sensor import Sensor
+from jotlight.view.live.ring import FrameRing
+from jotlight.view.live.tails import Tail
+from jotlight.view.viewed import Opening, image_shape
+
+_MAX_BATCH_BYTES = 1 << 22
+"""Maximum number of bytes that are decoded at once."""
+
+
+class LiveCapture:
+    """The frames that a camera writes now, of which the newest ones are in memory.
+
+    A thread reads all frames as fast as they arrive, whatever the page does.
+
+    Parameters
+    ----------
+    title : str
+    ring : FrameRing
+    sensor : Sensor
+        The sensor of one frame.
+    provenance : Provenance
+    is_range_known : bool
+        Whether the user states the largest intensity.
+    """
+
+    is_live = True
+
+    def __init__(
+        self,
+        title: str,
+        ring: FrameRing,
+        sensor: Sensor,
+        provenance: Provenance,
+        *,
+        is_range_known: bool = False,
+    ) -> None:
+        self.title, self.provenance = title, provenance
+        self.opening = Opening()
+        self.is_range_known = is_range_known
+        self.ring = ring
+        self.dropped = 0
+        """Number of frames that were never read, or are missing in the capture."""
+        self.ended = False
+        self.problem: str | None = None
+        self.stop = threading.Event()
+        self._sensor = sensor
+        self._thread: threading.Thread | None = None
+
+    @property
+    def frames(self) -> range:
+        """The frames in memory."""
+        return self.ring.frames
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(H, W): the shape of an image, in pixels."""
+        return image_shape((1, self.ring.shape[0], self.ring.width), self._sensor)
+
+    def sensor(self, number: int) -> Sensor:
+        """Return the sensor of a window of `number` frames."""
+        return self._sensor.replace(frames=number)
+
+    def part(self, frames: range) -> Bits:
+        """Return a copy of a window of frames."""
+        return Bits(self.ring.read(frames), self.ring.width, self.sensor(len(frames)))
+
+    def facts(self) -> dict[str, Any]:
+        """Return the available frames, and how many were dropped."""
+        frames = self.frames
+        return {
+            "first": frames.start,
+            "end": frames.stop,
+            "dropped": self.dropped,
+            "ended": self.ended,
+            "problem": self.problem,
+            "rates": self.ring.rates(),
+        }
+
+    def start(self, work: Callable[["LiveCapture"], None]) -> None:
+        """Run a function in a thread, which adds frames until it returns or fails."""
+
+        def run() -> None:
+            try:
+                work(self)
+            except (OSError, ValueError) as error:
+                self.problem = str(error)
+            self.ended = True
+
+        self._thread = threading.Thread(target=run, daemon=True, name="jotlight-live")
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop reading."""
+        self.stop.set()
+        if self._thread is not None:
+            self._thread.join(1.0)
+
+
+def read_stream(
+    capture: LiveCapture,
+    tail: Tail,
+    frame_bytes: int,
+    decode: Callable[[npt.NDArray[np.uint8]], npt.NDArray[np.uint8]],
+) -> None:
+    """Add the frames of a stream of bytes until it ends.
+
+    If more frames wait than the memory holds, the oldest ones of a file are dropped and counted.
+
+    Parameters
+    ----------
+    capture : LiveCapture
+    tail : Tail
+        The bytes. Frames follow each other without gaps.
+    frame_bytes : int
+        Size of a frame.
+    decode : callable
+        A function that returns packed frames (n, H, W / 8) for bytes (n, frame_bytes).
+    """
+    ring = capture.ring
+    number = max(1, min(ring.capacity // 2, _MAX_BATCH_BYTES // frame_bytes))
+    buffer = np.empty(number * frame_bytes, np.uint8)
+    filled = 0
+    while not capture.stop.is_set():
+        if filled == 0 and (skipped := tail.skip(ring.capacity * frame_bytes, frame_bytes)):
+            capture.dropped += skipped
+            ring.skip(skipped)
+        try:
+            filled += tail.read(buffer.data[filled:])
+        except EOFError:
+            if filled:
+                capture.problem = f"the last frame is not complete: {filled} of {frame_bytes} bytes"
+            return
+        whole = filled // frame_bytes
+        if whole:
+            used = whole * frame_bytes
+            ring.append(decode(buffer[:used].reshape(whole, frame_bytes)))
+            rest = filled - used
+            buffer[:rest] = buffer[used:filled].copy()
+            filled = rest
