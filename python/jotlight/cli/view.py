@@ -71,8 +71,9 @@ def view(
     data: Annotated[
         Path,
         Parameter(
+            allow_leading_hyphen=True,
             help="A capture of bits or counts: a file or a folder; - with --follow for standard "
-            "input."
+            "input.",
         ),
     ],
     /,

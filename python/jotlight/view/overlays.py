@@ -85,10 +85,9 @@ def find_saturated(estimate: Estimate) -> Map:
         trials = live.astype(np.float64) * sensor.frames
     if isinstance(trials, np.ndarray) and trials.ndim < estimate.counts.ndim:
         trials = trials[..., None]
-    saturated = np.asarray((estimate.counts >= trials) & (np.asarray(trials) > 0))
-    if saturated.ndim == 3:
-        saturated = saturated.any(axis=2)
-    return np.asarray(saturated, np.uint8)
+    saturated = (estimate.counts >= trials) & (np.asarray(trials) > 0)
+    is_color = estimate.counts.ndim == 3
+    return np.asarray(np.any(saturated, axis=2) if is_color else saturated, np.uint8)
 
 
 def find_errors(estimate: Estimate) -> tuple[Map, dict[str, Any]]:

@@ -13,6 +13,7 @@ def recipe(viewed: Viewable, state: ViewState) -> dict[str, str | None]:
 
     Examples
     --------
+    >>> from jotlight.sensing.sensor import Sensor
     >>> from jotlight.view.viewed import Viewed
     >>> opening = Opening("a capture.npy", ("--gain", "2.0"), {}, ("sensor = jl.Sensor()",))
     >>> bits = Sensor(frames=8).expose([[0.5, 0.5]], rng=0)

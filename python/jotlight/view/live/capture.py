@@ -4,18 +4,12 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.live.ring import FrameRing
 from jotlight.view.live.tails import Tail
 from jotlight.view.viewed import Opening, image_shape
-
-_MAX_BATCH_BYTES = 1 << 22
-"""Maximum number of bytes that are decoded at once."""
 
 
 class LiveCapture:
@@ -65,7 +59,8 @@ class LiveCapture:
     @property
     def shape(self) -> tuple[int, ...]:
         """(H, W): the shape of an image, in pixels."""
-        return image_shape((1, self.ring.shape[0], self.ring.width), self._sensor)
+        layout = self.ring.layout
+        return image_shape((1, layout.shape[0], layout.width), self._sensor)
 
     def sensor(self, number: int) -> Sensor:
         """Return the sensor of a window of `number` frames."""
@@ -73,7 +68,7 @@ class LiveCapture:
 
     def part(self, frames: range) -> Bits:
         """Return a copy of a window of frames."""
-        return Bits(self.ring.read(frames), self.ring.width, self.sensor(len(frames)))
+        return Bits(self.ring.read(frames), self.ring.layout.width, self.sensor(len(frames)))
 
     def facts(self) -> dict[str, Any]:
         """Return the available frames, and how many were dropped."""
@@ -107,44 +102,24 @@ class LiveCapture:
             self._thread.join(1.0)
 
 
-def read_stream(
-    capture: LiveCapture,
-    tail: Tail,
-    frame_bytes: int,
-    decode: Callable[[npt.NDArray[np.uint8]], npt.NDArray[np.uint8]],
-) -> None:
-    """Add the frames of a stream of bytes until it ends.
+def read_stream(capture: LiveCapture, tail: Tail) -> None:
+    """Add the frames of a stream of bytes, which follow each other without gaps, until it ends.
 
-    If more frames wait than the memory holds, the oldest ones of a file are dropped and counted.
-
-    Parameters
-    ----------
-    capture : LiveCapture
-    tail : Tail
-        The bytes. Frames follow each other without gaps.
-    frame_bytes : int
-        Size of a frame.
-    decode : callable
-        A function that returns packed frames (n, H, W / 8) for bytes (n, frame_bytes).
+    If more frames of a file wait than the memory holds, the oldest ones are dropped and counted.
     """
     ring = capture.ring
-    number = max(1, min(ring.capacity // 2, _MAX_BATCH_BYTES // frame_bytes))
-    buffer = np.empty(number * frame_bytes, np.uint8)
-    filled = 0
     while not capture.stop.is_set():
-        if filled == 0 and (skipped := tail.skip(ring.capacity * frame_bytes, frame_bytes)):
-            capture.dropped += skipped
-            ring.skip(skipped)
+        if ring.partial_bytes == 0:
+            skipped = tail.skip(ring.capacity * ring.frame_bytes, ring.frame_bytes)
+            if skipped:
+                capture.dropped += skipped
+                ring.skip(skipped)
         try:
-            filled += tail.read(buffer.data[filled:])
+            ring.commit(tail.read(ring.reserve()))
         except EOFError:
-            if filled:
-                capture.problem = f"the last frame is not complete: {filled} of {frame_bytes} bytes"
+            if ring.partial_bytes:
+                capture.problem = (
+                    f"the last frame is not complete: {ring.partial_bytes} of "
+                    f"{ring.frame_bytes} bytes"
+                )
             return
-        whole = filled // frame_bytes
-        if whole:
-            used = whole * frame_bytes
-            ring.append(decode(buffer[:used].reshape(whole, frame_bytes)))
-            rest = filled - used
-            buffer[:rest] = buffer[used:filled].copy()
-            filled = rest

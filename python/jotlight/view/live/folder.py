@@ -100,7 +100,7 @@ def as_bits(opened: Capture, path: Path) -> Bits:
 
 def add_frames(capture: LiveCapture, bits: Bits, path: Path) -> None:
     """Add all frames of a file."""
-    expected = (*capture.ring.shape, capture.ring.width)
+    expected = (*capture.ring.layout.shape, capture.ring.layout.width)
     if (*bits.packed.shape[1:], bits.width) != expected:
         height, width = bits.shape[1:]
         raise ValueError(

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from jotlight.calibration import Calibration
 from jotlight.formats.format import FrameLayout
 from jotlight.formats.reading import open_capture
 from jotlight.formats.registry import FORMATS
+from jotlight.sensing.frames import Packed
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.live.capture import LiveCapture, read_stream
@@ -76,7 +76,12 @@ def _parse_shape(text: str) -> FrameLayout:
     row_bytes = -(-width // 8)
     if not 0 < height * row_bytes <= _MAX_FRAME_BYTES:
         raise ValueError(f"shape: expected rows and columns such as 256x512, got {text!r}")
-    return FrameLayout((height, row_bytes), width, lambda raw: raw.reshape(-1, height, row_bytes))
+    return FrameLayout((height, row_bytes), width, _packed(height, row_bytes))
+
+
+def _packed(height: int, row_bytes: int) -> Callable[[Packed], Packed]:
+    """Return the function that decodes frames which are packed already."""
+    return lambda raw: raw.reshape(-1, height, row_bytes)
 
 
 def open_live(
@@ -126,17 +131,16 @@ def open_live(
         if layout is None:
             layout = _read_npy_header(tail, path, stop), "npy"
         frames, name = layout
-        size = frames.shape[0] * frames.shape[1]
         if isinstance(tail, FileTail):
-            first = tail.skip(options.history << 20, size)
-        ring = FrameRing(frames.shape, frames.width, options.history << 20, first)
-        work = partial(read_stream, tail=tail, frame_bytes=size, decode=frames.decode)
+            first = tail.skip(options.history << 20, frames.shape[0] * frames.shape[1])
+        ring = FrameRing(frames, options.history << 20, first)
+        work = partial(read_stream, tail=tail)
     if calibration is not None:
-        calibration.check_capture((ring.shape[0], ring.width), None)
+        calibration.check_capture((ring.layout.shape[0], ring.layout.width), None)
         sensor = calibration.sensor(**sensor_kwargs)
     else:
         sensor = Sensor(**sensor_kwargs)
-    sensor.check_map_shapes(ring.shape[0], ring.width)
+    sensor.check_map_shapes(ring.layout.shape[0], ring.layout.width)
     title = "standard input" if path == STANDARD_INPUT else path.name
     provenance = Provenance(name, title, ("followed while it grows",))
     live = LiveCapture(title, ring, sensor, provenance, is_range_known=is_range_known)
@@ -160,7 +164,8 @@ def _open_folder(
     key, file = files[max(0, len(files) - 2)]
     bits = as_bits(open_file(file), file)
     height, row_bytes = bits.packed.shape[1:3]
-    ring = FrameRing((height, row_bytes), bits.width, options.history << 20)
+    layout = FrameLayout((height, row_bytes), bits.width, _packed(height, row_bytes))
+    ring = FrameRing(layout, options.history << 20)
 
     def work(capture: LiveCapture) -> None:
         add_frames(capture, bits, file)
@@ -209,10 +214,7 @@ def _read_npy_header(tail: FileTail | PipeTail, path: Path, stop: threading.Even
     if not is_cube or not 0 < height * row_bytes <= _MAX_FRAME_BYTES:
         raise ValueError(expected)
 
-    def decode(raw: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-        return raw.reshape(-1, height, row_bytes)
-
-    return FrameLayout((height, row_bytes), 8 * row_bytes, decode)
+    return FrameLayout((height, row_bytes), 8 * row_bytes, _packed(height, row_bytes))
 
 
 def _read_bytes(tail: FileTail | PipeTail, size: int) -> bytes:

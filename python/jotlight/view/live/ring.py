@@ -1,57 +1,57 @@
 """The most recent frames of a live capture, in a fixed amount of memory."""
 
-import bisect
 import threading
 from collections import deque
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.formats.format import FrameLayout
 from jotlight.sensing.bits import Bits
 from jotlight.view.viewed import FramesGoneError
 
-_MAX_BATCHES = 1 << 13
-"""Maximum number of batches whose ones are kept for the plot of the firing rate."""
-
 _POINTS = 512
+"""Maximum number of points of the plot of the firing rate."""
+
+_MAX_CHUNK_BYTES = 1 << 20
+"""Maximum number of bytes that are read at once."""
 
 
 class FrameRing:
-    """The newest frames, which replace the oldest ones.
+    """The newest frames, which replace the oldest ones. They are decoded when they are viewed.
+
+    A reader writes bytes into the memory that :meth:`reserve` returns, and then calls
+    :meth:`commit`.
 
     Parameters
     ----------
-    shape : tuple of int
-        (H, ceil(W / 8)): the shape of a packed frame.
-    width : int
-        W.
+    layout : FrameLayout
+        The layout of a raw frame.
     max_bytes : int
-        Memory for frames. At least two frames are kept.
+        Memory for frames. At least four frames are kept.
     first : int
         Number of the first frame that will be added.
 
     Examples
     --------
-    >>> ring = FrameRing((1, 1), 8, max_bytes=3)
-    >>> for value in range(5):
+    >>> ring = FrameRing(FrameLayout((1, 1), 8, lambda raw: raw.reshape(-1, 1, 1)), max_bytes=4)
+    >>> for value in range(6):
     ...     ring.append(np.full((1, 1, 1), value, np.uint8))
-    >>> ring.frames, ring.read(range(3, 5)).ravel().tolist()
-    (range(2, 5), [3, 4])
+    >>> ring.frames, ring.read(range(4, 6)).ravel().tolist()
+    (range(2, 6), [4, 5])
     """
 
-    def __init__(self, shape: tuple[int, int], width: int, max_bytes: int, first: int = 0) -> None:
-        self.shape, self.width = shape, width
-        size = max(1, shape[0] * shape[1])
-        self._frames = np.zeros((max(2, max_bytes // size), *shape), np.uint8)
-        self._first = self._end = first
-        self._lock = threading.Lock()
-        self._ends: deque[int] = deque([first], _MAX_BATCHES)
-        self._ones: deque[int] = deque([0], _MAX_BATCHES)
-
-    @property
-    def capacity(self) -> int:
+    def __init__(self, layout: FrameLayout, max_bytes: int, first: int = 0) -> None:
+        self.layout = layout
+        self.frame_bytes = layout.shape[0] * layout.shape[1]
+        self.capacity = max(4, max_bytes // self.frame_bytes)
         """Maximum number of frames."""
-        return len(self._frames)
+        self._memory = np.zeros(self.capacity * self.frame_bytes, np.uint8)
+        self._first = self._end = first
+        self._partial = 0
+        self._lock = threading.Lock()
+        self._sample_step = max(1, self.capacity // _POINTS)
+        self._samples: deque[tuple[int, float]] = deque(maxlen=_POINTS)
 
     @property
     def frames(self) -> range:
@@ -59,31 +59,53 @@ class FrameRing:
         with self._lock:
             return range(self._first, self._end)
 
-    def append(self, packed: npt.NDArray[np.uint8]) -> None:
-        """Add frames (n, H, ceil(W / 8)). If there are too many, only the last ones stay."""
-        ones = int(Bits(packed, self.width).counts(1).sum(dtype=np.int64))
-        kept = packed[-self.capacity :]
+    @property
+    def partial_bytes(self) -> int:
+        """Number of bytes of a frame that has not arrived as a whole."""
+        return self._partial
+
+    def reserve(self) -> memoryview:
+        """Return memory for the next bytes. The oldest frames give way to them."""
+        chunk = max(1, min(_MAX_CHUNK_BYTES // self.frame_bytes, self.capacity // 4))
         with self._lock:
-            start = self._end + len(packed) - len(kept)
-            place = start % self.capacity
-            head = min(len(kept), self.capacity - place)
-            self._frames[place : place + head] = kept[:head]
-            self._frames[: len(kept) - head] = kept[head:]
-            self._end += len(packed)
-            self._first = max(self._first, self._end - self.capacity)
-            self._ends.append(self._end)
-            self._ones.append(self._ones[-1] + ones)
+            self._first = max(self._first, self._end + chunk - self.capacity)
+            place = self._end % self.capacity
+            chunk = min(chunk, self.capacity - place)
+        start = place * self.frame_bytes
+        return self._memory[start + self._partial : start + chunk * self.frame_bytes].data
+
+    def commit(self, size: int) -> None:
+        """Add the frames that are complete after `size` more bytes."""
+        whole, partial = divmod(self._partial + size, self.frame_bytes)
+        with self._lock:
+            self._end += whole
+            self._partial = partial
+        last = self._samples[-1][0] if self._samples else -self._sample_step
+        if whole and self._end - 1 >= last + self._sample_step:
+            frame = Bits(self.read(range(self._end - 1, self._end)), self.layout.width)
+            ones = int(frame.counts(1, threads=1).sum(dtype=np.int64))
+            fraction = ones / (self.layout.shape[0] * self.layout.width)
+            self._samples.append((self._end - 1, fraction))
+
+    def append(self, raw: npt.NDArray[np.uint8]) -> None:
+        """Add raw frames, of any shape."""
+        values = np.ascontiguousarray(raw).reshape(-1)
+        while len(values):
+            memory = self.reserve()
+            size = min(len(memory), len(values))
+            memory[:size] = values[:size].data
+            self.commit(size)
+            values = values[size:]
 
     def skip(self, number: int) -> None:
         """Count frames that are never read. Frames before them are no longer available."""
         with self._lock:
             self._end += number
             self._first = self._end
-            self._ends = deque([self._end], _MAX_BATCHES)
-            self._ones = deque([0], _MAX_BATCHES)
+            self._samples.clear()
 
     def read(self, frames: range) -> npt.NDArray[np.uint8]:
-        """Return a copy of some frames.
+        """Return packed frames (n, H, ceil(W / 8)).
 
         Raises
         ------
@@ -96,19 +118,19 @@ class FrameRing:
                     f"frames: {frames.start} to {frames.stop - 1} are not in memory, which has "
                     f"{self._first} to {self._end - 1}; --history keeps more of them"
                 )
-            places = np.arange(frames.start, frames.stop) % self.capacity
-            return self._frames[places]
+            rows = self._memory.reshape(self.capacity, self.frame_bytes)
+            start = frames.start % self.capacity
+            head = rows[start : start + len(frames)]
+            raw = np.concatenate([head, rows[: len(frames) - len(head)]])
+        return self.layout.decode(raw)
 
     def rates(self) -> npt.NDArray[np.float32]:
-        """Return the fraction of ones over time, at most 512 points over the available frames."""
-        with self._lock:
-            ends, ones = list(self._ends), list(self._ones)
-            first, end = max(self._first, ends[0]), self._end
-        start = max(0, bisect.bisect_right(ends, first) - 1)
-        points = min(_POINTS, len(ends) - 1 - start, end - first)
-        if points < 1:
+        """Return the fraction of ones of single frames at equal distances over the frames."""
+        frames = self.frames
+        samples = [each for each in list(self._samples) if each[0] >= frames.start]
+        if len(samples) < 2:
             return np.zeros(0, np.float32)
-        edges = np.linspace(first, end, points + 1)
-        totals = np.interp(edges, ends[start:], ones[start:])
-        jots = self.shape[0] * self.width
-        return (np.diff(totals) / (np.diff(edges) * jots)).astype(np.float32)
+        times, values = zip(*samples, strict=True)
+        edges = np.linspace(frames.start, frames.stop, len(samples) + 1)
+        rates = np.interp((edges[1:] + edges[:-1]) / 2, times, values)
+        return np.asarray(rates, np.float32)
