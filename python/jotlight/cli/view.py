@@ -133,7 +133,7 @@ def _opening(
     """Return how `jotlight reconstruct` and Python open the same capture."""
     frames = parse_frame_range(capture.frame_range) or slice(None)
     words = dataclasses.replace(capture, frame_range=None).to_argv()
-    words += dataclasses.replace(sensor, frames=None).to_argv()
+    words += dataclasses.replace(sensor, frames=None, gain=None).to_argv()
     options = {
         name: getattr(capture, name)
         for name in ("format", "width", "rotate", "flip", "key", "counts", "unpacked")
@@ -141,13 +141,15 @@ def _opening(
     options |= {"counts_scale": capture.counts_scale, "trials": capture.trials}
     arguments = {name: repr(value) for name, value in options.items() if value not in (None, 0)}
     lines = tuple(_sensor_lines(sensor, captured))
-    return Opening(str(path), tuple(words), arguments, lines, frames)
+    has_gain = sensor.gain is not None
+    return Opening(str(path), tuple(words), arguments, lines, frames, has_gain)
 
 
 def _sensor_lines(sensor: CapturedSensorOptions, captured: Captured) -> list[str]:
     """Return lines of Python after which `sensor` is the sensor of `bits`."""
     kwargs = dict(sensor._set())
-    kwargs.pop("frames", None)
+    for name in ("frames", "gain"):  # the page sets those of a window
+        kwargs.pop(name, None)
     imports: list[str] = []
     texts = []
     for name, value in kwargs.items():

@@ -152,7 +152,8 @@ class _Guard:
 
 
 def _query_token(scope: Scope) -> str | None:
-    return Request({**scope, "type": "http"}).query_params.get("token")
+    token: str | None = Request({**scope, "type": "http"}).query_params.get("token")
+    return token
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, reason: str) -> None:

@@ -48,6 +48,8 @@ def _command(viewed: Viewable, state: ViewState) -> str | None:
     words += ["--frame-range", f"{frames.start}:{frames.stop}{step}", *opening.argv]
     if viewed.sensor(1).frames != 1:
         words += ["--frames", str(viewed.sensor(state.window).frames)]
+    if opening.states_gain:
+        words += ["--gain", repr(viewed.sensor(state.window).gain)]
     words += ["--method", state.method, "--curve", state.curve]
     words += ["--white", f"{state.white!r}"] if state.white is not None else []
     words += ["--motion"] if state.align else []
@@ -95,6 +97,8 @@ def _sensor_lines(viewed: Viewable, state: ViewState) -> list[str]:
     lines = list(viewed.opening.sensor_lines)
     number = viewed.sensor(state.window).frames
     changes: dict[str, Any] = {"frames": number}
+    if viewed.opening.states_gain:
+        changes["gain"] = viewed.sensor(state.window).gain
     if state.method in METHODS:
         changes["max_intensity"] = choose(viewed, state.window, state.method).max_intensity
     texts = ", ".join(f"{name}={value!r}" for name, value in changes.items())

@@ -41,6 +41,8 @@ class Opening:
         Lines of Python after which ``sensor`` is the sensor of ``bits``.
     frames : slice
         The frames of the file that the capture has.
+    states_gain : bool
+        Whether the user states the gain. It is that of all frames, so that of a window differs.
     """
 
     path: str | None = None
@@ -48,6 +50,7 @@ class Opening:
     arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
     sensor_lines: tuple[str, ...] = ()
     frames: slice = dataclasses.field(default_factory=lambda: slice(None))
+    states_gain: bool = False
 
 
 class Viewable(Protocol):

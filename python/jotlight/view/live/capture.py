@@ -1,5 +1,6 @@
 """A capture that grows while it is viewed."""
 
+import contextlib
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -107,19 +108,25 @@ def read_stream(capture: LiveCapture, tail: Tail) -> None:
 
     If more frames of a file wait than the memory holds, the oldest ones are dropped and counted.
     """
+    with contextlib.closing(tail):
+        while not capture.stop.is_set():
+            if not _read_once(capture, tail):
+                return
+
+
+def _read_once(capture: LiveCapture, tail: Tail) -> bool:
+    """Add the bytes that have arrived, and return whether more may arrive."""
     ring = capture.ring
-    while not capture.stop.is_set():
-        if ring.partial_bytes == 0:
-            skipped = tail.skip(ring.capacity * ring.frame_bytes, ring.frame_bytes)
-            if skipped:
-                capture.dropped += skipped
-                ring.skip(skipped)
-        try:
-            ring.commit(tail.read(ring.reserve()))
-        except EOFError:
-            if ring.partial_bytes:
-                capture.problem = (
-                    f"the last frame is not complete: {ring.partial_bytes} of "
-                    f"{ring.frame_bytes} bytes"
-                )
-            return
+    if ring.partial_bytes == 0:
+        skipped = tail.skip(ring.capacity * ring.frame_bytes, ring.frame_bytes)
+        if skipped:
+            capture.dropped += skipped
+            ring.skip(skipped)
+    try:
+        ring.commit(tail.read(ring.reserve()))
+    except EOFError:
+        if left := ring.partial_bytes:
+            size = ring.frame_bytes
+            capture.problem = f"the last frame is not complete: {left} of {size} bytes"
+        return False
+    return True

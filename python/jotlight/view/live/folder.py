@@ -72,15 +72,19 @@ def read_folder(
 
 
 def wait_for_file(capture: LiveCapture, path: Path, open_file: Open) -> Bits | None:
-    """Return the bits of a file when it is complete, or None if the capture is closed."""
+    """Return the bits of a file when it is complete.
+
+    Return None if the file disappears, because it gets another name, or if the capture is closed.
+    """
     start = time.monotonic()
     while not capture.stop.is_set():
-        size = path.stat().st_size
-        capture.stop.wait(_STEADY_SECONDS)
-        if size == 0 or size != path.stat().st_size:
-            continue
         try:
-            return as_bits(open_file(path), path)
+            size = path.stat().st_size
+            capture.stop.wait(_STEADY_SECONDS)
+            if size > 0 and size == path.stat().st_size:
+                return as_bits(open_file(path), path)
+        except FileNotFoundError:
+            return None
         except (OSError, ValueError):
             if time.monotonic() - start > _MAX_FAILURES:
                 raise

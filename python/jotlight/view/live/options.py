@@ -129,7 +129,11 @@ def open_live(
         else:
             tail = FileTail(path, stop)
         if layout is None:
-            layout = _read_npy_header(tail, path, stop), "npy"
+            try:
+                layout = _read_npy_header(tail, path), "npy"
+            except ValueError:
+                tail.close()
+                raise
         frames, name = layout
         if isinstance(tail, FileTail):
             first = tail.skip(options.history << 20, frames.shape[0] * frames.shape[1])
@@ -182,7 +186,7 @@ def _wait_for_frame(live: LiveCapture) -> LiveCapture:
     return live
 
 
-def _read_npy_header(tail: FileTail | PipeTail, path: Path, stop: threading.Event) -> FrameLayout:
+def _read_npy_header(tail: FileTail | PipeTail, path: Path) -> FrameLayout:
     """Return the layout of the frames of a .npy, whose header has been read.
 
     Raises

@@ -105,4 +105,5 @@ class PipeTail:
         return 0
 
     def close(self) -> None:
-        """Leave the pipe to the end of the program, because a thread may wait for it."""
+        """Close this copy of the pipe."""
+        self._file.close()
