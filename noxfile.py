@@ -112,12 +112,25 @@ def reproduce(session: nox.Session) -> None:
 
 @nox.session(tags=["release"])
 def browser(session: nox.Session) -> None:
-    """Test the page of the reproduction in a browser."""
+    """Test the pages of the reproduction and of the viewer in a browser."""
     if not any(map(shutil.which, BROWSERS)):
-        session.error(f"none of {', '.join(BROWSERS)} is installed: the page was NOT tested")
+        session.error(f"none of {', '.join(BROWSERS)} is installed: the pages were NOT tested")
     install_wheel(session, extra="test,browser")
+    pages = ("tests/experiments/report", "tests/view")
+    names = [f"{folder}/test_page_browser.py" for folder in pages]
+    session.run("pytest", "-m", "slow", *names, *session.posargs)
+
+
+@nox.session(tags=["release"])
+def napari(session: nox.Session) -> None:
+    """Test the napari plugin in an offscreen Qt."""
+    install_wheel(session, "PyQt6>=6.6", extra="test,napari")
+    # The pytest plugins of napari and npe2 issue warnings, which the tests treat as errors.
+    plugins = ("-p", "no:napari", "-p", "no:npe2")
     session.run(
-        *("pytest", "-m", "slow", "tests/experiments/report/test_page_browser.py"), *session.posargs
+        *("pytest", *plugins, "-m", "slow or not slow", "tests/napari"),
+        *session.posargs,
+        env={"QT_QPA_PLATFORM": "offscreen"},
     )
 
 

@@ -126,6 +126,7 @@ def test_errors_are_those_of_the_library():
     )
 
 
+@pytest.mark.slow
 def test_an_aligned_window_equals_that_of_the_library():
     scene = jl.datasets.moving(
         motion="shake", sensor=jl.Sensor(frames=32), shape=(64, 64), photons=0.5, rng=0

@@ -47,6 +47,11 @@ def get_spad512s_reader(path: Any) -> Reader | None:
     return _get_raw_reader(path, "spad512s")
 
 
+def get_spad512s_sparse_reader(path: Any) -> Reader | None:
+    """Return a function that reads the positions of the ones of SPAD512S."""
+    return _get_raw_reader(path, "spad512s-sparse")
+
+
 def read(path: Any, format: str | None = None) -> list[LayerData]:  # noqa: A002
     """Return the layer of a capture.
 

@@ -119,21 +119,24 @@ class JotlightWidget(widgets.Container):
             return
         self._enable(False)
         self.message.value = "working"
-        worker = create_worker(work, _start_thread=False)
-        worker.returned.connect(self._add)
-        worker.errored.connect(self._fail)
-        self.worker = worker
-        worker.start()
 
-    def _add(self, result: tuple[LayerData, str]) -> None:
-        (data, arguments, _), text = result
+        def run() -> tuple[LayerData | None, str]:
+            try:
+                return work()
+            except (ValueError, TypeError, OSError, ImportError, MemoryError) as error:
+                return None, str(error)  # napari would print a traceback of the error
+
+        create_worker(run, _connect={"returned": self._add})
+
+    def _add(self, result: tuple[LayerData | None, str]) -> None:
         self._enable(True)
+        layer, text = result
+        if layer is None:
+            self.message.value = text
+            return
+        data, arguments, _ = layer
         self.message.value = text or arguments["name"]
         self._viewer.add_image(data, **arguments)
-
-    def _fail(self, error: Exception) -> None:
-        self._enable(True)
-        self.message.value = str(error)
 
     def _enable(self, is_enabled: bool) -> None:
         for button in (self.reconstruct, self.align, self.calibrate, self.measure):

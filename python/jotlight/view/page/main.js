@@ -118,7 +118,7 @@ const handlers = {
   hello(header) {
     const isFirst = capture === null;
     capture = header;
-    if (isFirst) store.begin({ ...header.state, follow: header.live });
+    if (isFirst) store.begin(header);
     controls.begin(header);
     for (const kind of [...stage.overlays.keys()]) stage.removeOverlay(kind);
     drawTime();

@@ -11,6 +11,7 @@ const DEFAULTS = {
   overlays: [],
   follow: false,
 };
+const OVERLAYS = ["jots", "saturated", "uncertainty"];
 const URL_DELAY = 400;
 
 export class Store {
@@ -21,9 +22,18 @@ export class Store {
   }
 
   /** Set the defaults of a capture, and then what the address states. */
-  begin(defaults) {
-    this.defaults = { ...DEFAULTS, ...defaults };
-    this.state = { ...this.defaults, ...this.parse(location.hash.slice(1)) };
+  begin(capture) {
+    this.defaults = { ...DEFAULTS, ...capture.state, follow: capture.live };
+    const stated = this.parse(location.hash.slice(1));
+    // An address of another capture may name methods that do not serve this one.
+    const usable = capture.methods.filter((method) => !method.reason).map((method) => method.name);
+    const choices = { method: usable, compare: usable.slice(1), curve: capture.curves };
+    for (const [name, values] of Object.entries(choices)) {
+      if (!values.includes(stated[name])) delete stated[name];
+    }
+    stated.overlays = (stated.overlays ?? []).filter((kind) => OVERLAYS.includes(kind));
+    if (!(stated.white > 1e-12 && stated.white < 1e12)) delete stated.white;
+    this.state = { ...this.defaults, ...stated };
   }
 
   parse(text) {
