@@ -57,10 +57,19 @@ def display(estimate: Estimate, state: ViewState, white: float) -> Displayed:
     [[0, 64, 128, 255]]
     """
     tone = tone_of(estimate, state, white)
-    shown = tone(_displayable(estimate.image))
-    levels = display_levels(shown, 1.0, 255).astype(np.uint8)
+    if estimate.is_function_of_counts:
+        # The curve is computed once for each number of ones, rather than for each pixel.
+        table = np.zeros(int(estimate.counts.max()) + 1, np.float32)
+        table[estimate.counts] = estimate.image
+        levels = _levels(table, tone)[estimate.counts]
+    else:
+        levels = _levels(_displayable(estimate.image), tone)
     facts = {"curve": tone.curve, "white": white, "axis": _axis(tone)}
     return Displayed(levels, facts)
+
+
+def _levels(image: npt.NDArray[np.float32], tone: Tone) -> Levels:
+    return display_levels(tone(image), 1.0, 255).astype(np.uint8)
 
 
 def _displayable(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

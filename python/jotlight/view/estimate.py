@@ -28,6 +28,10 @@ _FROM_COUNTS = {"mle", "network-small", "network-medium", "network-large"}
 """Methods whose estimate from counts equals that from bits, for jots that are all alike."""
 
 
+_MAX_BRIEF_PIXELS = 1 << 20
+"""Number of pixels whose maximum likelihood one thread finds in a few milliseconds."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Estimate:
     """An image of a window, and how it was made."""
@@ -44,6 +48,12 @@ class Estimate:
     seconds: float
     data: Data
     """The data of the estimate, for its uncertainty."""
+
+    @property
+    def is_function_of_counts(self) -> bool:
+        """Whether pixels with the same number of ones have the same value, in a gray image."""
+        is_pointwise = self.method == COUNTS or (self.method == "mle" and not self.sensor.maps())
+        return is_pointwise and not isinstance(self.trials, np.ndarray) and self.counts.ndim == 2
 
 
 def choose(viewed: Viewable, number: int, method: str) -> Choice:
@@ -130,7 +140,12 @@ def estimate(
     check()
     start = time.perf_counter()
     image = reconstruct(
-        data, sensor, method=method, channel_axis=last_channel_axis(data), **options
+        data,
+        sensor,
+        method=method,
+        channel_axis=last_channel_axis(data),
+        threads=1 if method == "mle" and counts.size <= _MAX_BRIEF_PIXELS else None,
+        **options,
     )
     seconds = time.perf_counter() - start
     ones = counts if merged is None else np.asarray(merged.ones)

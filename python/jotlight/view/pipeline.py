@@ -17,11 +17,8 @@ from jotlight.view.messages import encode
 from jotlight.view.notes import collected
 from jotlight.view.overlays import find_errors, find_saturated
 from jotlight.view.state import COUNTS, ViewState
-from jotlight.view.viewed import CancelledError, count_frames
+from jotlight.view.viewed import MAX_BRIEF_BYTES, CancelledError, count_frames
 from jotlight.view.workshop import Workshop
-
-MAX_PREVIEW_BYTES = 1 << 23
-"""Number of bytes of bits that are counted in a few milliseconds."""
 
 MAX_KEEPING_UP = 0.1
 """Time in seconds of a method whose images follow a moving slider without previews."""
@@ -62,7 +59,7 @@ class Pipeline:
         self._white = 1.0
         part = self.viewed.part(self.viewed.frames[:1])
         size = part.packed.nbytes if isinstance(part, Bits) else part.images.nbytes
-        self._sample_size = max(1, MAX_PREVIEW_BYTES // max(1, size))
+        self._sample_size = max(1, MAX_BRIEF_BYTES // max(1, size))
 
     def takes_long(self, state: ViewState) -> bool:
         """Return whether counting a window takes so long that a part of it is shown first."""

@@ -13,6 +13,12 @@ from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
+MAX_BRIEF_BYTES = 1 << 23
+"""Number of bytes of bits that are read at once, and counted by one thread in a few milliseconds.
+
+On a busy machine, waiting for a second thread takes longer than the work.
+"""
+
 Check = Callable[[], object]
 """A function that raises :class:`CancelledError` when the result is no longer wanted."""
 
@@ -184,5 +190,8 @@ def count_frames(
         check()
 
     if isinstance(part, Bits):
-        return part.counts(viewed.sensor(len(frames)).oversampling, progress=progress)
+        oversampling = viewed.sensor(len(frames)).oversampling
+        if part.packed.nbytes > MAX_BRIEF_BYTES:
+            return part.counts(oversampling, progress=progress)
+        return Bits(np.asarray(part.packed), part.width).counts(oversampling, threads=1)
     return part.sum(progress)

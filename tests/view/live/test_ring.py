@@ -61,7 +61,8 @@ def test_skipped_frames_are_numbered():
     assert (ring.read(range(12, 14)) == 9).all()
 
 
-def test_the_firing_rate_is_that_of_the_frames():
+def test_the_firing_rate_is_that_of_the_frames(monkeypatch):
+    monkeypatch.setattr("jotlight.view.live.ring._SAMPLE_SECONDS", 0)
     ring = FrameRing(LAYOUT, 2000)
     for index in range(600):
         ring.append(np.full((1, 2, 1), 255 if index >= 300 else 1, np.uint8))

@@ -1,19 +1,22 @@
 """The most recent frames of a live capture, in a fixed amount of memory."""
 
 import threading
+import time
 from collections import deque
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.format import FrameLayout
-from jotlight.sensing.bits import Bits
 from jotlight.view.viewed import FramesGoneError
 
 _POINTS = 512
 """Maximum number of points of the plot of the firing rate."""
 
-_MAX_CHUNK_BYTES = 1 << 20
+_SAMPLE_SECONDS = 0.02
+"""Minimum time between two frames whose ones are counted for the plot."""
+
+_MAX_CHUNK_BYTES = 1 << 24
 """Maximum number of bytes that are read at once."""
 
 
@@ -51,6 +54,7 @@ class FrameRing:
         self._partial = 0
         self._lock = threading.Lock()
         self._sample_step = max(1, self.capacity // _POINTS)
+        self._sampled = 0.0
         self._samples: deque[tuple[int, float]] = deque(maxlen=_POINTS)
 
     @property
@@ -81,9 +85,12 @@ class FrameRing:
             self._end += whole
             self._partial = partial
         last = self._samples[-1][0] if self._samples else -self._sample_step
-        if whole and self._end - 1 >= last + self._sample_step:
-            frame = Bits(self.read(range(self._end - 1, self._end)), self.layout.width)
-            ones = int(frame.counts(1, threads=1).sum(dtype=np.int64))
+        now = time.monotonic()
+        is_due = self._end - 1 >= last + self._sample_step
+        if whole and is_due and now >= self._sampled + _SAMPLE_SECONDS:
+            self._sampled = now
+            place = (self._end - 1) % self.capacity * self.frame_bytes
+            ones = int(np.unpackbits(self._memory[place : place + self.frame_bytes]).sum())
             fraction = ones / (self.layout.shape[0] * self.layout.width)
             self._samples.append((self._end - 1, fraction))
 
