@@ -163,14 +163,31 @@ def reproduce(session: nox.Session) -> None:
 
 @nox.session(tags=["release"])
 def browser(session: nox.Session) -> None:
-    """Test the website and the page of the reproduction in a browser."""
+    """Test the website, the page of the reproduction, and the viewer in a browser."""
     if not any(map(shutil.which, BROWSERS)):
         session.error(f"none of {', '.join(BROWSERS)} is installed: no page was tested")
     if not (SITE / "index.html").exists():
         session.error(f"there is no website in {SITE}: run `nox -s gallery` first")
     install_wheel(session, extra="test,browser")
-    tests = "tests/experiments/report/test_page_browser.py", "tests/docs/test_site_browser.py"
+    tests = (
+        "tests/experiments/report/test_page_browser.py",
+        "tests/docs/test_site_browser.py",
+        "tests/view/test_page_browser.py",
+    )
     session.run("pytest", "-m", "slow", *tests, *session.posargs, env={"JOTLIGHT_SITE": str(SITE)})
+
+
+@nox.session(tags=["release"])
+def napari(session: nox.Session) -> None:
+    """Test the napari plugin in an offscreen Qt."""
+    install_wheel(session, "PyQt6>=6.6", extra="test,napari")
+    # The pytest plugins of napari and npe2 issue warnings, which the tests treat as errors.
+    plugins = ("-p", "no:napari", "-p", "no:npe2")
+    session.run(
+        *("pytest", *plugins, "-m", "slow or not slow", "tests/napari"),
+        *session.posargs,
+        env={"QT_QPA_PLATFORM": "offscreen"},
+    )
 
 
 @nox.session(tags=["release"])

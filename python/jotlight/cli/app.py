@@ -30,6 +30,7 @@ from jotlight.cli.signals import (
 )
 from jotlight.cli.simulate import simulate
 from jotlight.cli.train import train
+from jotlight.cli.view import view
 
 COMMANDS: tuple[Callable[..., None], ...] = (
     demo,
@@ -46,6 +47,7 @@ COMMANDS: tuple[Callable[..., None], ...] = (
     info,
     convert,
     gather,
+    view,
 )
 """All commands, in the order of the help page."""
 

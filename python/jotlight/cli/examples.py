@@ -60,6 +60,12 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "jotlight convert capture.npy -o counts.zarr --window 64",
     ),
     "gather": ("jotlight gather videos",),
+    "view": (
+        "jotlight view capture.npy",
+        "jotlight view raw.bin --format swissspad2 --port 8000",
+        "jotlight view growing.bin --format swissspad2 --follow",
+        "camera | jotlight view - --follow --shape 256x512",
+    ),
 }
 """Command lines by the name of the command."""
 

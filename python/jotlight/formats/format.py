@@ -7,6 +7,7 @@ from pathlib import Path
 from jotlight.checks import Counts
 from jotlight.formats.capture import Capture
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Packed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,6 +51,18 @@ class Writer:
 
 
 @dataclasses.dataclass(frozen=True)
+class FrameLayout:
+    """The layout of raw frames that follow each other in a file without a header."""
+
+    shape: tuple[int, int]
+    """(H, ceil(W / 8)): the shape of a packed frame. A raw frame has the same number of bytes."""
+    width: int
+    """W."""
+    decode: Callable[[Packed], Packed]
+    """A function that returns packed frames (n, H, ceil(W / 8)) for raw bytes (n, size)."""
+
+
+@dataclasses.dataclass(frozen=True)
 class Format:
     """A file format, as one entry of :data:`jotlight.formats.registry.FORMATS`."""
 
@@ -67,6 +80,8 @@ class Format:
     """Whether a file holds several arrays, from which `key` selects one."""
     is_raw: bool = False
     """Whether files have no header, so that the caller usually has to name the format."""
+    layout: FrameLayout | None = None
+    """The layout of raw frames, for files that are read while a camera writes them."""
     fixed_layout: bool = False
     """Whether the format defines how bits are stored, so that `unpacked` does not apply."""
     verify: Callable[[Path], int] | None = None

@@ -17,7 +17,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.errors import warn
 from jotlight.formats.file_lists import list_files, natural_sort_key
-from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.format import Format, FrameLayout, OpenOptions, Writer
 from jotlight.formats.magic import file_type
 from jotlight.formats.orientation import rotate_packed, transpose_packed
 from jotlight.formats.raw import (
@@ -192,6 +192,7 @@ SPAD512S = Format(
     open=open_spad512s,
     matches=functools.partial(_matches, sparse=False),
     is_raw=True,
+    layout=FrameLayout((_SIDE, _SIDE // 8), _SIDE, _decode),
     fixed_layout=True,
     writer=Writer(bits=functools.partial(_write, sparse=False), extensions=(".bin",), folder=True),
 )

@@ -14,7 +14,7 @@ import numpy as np
 import jotlight._engine as engine
 from jotlight.errors import warn
 from jotlight.formats.file_lists import list_files
-from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.format import Format, FrameLayout, OpenOptions, Writer
 from jotlight.formats.raw import EXTENSIONS, check_frame_size, read_raw, write_raw
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Packed
@@ -121,6 +121,7 @@ SWISSSPAD2 = Format(
     "SwissSPAD2, the half array of 256 x 512",
     open=open_swissspad,
     is_raw=True,
+    layout=FrameLayout((_HALF_HEIGHT, _ROW_BYTES), _WIDTH, _decode_half),
     fixed_layout=True,
     writer=Writer(bits=_write_half, extensions=(".bin",), folder=True),
 )
@@ -130,6 +131,7 @@ SWISSSPAD2_FULL = Format(
     "SwissSPAD2, the full array of 512 x 512",
     open=functools.partial(open_swissspad, full=True),
     is_raw=True,
+    layout=FrameLayout((2 * _HALF_HEIGHT, _ROW_BYTES), _WIDTH, _decode_full),
     fixed_layout=True,
     writer=Writer(bits=_write_full, extensions=(".bin",), folder=True),
 )

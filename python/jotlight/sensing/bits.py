@@ -316,9 +316,19 @@ class Bits(ArrayHints):
             return [self]
         return [Bits(packed, self.width, self.sensor) for packed in channel_views(self.packed, 3)]
 
-    def show(self) -> None:
-        """Show how often each pixel is 1, with matplotlib. Only the first 64 MiB are read."""
-        preview.show(self)
+    def show(self, *, viewer: bool = False) -> None:
+        """Show how often each pixel is 1, with matplotlib. Only the first 64 MiB are read.
+
+        Parameters
+        ----------
+        viewer : bool
+            Whether to open a viewer with a slider instead: napari if it is installed, and else the
+            page of ``jotlight view``.
+        """
+        if viewer:
+            preview.open_viewer(self)
+        else:
+            preview.show(self)
 
     def _repr_html_(self) -> str:
         return preview.html_of(self)

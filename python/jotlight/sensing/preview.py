@@ -1,5 +1,6 @@
 """Previews of bits: images of how often each pixel is one, for people to look at."""
 
+import importlib
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -101,3 +102,8 @@ def show(bits: BitsLike) -> None:
     axes.imshow(image, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
     axes.set(title=caption(shown, len(bits)), xticks=[], yticks=[])
     plt.show()
+
+
+def open_viewer(bits: BitsLike) -> None:
+    """Open bits in napari or on the page of the viewer, both of which build on this package."""
+    importlib.import_module("jotlight.napari.opening").open_viewer(bits)

@@ -1,0 +1,211 @@
+"""``jotlight view``: a page that shows a capture while the user moves a slider."""
+
+import dataclasses
+import webbrowser
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Group, Parameter
+
+from jotlight.calibration import Calibration
+from jotlight.cli.capture_options import CaptureOptions, parse_frame_range
+from jotlight.cli.captured import Captured, add_sensor
+from jotlight.cli.console import caution, report
+from jotlight.cli.jot_checks import mask_hot_jots
+from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.sensing.bits import Bits
+from jotlight.view.access import LOOPBACK, is_loopback
+from jotlight.view.extra import require_server
+from jotlight.view.live.options import LiveOptions, open_live
+from jotlight.view.viewed import Opening, Viewable, Viewed
+
+SERVER_PANEL = Group("Server", sort_key=1)
+LIVE_PANEL = Group("Live view", sort_key=2)
+
+
+@Parameter(name="*", group=SERVER_PANEL)
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ServerOptions:
+    """Where the server listens."""
+
+    host: Annotated[
+        str,
+        Parameter(
+            help="Address to listen on. Other machines reach the page only if you set another one, "
+            "such as 0.0.0.0. Over SSH, a tunnel is safer: ssh -L 8000:localhost:8000 HOST."
+        ),
+    ] = LOOPBACK
+    port: Annotated[int, Parameter(help="Port to listen on. 0 takes any free one.")] = 0
+    browser: Annotated[bool, Parameter(help="Open the page in the browser of this machine.")] = (
+        False
+    )
+
+
+@Parameter(name="*", group=LIVE_PANEL)
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FollowOptions:
+    """How to follow a capture that is being written."""
+
+    follow: Annotated[
+        bool,
+        Parameter(
+            help="Show the newest frames of a file or folder that grows, or of standard input if "
+            "the capture is -. The frames are raw ones, with --format or --shape, or those of a "
+            ".npy, or files that appear in a folder."
+        ),
+    ] = False
+    shape: Annotated[
+        str | None,
+        Parameter(
+            help="Rows and columns of raw packed frames without a header, such as 256x512: eight "
+            "bits to a byte, the most significant first, each row in whole bytes. Default: those "
+            "of --format."
+        ),
+    ] = None
+    history: Annotated[
+        int, Parameter(help="Memory in MiB for the most recent frames, which you can go back to.")
+    ] = 256
+
+
+def view(
+    data: Annotated[
+        Path,
+        Parameter(
+            allow_leading_hyphen=True,
+            help="A capture of bits or counts: a file or a folder; - with --follow for standard "
+            "input.",
+        ),
+    ],
+    /,
+    *,
+    server: ServerOptions = ServerOptions(),
+    follow: FollowOptions = FollowOptions(),
+    capture: CaptureOptions = CaptureOptions(),
+    sensor: CapturedSensorOptions = CapturedSensorOptions(),
+) -> None:
+    """Show a capture in the browser: move a slider, and see the reconstruction.
+
+    The command prints the address of the page, which contains a secret token, and serves the page
+    until Ctrl-C. Only this machine can reach it.
+    """
+    require_server()
+    from jotlight.view.serving import Server
+
+    viewed: Viewable
+    if follow.follow:
+        viewed = _follow(data, follow, capture, sensor)
+    else:
+        viewed = _open(data, capture, sensor)
+    if not is_loopback(server.host):
+        caution("host", f"other machines can reach the page on {server.host}, without encryption")
+    serving = Server(viewed, server.host, server.port)
+
+    def started() -> None:
+        report(f"{viewed.title}: {serving.address}", "Ctrl-C ends the viewer")
+        if server.browser:
+            webbrowser.open(serving.address)
+
+    try:
+        serving.run(started)
+    except KeyboardInterrupt:
+        report("ended")
+    finally:
+        viewed.close()
+
+
+def _open(path: Path, capture: CaptureOptions, sensor: CapturedSensorOptions) -> Viewed:
+    """Return a complete capture with its sensor."""
+    opened = capture.open(path, sensor.stated_trials())
+    if isinstance(opened, Bits) and sensor.frames is not None:
+        raise ValueError("frames: the page selects them; --frame-range leaves some of them out")
+    calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
+    captured = add_sensor(opened, path, sensor.to_kwargs(), calibration)
+    if sensor.find_hot_jots:
+        captured = mask_hot_jots(captured)
+    is_known = captured.has_own_sensor or sensor.max_intensity is not None
+    opening = _opening(path, capture, sensor, captured)
+    return Viewed(path.name or str(path), captured.data, captured.sensor, is_known, opening)
+
+
+def _opening(
+    path: Path, capture: CaptureOptions, sensor: CapturedSensorOptions, captured: Captured
+) -> Opening:
+    """Return how `jotlight reconstruct` and Python open the same capture."""
+    frames = parse_frame_range(capture.frame_range) or slice(None)
+    words = dataclasses.replace(capture, frame_range=None).to_argv()
+    words += dataclasses.replace(sensor, frames=None, gain=None).to_argv()
+    options = {
+        name: getattr(capture, name)
+        for name in ("format", "width", "rotate", "flip", "key", "counts", "unpacked")
+    }
+    options |= {"counts_scale": capture.counts_scale, "trials": capture.trials}
+    arguments = {name: repr(value) for name, value in options.items() if value not in (None, 0)}
+    lines = tuple(_sensor_lines(sensor, captured))
+    has_gain = sensor.gain is not None
+    return Opening(str(path), tuple(words), arguments, lines, frames, has_gain)
+
+
+def _sensor_lines(sensor: CapturedSensorOptions, captured: Captured) -> list[str]:
+    """Return lines of Python after which `sensor` is the sensor of `bits`."""
+    kwargs = dict(sensor._set())
+    for name in ("frames", "gain"):  # the page sets those of a window
+        kwargs.pop(name, None)
+    imports: list[str] = []
+    texts = []
+    for name, value in kwargs.items():
+        text = _as_python(name, value)
+        imports += ["import numpy as np"] if text.startswith("np.") else []
+        texts.append(f"{name}={text}")
+    arguments = ", ".join(texts)
+    lines = list(dict.fromkeys(imports))
+    if sensor.calibration is not None:
+        lines.append(f"calibration = jl.Calibration.load({str(sensor.calibration)!r})")
+        made = (
+            "calibration.applied_to(bits.sensor"
+            if captured.has_own_sensor
+            else "calibration.sensor("
+        )
+        glue = ", " if captured.has_own_sensor and arguments else ""
+        lines.append(f"sensor = {made}{glue}{arguments})")
+    elif captured.has_own_sensor:
+        lines.append(
+            f"sensor = bits.sensor.replace({arguments})" if texts else "sensor = bits.sensor"
+        )
+    else:
+        lines.append(f"sensor = jl.Sensor({arguments})")
+    if sensor.find_hot_jots:
+        lines.append("sensor = sensor.replace(mask=jl.calibration.find_hot_jots(bits))")
+    return lines
+
+
+def _as_python(name: str, value: Any) -> str:
+    """Return an option as an expression of Python. Maps are read from their files."""
+    if name == "mask" or (isinstance(value, str) and name in ("dark_counts", "efficiency")):
+        try:
+            return repr(float(value))
+        except ValueError:
+            return f"np.load({str(value)!r})"
+        except TypeError:
+            return f"np.load({str(value)!r})"
+    return repr(value)
+
+
+def _follow(
+    path: Path, follow: FollowOptions, capture: CaptureOptions, sensor: CapturedSensorOptions
+) -> Viewable:
+    """Return a capture that grows."""
+    unsupported = {
+        "--frame-range": capture.frame_range,
+        "--rotate": capture.rotate or None,
+        "--flip": capture.flip,
+        "--find-hot-jots": sensor.find_hot_jots or None,
+        "--frames": sensor.frames,
+    }
+    for option, value in unsupported.items():
+        if value is not None:
+            raise ValueError(f"follow: {option} is for complete captures, not for --follow")
+    kwargs = {"frames": 1, **sensor.to_kwargs()}
+    calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
+    is_known = sensor.max_intensity is not None
+    options = LiveOptions(capture.format, follow.shape, follow.history)
+    return open_live(path, options, kwargs, calibration, is_range_known=is_known)

@@ -1,0 +1,127 @@
+"""Layers of napari whose images are computed when they are viewed."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.chunks import windows
+from jotlight.view.counts import RunningCounts
+from jotlight.view.estimate import estimate
+from jotlight.view.viewed import Viewable
+
+if TYPE_CHECKING:
+    import dask.array
+
+KEY = "jotlight"
+"""Key of a layer's metadata that holds its capture, as a :class:`LayerSource`."""
+
+LayerData = tuple[Any, dict[str, Any], str]
+"""Data, arguments, and type of a layer, as napari's readers return it."""
+
+_WINDOW = 64
+"""Number of frames of an image of a new layer."""
+
+
+class LayerSource:
+    """The capture behind a layer, and the window of each of its images.
+
+    Parameters
+    ----------
+    viewed : Viewable
+        The capture.
+    window : int
+        Number of frames of an image.
+    step : int
+        Frames from one window to the next.
+    method : str
+        A key of ``METHODS``, or "counts".
+    """
+
+    def __init__(self, viewed: Viewable, window: int, step: int, method: str) -> None:
+        self.viewed, self.window, self.step, self.method = viewed, window, step, method
+        self.spans = [
+            range(part.start, part.stop) for part in windows(len(viewed.frames), window, step)
+        ]
+        """The frames of each image."""
+
+    def image(self, index: int) -> npt.NDArray[np.float32]:
+        """Return an image of the layer."""
+        span = self.spans[index]
+        # Each call counts its own window, because dask may call from several threads.
+        counts = RunningCounts(self.viewed).move(span)
+        return estimate(self.viewed, span, self.method, counts).image
+
+    def images(self) -> "dask.array.Array":
+        """Return all images, (N, H, W) or (N, H, W, C), each computed when it is viewed."""
+        import dask.array as da
+
+        shape = self.viewed.shape
+
+        def compute(block_info: Any = None) -> npt.NDArray[np.float32]:
+            index = block_info[None]["chunk-location"][0]
+            return self.image(index)[None]
+
+        chunks = ((1,) * len(self.spans), *((size,) for size in shape))
+        return da.map_blocks(compute, chunks=chunks, dtype=np.float32, meta=np.empty(0, np.float32))
+
+
+def make_layer(
+    viewed: Viewable, window: int | None = None, step: int | None = None, method: str = "mle"
+) -> LayerData:
+    """Return a layer with an image of each window of a capture.
+
+    Parameters
+    ----------
+    viewed : Viewable
+        The capture.
+    window : int, optional
+        Number of frames of an image. Default: 64, or all frames if there are fewer.
+    step : int, optional
+        Frames from one window to the next. Default: the size of a window.
+    method : str
+        A key of ``METHODS``, or "counts".
+
+    Returns
+    -------
+    tuple
+        Data, arguments, and type of the layer. Only the first image is computed, for the contrast.
+
+    Raises
+    ------
+    ValueError
+        When the window does not fit the capture, or the method does not serve the sensor.
+    """
+    window = min(_WINDOW, len(viewed.frames)) if window is None else window
+    source = LayerSource(viewed, window, window if step is None else step, method)
+    white = float(np.percentile(source.image(0), 99.5)) or 1.0
+    arguments: dict[str, Any] = {
+        "name": f"{viewed.title}, {method}",
+        "metadata": {KEY: source},
+    }
+    if len(viewed.shape) == 3 and viewed.shape[2] == 3:
+        arguments["rgb"] = True
+        images = source.images() / white
+        return images.clip(0, 1), arguments, "image"
+    arguments["contrast_limits"] = (0.0, white)
+    return source.images(), arguments, "image"
+
+
+def source_of(layer: Any) -> LayerSource:
+    """Return the capture behind a layer.
+
+    Raises
+    ------
+    ValueError
+        When the layer is not one of jotlight.
+    """
+    source = getattr(layer, "metadata", {}).get(KEY) if layer is not None else None
+    if not isinstance(source, LayerSource):
+        raise ValueError(
+            "layer: expected one that jotlight made; open a capture with File > Open with Plugin"
+        )
+    return source
+
+
+Reader = Callable[[Any], list[LayerData]]

@@ -1,0 +1,134 @@
+"""What the dock widget does, without its buttons."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.calibration import Calibration, calibrate
+from jotlight.estimators.brightness import detected_photons
+from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.formats.reading import open_capture
+from jotlight.napari.lazy import LayerData, LayerSource, make_layer
+from jotlight.sensing.bits import Bits
+from jotlight.view.estimate import choose, merge_window
+from jotlight.view.state import COUNTS
+from jotlight.view.viewed import Viewed
+
+
+def change_method(source: LayerSource, method: str, window: int, step: int) -> LayerData:
+    """Return a layer of the same capture by another method, or with other windows."""
+    return make_layer(source.viewed, window, step, method)
+
+
+def align_window(source: LayerSource, index: int) -> LayerData:
+    """Return a layer with one window, aligned to its middle, by the method of its layer."""
+    span, viewed = source.spans[index], source.viewed
+    merged = merge_window(viewed, span)
+    method = "mle" if source.method == COUNTS else source.method
+    choice = choose(viewed, len(span), method)
+    sensor = merged.sensor.replace(max_intensity=choice.max_intensity)
+    image = reconstruct(dataclasses.replace(merged, sensor=sensor), method=method)
+    white = float(np.percentile(image, 99.5)) or 1.0
+    name = f"{viewed.title}, frames {span.start} to {span.stop - 1}, aligned, {method}"
+    if image.ndim == 3 and image.shape[2] == 3:
+        return np.clip(image / white, 0, 1), {"name": name, "rgb": True}, "image"
+    return image, {"name": name, "contrast_limits": (0.0, white)}, "image"
+
+
+def apply_calibration(
+    source: LayerSource, dark: Path | None, flat: Path | None, saved: Path | None
+) -> tuple[LayerData, str]:
+    """Return a layer whose sensor has a calibration, and what the calibration found.
+
+    Parameters
+    ----------
+    source : LayerSource
+        The layer.
+    dark, flat : Path, optional
+        Captures in the dark and of even light, from which a calibration is made.
+    saved : Path, optional
+        The file of a calibration, in place of the captures.
+
+    Raises
+    ------
+    OSError, ValueError
+        When a file cannot be read, or does not fit the capture.
+    """
+    viewed = source.viewed
+    if not isinstance(viewed, Viewed) or not isinstance(viewed.data, Bits):
+        raise ValueError("calibration: expected a layer of bits, got one of counts")
+    if saved is not None:
+        calibration = Calibration.load(saved)
+    elif dark is not None:
+        captures = [open_capture(path) for path in (dark, flat) if path is not None]
+        if not all(isinstance(capture, Bits) for capture in captures):
+            raise ValueError("calibration: expected bits in the dark and flat captures, got counts")
+        calibration = calibrate(*captures)  # type: ignore[arg-type]
+    else:
+        raise ValueError("calibration: expected a dark capture, or the file of a calibration")
+    calibration.check_capture(viewed.data.shape[1:3], viewed.provenance)
+    sensor = calibration.applied_to(viewed.sensor_of_all)
+    changed = dataclasses.replace(viewed, sensor_of_all=sensor, title=f"{viewed.title}, calibrated")
+    found = (
+        f"dark counts: median {np.median(calibration.dark_counts):.3g} per frame\n"
+        f"masked jots: {int(calibration.mask.sum())} of {calibration.mask.size}"
+    )
+    return make_layer(changed, source.window, source.step, source.method), found
+
+
+def measure(
+    source: LayerSource | None,
+    image: npt.NDArray[Any],
+    rectangle: npt.NDArray[Any] | None = None,
+) -> str:
+    """Return statistics of an image, or of a rectangle of it, as lines of text.
+
+    Parameters
+    ----------
+    source : LayerSource or None
+        The capture, for units of photons.
+    image : ndarray, shape (H, W)
+        The displayed image.
+    rectangle : ndarray, shape (N, 2), optional
+        Corners in rows and columns. Default: the whole image.
+
+    Examples
+    --------
+    >>> print(measure(None, np.array([[1.0, 3.0]])))
+    pixels: 2
+    mean: 2
+    standard deviation: 1
+    smallest and largest: 1, 3
+    mean / standard deviation: 2
+    """
+    part = image if rectangle is None else _crop(image, rectangle)
+    values = np.asarray(part, np.float64)
+    mean, deviation = float(values.mean()), float(values.std())
+    lines = [
+        f"pixels: {values.size}",
+        f"mean: {mean:.4g}",
+        f"standard deviation: {deviation:.4g}",
+        f"smallest and largest: {values.min():.4g}, {values.max():.4g}",
+    ]
+    if deviation > 0:
+        lines.append(f"mean / standard deviation: {mean / deviation:.4g}")
+    if source is not None and source.method != COUNTS:
+        sensor = source.viewed.sensor(source.window)
+        photons = mean * detected_photons(sensor)
+        lines.append(f"mean in photons per pixel and frame: {photons:.4g}")
+        if sensor.exposure_time is not None:
+            lines.append(f"mean in photons per second: {photons / sensor.exposure_time:.4g}")
+    return "\n".join(lines)
+
+
+def _crop(image: npt.NDArray[Any], rectangle: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    corners = np.asarray(rectangle, np.float64)[:, -2:]
+    low = np.clip(np.floor(corners.min(axis=0)).astype(int), 0, image.shape[:2])
+    high = np.clip(np.ceil(corners.max(axis=0)).astype(int), 0, image.shape[:2])
+    part = image[low[0] : high[0], low[1] : high[1]]
+    if part.size == 0:
+        raise ValueError("rectangle: expected one that covers a part of the image")
+    return part

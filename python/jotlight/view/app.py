@@ -1,0 +1,208 @@
+"""The web application: one page, its static files, a WebSocket, and saved images."""
+
+import asyncio
+import json
+from importlib.resources import files
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+
+from jotlight.view.access import accepts_host, accepts_origin, accepts_token, cookie_token
+from jotlight.view.saving import ENDINGS, file_name, save_view
+from jotlight.view.session import Session, UnreadError
+from jotlight.view.state import MAX_STATE_BYTES, ViewState
+from jotlight.view.workshop import Workshop
+
+MAX_PAGES = 8
+"""Maximum number of pages that are connected at a time."""
+
+_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript"}
+
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
+    "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+"""Headers of every response. The page runs no script but its own, and no other site embeds it."""
+
+_REFUSED = 1008
+"""WebSocket code for a client that breaks the rules."""
+
+
+def make_app(
+    workshop: Workshop,
+    token: str,
+    names: frozenset[str],
+    *,
+    port: int,
+    any_address: bool = False,
+) -> ASGIApp:
+    """Return the application that serves a capture.
+
+    Parameters
+    ----------
+    workshop : Workshop
+        The capture.
+    token : str
+        The secret that the address of the page contains.
+    names : frozenset of str
+        Names of this server in the header Host.
+    port : int
+        The port, which is part of the cookie's name, because browsers share cookies among ports.
+    any_address : bool
+        Whether the header Host may be any IP address.
+    """
+    pages = _page_files()
+    connected: set[WebSocket] = set()
+
+    async def page(request: Request) -> Response:
+        name = request.path_params.get("name") or "index.html"
+        content = pages.get(name)
+        if content is None:
+            return PlainTextResponse("not found", 404)
+        return Response(content, media_type=_TYPES[name[name.rindex(".") :]])
+
+    async def save(request: Request) -> Response:
+        return await _save(request, workshop)
+
+    async def stream(socket: WebSocket) -> None:
+        if len(connected) >= MAX_PAGES:
+            await socket.close(_REFUSED, "too many pages are open")
+            return
+        connected.add(socket)
+        try:
+            await _converse(socket, workshop, token)
+        finally:
+            connected.discard(socket)
+
+    routes = [
+        Route("/", page, methods=["GET"]),
+        Route("/page/{name}", page, methods=["GET"]),
+        Route("/save", save, methods=["GET"]),
+        WebSocketRoute("/stream", stream),
+    ]
+    return _Guard(Starlette(routes=routes), token, names, f"jotlight-{port}", any_address)
+
+
+def _page_files() -> dict[str, bytes]:
+    """Return the files of the page. No request leads to any other file."""
+    folder = files("jotlight.view").joinpath("page")
+    names = (entry.name for entry in folder.iterdir())
+    return {name: folder.joinpath(name).read_bytes() for name in names if name.endswith((*_TYPES,))}
+
+
+class _Guard:
+    """Refuse requests with a foreign Host or Origin, or without the token."""
+
+    def __init__(
+        self, app: ASGIApp, token: str, names: frozenset[str], cookie: str, any_address: bool
+    ) -> None:
+        self._app, self._token, self._names = app, token, names
+        self._cookie, self._any_address = cookie, any_address
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        headers = {
+            name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]
+        }
+        refusal = self._refusal(scope, headers)
+        if refusal is not None:
+            await _refuse(scope, receive, send, refusal)
+            return
+        given = _query_token(scope)
+        if scope["type"] == "http" and scope["path"] == "/" and given is not None:
+            # As in Jupyter, the token of the address becomes a cookie.
+            response = RedirectResponse("/", 303, dict(_HEADERS))
+            response.set_cookie(self._cookie, self._token, httponly=True, samesite="strict")
+            await response(scope, receive, send)
+            return
+
+        async def send_with_headers(message: Any) -> None:
+            if message["type"] == "http.response.start":
+                extra = [(name.lower().encode(), text.encode()) for name, text in _HEADERS.items()]
+                message = {**message, "headers": [*message["headers"], *extra]}
+            await send(message)
+
+        await self._app(scope, receive, send_with_headers)
+
+    def _refusal(self, scope: Scope, headers: dict[str, str]) -> str | None:
+        """Return why a request is refused, or None."""
+        host = headers.get("host")
+        if not accepts_host(host, self._names, any_address=self._any_address):
+            return "the header Host does not name this server"
+        is_socket = scope["type"] == "websocket"
+        if not accepts_origin(headers.get("origin"), host, required=is_socket):
+            return "the header Origin is that of another site"
+        cookie = cookie_token(headers.get("cookie"), self._cookie)
+        if not any(accepts_token(given, self._token) for given in (_query_token(scope), cookie)):
+            return "the token is missing or wrong; use the address that jotlight view printed"
+        return None
+
+
+def _query_token(scope: Scope) -> str | None:
+    token: str | None = Request({**scope, "type": "http"}).query_params.get("token")
+    return token
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, reason: str) -> None:
+    if scope["type"] == "websocket":
+        await send({"type": "websocket.close", "code": _REFUSED, "reason": reason})
+        return
+    await PlainTextResponse(reason, 403, dict(_HEADERS))(scope, receive, send)
+
+
+async def _converse(socket: WebSocket, workshop: Workshop, token: str) -> None:
+    """Run a session until the page leaves or breaks a rule."""
+    await socket.accept()
+    session = Session(workshop, socket.send_bytes, socket.receive_text, token)
+    reason = ""
+    try:
+        await session.run()
+    except WebSocketDisconnect:
+        return
+    except UnreadError:
+        reason = "the page does not read its images"
+    except (ValueError, KeyError) as error:
+        reason = str(error)[:100]
+    if socket.application_state is WebSocketState.CONNECTED:
+        await socket.close(_REFUSED, reason)
+
+
+async def _save(request: Request, workshop: Workshop) -> Response:
+    """Return an image as a file."""
+    text, ending = request.query_params.get("state", ""), request.query_params.get("format", "")
+    if len(text) > MAX_STATE_BYTES or ending not in ENDINGS:
+        return PlainTextResponse(f"format: expected one of {', '.join(ENDINGS)}", 400)
+    with workshop.saving() as is_free:
+        if not is_free:
+            return PlainTextResponse("too many files are being saved; try again", 503)
+        try:
+            state = ViewState.from_json(json.loads(text)).within(workshop.viewed.frames)
+            loop = asyncio.get_running_loop()
+            content = await loop.run_in_executor(
+                workshop.slow, save_view, workshop.viewed, state, ending
+            )
+        except (
+            ValueError,
+            TypeError,
+            OSError,
+            ImportError,
+            ArithmeticError,
+            RecursionError,
+        ) as error:
+            return PlainTextResponse(str(error), 400)
+    name = file_name(workshop.viewed, state, ending)
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return Response(content, media_type=ENDINGS[ending], headers=headers)

@@ -1,0 +1,179 @@
+"""The estimate of a window, by the same functions as `jotlight reconstruct`."""
+
+import dataclasses
+import time
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.evaluation.choice import Choice, choose_method
+from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.motion.align import align
+from jotlight.motion.merge import merge
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.pixel_counts import Data
+from jotlight.sensing.response import detection_probability
+from jotlight.sensing.sensor import Sensor
+from jotlight.view.state import COUNTS
+from jotlight.view.viewed import Check, Viewable
+
+Image = npt.NDArray[np.float32]
+Counts = npt.NDArray[np.int32]
+
+_FROM_COUNTS = {"mle", "network-small", "network-medium", "network-large"}
+"""Methods whose estimate from counts equals that from bits, for jots that are all alike."""
+
+
+_MAX_BRIEF_PIXELS = 1 << 20
+"""Number of pixels whose maximum likelihood one thread finds in a few milliseconds."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Estimate:
+    """An image of a window, and how it was made."""
+
+    image: Image
+    """Intensities, or for "counts" the fraction of ones. (H, W) or (H, W, C)."""
+    counts: Counts
+    """The number of ones of each pixel. After an alignment, those along the motion."""
+    trials: float | npt.NDArray[np.float64]
+    """The number of binary readings behind each count: a number or a map."""
+    sensor: Sensor
+    method: str
+    title: str
+    seconds: float
+    data: Data
+    """The data of the estimate, for its uncertainty."""
+
+    @property
+    def is_function_of_counts(self) -> bool:
+        """Whether pixels with the same number of ones have the same value, in a gray image."""
+        is_pointwise = self.method == COUNTS or (self.method == "mle" and not self.sensor.maps())
+        return is_pointwise and not isinstance(self.trials, np.ndarray) and self.counts.ndim == 2
+
+
+def choose(viewed: Viewable, number: int, method: str) -> Choice:
+    """Return the choice of a named method for a window, with its largest intensity.
+
+    Raises
+    ------
+    ValueError
+        When the method does not serve the sensor.
+    """
+    return choose_method(
+        viewed.sensor(number), requested=method, is_range_known=viewed.is_range_known
+    )
+
+
+def fraction_estimate(viewed: Viewable, counts: Counts, number: int) -> Estimate:
+    """Return the fraction of ones of each pixel, for display before any method has run."""
+    sensor = viewed.sensor(number)
+    image = (counts / np.float32(sensor.trials)).astype(np.float32)
+    return Estimate(image, counts, sensor.trials, sensor, COUNTS, COUNTS, 0.0, counts)
+
+
+def fraction_at(intensity: float, sensor: Sensor) -> float:
+    """Return the expected fraction of ones of a pixel of some intensity.
+
+    Examples
+    --------
+    >>> round(fraction_at(1.0, Sensor(frames=16)), 4)
+    0.6321
+    """
+    plain = sensor.without_maps()
+    assert isinstance(plain.efficiency, float), "the mean of a map is a number"
+    rate = plain.efficiency * sensor.light_per_intensity * intensity + plain.dark_counts
+    return float(detection_probability(sensor.threshold, rate))
+
+
+def estimate(
+    viewed: Viewable,
+    frames: range,
+    method: str,
+    counts: Counts,
+    merged: Merged | None = None,
+    check: Check = lambda: None,
+) -> Estimate:
+    """Return the estimate of a window by a method, or the fraction of ones for "counts".
+
+    Parameters
+    ----------
+    viewed : Viewable
+        The capture.
+    frames : range
+        The window.
+    method : str
+        A key of ``METHODS``, or "counts".
+    counts : ndarray of int32
+        The counts of the window.
+    merged : Merged, optional
+        The aligned bits of the window. Default: the frames are summed as they are.
+    check : callable, optional
+        A function that raises CancelledError when the estimate is no longer wanted.
+
+    Raises
+    ------
+    CancelledError
+        When `check` raises it.
+    ValueError, TypeError, ImportError
+        When the method does not serve the sensor or the data, or a package is missing.
+    """
+    if method == COUNTS:
+        return fraction_estimate(viewed, counts, len(frames))
+    choice = choose(viewed, len(frames), method)
+    sensor = viewed.sensor(len(frames)).replace(max_intensity=choice.max_intensity)
+    data: Data
+    if merged is not None:
+        data = dataclasses.replace(merged, sensor=sensor)
+    elif _suffice(counts, sensor, method):
+        data = counts
+    else:
+        part = viewed.part(frames)
+        data = part if isinstance(part, Bits) else counts
+    options: dict[str, Any] = {}
+    if METHODS[method].iterative:
+        options["callback"] = lambda _: check()
+    check()
+    start = time.perf_counter()
+    image = reconstruct(
+        data,
+        sensor,
+        method=method,
+        channel_axis=last_channel_axis(data),
+        threads=1 if method == "mle" and counts.size <= _MAX_BRIEF_PIXELS else None,
+        **options,
+    )
+    seconds = time.perf_counter() - start
+    ones = counts if merged is None else np.asarray(merged.ones)
+    trials = sensor.trials if merged is None else merged.trials
+    return Estimate(image, ones, trials, sensor, method, choice.title, seconds, data)
+
+
+def _suffice(counts: Counts, sensor: Sensor, method: str) -> bool:
+    """Return whether a method needs only the counts of a window, not its bits."""
+    return (
+        method in _FROM_COUNTS
+        and not sensor.maps()
+        and (sensor.oversampling == 1 or sensor.kernel == "box")
+    )
+
+
+def merge_window(viewed: Viewable, frames: range, check: Check = lambda: None) -> Merged:
+    """Return the bits of a window, aligned to its middle.
+
+    Raises
+    ------
+    CancelledError
+        When `check` raises it, which is called several times.
+    """
+
+    def progress(_: float) -> None:
+        check()
+
+    data, sensor = viewed.part(frames), viewed.sensor(len(frames))
+    motion = align(data, sensor, progress=progress)
+    return merge(data, sensor, motion=motion, progress=progress)

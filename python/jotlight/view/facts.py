@@ -1,0 +1,106 @@
+"""What the page shows about a capture: its sensor, its provenance, and its methods."""
+
+from typing import Any
+
+import numpy as np
+
+from jotlight._engine import __version__
+from jotlight.evaluation.choice import choose_method
+from jotlight.evaluation.methods import METHODS
+from jotlight.images.tone import CURVES
+from jotlight.sensing.sensor import Sensor
+from jotlight.view.estimate import choose
+from jotlight.view.state import COUNTS
+from jotlight.view.viewed import Viewable
+
+_WINDOW = 64
+"""Number of frames of the first image."""
+
+_HIDDEN = {"mle-iterative", "network-initial"}
+"""Methods that the page leaves out: another way to the same estimate, and an untrained network."""
+
+_SENSOR_TEXTS = {
+    "oversampling": "oversampling K̂",
+    "gain": "gain α per frame",
+    "threshold": "threshold q",
+    "kernel": "kernel g",
+    "dark_counts": "dark counts d",
+    "efficiency": "efficiency η",
+    "mask": "dead jots",
+    "exposure_time": "exposure time",
+    "max_intensity": "largest intensity S",
+}
+
+
+def describe_capture(viewed: Viewable) -> dict[str, Any]:
+    """Return all that the page shows about a capture, as values of JSON."""
+    window = max(1, min(_WINDOW, len(viewed.frames)))
+    provenance = viewed.provenance
+    lines = [] if provenance is None else [str(provenance), *provenance.describe()]
+    return {
+        "software": f"jotlight {__version__}",
+        "title": viewed.title,
+        "shape": list(viewed.shape),
+        "live": viewed.is_live,
+        **{name: value for name, value in viewed.facts().items() if name != "rates"},
+        "sensor": describe_sensor(viewed),
+        "provenance": lines,
+        "methods": _methods(viewed, window),
+        "curves": list(CURVES),
+        "state": {"window": window, "method": _default_method(viewed, window)},
+        "photons": viewed.sensor(1).exposure_time is not None,
+        "oversampling": viewed.sensor(1).oversampling,
+    }
+
+
+def describe_sensor(viewed: Viewable) -> list[list[str]]:
+    """Return the names and the values of a sensor's parameters for one frame, as texts."""
+    sensor = viewed.sensor(1)
+    height, width, *channels = viewed.shape
+    side = sensor.oversampling
+    jots = " × ".join(map(str, (height * side, width * side, *channels)))
+    rows = [["jots", jots]]
+    for name, text in _SENSOR_TEXTS.items():
+        value = getattr(sensor, name)
+        if name == "max_intensity" and not viewed.is_range_known:
+            continue
+        if value is not None:
+            rows.append([text, _describe(name, value, sensor)])
+    return rows
+
+
+def _describe(name: str, value: Any, sensor: Sensor) -> str:
+    if name == "mask":
+        return f"{int(np.count_nonzero(value))} of {value.size}"
+    if name == "exposure_time":
+        return f"{value:.4g} s"
+    if name == "gain":
+        return f"{sensor.gain:.4g} photons"
+    if isinstance(value, np.ndarray):
+        return f"map, median {float(np.median(value)):.3g}"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _methods(viewed: Viewable, window: int) -> list[dict[str, Any]]:
+    """Return the methods for the page, each with the reason why it cannot be used, if any."""
+    methods: list[dict[str, Any]] = [{"name": COUNTS, "title": "fraction of ones"}]
+    for name, method in METHODS.items():
+        if name in _HIDDEN:
+            continue
+        entry: dict[str, Any] = {"name": name, "title": method.title}
+        if method.quality is not None:
+            entry["quality"] = method.quality
+        if not method.available:
+            entry["reason"] = f"needs the package {method.required_package}"
+        else:
+            try:
+                choose(viewed, window, name)
+            except ValueError as error:
+                entry["reason"] = str(error)
+        methods.append(entry)
+    return methods
+
+
+def _default_method(viewed: Viewable, window: int) -> str:
+    """Return the recommended method, or maximum likelihood for a live capture."""
+    return "mle" if viewed.is_live else choose_method(viewed.sensor(window)).method

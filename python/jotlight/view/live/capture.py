@@ -1,0 +1,132 @@
+"""A capture that grows while it is viewed."""
+
+import contextlib
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.sensor import Sensor
+from jotlight.view.live.ring import FrameRing
+from jotlight.view.live.tails import Tail
+from jotlight.view.viewed import Opening, image_shape
+
+
+class LiveCapture:
+    """The frames that a camera writes now, of which the newest ones are in memory.
+
+    A thread reads all frames as fast as they arrive, whatever the page does.
+
+    Parameters
+    ----------
+    title : str
+    ring : FrameRing
+    sensor : Sensor
+        The sensor of one frame.
+    provenance : Provenance
+    is_range_known : bool
+        Whether the user states the largest intensity.
+    """
+
+    is_live = True
+
+    def __init__(
+        self,
+        title: str,
+        ring: FrameRing,
+        sensor: Sensor,
+        provenance: Provenance,
+        *,
+        is_range_known: bool = False,
+    ) -> None:
+        self.title, self.provenance = title, provenance
+        self.opening = Opening()
+        self.is_range_known = is_range_known
+        self.ring = ring
+        self.dropped = 0
+        """Number of frames that were never read, or are missing in the capture."""
+        self.ended = False
+        self.problem: str | None = None
+        self.stop = threading.Event()
+        self._sensor = sensor
+        self._thread: threading.Thread | None = None
+
+    @property
+    def frames(self) -> range:
+        """The frames in memory."""
+        return self.ring.frames
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(H, W): the shape of an image, in pixels."""
+        layout = self.ring.layout
+        return image_shape((1, layout.shape[0], layout.width), self._sensor)
+
+    def sensor(self, number: int) -> Sensor:
+        """Return the sensor of a window of `number` frames."""
+        return self._sensor.replace(frames=number)
+
+    def part(self, frames: range) -> Bits:
+        """Return a copy of a window of frames."""
+        return Bits(self.ring.read(frames), self.ring.layout.width, self.sensor(len(frames)))
+
+    def facts(self) -> dict[str, Any]:
+        """Return the available frames, and how many were dropped."""
+        frames = self.frames
+        return {
+            "first": frames.start,
+            "end": frames.stop,
+            "dropped": self.dropped,
+            "ended": self.ended,
+            "problem": self.problem,
+            "rates": self.ring.rates(),
+        }
+
+    def start(self, work: Callable[["LiveCapture"], None]) -> None:
+        """Run a function in a thread, which adds frames until it returns or fails."""
+
+        def run() -> None:
+            try:
+                work(self)
+            except (OSError, ValueError) as error:
+                self.problem = str(error)
+            self.ended = True
+
+        self._thread = threading.Thread(target=run, daemon=True, name="jotlight-live")
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop reading."""
+        self.stop.set()
+        if self._thread is not None:
+            self._thread.join(1.0)
+
+
+def read_stream(capture: LiveCapture, tail: Tail) -> None:
+    """Add the frames of a stream of bytes, which follow each other without gaps, until it ends.
+
+    If more frames of a file wait than the memory holds, the oldest ones are dropped and counted.
+    """
+    with contextlib.closing(tail):
+        while not capture.stop.is_set():
+            if not _read_once(capture, tail):
+                return
+
+
+def _read_once(capture: LiveCapture, tail: Tail) -> bool:
+    """Add the bytes that have arrived, and return whether more may arrive."""
+    ring = capture.ring
+    if ring.partial_bytes == 0:
+        skipped = tail.skip(ring.capacity * ring.frame_bytes, ring.frame_bytes)
+        if skipped:
+            capture.dropped += skipped
+            ring.skip(skipped)
+    try:
+        ring.commit(tail.read(ring.reserve()))
+    except EOFError:
+        if left := ring.partial_bytes:
+            size = ring.frame_bytes
+            capture.problem = f"the last frame is not complete: {left} of {size} bytes"
+        return False
+    return True

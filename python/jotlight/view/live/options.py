@@ -1,0 +1,233 @@
+"""Opening of a live capture: what it is, and the layout of its frames."""
+
+import dataclasses
+import re
+import sys
+import threading
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jotlight.calibration import Calibration
+from jotlight.formats.format import FrameLayout
+from jotlight.formats.reading import open_capture
+from jotlight.formats.registry import FORMATS
+from jotlight.sensing.frames import Packed
+from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.sensor import Sensor
+from jotlight.view.live.capture import LiveCapture, read_stream
+from jotlight.view.live.folder import add_frames, as_bits, list_new, read_folder
+from jotlight.view.live.ring import FrameRing
+from jotlight.view.live.tails import POLL_SECONDS, FileTail, PipeTail
+
+_MAX_HISTORY = 1 << 16
+"""Maximum memory for frames in MiB."""
+
+_MAX_HEADER = 1 << 12
+"""Maximum size of the header of a .npy."""
+
+_MAX_FRAME_BYTES = 1 << 26
+
+STANDARD_INPUT = Path("-")
+
+
+@dataclasses.dataclass(frozen=True)
+class LiveOptions:
+    """How to read a live capture."""
+
+    format: str | None = None
+    """Name of a raw format."""
+    shape: str | None = None
+    """Rows and columns of packed frames, such as "256x512"."""
+    history: int = 256
+    """Memory for frames in MiB."""
+    arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
+    """Keyword arguments of :func:`jotlight.open` for the files of a folder."""
+
+    def layout(self) -> tuple[FrameLayout, str] | None:
+        """Return the layout of raw frames and its name, or None if files have headers.
+
+        Examples
+        --------
+        >>> layout, name = LiveOptions(shape="256x500").layout()
+        >>> layout.shape, layout.width, name
+        ((256, 63), 500, 'raw')
+        """
+        if not 1 <= self.history <= _MAX_HISTORY:
+            raise ValueError(f"history: expected 1 to {_MAX_HISTORY} MiB, got {self.history}")
+        if self.shape is not None:
+            if self.format is not None:
+                raise ValueError("shape: is for frames without a --format; pass only one of them")
+            return _parse_shape(self.shape), "raw"
+        if self.format is None:
+            return None
+        if self.format not in FORMATS:
+            raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {self.format!r}")
+        layout = FORMATS[self.format].layout
+        return None if layout is None else (layout, self.format)
+
+
+def _parse_shape(text: str) -> FrameLayout:
+    match = re.fullmatch(r"(\d{1,6})\s*[x×,]\s*(\d{1,6})", text.strip(), re.ASCII)
+    height, width = (int(number) for number in match.groups()) if match else (0, 0)
+    row_bytes = -(-width // 8)
+    if not 0 < height * row_bytes <= _MAX_FRAME_BYTES:
+        raise ValueError(f"shape: expected rows and columns such as 256x512, got {text!r}")
+    return FrameLayout((height, row_bytes), width, _packed(height, row_bytes))
+
+
+def _packed(height: int, row_bytes: int) -> Callable[[Packed], Packed]:
+    """Return the function that decodes frames which are packed already."""
+    return lambda raw: raw.reshape(-1, height, row_bytes)
+
+
+def open_live(
+    path: Path,
+    options: LiveOptions,
+    sensor_kwargs: dict[str, Any],
+    calibration: Calibration | None = None,
+    *,
+    is_range_known: bool = False,
+) -> LiveCapture:
+    """Return a capture that grows, after its first frame has arrived.
+
+    Parameters
+    ----------
+    path : Path
+        A file, a folder, or ``-`` for standard input.
+    options : LiveOptions
+        The layout of the frames.
+    sensor_kwargs : dict
+        Keyword arguments of the sensor of one frame.
+    calibration : Calibration, optional
+        Calibration of the sensor.
+    is_range_known : bool
+        Whether the user states the largest intensity.
+
+    Raises
+    ------
+    OSError, ValueError
+        When the capture cannot be read, or the layout of its frames is unknown.
+    """
+    stop = threading.Event()
+    work: Callable[[LiveCapture], None]
+    first, layout = 0, options.layout()
+    if path != STANDARD_INPUT and path.is_dir():
+        ring, work, name = _open_folder(path, options)
+    else:
+        tail: FileTail | PipeTail
+        if path == STANDARD_INPUT:
+            if sys.stdin is None or sys.stdin.isatty():
+                raise ValueError(
+                    "standard input: expected the frames of a program, such as: "
+                    "camera | jotlight view - --follow --shape 256x512"
+                )
+            tail = PipeTail(sys.stdin.fileno())
+        else:
+            tail = FileTail(path, stop)
+        if layout is None:
+            try:
+                layout = _read_npy_header(tail, path), "npy"
+            except ValueError:
+                tail.close()
+                raise
+        frames, name = layout
+        if isinstance(tail, FileTail):
+            first = tail.skip(options.history << 20, frames.shape[0] * frames.shape[1])
+        ring = FrameRing(frames, options.history << 20, first)
+        work = partial(read_stream, tail=tail)
+    if calibration is not None:
+        calibration.check_capture((ring.layout.shape[0], ring.layout.width), None)
+        sensor = calibration.sensor(**sensor_kwargs)
+    else:
+        sensor = Sensor(**sensor_kwargs)
+    sensor.check_map_shapes(ring.layout.shape[0], ring.layout.width)
+    title = "standard input" if path == STANDARD_INPUT else path.name
+    provenance = Provenance(name, title, ("followed while it grows",))
+    live = LiveCapture(title, ring, sensor, provenance, is_range_known=is_range_known)
+    live.stop = stop
+    live.start(work)
+    return _wait_for_frame(live)
+
+
+def _open_folder(
+    path: Path, options: LiveOptions
+) -> tuple[FrameRing, Callable[[LiveCapture], None], str]:
+    """Return the frames of the newest file of a folder, and the work that adds later ones."""
+    arguments = {"format": options.format, **options.arguments}
+
+    def open_file(file: Path) -> Any:
+        return open_capture(file, **arguments)
+
+    while not (files := list_new(path, None)):
+        threading.Event().wait(POLL_SECONDS)
+    # The newest file may not be complete, so the one before it shows the layout.
+    key, file = files[max(0, len(files) - 2)]
+    bits = as_bits(open_file(file), file)
+    height, row_bytes = bits.packed.shape[1:3]
+    layout = FrameLayout((height, row_bytes), bits.width, _packed(height, row_bytes))
+    ring = FrameRing(layout, options.history << 20)
+
+    def work(capture: LiveCapture) -> None:
+        add_frames(capture, bits, file)
+        read_folder(capture, path, open_file, key)
+
+    return ring, work, bits.provenance.format if bits.provenance else "folder"
+
+
+def _wait_for_frame(live: LiveCapture) -> LiveCapture:
+    while not live.frames:
+        if live.ended:
+            raise ValueError(live.problem or f"{live.title}: ended before its first frame")
+        live.stop.wait(POLL_SECONDS)
+    return live
+
+
+def _read_npy_header(tail: FileTail | PipeTail, path: Path) -> FrameLayout:
+    """Return the layout of the frames of a .npy, whose header has been read.
+
+    Raises
+    ------
+    ValueError
+        When the bytes are no .npy of packed bits.
+    """
+    expected = (
+        f"{'standard input' if path == STANDARD_INPUT else path}: expected raw frames, whose "
+        "layout --format or --shape states, or a .npy with packed bits (T, H, W / 8) of uint8"
+    )
+    head = _read_bytes(tail, 10)
+    if head[:6] != b"\x93NUMPY" or head[6] not in (1, 2):
+        raise ValueError(expected)
+    if head[6] == 2:
+        head += _read_bytes(tail, 2)
+    size = int.from_bytes(head[8:], "little")
+    if size > _MAX_HEADER:
+        raise ValueError(expected)
+    from ast import literal_eval
+
+    try:
+        header = literal_eval(_read_bytes(tail, size).decode("latin-1"))
+        shape, kind = header["shape"], np.dtype(header["descr"])
+        is_cube = kind == np.uint8 and len(shape) == 3 and not header["fortran_order"]
+        height, row_bytes = int(shape[1]), int(shape[2])
+    except (ValueError, SyntaxError, KeyError, TypeError, IndexError) as error:
+        raise ValueError(expected) from error
+    if not is_cube or not 0 < height * row_bytes <= _MAX_FRAME_BYTES:
+        raise ValueError(expected)
+
+    return FrameLayout((height, row_bytes), 8 * row_bytes, _packed(height, row_bytes))
+
+
+def _read_bytes(tail: FileTail | PipeTail, size: int) -> bytes:
+    """Return some bytes, and wait for them."""
+    data = bytearray(size)
+    filled = 0
+    while filled < size:
+        try:
+            filled += tail.read(memoryview(data)[filled:])
+        except EOFError as error:
+            raise ValueError("the capture ended in its header") from error
+    return bytes(data)

@@ -1,0 +1,119 @@
+"""Maps over the image: dead, hot, and saturated jots, and the standard error."""
+
+import threading
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.calibration import find_hot_jots
+from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.channels import last_channel_axis
+from jotlight.view.estimate import Estimate
+from jotlight.view.viewed import Viewable
+
+Map = npt.NDArray[np.uint8]
+
+DEAD, HOT = 1, 2
+"""Values of a map of jots."""
+
+_MAX_BYTES = 1 << 26
+"""Maximum number of bytes of bits in which hot jots are searched."""
+
+
+class JotMap:
+    """The dead and the hot jots of a capture, searched once."""
+
+    def __init__(self, viewed: Viewable) -> None:
+        self._viewed = viewed
+        self._lock = threading.Lock()
+        self._map: Map | None = None
+        self._note = ""
+
+    def find(self) -> tuple[Map, str]:
+        """Return a map of the jots, with 1 for dead and 2 for hot ones, and how it was found."""
+        with self._lock:
+            if self._map is None:
+                self._map, self._note = _find_jots(self._viewed)
+            return self._map, self._note
+
+
+def _find_jots(viewed: Viewable) -> tuple[Map, str]:
+    frames = viewed.frames
+    part = viewed.part(range(frames.start, frames.start + 1))
+    size = part.packed.nbytes if isinstance(part, Bits) else part.images.nbytes
+    frames = frames[: max(1, _MAX_BYTES // max(1, size))]
+    data, sensor = viewed.part(frames), viewed.sensor(len(frames))
+    if isinstance(data, Bits):
+        counts, trials = data.counts(1), len(data)
+    elif sensor.oversampling == 1:
+        counts, trials = data.sum(), sensor.trials
+    else:
+        return np.zeros(viewed.shape[:2], np.uint8), "counts of pixels do not show single jots"
+    hot = find_hot_jots(
+        counts,
+        trials=trials,
+        threshold=sensor.threshold,
+        mask=sensor.mask,
+        channel_axis=last_channel_axis(counts),
+    )
+    found = np.where(hot, HOT, 0).astype(np.uint8)
+    if sensor.mask is not None:
+        found[sensor.mask] = DEAD
+    dead = int(np.count_nonzero(found == DEAD))
+    note = f"{dead} dead, {int(hot.sum())} hot, from frames {frames.start} to {frames.stop - 1}"
+    return found, note
+
+
+def find_saturated(estimate: Estimate) -> Map:
+    """Return 1 for the pixels whose bits are all 1, and 0 for others.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> counts = np.array([[3, 4]], np.int32)
+    >>> made = Estimate(counts.astype(np.float32), counts, 4, Sensor(frames=4), "", "", 0, counts)
+    >>> find_saturated(made).tolist()
+    [[0, 1]]
+    """
+    sensor, trials = estimate.sensor, estimate.trials
+    if sensor.mask is not None and not isinstance(trials, np.ndarray):
+        side = sensor.oversampling
+        height, width = (size // side for size in sensor.mask.shape)
+        live = (~sensor.mask).reshape(height, side, width, side).sum(axis=(1, 3))
+        trials = live.astype(np.float64) * sensor.frames
+    if isinstance(trials, np.ndarray) and trials.ndim < estimate.counts.ndim:
+        trials = trials[..., None]
+    saturated = (estimate.counts >= trials) & (np.asarray(trials) > 0)
+    is_color = estimate.counts.ndim == 3
+    return np.asarray(np.any(saturated, axis=2) if is_color else saturated, np.uint8)
+
+
+def find_errors(estimate: Estimate) -> tuple[Map, dict[str, Any]]:
+    """Return the standard error in 255 levels, and the error of the highest level.
+
+    Pixels without data have the highest level.
+
+    Raises
+    ------
+    ValueError
+        When the errors of the method are unknown.
+    """
+    check_errors_known(estimate.method, estimate.sensor)
+    known = uncertainty(
+        estimate.data,
+        estimate.sensor,
+        method=estimate.method,
+        estimate=estimate.image,
+        channel_axis=last_channel_axis(estimate.data),
+    )
+    error = known.standard_error
+    if error.ndim == 3:
+        error = error.max(axis=2)
+    finite = error[np.isfinite(error)]
+    largest = float(np.percentile(finite, 99.5)) if finite.size else 1.0
+    largest = largest if largest > 0 else 1.0
+    levels = np.rint(255 * np.clip(np.nan_to_num(error, posinf=largest) / largest, 0, 1))
+    median = float(np.median(finite)) if finite.size else None
+    return levels.astype(np.uint8), {"largest": largest, "median": median}

@@ -1,0 +1,195 @@
+// The controls: from their values to the state, and back.
+
+import { format } from "./plots.js";
+
+const get = (id) => document.getElementById(id);
+const OVERLAYS = ["jots", "saturated", "uncertainty"];
+
+export class Controls {
+  constructor(store) {
+    this.store = store;
+    this.reference = null; // white at exposure 0
+    this.isPlaying = false;
+    this.connect();
+  }
+
+  /** Fill the controls for a capture. Texts of the capture never become HTML. */
+  begin(capture) {
+    this.capture = capture;
+    this.frames = [capture.first, capture.end];
+    get("title").textContent = capture.title;
+    document.title = `${capture.title} – jotlight`;
+    get("software").textContent = capture.software;
+    const methods = capture.methods.filter((method) => !method.quality);
+    const sizes = capture.methods.filter((method) => method.quality);
+    const usable = sizes.find((method) => !method.reason);
+    const network = { name: "network", title: "network", reason: usable ? null : sizes[0]?.reason };
+    fill(get("method"), [...methods.slice(0, 2), network, ...methods.slice(2)]);
+    fill(get("quality"), sizes.map((method) => ({ ...method, title: method.quality })));
+    fill(get("compare"), [{ name: "", title: "none" }, ...capture.methods.slice(1)]);
+    fill(get("curve"), capture.curves.map((name) => ({ name, title: name })));
+    get("sensor").replaceChildren(...capture.sensor.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
+    get("provenance").replaceChildren(...capture.provenance.map((line) => element("li", line)));
+    if (!capture.provenance.length) get("provenance").append(element("li", "no file"));
+    this.update();
+  }
+
+  connect() {
+    const { store } = this;
+    const onSlider = (id, change) => {
+      get(id).addEventListener("input", () => change(true));
+      get(id).addEventListener("change", () => change(false));
+    };
+    onSlider("start", (moving) => store.set({ start: Number(get("start").value), follow: false }, moving));
+    onSlider("window", (moving) => this.setWindow(this.fromSlider(Number(get("window").value)), moving));
+    get("window-number").addEventListener("change", () => this.setWindow(Number(get("window-number").value)));
+    onSlider("exposure", (moving) => this.setExposure(Number(get("exposure").value), moving));
+    get("method").addEventListener("change", () => this.setMethod(get("method").value));
+    get("quality").addEventListener("change", () => store.set({ method: get("quality").value }));
+    get("compare").addEventListener("change", () => store.set({ compare: get("compare").value || null }));
+    get("align").addEventListener("change", () => store.set({ align: get("align").checked }));
+    get("curve").addEventListener("change", () => store.set({ curve: get("curve").value }));
+    get("auto").addEventListener("click", () => store.set({ white: null }));
+    for (const kind of OVERLAYS) {
+      get(`overlay-${kind}`).addEventListener("change", () => this.toggleOverlay(kind));
+    }
+  }
+
+  setMethod(name) {
+    const usable = [...get("quality").options].filter((option) => !option.disabled);
+    const preferred = usable.find((option) => option.text === "medium") ?? usable[0];
+    this.store.set({ method: name === "network" ? preferred.value : name });
+  }
+
+  toggleOverlay(kind) {
+    const { overlays } = this.store.state;
+    const isShown = overlays.includes(kind);
+    this.store.set({ overlays: isShown ? overlays.filter((each) => each !== kind) : [...overlays, kind] });
+  }
+
+  /** Keep the middle of the window where it is. */
+  setWindow(length, moving = false) {
+    const [first, end] = this.frames;
+    const { start, window } = this.store.state;
+    const next = Math.max(1, Math.min(end - first, Math.round(length) || 1));
+    const middle = start + window / 2;
+    this.store.set({ window: next, start: this.limit(Math.round(middle - next / 2), next) }, moving);
+  }
+
+  moveBy(frames, moving = false) {
+    const { start, window } = this.store.state;
+    this.store.set({ start: this.limit(start + frames, window), follow: false }, moving);
+  }
+
+  limit(start, window) {
+    const [first, end] = this.frames;
+    return Math.max(first, Math.min(end - window, start));
+  }
+
+  // The slider of the window length is logarithmic.
+  fromSlider(value) {
+    const largest = Math.max(1, this.frames[1] - this.frames[0]);
+    return Math.round(largest ** (value / 1000));
+  }
+
+  toSlider(length) {
+    const largest = Math.max(2, this.frames[1] - this.frames[0]);
+    return Math.round((1000 * Math.log(Math.max(1, length))) / Math.log(largest));
+  }
+
+  setExposure(stops, moving = false) {
+    if (this.reference === null) return;
+    this.store.set({ white: this.reference * 2 ** -stops }, moving);
+  }
+
+  get exposure() {
+    const { white } = this.store.state;
+    return white === null || this.reference === null ? 0 : Math.log2(this.reference / white);
+  }
+
+  /** Keep the white that the server chose for automatic exposure. */
+  keepWhite(white) {
+    this.reference = white;
+    Object.assign(this.store.state, { white });
+    this.isAuto = true;
+    this.update();
+    this.store.remember();
+  }
+
+  setFrames(first, end) {
+    this.frames = [first, end];
+    this.update();
+  }
+
+  /** Show the state in the controls. */
+  update() {
+    if (!this.capture) return;
+    const { state } = this.store;
+    const [first, end] = this.frames;
+    const isNetwork = state.method.startsWith("network-");
+    const start = get("start");
+    start.min = first;
+    start.max = Math.max(first, end - state.window);
+    start.value = state.start;
+    const last = Math.max(first, Math.min(end, state.start + state.window) - 1);
+    start.setAttribute("aria-valuetext", `frames ${state.start} to ${last} of ${end}`);
+    write("range", state.window === 1 ? `Frame ${state.start}` : `Frames ${state.start} – ${last}`);
+    write("first-frame", first);
+    write("last-frame", end);
+    get("window").value = this.toSlider(state.window);
+    get("window").setAttribute("aria-valuetext", `${state.window} frames`);
+    get("window-number").max = end - first;
+    if (document.activeElement !== get("window-number")) get("window-number").value = state.window;
+    get("method").value = isNetwork ? "network" : state.method;
+    get("quality").value = isNetwork ? state.method : "";
+    get("quality").disabled = !isNetwork;
+    get("compare").value = state.compare ?? "";
+    get("align").checked = state.align;
+    get("curve").value = state.curve;
+    get("exposure").value = this.exposure;
+    const sign = this.exposure >= 0 ? "+" : "−";
+    const white = state.white === null ? "" : `, white ${format(state.white)}`;
+    write("exposure-value", `${sign}${Math.abs(this.exposure).toFixed(1)} stops${white}`);
+    get("auto").setAttribute("aria-pressed", String(state.white === null || this.exposure === 0));
+    for (const kind of OVERLAYS) get(`overlay-${kind}`).checked = state.overlays.includes(kind);
+    const isRunning = this.capture.live ? state.follow : this.isPlaying;
+    const action = this.capture.live ? (isRunning ? "Pause" : "Follow") : isRunning ? "Pause" : "Play";
+    write("play", isRunning ? "❚❚" : "▶");
+    get("play").setAttribute("aria-label", action);
+    get("play").title = action;
+  }
+
+  /** Select the next usable option of a list. */
+  next(id, step = 1) {
+    const list = get(id);
+    if (list.disabled) return;
+    const options = [...list.options].filter((option) => !option.disabled);
+    const place = options.findIndex((option) => option.value === list.value);
+    list.value = options[(place + step + options.length) % options.length].value;
+    list.dispatchEvent(new Event("change"));
+  }
+}
+
+/** Write a text if it has changed, which spares the browser a new layout. */
+export function write(id, text) {
+  const node = get(id);
+  if (node.textContent !== String(text)) node.textContent = text;
+}
+
+export function element(name, text) {
+  const node = document.createElement(name);
+  node.textContent = text;
+  return node;
+}
+
+function fill(list, entries) {
+  list.replaceChildren(
+    ...entries.map(({ name, title, reason }) => {
+      const option = element("option", reason ? `${title} (unavailable)` : title);
+      option.value = name;
+      option.disabled = Boolean(reason);
+      if (reason) option.title = reason;
+      return option;
+    }),
+  );
+}

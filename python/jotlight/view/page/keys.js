@@ -1,0 +1,96 @@
+// Keyboard shortcuts. The list is also the help page, and it labels the controls.
+
+const get = (id) => document.getElementById(id);
+
+export class Keys {
+  constructor({ store, controls, stage, actions }) {
+    const click = (id) => () => get(id).click();
+    const move = (sign, isLong) => (event) =>
+      controls.moveBy(sign * (isLong ? store.state.window : 1), event.repeat);
+    this.entries = [
+      ["Space", "play, or follow a live capture", [" "], click("play")],
+      ["← →", "one frame back or forward", ["ArrowLeft", "ArrowRight"], (event) => move(event.key === "ArrowLeft" ? -1 : 1, false)(event)],
+      ["Shift ← →", "one window back or forward", ["Shift+ArrowLeft", "Shift+ArrowRight"], (event) => move(event.key === "ArrowLeft" ? -1 : 1, true)(event)],
+      ["Home End", "first or last window", ["Home", "End"], (event) => controls.moveBy(event.key === "Home" ? -Infinity : Infinity)],
+      ["[ ]", "half or twice the window", ["[", "]"], (event) => controls.setWindow(store.state.window * (event.key === "[" ? 0.5 : 2))],
+      ["m M", "next or previous method", ["m", "M"], (event) => controls.next("method", event.key === "m" ? 1 : -1)],
+      ["q", "next quality of the network", ["q"], () => controls.next("quality")],
+      ["a", "align a moving scene", ["a"], click("align")],
+      ["d D", "difference to the next or previous method", ["d", "D"], (event) => controls.next("compare", event.key === "d" ? 1 : -1)],
+      ["e E", "more or less exposure", ["e", "E"], (event) => controls.setExposure(controls.exposure + (event.key === "e" ? 0.25 : -0.25), event.repeat)],
+      ["0", "automatic exposure", ["0"], click("auto")],
+      ["c", "next tone curve", ["c"], () => controls.next("curve")],
+      ["j", "dead and hot jots", ["j"], click("overlay-jots")],
+      ["s", "saturated pixels", ["s"], click("overlay-saturated")],
+      ["u", "uncertainty", ["u"], click("overlay-uncertainty")],
+      ["+ −", "zoom in or out", ["+", "=", "-"], (event) => stage.zoom(event.key === "-" ? 0.5 : 2)],
+      ["1", "one image pixel per screen pixel", ["1"], click("zoom-actual")],
+      ["f", "fit the image", ["f"], click("zoom-fit")],
+      ["Alt arrows", "move the image", ["Alt+ArrowLeft", "Alt+ArrowRight", "Alt+ArrowUp", "Alt+ArrowDown"], (event) => pan(stage, event)],
+      ["i", "go to the image, where arrow keys move the pointer", ["i"], () => get("image").focus()],
+      ["p t x", "save as PNG, TIFF, or EXR", ["p", "t", "x"], (event) => get({ p: "save-png", t: "save-tif", x: "save-exr" }[event.key]).click()],
+      ["k", "copy the command line", ["k"], click("copy-command")],
+      ["y", "copy the Python code", ["y"], click("copy-python")],
+      ["l", "copy a link", ["l"], click("copy-link")],
+      ["n", "open or close the sensor", ["n"], () => get("sensor-details").querySelector("summary").click()],
+      ["r", "open or close the provenance", ["r"], () => get("provenance-details").querySelector("summary").click()],
+      ["v", "next theme", ["v"], click("theme")],
+      ["?", "this list", ["?", "h"], actions.help],
+    ];
+    this.stage = stage;
+    this.byKey = new Map(this.entries.flatMap(([, , keys, run]) => keys.map((key) => [key, run])));
+    document.addEventListener("keydown", (event) => this.press(event));
+    for (const control of document.querySelectorAll("[data-key]")) {
+      control.setAttribute("aria-keyshortcuts", control.dataset.key);
+      control.title = `${control.title || control.parentElement.textContent.trim()} (${control.dataset.key})`;
+    }
+    get("shortcut-list").replaceChildren(...this.entries.map(describe));
+  }
+
+  press(event) {
+    const { target } = event;
+    if (event.ctrlKey || event.metaKey || get("shortcuts").open) return;
+    const isTyping = target.matches("input[type=number]");
+    const isSlider = target.matches("input[type=range]");
+    const usesKey = target.matches("select, summary") || (target.matches("button, input[type=checkbox]") && event.key === " ");
+    const isArrow = event.key.startsWith("Arrow") || ["Home", "End"].includes(event.key);
+    if (isTyping || (isSlider && isArrow && !event.altKey)) return;
+    if (usesKey && (event.key === " " || event.key === "Enter" || (target.matches("select") && (isArrow || event.key.length === 1)))) return;
+    if (target === this.stage.canvas && isArrow && !event.altKey) {
+      this.movePointer(event);
+      event.preventDefault();
+      return;
+    }
+    const prefix = event.altKey ? "Alt+" : event.shiftKey && event.key.startsWith("Arrow") ? "Shift+" : "";
+    const run = this.byKey.get(prefix + event.key);
+    if (!run) return;
+    event.preventDefault();
+    run(event);
+  }
+
+  movePointer(event) {
+    const size = event.shiftKey ? 10 : 1;
+    const steps = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1], Home: [0, -1e9], End: [0, 1e9] };
+    const [rows, columns] = steps[event.key];
+    this.stage.movePointer(rows * size, columns * size);
+  }
+}
+
+function pan(stage, event) {
+  const steps = { ArrowUp: [0, 40], ArrowDown: [0, -40], ArrowLeft: [40, 0], ArrowRight: [-40, 0] };
+  stage.pan(...steps[event.key].map((value) => value * (devicePixelRatio || 1)));
+}
+
+function describe([keys, text]) {
+  const row = document.createElement("div");
+  const name = document.createElement("dt");
+  for (const key of keys.split(" ")) {
+    const mark = document.createElement("kbd");
+    mark.textContent = key;
+    name.append(mark, " ");
+  }
+  const meaning = document.createElement("dd");
+  meaning.textContent = text;
+  row.append(name, meaning);
+  return row;
+}

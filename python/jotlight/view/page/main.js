@@ -1,0 +1,230 @@
+// The page: connects the controls, the image, and the server.
+
+import { Connection } from "./connection.js";
+import { Controls, element, write } from "./controls.js";
+import { addGestures } from "./gestures.js";
+import { Keys } from "./keys.js";
+import { Timeline, drawHistogram, forgetColors, format } from "./plots.js";
+import { showReadout, showLegend, showOverlayNotes } from "./readout.js";
+import { addSharing, request } from "./share.js";
+import { Stage } from "./stage.js";
+import { Store } from "./store.js";
+
+const get = (id) => document.getElementById(id);
+const SPEAK_DELAY = 700;
+const HISTOGRAM_DELAY = 100;
+const store = new Store();
+const controls = new Controls(store);
+const timeline = new Timeline(get("timeline"));
+let capture = null;
+let number = 0;
+let isAsking = false;
+let isMoving = false;
+let speaking = null;
+
+const stage = new Stage(get("image"), onPointer, onZoom, onPainted);
+addGestures(stage);
+
+// Requests: at most one per repaint, so that a fast slider does not flood the server.
+
+function ask(moving) {
+  isMoving = moving;
+  if (isAsking || !capture) return;
+  isAsking = true;
+  requestAnimationFrame(() => {
+    isAsking = false;
+    number += 1;
+    connection.send({ type: "view", id: number, moving: isMoving, state: request(store.state) });
+  });
+}
+
+store.listeners.push((moving) => {
+  controls.update();
+  drawTime();
+  for (const kind of [...stage.overlays.keys()]) {
+    // Jots stay where they are. Other overlays are those of one image.
+    if (!store.state.overlays.includes(kind) || kind !== "jots") stage.removeOverlay(kind);
+  }
+  showOverlayNotes(stage, store.state);
+  ask(moving);
+});
+
+let probing = false;
+function onPointer(place) {
+  if (probing) return;
+  probing = true;
+  requestAnimationFrame(() => {
+    probing = false;
+    const [row, column] = stage.pointer ?? [null, null];
+    connection.send({ type: "probe", row, column });
+    if (row === null) showReadout(null);
+  });
+}
+
+function onZoom(scale) {
+  get("zoom-value").textContent = `${Math.round(scale * 100)} %`;
+}
+
+let histogram = null;
+function onPainted(header, bytes) {
+  if (header.stage === "final") {
+    // While the slider moves, a few histograms per second suffice.
+    const isDrawn = histogram !== null;
+    histogram = { header, bytes };
+    if (!isDrawn) setTimeout(showHistogram, isMoving ? HISTOGRAM_DELAY : 0);
+    speak(header);
+  }
+  showLegend(stage, header);
+  showNote(header);
+  document.dispatchEvent(new CustomEvent("painted", { detail: header }));
+}
+
+function showHistogram() {
+  const { header, bytes } = histogram;
+  histogram = null;
+  drawHistogram(get("histogram"), bytes, header.channels);
+  const texts = header.tone.axis.map(format);
+  if (texts.join() === get("histogram-axis").dataset.texts) return;
+  get("histogram-axis").dataset.texts = texts.join();
+  get("histogram-axis").replaceChildren(...texts.map((text) => element("span", text)));
+}
+
+function showNote(header) {
+  const texts = [...header.notes];
+  if (header.stage === "sample") texts.push("part of the window");
+  get("stage-note").classList.remove("error");
+  write("stage-note", texts.join("; "));
+  write("rate", `${header.title} · firing rate ${format(header.rate)}`);
+}
+
+/** Tell a screen reader about the image after the controls have been at rest for a while. */
+function speak(header) {
+  clearTimeout(speaking);
+  speaking = setTimeout(() => {
+    const last = header.start + header.window - 1;
+    get("status").textContent = `${header.title}, frames ${header.start} to ${last}, values ${format(header.low)} to ${format(header.high)}`;
+  }, SPEAK_DELAY);
+}
+
+function drawTime() {
+  const [first, end] = controls.frames;
+  timeline.setView(first, end, store.state.start, store.state.window);
+}
+
+// Messages from the server.
+
+let shown = 0;
+const handlers = {
+  hello(header) {
+    const isFirst = capture === null;
+    capture = header;
+    if (isFirst) store.begin(header);
+    controls.begin(header);
+    for (const kind of [...stage.overlays.keys()]) stage.removeOverlay(kind);
+    drawTime();
+    ask(false);
+  },
+  image(header, bytes) {
+    if (header.id < shown) return; // an older request
+    shown = header.id;
+    if (header.is_auto && header.stage === "final" && store.state.white === null) controls.keepWhite(header.tone.white);
+    if (store.state.follow) {
+      Object.assign(store.state, { start: header.start });
+      controls.update();
+      drawTime();
+    }
+    stage.show(header, bytes);
+  },
+  overlay(header, bytes) {
+    if (header.id !== number || !store.state.overlays.includes(header.kind)) return;
+    stage.setOverlay(header.kind, header, bytes);
+    showOverlayNotes(stage, store.state);
+    if (stage.header) showLegend(stage, stage.header);
+  },
+  rates(header, bytes) {
+    timeline.setRates(bytes);
+    const each = header.frames === 1 ? "a frame" : `${header.frames} frames`;
+    get("timeline-caption").textContent = `Firing rate, ${each} at each point`;
+  },
+  live(header, bytes) {
+    controls.setFrames(header.first, header.end);
+    timeline.setRates(bytes);
+    const dropped = header.dropped ? ` · ${header.dropped} dropped` : " · none dropped";
+    const state = header.ended ? `Ended at ${header.end}` : `Live · ${header.end} frames`;
+    get("badge").textContent = header.problem || `${state}${dropped}`;
+    get("badge").classList.toggle("lost", header.dropped > 0 || Boolean(header.problem));
+    get("badge").hidden = false;
+    drawTime();
+  },
+  values(header) {
+    showReadout(header.values, stage, capture);
+  },
+  recipe(header) {
+    copyRecipe(header);
+  },
+  error(header) {
+    get("stage-note").classList.add("error");
+    get("stage-note").textContent = header.text;
+    get("status").textContent = header.text;
+  },
+};
+
+const connection = new Connection(
+  (header, bytes) => handlers[header.type]?.(header, bytes),
+  (isOpen, reason) => {
+    get("stage-note").textContent = isOpen ? "" : reason || "The connection is lost. Trying again.";
+    if (isOpen) [number, shown] = [0, 0];
+  },
+);
+const copyRecipe = addSharing(store, connection, () => capture);
+
+// Play, zoom, theme, help.
+
+let clock = null;
+function play() {
+  if (capture?.live) {
+    store.set({ follow: !store.state.follow });
+    return;
+  }
+  controls.isPlaying = !controls.isPlaying;
+  clearInterval(clock);
+  if (controls.isPlaying) {
+    clock = setInterval(() => {
+      const { start, window } = store.state;
+      const step = Math.max(1, Math.round(window / 4));
+      if (start + window >= controls.frames[1]) store.set({ start: controls.frames[0] }, true);
+      else controls.moveBy(step, true);
+    }, 1000 / 30);
+  } else ask(false);
+  controls.update();
+}
+get("play").addEventListener("click", play);
+get("zoom-in").addEventListener("click", () => stage.zoom(2));
+get("zoom-out").addEventListener("click", () => stage.zoom(0.5));
+get("zoom-actual").addEventListener("click", () => stage.actualSize());
+get("zoom-fit").addEventListener("click", () => stage.fit());
+
+const THEMES = ["auto", "light", "dark"];
+function setTheme(theme) {
+  if (theme === "auto") delete document.documentElement.dataset.theme;
+  else document.documentElement.dataset.theme = theme;
+  get("theme").setAttribute("aria-label", `Theme: ${theme}`);
+  localStorage.setItem("jotlight-theme", theme);
+  takeTheme();
+}
+function takeTheme() {
+  forgetColors();
+  timeline.redraw();
+  stage.takeBackground();
+  if (stage.header) drawHistogram(get("histogram"), stage.bytes, stage.header.channels);
+}
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", takeTheme);
+setTheme(THEMES.includes(localStorage.getItem("jotlight-theme")) ? localStorage.getItem("jotlight-theme") : "auto");
+get("theme").addEventListener("click", () => {
+  const now = document.documentElement.dataset.theme ?? "auto";
+  setTheme(THEMES[(THEMES.indexOf(now) + 1) % THEMES.length]);
+});
+const help = () => get("shortcuts").showModal();
+get("help").addEventListener("click", help);
+get("close-shortcuts").addEventListener("click", () => get("shortcuts").close());
+new Keys({ store, controls, stage, actions: { help } });

@@ -1,0 +1,75 @@
+// The values under the pointer, the legend, and the notes of the overlays.
+
+import { element } from "./controls.js";
+import { format } from "./plots.js";
+
+const get = (id) => document.getElementById(id);
+const TEXTS = { jots: "jots-note", saturated: "saturated-note", uncertainty: "uncertainty-note" };
+
+/** Show the values of a pixel in all units, or nothing. */
+export function showReadout(values, stage, capture) {
+  if (!values) {
+    get("readout").replaceChildren();
+    return;
+  }
+  const rows = [
+    ["row, column", `${values.row}, ${values.column}`],
+    ["ones", `${[values.counts].flat().join(", ")} of ${[values.trials].flat().map(trim).join(", ")}`],
+  ];
+  if (values.intensity !== undefined) {
+    const error = errorAt(stage, values);
+    rows.push(["intensity", `${format(values.intensity)}${error ? ` ± ${format(error)}` : ""}`]);
+    rows.push(["photons per frame", format(values.photons)]);
+    const perSecond = values["photons-per-second"];
+    rows.push(["photons per second", perSecond === undefined ? "exposure time unknown" : format(perSecond)]);
+  }
+  get("readout").replaceChildren(
+    ...rows.map(([name, value]) => {
+      const row = document.createElement("div");
+      row.append(element("dt", name), element("dd", value));
+      return row;
+    }),
+  );
+}
+
+const trim = (value) => (Number.isInteger(value) ? value : format(value));
+
+function errorAt(stage, values) {
+  const overlay = stage.overlays.get("uncertainty");
+  if (!overlay || !overlay.header.largest) return null;
+  return (overlay.bytes[values.row * overlay.header.width + values.column] / 255) * overlay.header.largest;
+}
+
+/** Show the meaning of the colors of a difference. */
+export function showLegend(stage, header) {
+  const legend = get("legend");
+  const { tone } = header;
+  legend.hidden = tone.curve !== "difference";
+  if (legend.hidden) return;
+  const ramp = document.createElement("div");
+  ramp.className = "ramp difference";
+  const ends = document.createElement("div");
+  ends.className = "ends";
+  ends.append(...[0, 2, 4].map((place) => element("span", format(tone.axis[place]))));
+  legend.replaceChildren(
+    element("div", `${header.title} − ${tone.other}`),
+    ramp,
+    ends,
+    element("div", `root mean square ${format(tone.rms)}`),
+  );
+}
+
+/** Show what the overlays found, beside their switches. */
+export function showOverlayNotes(stage, state) {
+  for (const [kind, id] of Object.entries(TEXTS)) {
+    const overlay = stage.overlays.get(kind);
+    let text = "";
+    if (state.overlays.includes(kind) && overlay) {
+      const number = overlay.bytes.reduce((sum, value) => sum + (value > 0 ? 1 : 0), 0);
+      if (kind === "jots") text = overlay.header.note.split(", from")[0];
+      else if (kind === "saturated") text = String(number);
+      else text = `0 – ${format(overlay.header.largest)}`;
+    }
+    get(id).textContent = text;
+  }
+}

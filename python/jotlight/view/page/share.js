@@ -1,0 +1,72 @@
+// Saving and sharing: files, the command line, the code, and links.
+
+const get = (id) => document.getElementById(id);
+let timer = null;
+
+/** Show a short message. */
+export function toast(text) {
+  const box = get("toast");
+  box.textContent = text;
+  box.hidden = false;
+  clearTimeout(timer);
+  timer = setTimeout(() => (box.hidden = true), 4000);
+}
+
+async function copy(text, what) {
+  try {
+    await navigator.clipboard.writeText(text);
+    toast(`Copied: ${what}`);
+  } catch {
+    // Without HTTPS, browsers refuse the clipboard on addresses other than this machine.
+    toast(text);
+  }
+}
+
+export function addSharing(store, connection, capture) {
+  const pending = [];
+  for (const ending of ["png", "tif", "exr"]) {
+    get(`save-${ending}`).addEventListener("click", () => save(store, ending));
+  }
+  const ask = (kind) => {
+    pending.push(kind);
+    connection.send({ type: "recipe", state: request(store.state) });
+  };
+  get("copy-command").addEventListener("click", () => ask("command"));
+  get("copy-python").addEventListener("click", () => ask("python"));
+  get("copy-link").addEventListener("click", () => {
+    const token = encodeURIComponent(capture().token);
+    copy(`${location.origin}/?token=${token}#${store.text()}`, "a link to this state");
+  });
+  return (recipe) => {
+    const kind = pending.shift();
+    if (kind === undefined) return;
+    if (recipe[kind] === null) toast("No command makes this image: the capture is no file, or it shows counts.");
+    else copy(recipe[kind], kind === "command" ? "the command line" : "the Python code");
+  };
+}
+
+async function save(store, ending) {
+  toast("Saving");
+  const state = encodeURIComponent(JSON.stringify(request(store.state)));
+  const answer = await fetch(`save?format=${ending}&state=${state}`).catch(() => null);
+  if (!answer) {
+    toast("Not saved: the server does not answer.");
+    return;
+  }
+  if (!answer.ok) {
+    toast(`Not saved: ${await answer.text()}`);
+    return;
+  }
+  const name = /filename="([^"]+)"/.exec(answer.headers.get("Content-Disposition") ?? "");
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(await answer.blob());
+  link.download = name ? name[1] : `view.${ending}`;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  toast(`Saved: ${link.download}`);
+}
+
+/** Return the state for the server. */
+export function request(state) {
+  return { ...state };
+}

@@ -1,0 +1,204 @@
+"""The stages from a request to images: counts, maximum likelihood, and the chosen method."""
+
+import dataclasses
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from jotlight.estimators.brightness import unit_scale
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.merged import Merged
+from jotlight.view.counts import Counts, RunningCounts
+from jotlight.view.display import display, display_difference, fit_white
+from jotlight.view.estimate import Estimate, estimate, fraction_estimate, merge_window
+from jotlight.view.messages import encode
+from jotlight.view.notes import collected
+from jotlight.view.overlays import find_errors, find_saturated
+from jotlight.view.state import COUNTS, ViewState
+from jotlight.view.viewed import MAX_BRIEF_BYTES, CancelledError, count_frames
+from jotlight.view.workshop import Workshop
+
+MAX_KEEPING_UP = 0.1
+"""Time in seconds of a method whose images follow a moving slider without previews."""
+
+
+@dataclasses.dataclass
+class Request:
+    """A request of the page for an image, until a newer one cancels it."""
+
+    number: int
+    state: ViewState
+    is_moving: bool = False
+    """Whether the slider moves, so that the next request follows soon."""
+    is_cancelled: bool = False
+    started: float = dataclasses.field(default_factory=time.monotonic)
+
+    def check(self) -> None:
+        """Raise CancelledError if a newer request has replaced this one.
+
+        While the slider moves, an image that takes a moment is completed. Otherwise a fast slider
+        would cancel every image.
+        """
+        is_brief = self.is_moving and time.monotonic() - self.started < MAX_KEEPING_UP
+        if self.is_cancelled and not is_brief:
+            raise CancelledError
+
+
+class Pipeline:
+    """The computations of one connection. It keeps only the most recent results."""
+
+    def __init__(self, workshop: Workshop) -> None:
+        self.workshop = workshop
+        self.viewed = workshop.viewed
+        self.last: Estimate | None = None
+        """The estimate of the most recent image, for the values under the pointer."""
+        self._running = RunningCounts(workshop.viewed)
+        self._merged: tuple[range, Merged] | None = None
+        self._white = 1.0
+        part = self.viewed.part(self.viewed.frames[:1])
+        size = part.packed.nbytes if isinstance(part, Bits) else part.images.nbytes
+        self._sample_size = max(1, MAX_BRIEF_BYTES // max(1, size))
+
+    def takes_long(self, state: ViewState) -> bool:
+        """Return whether counting a window takes so long that a part of it is shown first."""
+        return self._running.cost(state.span) > self._sample_size
+
+    def sample_counts(self, request: Request) -> bytes:
+        """Return an image of the middle of a window that takes long to count."""
+        frames, number = request.state.span, self._sample_size
+        start = frames.start + (len(frames) - number) // 2
+        sample = range(start, start + number)
+        made = fraction_estimate(self.viewed, count_frames(self.viewed, sample), number)
+        return self._image_message(request, made, "sample", time.perf_counter())
+
+    def count(self, request: Request, methods: list[str]) -> tuple[Counts, bytes | None]:
+        """Return the counts of the window of a request, and an image by the first method."""
+        counts = self._running.move(request.state.span, request.check)
+        return counts, self.preview(request, counts, methods[0]) if methods else None
+
+    def preview(self, request: Request, counts: Counts, method: str) -> bytes:
+        """Return an image of the counts, or of maximum likelihood, that is refined later."""
+        start = time.perf_counter()
+        with collected() as notes:
+            made = estimate(self.viewed, request.state.span, method, counts, check=request.check)
+        is_last = method == request.state.method and is_quick(request.state)
+        stage = "final" if is_last else method
+        return self._image_message(request, made, stage, start, notes)
+
+    def refine(self, request: Request, counts: Counts) -> bytes:
+        """Return the image of the chosen method, aligned or compared if the state says so."""
+        state, start = request.state, time.perf_counter()
+        with collected() as notes:
+            merged = self._merge(request) if state.align else None
+            made, *others = (
+                estimate(self.viewed, state.span, method, counts, merged, request.check)
+                for method in (state.method, state.compare)
+                if method is not None
+            )
+        self.workshop.record_seconds(state, time.perf_counter() - start)
+        request.check()
+        other = others[0] if others and state.method != COUNTS else None
+        return self._image_message(request, made, "final", start, notes, other)
+
+    def overlays(self, request: Request) -> Iterator[bytes]:
+        """Yield the overlays of the most recent image."""
+        made = self.last
+        for kind in request.state.overlays:
+            request.check()
+            facts: dict[str, Any] = {}
+            if made is None:
+                continue
+            if kind == "jots":
+                map_, facts["note"] = self.workshop.jots.find()
+            elif kind == "saturated":
+                map_ = find_saturated(made)
+            elif made.method == COUNTS:
+                continue
+            else:
+                with collected():
+                    map_, facts = find_errors(made)
+            size = {"height": map_.shape[0], "width": map_.shape[1]}
+            header = {"type": "overlay", "kind": kind, "id": request.number, **size, **facts}
+            yield encode(header, map_)
+
+    def values_at(self, row: int, column: int) -> dict[str, Any] | None:
+        """Return the values of a pixel of the most recent image in all units, or None outside."""
+        made = self.last
+        if made is None or row >= made.image.shape[0] or column >= made.image.shape[1]:
+            return None
+        value = made.image[row, column]
+        trials = np.broadcast_to(made.trials, made.counts.shape[: np.ndim(made.trials)])
+        readings = trials[row, column] if trials.ndim else trials
+        facts: dict[str, Any] = {
+            "row": row,
+            "column": column,
+            "counts": np.asarray(made.counts[row, column]).tolist(),
+            "trials": np.round(np.asarray(readings, np.float64), 2).tolist(),
+        }
+        if made.method == COUNTS:
+            return facts
+        units = ["intensity", "photons"]
+        units += [] if made.sensor.exposure_time is None else ["photons-per-second"]
+        for unit in units:
+            facts[unit] = np.asarray(value * unit_scale(made.sensor, unit), np.float64).tolist()
+        return facts
+
+    def _merge(self, request: Request) -> Merged:
+        frames = request.state.span
+        if self._merged is None or self._merged[0] != frames:
+            self._merged = frames, merge_window(self.viewed, frames, request.check)
+        return self._merged[1]
+
+    def _image_message(
+        self,
+        request: Request,
+        made: Estimate,
+        stage: str,
+        start: float,
+        notes: list[str] | None = None,
+        other: Estimate | None = None,
+    ) -> bytes:
+        state = request.state
+        if state.white is not None:
+            self._white = state.white
+        elif made.method != COUNTS:
+            self._white = fit_white(made)
+        if other is None:
+            shown = display(made, state, self._white)
+        else:
+            shown = display_difference(made, other, self._white)
+        if stage != "sample":
+            self.last = made
+        height, width, *channels = shown.levels.shape
+        header = {
+            "type": "image",
+            "id": request.number,
+            "stage": stage,
+            "title": made.title,
+            "start": state.start,
+            "window": state.window,
+            "height": height,
+            "width": width,
+            "channels": channels[0] if channels else 1,
+            "tone": shown.tone,
+            "is_auto": state.white is None and made.method != COUNTS,
+            "low": float(made.image.min()),
+            "high": float(made.image.max()),
+            "rate": float(made.counts.mean() / np.mean(made.trials)),
+            "seconds": time.perf_counter() - start,
+            "notes": notes or [],
+        }
+        return encode(header, shown.levels)
+
+
+def is_quick(state: ViewState) -> bool:
+    """Return whether the counts or maximum likelihood are all that a state asks for.
+
+    Examples
+    --------
+    >>> is_quick(ViewState(method="mle")), is_quick(ViewState(method="network-small"))
+    (True, False)
+    """
+    return state.method in (COUNTS, "mle") and not state.align and state.compare is None

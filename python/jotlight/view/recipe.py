@@ -1,0 +1,114 @@
+"""The command line and the Python code that make the same image as the page."""
+
+import shlex
+from typing import Any
+
+from jotlight.evaluation.methods import METHODS
+from jotlight.view.state import COUNTS, ViewState
+from jotlight.view.viewed import Opening, Viewable
+
+
+def recipe(viewed: Viewable, state: ViewState) -> dict[str, str | None]:
+    """Return the command line and the Python code of a state. None: there is no such command.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> from jotlight.view.viewed import Viewed
+    >>> opening = Opening("a capture.npy", ("--gain", "2.0"), {}, ("sensor = jl.Sensor()",))
+    >>> bits = Sensor(frames=8).expose([[0.5, 0.5]], rng=0)
+    >>> viewed = Viewed("a capture.npy", bits, Sensor(frames=8), opening=opening)
+    >>> recipe(viewed, ViewState(2, 4, "mle", white=0.5))["command"]
+    "jotlight reconstruct 'a capture.npy' -o view.png --depth 16 --frame-range 2:6 --gain 2.0 \
+--method mle --curve gamma --white 0.5"
+    """
+    return {"command": _command(viewed, state), "python": _python(viewed, state)}
+
+
+def file_frames(opening: Opening, frames: range) -> slice:
+    """Return the frames of the file that are those frames of the capture.
+
+    Examples
+    --------
+    >>> file_frames(Opening(frames=slice(100, None, 2)), range(3, 5))
+    slice(106, 109, 2)
+    """
+    first, step = opening.frames.start or 0, opening.frames.step or 1
+    start, last = first + frames.start * step, first + (frames.stop - 1) * step
+    return slice(start, last + 1, None if step == 1 else step)
+
+
+def _command(viewed: Viewable, state: ViewState) -> str | None:
+    opening = viewed.opening
+    if opening.path is None or state.method == COUNTS:
+        return None
+    frames = file_frames(opening, state.span)
+    step = f":{frames.step}" if frames.step else ""
+    words = ["jotlight", "reconstruct", opening.path, "-o", "view.png", "--depth", "16"]
+    words += ["--frame-range", f"{frames.start}:{frames.stop}{step}", *opening.argv]
+    if viewed.sensor(1).frames != 1:
+        words += ["--frames", str(viewed.sensor(state.window).frames)]
+    if opening.states_gain:
+        words += ["--gain", repr(viewed.sensor(state.window).gain)]
+    words += ["--method", state.method, "--curve", state.curve]
+    words += ["--white", f"{state.white!r}"] if state.white is not None else []
+    words += ["--motion"] if state.align else []
+    return shlex.join(words)
+
+
+def _python(viewed: Viewable, state: ViewState) -> str:
+    opening = viewed.opening
+    lines = ["import jotlight as jl"]
+    if state.method != COUNTS:
+        lines.append("from jotlight.images.tone import Tone")
+    lines.append("")
+    if opening.path is None:
+        lines.append(f"bits = bits[{state.start} : {state.start + state.window}]")
+    else:
+        frames = file_frames(opening, state.span)
+        ends = (frames.start, frames.stop, *([frames.step] if frames.step else []))
+        options = {**opening.arguments, "frames": f"slice({', '.join(map(str, ends))})"}
+        texts = [f"{name}={value}" for name, value in options.items()]
+        lines.append(f"bits = jl.open({', '.join([repr(opening.path), *texts])})")
+    lines += _sensor_lines(viewed, state)
+    if state.method == COUNTS:
+        lines += ["image = bits.counts(sensor.oversampling) / sensor.trials"]
+        return "\n".join([*lines, ""])
+    data = "bits"
+    if state.align:
+        lines += ["merged = jl.merge(bits, sensor)"]
+        data = "merged"
+    sensor = "" if data == "merged" else ", sensor"
+    axis = ", channel_axis=-1" if _is_color_counts(viewed) and data == "bits" else ""
+    lines.append(f"image = jl.reconstruct({data}{sensor}, method={state.method!r}{axis})")
+    if state.compare is not None:
+        lines.append(f"image -= jl.reconstruct({data}{sensor}, method={state.compare!r}{axis})")
+        return "\n".join([*lines, 'jl.save_image("view.tif", image)', ""])
+    white = "" if state.white is None else f", white={state.white!r}"
+    lines.append(f"tone = Tone.fit(image, {state.curve!r}{white})")
+    lines.append('jl.save_image("view.png", tone(image), white=1.0, depth=16)')
+    return "\n".join([*lines, ""])
+
+
+def _sensor_lines(viewed: Viewable, state: ViewState) -> list[str]:
+    """Return lines after which `sensor` is the sensor of the window."""
+    from jotlight.view.estimate import choose
+
+    lines = list(viewed.opening.sensor_lines)
+    number = viewed.sensor(state.window).frames
+    changes: dict[str, Any] = {"frames": number}
+    if viewed.opening.states_gain:
+        changes["gain"] = viewed.sensor(state.window).gain
+    if state.method in METHODS:
+        changes["max_intensity"] = choose(viewed, state.window, state.method).max_intensity
+    texts = ", ".join(f"{name}={value!r}" for name, value in changes.items())
+    return [
+        *(lines or ["sensor = bits.sensor or jl.Sensor()"]),
+        f"sensor = sensor.replace({texts})",
+    ]
+
+
+def _is_color_counts(viewed: Viewable) -> bool:
+    from jotlight.sensing.bits import Bits
+
+    return len(viewed.shape) == 3 and not isinstance(viewed.part(viewed.frames[:1]), Bits)

@@ -1,0 +1,71 @@
+"""`jotlight view`: its options and its messages."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+
+
+@pytest.fixture
+def capture(tmp_path):
+    bits = jl.Sensor(frames=40).expose(np.full((16, 24), 0.4), rng=0)
+    jl.save(bits, tmp_path / "capture.npy")
+    return tmp_path / "capture.npy"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["no.such.npy"], "there is no file"),
+        (["capture.npy", "--frames", "3"], "--frame-range leaves some of them out"),
+        (["capture.npy", "--port", "70000"], "port: expected 0 to 65535"),
+        (["capture.npy", "--host", "no.such.host.invalid"], "no address of this machine"),
+        (["capture.npy", "--follow", "--rotate", "90"], "--rotate is for complete captures"),
+        (["capture.npy", "--follow", "--shape", "5"], "shape: expected rows and columns"),
+        (["capture.npy", "--follow", "--format", "x"], "format: expected one of"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(run, capture, monkeypatch, options, message):
+    pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
+    monkeypatch.chdir(capture.parent)
+    status, output = run("view", *options)
+    assert status == 1
+    assert message in output
+
+
+def test_without_the_extra_the_message_says_how_to_install_it(run, capture, monkeypatch):
+    monkeypatch.setattr("jotlight.view.extra.find_spec", lambda name: None)
+    status, output = run("view", capture)
+    assert status == 1
+    assert "pip install 'jotlight[view]'" in output
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("kind", ["file", "pipe"])
+def test_the_command_prints_an_address_that_works_and_ends_on_a_signal(capture, stop, kind):
+    pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
+    arguments = [str(capture)] if kind == "file" else ["-", "--follow", "--shape", "16x24"]
+    command = [sys.executable, "-m", "jotlight", "view", *arguments]
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    with subprocess.Popen(command, **pipes, env=os.environ) as process:
+        if kind == "pipe":
+            process.stdin.write(bytes(range(48)) * 10)
+            process.stdin.flush()
+        first = process.stdout.readline().decode()
+        second = process.stdout.readline().decode()
+        address = re.search(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{32,}", first)[0]
+        opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+        assert b"<title>jotlight</title>" in opener.open(address, timeout=20).read()
+        process.send_signal(stop)
+        _, errors = process.communicate(timeout=20)
+    assert process.returncode == (0 if stop == signal.SIGINT else 143)
+    assert b"Traceback" not in errors
+    assert second == "Ctrl-C ends the viewer\n"

@@ -1,0 +1,114 @@
+"""The dock widget of the napari plugin, in an offscreen Qt."""
+
+import os
+import time
+import warnings
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+with warnings.catch_warnings():  # napari uses features of pydantic that will change
+    warnings.simplefilter("ignore")
+    pytest.importorskip("napari", reason="no napari: pip install 'jotlight[napari]'")
+    pytest.importorskip("qtpy")
+    from napari.components import ViewerModel
+    from qtpy.QtWidgets import QApplication
+
+    from jotlight.napari.lazy import make_layer, source_of
+    from jotlight.napari.widget import JotlightWidget
+    from jotlight.view.viewed import Viewed
+
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]
+
+PHOTO = jl.datasets.photograph("camera")[100:164, 180:244]
+
+
+@pytest.fixture(scope="module")
+def application():
+    return QApplication.instance() or QApplication([])
+
+
+@pytest.fixture
+def viewer(application):
+    viewer = ViewerModel()
+    bits = jl.Sensor(frames=96, max_intensity=4.0).expose(PHOTO, rng=0)
+    data, arguments, _ = make_layer(Viewed.from_bits(bits, "scene"), 32)
+    viewer.add_image(data, **arguments)
+    return viewer
+
+
+@pytest.fixture
+def widget(viewer):
+    widget = JotlightWidget(viewer)
+    yield widget
+    widget.native.close()
+
+
+def click(widget, button, done):
+    button.native.click()
+    end = time.monotonic() + 30
+    while not done():
+        assert time.monotonic() < end, widget.message.value
+        QApplication.processEvents()
+        time.sleep(0.01)
+
+
+def bits_of(viewer):
+    return source_of(viewer.layers[0]).viewed.data
+
+
+def test_the_controls_show_the_active_layer(widget):
+    assert (widget.window.value, widget.step.value, widget.method.value) == (32, 32, "mle")
+
+
+def test_a_reconstruction_becomes_a_layer(viewer, widget):
+    widget.method.value, widget.window.value, widget.step.value = "network-medium", 48, 24
+    click(widget, widget.reconstruct, lambda: len(viewer.layers) == 2)
+    layer = viewer.layers[-1]
+    assert layer.data.shape == (3, 64, 64)
+    expected = jl.reconstruct(bits_of(viewer)[24:72], quality="medium")
+    np.testing.assert_array_equal(np.asarray(layer.data[1]), expected)
+    assert widget.reconstruct.enabled
+
+
+def test_the_displayed_window_is_aligned(viewer, widget):
+    viewer.dims.set_current_step(0, 1)
+    click(widget, widget.align, lambda: len(viewer.layers) == 2)
+    assert viewer.layers[-1].name == "scene, frames 32 to 63, aligned, mle"
+
+
+def test_the_displayed_image_is_measured(viewer, widget):
+    viewer.dims.set_current_step(0, 2)
+    widget.measure.native.click()
+    mean = jl.mle(bits_of(viewer)[64:96]).astype(np.float64).mean()
+    assert f"mean: {mean:.4g}" in widget.message.value
+
+
+def test_a_rectangle_is_measured(viewer, widget):
+    viewer.dims.set_current_step(0, 0)
+    viewer.add_shapes([np.array([[10, 20], [10, 30], [14, 30], [14, 20]])])
+    widget.measure.native.click()
+    assert "pixels: 40" in widget.message.value
+
+
+def test_a_calibration_is_applied(viewer, widget, tmp_path):
+    dark = jl.Sensor(frames=1000, dark_counts=0.01).expose(np.zeros((64, 64)), rng=1)
+    jl.save(dark, tmp_path / "dark.npy")
+    widget.dark.value = tmp_path / "dark.npy"
+    click(widget, widget.calibrate, lambda: len(viewer.layers) == 2)
+    sensor = source_of(viewer.layers[-1]).viewed.sensor_of_all
+    assert np.median(sensor.dark_counts) == pytest.approx(0.01, rel=0.2)
+    assert "dark counts: median" in widget.message.value
+
+
+def test_errors_are_shown_not_raised(viewer, widget):
+    widget.window.value = 1000
+    click(widget, widget.reconstruct, lambda: "expected" in widget.message.value)
+    assert len(viewer.layers) == 1
+    assert widget.reconstruct.enabled
+    viewer.add_image(np.zeros((4, 4)))
+    widget.reconstruct.native.click()
+    assert "expected one that jotlight made" in widget.message.value

@@ -1,0 +1,162 @@
+"""Live captures: files, folders, and pipes that grow."""
+
+import os
+import time
+
+import numpy as np
+import pytest
+
+from jotlight.view.live.folder import list_new
+from jotlight.view.live.options import STANDARD_INPUT, LiveOptions, open_live
+
+RNG = np.random.default_rng(0)
+FRAMES = RNG.integers(0, 256, (300, 6, 2), np.uint8)
+SHAPE = LiveOptions(shape="6x13")
+
+
+def wait_for(condition, seconds=10.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "nothing arrived"
+        time.sleep(0.002)
+
+
+@pytest.fixture
+def opened():
+    captures = []
+
+    def opened(*arguments, **options):
+        captures.append(open_live(*arguments, {"frames": 1}, **options))
+        return captures[-1]
+
+    yield opened
+    for capture in captures:
+        capture.close()
+
+
+def test_a_growing_file_is_followed_to_the_last_whole_frame(tmp_path, opened):
+    path = tmp_path / "a.bin"
+    path.write_bytes(FRAMES[:10].tobytes())
+    live = opened(path, SHAPE)
+    with path.open("ab", buffering=0) as file:
+        data = FRAMES[10:].tobytes()
+        for start in range(0, len(data), 1001):
+            file.write(data[start : start + 1001])
+    wait_for(lambda: live.frames.stop == 300)
+    np.testing.assert_array_equal(live.part(live.frames).packed, FRAMES)
+    assert live.part(range(290, 300)).shape == (10, 6, 13)
+    assert (live.dropped, live.problem, live.ended) == (0, None, False)
+    assert live.shape == (6, 13)
+
+
+def test_frames_beyond_the_memory_are_dropped_and_counted(tmp_path, opened, monkeypatch):
+    path = tmp_path / "a.bin"
+    path.write_bytes(FRAMES[:4].tobytes())
+    live = opened(path, LiveOptions(shape="6x13", history=1))
+    rows = 6 * 2
+    live.ring.capacity = 100  # as if the memory were small
+    live.ring._memory = np.zeros(100 * rows, np.uint8)
+    with path.open("ab") as file:
+        file.write(FRAMES[4:].tobytes())
+    wait_for(lambda: live.frames.stop == 300)
+    assert live.dropped + len(live.frames) + 4 >= 300 - 25
+    assert live.dropped == pytest.approx(196, abs=4)
+    np.testing.assert_array_equal(live.part(range(290, 300)).packed, FRAMES[290:])
+
+
+def test_a_long_file_begins_at_its_newest_frames(tmp_path, opened):
+    path = tmp_path / "a.bin"
+    with path.open("wb") as file:
+        file.truncate(3 << 20)
+        file.seek(0, 2)
+        file.write(FRAMES[:1].tobytes())
+    live = opened(path, LiveOptions(shape="8x8", history=1))
+    wait_for(lambda: live.frames.stop == ((3 << 20) + 12) // 8)
+    assert live.dropped == 0
+
+
+def test_a_file_that_becomes_shorter_is_reported(tmp_path, opened):
+    path = tmp_path / "a.bin"
+    path.write_bytes(FRAMES.tobytes())
+    live = opened(path, SHAPE)
+    wait_for(lambda: live.frames.stop == 300)
+    os.truncate(path, 10)
+    wait_for(lambda: live.ended)
+    assert "shorter" in live.problem
+    assert live.frames.stop == 300
+
+
+def test_standard_input_is_read_to_its_end(opened, monkeypatch):
+    read, write = os.pipe()
+    with os.fdopen(read, "rb") as stdin, os.fdopen(write, "wb") as out:
+        monkeypatch.setattr("sys.stdin", stdin)
+        out.write(FRAMES.tobytes() + b"123")
+        out.close()
+        live = opened(STANDARD_INPUT, SHAPE)
+        wait_for(lambda: live.ended)
+    np.testing.assert_array_equal(live.part(range(300)).packed, FRAMES)
+    assert "3 of 12 bytes" in live.problem
+
+
+def test_a_npy_that_is_being_written_is_followed(tmp_path, opened):
+    path = tmp_path / "a.npy"
+    with path.open("wb") as file:
+        header = {"descr": "|u1", "fortran_order": False, "shape": (10**6, 6, 2)}
+        np.lib.format.write_array_header_1_0(file, header)
+        file.write(FRAMES[:50].tobytes())
+    live = opened(path, LiveOptions())
+    wait_for(lambda: live.frames.stop == 50)
+    np.testing.assert_array_equal(live.part(range(50)).packed, FRAMES[:50])
+
+
+def test_raw_frames_of_a_camera_are_decoded(tmp_path, opened):
+    jots = RNG.random((4, 256, 512)) < 0.3
+    path = tmp_path / "a.bin"
+    np.packbits(jots, axis=2, bitorder="little").tofile(path)
+    live = opened(path, LiveOptions(format="swissspad2"))
+    wait_for(lambda: live.frames.stop == 4)
+    np.testing.assert_array_equal(live.part(range(4)).to_array(), jots)
+
+
+def test_files_that_appear_in_a_folder_are_added_and_gaps_counted(tmp_path, opened):
+    folder = tmp_path / "capture"
+    folder.mkdir()
+
+    def put(number):
+        np.save(tmp_path / "new.npy", FRAMES[10 * number : 10 * number + 10])
+        (tmp_path / "new.npy").rename(folder / f"f{number}.npy")
+
+    put(0)
+    live = opened(folder, LiveOptions())
+    for number in (1, 2, 5):
+        put(number)
+    wait_for(lambda: live.frames.stop == 60)
+    assert live.dropped == 20
+    np.testing.assert_array_equal(live.part(range(50, 60)).packed, FRAMES[50:60])
+
+
+def test_the_order_of_files_is_that_of_their_numbers(tmp_path):
+    for name in ("a2.bin", "a10.bin", "a1.bin", "note.txt"):
+        (tmp_path / name).touch()
+    (tmp_path / "a3.bin").symlink_to("/etc/passwd")
+    names = [path.name for _, path in list_new(tmp_path, None)]
+    assert names == ["note.txt", "a1.bin", "a2.bin", "a10.bin"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (LiveOptions(shape="6"), "shape: expected rows and columns"),
+        (LiveOptions(shape="0x5"), "shape: expected rows and columns"),
+        (LiveOptions(shape="999999x999999"), "shape: expected rows and columns"),
+        (LiveOptions(shape="6x13", format="swissspad2"), "only one"),
+        (LiveOptions(format="nope"), "format: expected one of"),
+        (LiveOptions(history=0), "history: expected 1"),
+        (LiveOptions(), "expected raw frames"),
+    ],
+)
+def test_bad_options_are_refused(tmp_path, options, message):
+    path = tmp_path / "a.bin"
+    path.write_bytes(bytes(1000))
+    with pytest.raises(ValueError, match=message):
+        open_live(path, options, {"frames": 1})

@@ -1,0 +1,157 @@
+"""The images of the page are those of the library."""
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import jotlight as jl
+from jotlight.images.io import display_levels
+from jotlight.images.tone import CURVES, Tone
+from jotlight.view.counts import RunningCounts
+from jotlight.view.display import display, display_difference
+from jotlight.view.estimate import estimate, fraction_at, merge_window
+from jotlight.view.overlays import DEAD, HOT, JotMap, find_errors, find_saturated
+from jotlight.view.saving import save_view
+from jotlight.view.state import ViewState
+from jotlight.view.viewed import Viewed
+
+PHOTO = jl.datasets.photograph("camera")[100:148, 180:244]
+MASK = np.random.default_rng(1).random(PHOTO.shape) < 0.05
+SENSORS = {
+    "plain": jl.Sensor(frames=48, gain=30.0, max_intensity=4.0),
+    "oversampled": jl.Sensor(frames=12, oversampling=2, max_intensity=4.0),
+    "masked": jl.Sensor(frames=48, mask=MASK, dark_counts=0.01, max_intensity=4.0),
+    "smooth": jl.Sensor(frames=12, oversampling=2, kernel="linear", max_intensity=4.0),
+}
+
+
+def viewed_of(name, **changes):
+    sensor = SENSORS[name].replace(**changes)
+    return Viewed.from_bits(sensor.expose(PHOTO, rng=0), name)
+
+
+def made(viewed, span, method):
+    return estimate(viewed, span, method, RunningCounts(viewed).move(span))
+
+
+@pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
+@pytest.mark.parametrize("name", SENSORS)
+@pytest.mark.parametrize("method", ["mle", "network-medium", "noniterative-gaussian", "admm-tv"])
+def test_the_estimate_equals_that_of_the_library(name, method):
+    viewed, span = viewed_of(name), range(3, 11)
+    if name == "smooth" and method == "network-medium":
+        with pytest.raises(ValueError, match="kernel"):
+            made(viewed, span, method)
+        return
+    expected = jl.reconstruct(viewed.data[3:11], method=method)
+    np.testing.assert_array_equal(made(viewed, span, method).image, expected)
+
+
+def test_color_bits_are_estimated():
+    sensor = jl.Sensor(frames=8, max_intensity=4.0)
+    bits = sensor.expose(np.stack([PHOTO] * 3, axis=2), rng=0, channel_axis=-1)
+    viewed = Viewed.from_bits(bits)
+    image = made(viewed, range(2, 7), "mle")
+    np.testing.assert_array_equal(image.image, jl.mle(bits[2:7]))
+    assert display(image, ViewState(), 1.0).levels.shape == (*PHOTO.shape, 3)
+
+
+def test_without_a_stated_range_the_largest_intensity_is_that_of_saturation():
+    bits = jl.Sensor(frames=16).expose(3 * PHOTO, rng=0)
+    viewed = Viewed("bits", bits, bits.sensor)
+    image = made(viewed, range(16), "mle")
+    assert image.image.max() > 1
+    assert image.sensor.max_intensity == pytest.approx(np.log(32))
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_the_levels_are_those_that_the_library_saves(curve, tmp_path):
+    viewed = viewed_of("plain")
+    image = made(viewed, range(16), "mle")
+    shown = display(image, ViewState(curve=curve), 0.7)
+    tone = Tone.fit(jl.mle(viewed.data[:16]), curve, white=0.7)
+    jl.save_image(tmp_path / "a.png", tone(jl.mle(viewed.data[:16])), white=1.0)
+    np.testing.assert_array_equal(shown.levels, np.asarray(Image.open(tmp_path / "a.png")))
+    axis = shown.tone["axis"]
+    levels = display_levels(Tone(curve, 0.7, tone.middle)(np.array([axis])), 1.0, 255)
+    np.testing.assert_allclose(levels[0], [0, 63.75, 127.5, 191.25, 255], atol=1)
+
+
+def test_counts_are_as_bright_as_the_intensity_that_they_mean():
+    viewed = viewed_of("plain")
+    level = fraction_at(0.5, viewed.sensor(1))
+    assert level == pytest.approx(1 - np.exp(-0.5 * 30 / 48))
+
+
+def test_differences_are_gray_where_both_agree_and_colored_elsewhere():
+    viewed = viewed_of("plain")
+    one = made(viewed, range(16), "mle")
+    other = made(viewed, range(16), "network-medium")
+    same = display_difference(one, one, 1.0)
+    assert (same.levels == 128).all()
+    assert same.tone["rms"] == 0
+    shown = display_difference(one, other, 1.0)
+    brighter = one.image > other.image + 0.05
+    assert (shown.levels[brighter, 0] > shown.levels[brighter, 2]).all()
+    expected = np.sqrt(np.mean((one.image - other.image) ** 2))
+    assert shown.tone["rms"] == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")  # a dead pixel is inpainted
+def test_dead_hot_and_saturated_jots_are_marked():
+    scene = np.full((32, 32), 0.05, np.float32)
+    scene[5, 7], scene[20, 3] = 3.0, 60.0
+    mask = np.zeros((32, 32), bool)
+    mask[9, 9] = True
+    sensor = jl.Sensor(frames=400, gain=400.0, mask=mask, max_intensity=100.0)
+    viewed = Viewed.from_bits(sensor.expose(scene, rng=0))
+    found, note = JotMap(viewed).find()
+    assert found[9, 9] == DEAD
+    assert {tuple(place) for place in np.argwhere(found == HOT)} == {(5, 7), (20, 3)}
+    assert note.startswith("1 dead, 2 hot")
+    image = made(viewed, range(400), "mle")
+    assert np.argwhere(find_saturated(image)).tolist() == [[20, 3]]
+
+
+def test_errors_are_those_of_the_library():
+    viewed = viewed_of("plain")
+    image = made(viewed, range(48), "mle")
+    levels, facts = find_errors(image)
+    known = jl.uncertainty(viewed.data, method="mle").standard_error
+    shown = known < facts["largest"]
+    np.testing.assert_allclose(
+        levels[shown] * facts["largest"] / 255, known[shown], atol=facts["largest"] / 255
+    )
+
+
+@pytest.mark.slow
+def test_an_aligned_window_equals_that_of_the_library():
+    scene = jl.datasets.moving(
+        motion="shake", sensor=jl.Sensor(frames=32), shape=(64, 64), photons=0.5, rng=0
+    )
+    viewed = Viewed.from_bits(scene.bits)
+    merged = merge_window(viewed, range(32))
+    expected = jl.merge(scene.bits, motion=jl.align(scene.bits))
+    np.testing.assert_array_equal(merged.ones, expected.ones)
+    image = estimate(viewed, range(32), "mle", scene.bits.counts(), merged)
+    np.testing.assert_array_equal(image.image, jl.mle(expected))
+
+
+@pytest.mark.parametrize(("ending", "tolerance"), [("png", 0.6 / 65535), ("tif", 0), ("exr", 0)])
+def test_saved_files_hold_what_is_shown(ending, tolerance, tmp_path):
+    if ending == "exr":
+        pytest.importorskip("OpenEXR")
+    viewed = viewed_of("plain")
+    state = ViewState(2, 10, "mle", curve="linear", white=0.8)
+    path = tmp_path / f"a.{ending}"
+    path.write_bytes(save_view(viewed, state, ending))
+    expected = jl.mle(viewed.data[2:12])
+    if ending == "png":
+        image = Image.open(io.BytesIO(path.read_bytes()))
+        assert image.mode.startswith("I")
+        shown = np.clip(expected / 0.8, 0, 1)
+        np.testing.assert_allclose(np.asarray(image) / 65535, shown, atol=tolerance)
+    else:
+        np.testing.assert_array_equal(jl.read_image(path), expected)

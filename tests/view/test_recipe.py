@@ -1,0 +1,82 @@
+"""The command line and the code of the page make the image that it shows."""
+
+import shlex
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import jotlight as jl
+from jotlight.cli.app import app, run
+from jotlight.cli.capture_options import CaptureOptions
+from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.cli.view import _open
+from jotlight.view.recipe import recipe
+from jotlight.view.saving import save_view
+from jotlight.view.state import ViewState
+from jotlight.view.viewed import Viewed
+
+PHOTO = jl.datasets.photograph("camera")[100:140, 180:240]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    sensor = jl.Sensor(frames=60, gain=40.0)
+    jl.save(sensor.expose(PHOTO, rng=0), "own sensor.npy")
+    np.save("plain.npy", sensor.expose(2 * PHOTO, rng=0).packed)
+    counts = np.stack([sensor.replace(frames=10).expose(PHOTO, rng=n).counts() for n in range(6)])
+    np.save("counts.npy", counts)
+    mask = np.zeros(PHOTO.shape, bool)
+    mask[3, 4] = True
+    np.save("mask.npy", mask)
+    return tmp_path
+
+
+CASES = [
+    ("own sensor.npy", "", ViewState(5, 20, "mle", white=0.8)),
+    ("own sensor.npy", "", ViewState(0, 16, "network-medium", white=0.7, curve="reinhard")),
+    ("own sensor.npy", "--gain 30 --max-intensity 3", ViewState(5, 20, "mle", white=2.0)),
+    ("plain.npy", "--frame-range 10:50:2 --rotate 90", ViewState(3, 10, "mle", white=1.5)),
+    ("plain.npy", "--mask mask.npy --width 60", ViewState(3, 10, "admm-tv", curve="log")),
+    ("counts.npy", "--frames 60 --counts", ViewState(1, 4, "mle", white=0.8, curve="linear")),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
+@pytest.mark.parametrize(("name", "options", "state"), CASES)
+def test_both_make_the_saved_image(folder, name, options, state):
+    _, bound, _ = app.parse_args(["view", name, *shlex.split(options)])
+    capture = bound.arguments.get("capture", CaptureOptions())
+    sensor = bound.arguments.get("sensor", CapturedSensorOptions())
+    viewed = _open(folder.__class__(name), capture, sensor)
+    expected = folder / "expected.png"
+    expected.write_bytes(save_view(viewed, state, "png"))
+    texts = recipe(viewed, state)
+    assert run(shlex.split(texts["command"])[1:]) == 0
+    by_command = np.asarray(Image.open("view.png")).astype(int)
+    exec(texts["python"], {})
+    by_code = np.asarray(Image.open("view.png")).astype(int)
+    saved = np.asarray(Image.open(expected)).astype(int)
+    np.testing.assert_array_equal(by_code, saved)
+    np.testing.assert_array_equal(by_command, saved)
+
+
+def test_bits_in_memory_have_code_but_no_command():
+    viewed = Viewed.from_bits(jl.Sensor(frames=16).expose(PHOTO, rng=0))
+    texts = recipe(viewed, ViewState(4, 8, "mle", compare="network-small", align=True))
+    assert texts["command"] is None
+    assert "bits[4 : 12]" in texts["python"]
+    assert "jl.merge(bits, sensor)" in texts["python"]
+    compile(texts["python"], "recipe", "exec")
+
+
+def test_names_of_files_are_quoted():
+    from jotlight.view.viewed import Opening
+
+    bits = jl.Sensor(frames=4).expose(PHOTO, rng=0)
+    viewed = Viewed("x", bits, bits.sensor, opening=Opening("a'; rm -rf x;'.npy"))
+    texts = recipe(viewed, ViewState(0, 4, "mle"))
+    assert shlex.split(texts["command"])[2] == "a'; rm -rf x;'.npy"
+    compile(texts["python"], "recipe", "exec")
