@@ -8,7 +8,7 @@ import pytest
 import jotlight as jl
 from jotlight.evaluation.methods import METHODS
 from jotlight.images.io import read_image
-from jotlight.networks.pretrained import is_conditional, pretrained
+from jotlight.networks.pretrained import pretrained, uses_conditional
 
 SUPPORTED = jl.Sensor(oversampling=4)
 OTHER = jl.Sensor(oversampling=2, frames=100)
@@ -159,7 +159,7 @@ OTHERS = {
 @pytest.mark.parametrize("sensor", OTHERS.values(), ids=OTHERS)
 @pytest.mark.parametrize("quality", ["two-layer", "small"])
 def test_conditional_networks_serve_every_sensor(sensor, quality):
-    assert is_conditional(sensor, quality)
+    assert uses_conditional(sensor, quality)
     bits = bits_of(sensor)
     estimate = pretrained(sensor, quality).reconstruct(bits)
     assert estimate.min() >= 0

@@ -66,6 +66,12 @@ def test_a_network_of_the_caller(bits):
     np.testing.assert_array_equal(video, named)
 
 
+def test_networks_fall_back_on_request(bits):
+    video = jl.dask.reconstruct(bits, window=16, quality="small", fallback=True)
+    expected = jl.reconstruct(bits[16:32], quality="small", fallback=True)
+    np.testing.assert_array_equal(video[1].compute(), expected)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -74,7 +80,7 @@ def test_a_network_of_the_caller(bits):
         ({"quality": "tiny"}, "expected one of"),
         ({"method": "mle", "weight": 1.0}, "weight"),
         ({"method": max}, "method: expected"),
-        ({"quality": "small", "window": 20}, "no trained network"),
+        ({"method": "mle", "fallback": True}, "fallback: is for networks"),
         ({"window": 65}, "window"),
     ],
 )

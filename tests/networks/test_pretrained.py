@@ -12,8 +12,8 @@ from jotlight.images.io import read_image
 from jotlight.networks.pretrained import (
     FOLDER,
     TRAINED_TRIALS,
-    is_conditional,
     pretrained,
+    uses_conditional,
 )
 from jotlight.training import SafeSet, parameter_vector
 
@@ -64,7 +64,7 @@ def test_two_layer_networks_exist_for_eight_values_of_k():
 
 @pytest.mark.parametrize("sensor", [*SPACE, *TIME, *MIXED], ids=repr)
 def test_one_tied_network_serves_jots_and_frames(sensor):
-    assert not is_conditional(sensor, "two-layer")
+    assert not uses_conditional(sensor, "two-layer")
     network = pretrained(sensor, "two-layer")
     assert network.tied
     np.testing.assert_array_equal(
@@ -242,15 +242,15 @@ def test_networks_serve_weak_dark_counts():
     image = camera()[100:200, 100:200]
     sensor = jl.Sensor(oversampling=4, dark_counts=0.05)
     bits = sensor.expose(image, rng=0)
-    assert not is_conditional(sensor, "two-layer")
+    assert not uses_conditional(sensor, "two-layer")
     estimate = pretrained(sensor, "two-layer").reconstruct(bits)
     assert jl.metrics.psnr(estimate, image) > jl.metrics.psnr(jl.mle(bits, sensor), image) + 5
     assert abs(estimate.mean() - image.mean()) < 0.02
 
 
 def test_only_the_product_of_efficiency_and_gain_matters():
-    assert not is_conditional(jl.Sensor(frames=16, gain=32, efficiency=0.5), "two-layer")
-    assert is_conditional(jl.Sensor(frames=16, efficiency=0.5), "two-layer")
+    assert not uses_conditional(jl.Sensor(frames=16, gain=32, efficiency=0.5), "two-layer")
+    assert uses_conditional(jl.Sensor(frames=16, efficiency=0.5), "two-layer")
 
 
 @pytest.mark.slow
@@ -315,7 +315,7 @@ def test_at_16_trials_a_network_is_one_for_this_number_alone(quality):
     assert pretrained(jl.Sensor(frames=16), quality).trials_range is None
     for change in ({"frames": 15}, {"max_intensity": 2.0}, {"gain": 8.0}, {"dark_counts": 0.2}):
         sensor = jl.Sensor(frames=16).replace(**change)
-        assert is_conditional(sensor, quality)
+        assert uses_conditional(sensor, quality)
         assert pretrained(sensor, quality).trials_range == (1, 256)
 
 

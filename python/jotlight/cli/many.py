@@ -15,7 +15,7 @@ from jotlight.cli.reconstruction import Inputs, Reconstruction
 from jotlight.cli.run_options import RunOptions
 from jotlight.dask.cluster import connected
 from jotlight.dask.counting import Spans
-from jotlight.dask.estimator import Estimator, check_countable
+from jotlight.dask.estimator import Estimator, check_countable, checked_fallback
 from jotlight.dask.jobs import (
     CaptureSource,
     ConversionJob,
@@ -37,6 +37,7 @@ from jotlight.dask.store import AnotherRunError, VideoStore
 from jotlight.formats.locations import file_state, is_url
 from jotlight.formats.writing import choose_output_format
 from jotlight.images.io import image_writer
+from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.lazy import frames_per_chunk
 from jotlight.sensing.sensor import Sensor
@@ -266,22 +267,31 @@ def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor
     """Return the method as the workers run it. Captures of equal sensors share one object."""
     sensor = sensors.setdefault(job.captured.sensor, job.captured.sensor)
     check_countable(sensor)
-    if sensor.kernel != "box":
+    if sensor.kernel != "box" and job.choice.quality is None and not _own_network(job, inputs):
         raise ValueError(
             f"kernel: expected box in a run over windows or captures, got {sensor.kernel}, for "
             "which counts are not enough; reconstruct one capture at a time without --window"
         )
     choice = job.choice
-    network = None if inputs.method.model is None or isinstance(job.method, str) else job.method
-    options = tuple(sorted(job.settings.items()))
-    return Estimator(sensor, choice.method, choice.quality, network, options)
+    settings = dict(job.settings)
+    fallback = bool(settings.pop("fallback", False))
+    options = tuple(sorted(settings.items()))
+    network = _own_network(job, inputs)
+    return checked_fallback(
+        Estimator(sensor, choice.method, choice.quality, network, options, fallback=fallback)
+    )
+
+
+def _own_network(job: Reconstruction, inputs: Inputs) -> Network | None:
+    """Return the network of the user, or None."""
+    return None if inputs.method.model is None or isinstance(job.method, str) else job.method
 
 
 def _method_facts(estimator: Estimator, job: Reconstruction, inputs: Inputs) -> dict[str, Any]:
     sensor, calibration = estimator.sensor, job.calibration
     return {
         "method": estimator.method,
-        "options": dict(estimator.options),
+        "options": dict(estimator.options) | ({"fallback": True} if estimator.fallback else {}),
         "weights_sha256": estimator.weights(inputs.method.model),
         "sensor": sensor.scalars(),
         "maps_sha256": {

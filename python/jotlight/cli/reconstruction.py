@@ -254,7 +254,11 @@ def _origin(job: Reconstruction, checksum: tuple[int, int]) -> dict[str, Any]:
     """Return what an image was made of, and how, in addition to its sensor and method."""
     choice, calibration, sensor = job.choice, job.calibration, job.captured.sensor
     quality = CONDITIONAL_SIZE if choice.method == LARGE_METHOD else choice.quality
-    weights = job.model if quality is None else pretrained_file(sensor, quality)
+    weights = (
+        job.model
+        if quality is None
+        else pretrained_file(sensor, quality, is_conditional="fallback" in job.settings)
+    )
     content = "packed" if isinstance(job.captured.data, Bits) else "counts"
     return {
         "capture": job.path.name,

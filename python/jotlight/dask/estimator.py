@@ -9,12 +9,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.estimators.deconvolution import DECONVOLUTION_RADIUS
 from jotlight.evaluation.choice import OWN_NETWORK, choose_method, requested_method
+from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.methods import LARGE_METHOD, METHODS, check_options
+from jotlight.evaluation.reconstruct import check_fallback
 from jotlight.layout import Layout
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, pretrained_file
+from jotlight.networks.pretrained import (
+    CONDITIONAL_SIZE,
+    pretrained,
+    pretrained_conditional,
+    pretrained_file,
+)
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
@@ -38,19 +46,23 @@ class Estimator:
     """Options of the method."""
     threads: int | None = 1
     """Number of threads. The estimate does not depend on it."""
+    fallback: bool = False
+    """Whether a network falls back to other methods, as in `jotlight.reconstruct`."""
 
     @property
     def halo(self) -> int | None:
         """Radius in pixels on which a pixel of the estimate depends. None: on the whole image."""
-        if self.sensor.maps():
+        if self.sensor.maps() or self.fallback:
             return None
         network = self._network()
         if network is not None:
-            return network.halo
+            return network.halo + (0 if self.sensor.kernel == "box" else DECONVOLUTION_RADIUS)
         return 0 if self.method == "mle" else None
 
     def _network(self) -> Network | None:
-        return self.network if self.quality is None else _shipped(self.sensor, self.quality)
+        if self.quality is None:
+            return self.network
+        return _shipped(self.sensor, self.quality, is_conditional=self.fallback)
 
     def weights(self, model: Path | None = None) -> str | None:
         """Return the SHA-256 of the file of the network's weights, or None without a network.
@@ -61,7 +73,7 @@ class Estimator:
             quality = CONDITIONAL_SIZE if self.method == LARGE_METHOD else self.quality
             if quality is None:
                 return None
-            model = pretrained_file(self.sensor, quality)
+            model = pretrained_file(self.sensor, quality, is_conditional=self.fallback)
         return hashlib.sha256(model.read_bytes()).hexdigest()
 
     def __call__(self, counts: npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
@@ -77,14 +89,16 @@ class Estimator:
             gray, layout = np.ascontiguousarray(counts), Layout((len(counts),))
         images = GrayImages(gray, layout)
         if (network := self._network()) is not None:
+            if self.fallback:
+                return layout.arrange(blend(images, self.sensor, network, self.threads)[0])
             return network.reconstruct(images, self.sensor, threads=self.threads)
         run, options = METHODS[self.method].run, dict(self.options)
         return np.asarray(run(images, self.sensor, threads=self.threads, **options))
 
 
 @functools.lru_cache(_KEPT)
-def _shipped(sensor: Sensor, quality: str) -> Network:
-    return pretrained(sensor, quality)
+def _shipped(sensor: Sensor, quality: str, *, is_conditional: bool) -> Network:
+    return (pretrained_conditional if is_conditional else pretrained)(sensor, quality)
 
 
 def choose_estimator(
@@ -105,7 +119,8 @@ def choose_estimator(
     >>> choose_estimator(Sensor(frames=16), quality="small").method
     'network-small'
     """
-    options = options or {}
+    options = dict(options or {})
+    fallback = bool(options.pop("fallback", False))
     if quality is not None:
         if method is not None:
             raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
@@ -117,14 +132,24 @@ def choose_estimator(
         if options:
             raise ValueError(f"{next(iter(options))}: is not an option of a network; leave it out")
         method.check_sensor(sensor)
-        return Estimator(sensor, OWN_NETWORK, network=method)
+        return checked_fallback(Estimator(sensor, OWN_NETWORK, network=method, fallback=fallback))
     if method is not None and not isinstance(method, str):
         raise TypeError(f"method: expected the name of a method, or a network, got {method!r}")
     requested = requested_method(method, list(options))
     if requested is not None:
         check_options(requested, options)
     choice = choose_method(sensor, requested=requested)
-    return Estimator(sensor, choice.method, choice.quality, options=tuple(sorted(options.items())))
+    chosen = tuple(sorted(options.items()))
+    return checked_fallback(
+        Estimator(sensor, choice.method, choice.quality, options=chosen, fallback=fallback)
+    )
+
+
+def checked_fallback(estimator: Estimator) -> Estimator:
+    """Return an estimator, or raise ValueError if it cannot fall back as it should."""
+    if estimator.fallback:
+        check_fallback(estimator.sensor, estimator.method, estimator.quality, estimator.network)
+    return estimator
 
 
 def check_countable(sensor: Sensor) -> None:

@@ -17,7 +17,7 @@ For networks and K from 4 to 1,000, values from 0.04 to 0.1 differ by up to 0.2 
 (``benchmarks/studies/smooth_kernels.py``).
 """
 
-_RADIUS = 32
+DECONVOLUTION_RADIUS = 32
 """Number of taps of the inverse filter on each side. Those beyond are below 1e-5."""
 
 _PERIOD = 256
@@ -78,5 +78,6 @@ def inverse_taps(kernel: str, oversampling: int) -> npt.NDArray[np.float64]:
     line = spread((_PERIOD,), oversampling, kernel, gain=oversampling).forward(point)
     response = np.fft.rfft(np.roll(line.reshape(_PERIOD, -1).mean(1), -(_PERIOD // 2)))
     inverse = (1 + _REGULARIZATION) * response.conj() / (abs(response) ** 2 + _REGULARIZATION)
-    taps = np.roll(np.fft.irfft(inverse, _PERIOD), _RADIUS)[: 2 * _RADIUS + 1]
+    centered = np.roll(np.fft.irfft(inverse, _PERIOD), DECONVOLUTION_RADIUS)
+    taps = centered[: 2 * DECONVOLUTION_RADIUS + 1]
     return np.asarray(taps / taps.sum())

@@ -12,7 +12,7 @@ from jotlight.evaluation.methods import (
     find_method,
 )
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import is_conditional
+from jotlight.networks.pretrained import uses_conditional
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
@@ -129,7 +129,7 @@ def choose_method(
             reason = f"recommended for {sensor.trials:,} trials per pixel"
         quality = METHODS[method].quality
         # K-conditioned networks serve any S. Networks for one K were trained for S = 1.
-        has_fixed_range = quality is not None and not is_conditional(sensor, quality)
+        has_fixed_range = quality is not None and not uses_conditional(sensor, quality)
     max_intensity = sensor.max_intensity
     limit, notes = None, []
     saturation = saturation_intensity(sensor)

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from jotlight.errors import warn
 from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.problem import ConvergenceHistories
-from jotlight.evaluation.choice import Choice, choose_method, requested_method
-from jotlight.evaluation.held_out import blend
+from jotlight.evaluation.choice import choose_method, requested_method
+from jotlight.evaluation.held_out import blend, smooth_kernel_reason
 from jotlight.evaluation.methods import LARGE_METHOD, METHODS, OPTION_DEFAULTS, check_options
 from jotlight.evaluation.own_method import OwnMethod, run_own
 from jotlight.networks.architectures import SIZES
@@ -215,7 +215,9 @@ def _run(
     start = time.perf_counter()
     history, shares = None, None
     if fallback or choice.method == LARGE_METHOD:
-        network = _network_of_blend(sensor, choice, network)
+        check_fallback(sensor, choice.method, choice.quality, network)
+        quality = CONDITIONAL_SIZE if choice.method == LARGE_METHOD else choice.quality
+        network = network or pretrained_conditional(sensor, str(quality))
         blends, shares = blend(images, sensor, network, threads)
         estimate = images.layout.arrange(blends)
     elif network is not None or choice.quality is not None:
@@ -230,19 +232,38 @@ def _run(
     return estimate, Info(choice.method, choice.title, choice.reason, seconds, history, shares)
 
 
-def _network_of_blend(sensor: Sensor, choice: Choice, network: Network | None) -> Network:
-    """Return the K-conditioned network that is blended with other methods."""
-    if network is None:
-        quality = CONDITIONAL_SIZE if choice.method == LARGE_METHOD else choice.quality
-        if quality is None:
-            raise ValueError(f"fallback: is for networks, but the method is {choice.method}")
-        return pretrained_conditional(sensor, quality)
-    if network.trials_range is None:
+def check_fallback(
+    sensor: Sensor, method: str, quality: str | None, network: Network | None
+) -> None:
+    """Raise ValueError if a method cannot be blended with others on held-out bits.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor of the data.
+    method : str
+        Name of the method.
+    quality : str, optional
+        Size of the method's network, if it is a shipped one.
+    network : Network, optional
+        Network of the caller.
+
+    Examples
+    --------
+    >>> check_fallback(Sensor(), "mle", None, None)
+    Traceback (most recent call last):
+      ...
+    ValueError: fallback: is for networks, but the method is mle
+    """
+    if (reason := smooth_kernel_reason(sensor)) is not None:
+        raise ValueError(f"sensor: {reason}")
+    if network is None and quality is None and method != LARGE_METHOD:
+        raise ValueError(f"fallback: is for networks, but the method is {method}")
+    if network is not None and network.trials_range is None:
         raise ValueError(
             "fallback: expected a K-conditioned network, because it runs on a part of the bits; "
             f'got one for {network.sensor.trials} trials alone; quality="medium" selects one'
         )
-    return network
 
 
 def _warn_about_clipping(estimate: Image, sensor: Sensor) -> None:

@@ -15,7 +15,7 @@ from jotlight.experiments.report.curves import METHOD_COLORS, OTHER_COLOR, Axes,
 from jotlight.experiments.training_runs import paper_sensor, train_by_default
 from jotlight.metrics import psnr, ssim
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import TRAINED_TRIALS, is_conditional, pretrained
+from jotlight.networks.pretrained import TRAINED_TRIALS, pretrained, uses_conditional
 from jotlight.sensing.sensor import Sensor
 
 SETTINGS = {
@@ -86,7 +86,7 @@ def _rows(context: RunContext, axis: str, sensor: Sensor, progress: Progress) ->
 
 def _network(context: RunContext, sensor: Sensor, progress: Progress) -> Network:
     """Return the package's network for the sensor's K and exposure, or train one."""
-    if not is_conditional(sensor, "two-layer"):
+    if not uses_conditional(sensor, "two-layer"):
         return pretrained(sensor, "two-layer")
     _, scenes = context.data.bsds300("train", context.settings["learning_images"])
     name = f"gain{sensor.gain:g}"
@@ -162,7 +162,7 @@ def _axes(means: Mapping[float, dict[str, float]], x_label: str, ticks: list[flo
     return Axes(lines, x_label, "PSNR, dB", x_log=True, x_ticks=ticks)
 
 
-def _methods_of(means: Means) -> list[str]:
+def _methods_of(means: Mapping[float, dict[str, float]]) -> list[str]:
     """Return the methods that serve any of the sensors, in the order of all tables."""
     found = dict.fromkeys(method for row in means.values() for method in row)
     known = [method for method in METHODS if method in found]

@@ -80,16 +80,28 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     return network
 
 
-def pretrained_file(sensor: Sensor, quality: str = "medium") -> Path:
+def pretrained_file(
+    sensor: Sensor, quality: str = "medium", *, is_conditional: bool = False
+) -> Path:
     """Return the file of the network of a size that serves a sensor.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor.
+    quality : {"two-layer", "small", "medium", "large"}
+        The size.
+    is_conditional : bool
+        Whether it must be the K-conditioned network of this size.
 
     Examples
     --------
     >>> pretrained_file(Sensor(frames=16), "small").name
     'small-k16.safetensors'
     """
-    name = quality if is_conditional(sensor, quality) else f"{quality}-k{sensor.trials}"
-    return FOLDER / f"{name}.safetensors"
+    if is_conditional or uses_conditional(sensor, quality):
+        return FOLDER / f"{quality}.safetensors"
+    return FOLDER / f"{quality}-k{sensor.trials}.safetensors"
 
 
 def pretrained_conditional(sensor: Sensor, quality: str) -> Network:
@@ -101,17 +113,17 @@ def pretrained_conditional(sensor: Sensor, quality: str) -> Network:
     (1, 256)
     """
     check_quality(quality)
-    network = Network.load(FOLDER / f"{quality}.safetensors")
+    network = Network.load(pretrained_file(sensor, quality, is_conditional=True))
     network.default_sensor = sensor
     return network
 
 
-def is_conditional(sensor: Sensor, quality: str) -> bool:
+def uses_conditional(sensor: Sensor, quality: str) -> bool:
     """Return whether the trained network of a size for a sensor is K-conditioned.
 
     Examples
     --------
-    >>> is_conditional(Sensor(frames=16), "small"), is_conditional(Sensor(frames=20), "small")
+    >>> uses_conditional(Sensor(frames=16), "small"), uses_conditional(Sensor(frames=20), "small")
     (False, True)
     """
     efficiency, dark_counts = reference_jot(sensor)
