@@ -38,7 +38,8 @@ myst_heading_anchors = 4
 # Docstrings. Words in single backticks become links where they are public names.
 default_role = "py:obj"
 autodoc_member_order = "bysource"
-autodoc_mock_imports = ["deepinv", "torch"]  # large, and not needed to read docstrings
+# Extras are large, and not needed to read docstrings.
+autodoc_mock_imports = ["dask", "deepinv", "magicgui", "napari", "starlette", "torch", "uvicorn"]
 autodoc_typehints = "none"  # the docstrings state types, shapes, and units
 autosummary_generate = False
 numpydoc_show_class_members = False  # the page of a class describes all of its members

@@ -15,7 +15,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from docutils.nodes import Element
+from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
 from sphinx.ext.autodoc.mock import _MockObject, mock
 from sphinx.pycode import ModuleAnalyzer
 
@@ -62,6 +65,10 @@ This reference describes every public name of jotlight. Examples begin with
 ``import jotlight as jl`` and ``import numpy as np``. Names that are not listed here may change
 without notice. The :doc:`../command_line` has a page of its own.
 """
+
+
+_documented_paths: dict[str, str] = {}
+"""Path of the page of each name, by the path of its definition."""
 
 
 class Name(NamedTuple):
@@ -226,6 +233,9 @@ def write_pages(app: Sphinx) -> None:
     folder = Path(app.srcdir) / "api"
     names = public_names(app.config.autodoc_mock_imports)
     check_guide(Path(app.srcdir), names)
+    for each in names:
+        module = getattr(each.value, "__module__", None) or each.module
+        _documented_paths[f"{module}.{each.name}"] = each.path
     texts = {each.path: _documentation(each) for each in names}
     summaries = {path: " ".join(text.split("\n\n")[0].split()) for path, text in texts.items()}
     folders = {each.folder for each in names}
@@ -251,6 +261,23 @@ def _write_changed(folder: Path, pages: dict[str, str]) -> None:
             path.write_text(text, "utf-8")
 
 
+def resolve_real_path(
+    app: Sphinx, env: BuildEnvironment, node: pending_xref, content: Element
+) -> Element | None:
+    """Return a link to a name that a docstring calls by its real path, or None.
+
+    Docstrings write `jotlight.estimators.tv.shrink`; its page is that of `jotlight.tv.shrink`.
+    """
+    target = node.get("reftarget", "")
+    for real in (target, target.rpartition(".")[0]):
+        if node.get("refdomain") == "py" and real in _documented_paths:
+            path = _documented_paths[real] + target.removeprefix(real)
+            page, kind = node.get("refdoc", ""), node["reftype"]
+            domain = env.get_domain("py")
+            return domain.resolve_xref(env, page, app.builder, kind, path, node, content)
+    return None
+
+
 def _union(mocked: object, other: object) -> object:
     """Return a mocked type in place of its union with another type."""
     return mocked
@@ -261,4 +288,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     # Annotations such as `torch.device | str` are evaluated; Sphinx's mocks have no `|`.
     _MockObject.__or__ = _MockObject.__ror__ = _union  # type: ignore[attr-defined]
     app.connect("builder-inited", write_pages, priority=100)
+    app.connect("missing-reference", resolve_real_path)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
