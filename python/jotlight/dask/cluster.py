@@ -68,6 +68,7 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
 
     settings = {
         "distributed.scheduler.allowed-failures": _MAX_DEATHS,
+        "distributed.worker.preload": ["jotlight.dask.preload"],
         # It interrupts each worker a hundred times per second.
         "distributed.worker.profile.enabled": False,
         # By default, dask's workers return memory to the system after each image, and get it again.
