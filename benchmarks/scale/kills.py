@@ -9,6 +9,7 @@ bytes are equal, and exits with 1 if they are not.
 """
 
 import argparse
+import contextlib
 import hashlib
 import os
 import random
@@ -40,8 +41,10 @@ def digests(path):
 
 def descendants(pid):
     """Return the processes that a process started, directly or indirectly."""
-    children = Path(f"/proc/{pid}/task/{pid}/children")
-    found = [int(each) for each in children.read_text().split()] if children.exists() else []
+    found = []
+    for thread in Path(f"/proc/{pid}/task").glob("*/children"):
+        with contextlib.suppress(OSError):  # the thread has ended
+            found += [int(each) for each in thread.read_text().split()]
     return [*found, *(each for child in found for each in descendants(child))]
 
 
@@ -49,16 +52,17 @@ def workers_of(pid):
     """Return the worker processes of a command."""
     found = []
     for child in descendants(pid):
-        line = Path(f"/proc/{child}/cmdline")
-        if line.exists() and b"spawn_main" in line.read_bytes():
-            found.append(child)
+        with contextlib.suppress(OSError):  # the process has ended
+            if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
+                found.append(child)
     return found
 
 
 def wait_for_work(process, part, seconds):
-    """Wait until units are being computed, and then some seconds."""
-    while process.poll() is None and not list(part.glob("groups/*.json")):
-        time.sleep(0.02)
+    """Wait until another unit is complete, and then some seconds."""
+    before = len(list(part.glob("groups/*.json")))
+    while process.poll() is None and len(list(part.glob("groups/*.json"))) == before:
+        time.sleep(0.01)
     time.sleep(seconds)
 
 
@@ -88,7 +92,7 @@ def main():
             )
             starts += 1
             while process.poll() is None and kills < options.kills:
-                wait_for_work(process, part, random.uniform(0, 1.0))
+                wait_for_work(process, part, random.uniform(0, 0.5))
                 done = len(list(part.glob("groups/*.json")))
                 if process.poll() is not None:
                     break

@@ -53,6 +53,7 @@ def expected(capture, tmp_path_factory):
         ("--workers", "2"),
         ("--workers", "4"),
         ("--chunks", "64KiB"),
+        ("--chunks", "1MiB"),
         ("--chunks", "1GiB"),
         ("--threads", "1"),
         ("--workers", "2", "--chunks", "64KiB"),

@@ -95,7 +95,8 @@ def test_an_image_that_was_damaged_before_the_end_is_made_again(tmp_path):
     fill(store)
     for index, content in ((1, b"short"), (4, bytes(3 * 4 * 4 + 4))):
         (store.part / f"video.zarr/c/{index}/0/0").write_bytes(content)
-    with pytest.raises(ValueError, match="2 of its images were damaged"):
+    (store.part / "groups" / "2.json").write_bytes(b"")
+    with pytest.raises(ValueError, match="2 of its 3 groups of images were damaged"):
         store.finish()
     assert store.missing() == [0, 2]
     fill(store, [0, 2])

@@ -19,11 +19,11 @@ def folder():
         values = rng.integers(0, 256, (40 + number, 50, 3), np.uint8)
         file = io.BytesIO()
         Image.fromarray(values).save(file, "PNG")
-        fs.pipe(f"/photographs/{number % 2}/{number}.png", file.getvalue())
+        fs.pipe(f"/patches/{number % 2}/{number}.png", file.getvalue())
         photographs.append(values)
-    fs.pipe("/photographs/readme.txt", b"text")
-    yield "memory://photographs", [photographs[0], photographs[2], photographs[1]]
-    fs.rm("/photographs", recursive=True)
+    fs.pipe("/patches/readme.txt", b"text")
+    yield "memory://patches", [photographs[0], photographs[2], photographs[1]]
+    fs.rm("/patches", recursive=True)
 
 
 @pytest.mark.parametrize("max_bytes", [1, 20_000, 1 << 30])
@@ -43,7 +43,7 @@ def test_a_changed_folder_has_another_fingerprint(folder):
     before = UrlPhotographs(url).fingerprint()
     assert before == UrlPhotographs(url).fingerprint()
     assert before != UrlPhotographs(url, color=0.5).fingerprint()
-    fsspec.filesystem("memory").pipe("/photographs/0/0.png", b"shorter")
+    fsspec.filesystem("memory").pipe("/patches/0/0.png", b"shorter")
     assert before != UrlPhotographs(url).fingerprint()
 
 

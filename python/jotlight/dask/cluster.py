@@ -15,6 +15,10 @@ _MAX_DEATHS = 20
 """Number of workers that may die while they compute a unit, before its capture fails."""
 
 
+_KEPT_BYTES = 1 << 26
+"""Number of free bytes that the allocator of a worker keeps for the next images."""
+
+
 def import_distributed() -> Any:
     """Return the library distributed.
 
@@ -64,8 +68,12 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
 
     settings = {
         "distributed.scheduler.allowed-failures": _MAX_DEATHS,
+        "distributed.worker.preload": ["jotlight.dask.preload"],
         # It interrupts each worker a hundred times per second.
         "distributed.worker.profile.enabled": False,
+        # By default, dask's workers return memory to the system after each image, and get it again.
+        "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": _KEPT_BYTES,
+        "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": _KEPT_BYTES // 4,
     }
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with (

@@ -275,6 +275,7 @@ def run_record(
     return {
         "jotlight": __version__,
         "capture": name,
+        "file": bits.provenance.name if bits.provenance else None,
         "bytes": size[0],
         "modified": size[1],
         "format": bits.provenance.format if bits.provenance else None,

@@ -24,8 +24,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.dask.streaming import Checksum
-from jotlight.files import flush_to_disk, write_file
+from jotlight.files import atomic_write, flush_to_disk, write_file
 from jotlight.formats.zarr.writing import import_zarr
+from jotlight.output_files import open_output
 
 ATTRIBUTE = "jotlight"
 """Attribute of the array that holds the record."""
@@ -170,8 +171,13 @@ class VideoStore:
         return range(first, min(first + self.group, self.shape[0]))
 
     def mark(self, group: int, facts: Record) -> None:
-        """Note that a group is complete. `facts` are its checksum, size, minimum, and maximum."""
-        write_file(self._marker(group), json.dumps(facts))
+        """Note that a group is complete. `facts` are its checksum, size, minimum, and maximum.
+
+        Nothing waits for the disk: :meth:`finish` finds what a power failure has damaged.
+        """
+        path, content = self._marker(group), json.dumps(facts).encode()
+        with atomic_write(path, durable=False) as temporary, open_output(temporary) as file:
+            file.write(content)
 
     def missing(self) -> list[int]:
         """Return the numbers of the groups that are not complete."""
@@ -193,16 +199,7 @@ class VideoStore:
             raise ValueError(
                 f"{self.part}: {len(missing)} of its {self.groups} groups of images are missing"
             )
-        damaged = [index for index in range(self.shape[0]) if not self._is_intact(index)]
-        for index in damaged:
-            self._marker(index // self.group).unlink(missing_ok=True)
-        if damaged:
-            raise ValueError(
-                f"{self.part}: {len(damaged)} of its images were damaged, for example by a power "
-                "failure; run the command again, which makes them again"
-            )
-        facts = [read_json(self._marker(group)) for group in range(self.groups)]
-        record = {"run": self.run, **_summary(facts)}
+        record = {"run": self.run, **_summary(self._checked_facts())}
         zarr = import_zarr()
         array = self.part / "video.zarr"
         zarr.open_array(str(array), mode="r+").attrs[ATTRIBUTE] = record
@@ -212,6 +209,25 @@ class VideoStore:
         array.rename(self.path)
         flush_to_disk(self.path.parent)
         shutil.rmtree(self.part, ignore_errors=True)
+
+    def _checked_facts(self) -> list[Record]:
+        """Return the facts of all groups, after comparing the checksum of each image."""
+        facts, damaged = [], set()
+        for group in range(self.groups):
+            try:
+                facts.append(read_json(self._marker(group)))
+            except ValueError:
+                damaged.add(group)
+            if not all(map(self._is_intact, self.images_of(group))):
+                damaged.add(group)
+        for group in damaged:
+            self._marker(group).unlink(missing_ok=True)
+        if damaged:
+            raise ValueError(
+                f"{self.part}: {len(damaged)} of its {self.groups} groups of images were damaged, "
+                "for example by a power failure; run the command again, which makes them again"
+            )
+        return facts
 
     def _marker(self, group: int) -> Path:
         return self.part / "groups" / f"{group}.json"

@@ -92,17 +92,27 @@ class WindowCounter:
             start, end = number * step, number * step + window
             if number > first and 2 * step < window:
                 # Of most frames the counts are known: those of the window before.
+                counts = self._count(end - step, end, counts.copy(), entering=True)
                 counts -= self._count(start - step, start)
-                counts += self._count(end - step, end, entering=True)
             else:
                 counts = self._count(start, max(start, min(known, end)))
-                counts += self._count(max(start, known), end, entering=True)
+                counts = self._count(max(start, known), end, counts, entering=True)
             known = end
-            yield counts.copy()
+            yield counts
 
-    def _count(self, start: int, stop: int, *, entering: bool = False) -> npt.NDArray[np.int32]:
-        """Return the counts of some frames. If they enter a window, add them to the checksum."""
-        out = np.zeros(self._shape, np.int32)
+    def _count(
+        self,
+        start: int,
+        stop: int,
+        out: npt.NDArray[np.int32] | None = None,
+        *,
+        entering: bool = False,
+    ) -> npt.NDArray[np.int32]:
+        """Return the counts of some frames, added to `out`.
+
+        If the frames enter a window, add them to the checksum.
+        """
+        out = np.zeros(self._shape, np.int32) if out is None else out
         for part in self._parts(start, stop):
             if entering:
                 self.checksum.update(part)

@@ -8,6 +8,8 @@
 * ``checksums`` and ``verification`` detect changes of a file since jotlight wrote it;
 * ``capture``, ``selection``, ``orientation``, and ``packing`` handle what was read;
 * ``cube``, ``description``, ``labels``, and ``labeled`` keep the width, sensor, and provenance;
+* ``locations``, ``file_systems``, ``stubs``, and ``remote`` open URLs and globs;
+* ``checked_reading`` computes the checksum of frames while they are read;
 * ``arrays``, ``archives``, ``compressed``, ``file_reader``, ``raw``, and ``file_lists`` read bytes;
 * ``magic``, ``limits``, and ``safe_paths`` check files from untrusted sources.
 """
