@@ -163,8 +163,8 @@ def test_help_lists_the_iterative_methods_and_their_options(run):
     assert "Iterative methods" in output
 
 
-LONG = {"demo", "train", "fine-tune", "reproduce"}
-"""Commands whose examples take long, or need PyTorch or further data."""
+LONG = {"demo", "train", "fine-tune", "reproduce", "view"}
+"""Commands whose examples take long or do not end, or need PyTorch or further data."""
 
 
 @pytest.mark.slow

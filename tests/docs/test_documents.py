@@ -31,8 +31,11 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 NEEDS = {
+    "jotlight.napari.widget": "magicgui",
     "jotlight.torch": "torch",
     "jotlight.torch.deepinv": "deepinv",
+    "jotlight.view.app": "starlette",
+    "jotlight.view.serving": "uvicorn",
     "jotlight.networks.onnx_export": "onnx",
     "jotlight.networks.onnx_graph": "onnx",
 }

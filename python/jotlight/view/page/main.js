@@ -82,7 +82,7 @@ function onPainted(header, bytes) {
 function showHistogram() {
   const { header, bytes } = histogram;
   histogram = null;
-  drawHistogram(get("histogram"), bytes, header.channels);
+  drawHistogram(get("histogram"), bytes, header);
   const texts = header.tone.axis.map(format);
   if (texts.join() === get("histogram-axis").dataset.texts) return;
   get("histogram-axis").dataset.texts = texts.join();
@@ -90,10 +90,9 @@ function showHistogram() {
 }
 
 function showNote(header) {
-  const texts = [...header.notes];
-  if (header.stage === "sample") texts.push("part of the window");
   get("stage-note").classList.remove("error");
-  write("stage-note", texts.join("; "));
+  write("stage-note", header.stage === "sample" ? "A part of the window is shown first" : "");
+  if (header.stage === "final") write("notes", header.notes.join("; "));
   write("rate", `${header.title} · firing rate ${format(header.rate)}`);
 }
 
@@ -216,7 +215,7 @@ function takeTheme() {
   forgetColors();
   timeline.redraw();
   stage.takeBackground();
-  if (stage.header) drawHistogram(get("histogram"), stage.bytes, stage.header.channels);
+  if (stage.header) drawHistogram(get("histogram"), stage.bytes, stage.header);
 }
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", takeTheme);
 setTheme(THEMES.includes(localStorage.getItem("jotlight-theme")) ? localStorage.getItem("jotlight-theme") : "auto");

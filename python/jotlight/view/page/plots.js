@@ -32,13 +32,19 @@ function prepare(canvas) {
   return { context, width, height };
 }
 
+const LUMA = (red, green, blue) => (red * 77 + green * 150 + blue * 29) >> 8;
+
+/** The place of a difference on its scale, from the colors blue, gray, and orange. */
+const DIFFERENCE = (red, green, blue) =>
+  Math.round(127.5 + (red < blue ? (red - blue) / 160 : (red - blue) / 190) * 127.5);
+
 /** Draw how many pixels have each level. The height is the square root of the number. */
-export function drawHistogram(canvas, bytes, channels) {
+export function drawHistogram(canvas, bytes, { channels, tone }) {
   const { context, width, height } = prepare(canvas);
   const counts = new Float64Array(256);
+  const convert = tone.curve === "difference" ? DIFFERENCE : LUMA;
   for (let i = 0; i < bytes.length; i += channels) {
-    const level = channels === 3 ? (bytes[i] * 77 + bytes[i + 1] * 150 + bytes[i + 2] * 29) >> 8 : bytes[i];
-    counts[level] += 1;
+    counts[channels === 3 ? convert(bytes[i], bytes[i + 1], bytes[i + 2]) : bytes[i]] += 1;
   }
   const bins = Math.min(128, width);
   const heights = new Float64Array(bins);

@@ -40,6 +40,13 @@ function errorAt(stage, values) {
   return (overlay.bytes[values.row * overlay.header.width + values.column] / 255) * overlay.header.largest;
 }
 
+/** Return the numbers of dead and of hot jots. */
+function jotNumbers(bytes) {
+  const counts = [0, 0, 0];
+  for (const value of bytes) counts[value] += 1;
+  return `${counts[1]}, ${counts[2]}`;
+}
+
 /** Show the meaning of the colors of a difference. */
 export function showLegend(stage, header) {
   const legend = get("legend");
@@ -66,7 +73,7 @@ export function showOverlayNotes(stage, state) {
     let text = "";
     if (state.overlays.includes(kind) && overlay) {
       const number = overlay.bytes.reduce((sum, value) => sum + (value > 0 ? 1 : 0), 0);
-      if (kind === "jots") text = overlay.header.note.split(", from")[0];
+      if (kind === "jots") text = jotNumbers(overlay.bytes);
       else if (kind === "saturated") text = String(number);
       else text = `0 – ${format(overlay.header.largest)}`;
     }

@@ -71,7 +71,7 @@ export class Stage {
       const color =
         kind === "saturated" ? SATURATED : kind === "uncertainty" ? UNCERTAIN : bytes[i] === 1 ? DEAD : HOT;
       data.data.set(color, 4 * i);
-      data.data[4 * i + 3] = kind === "uncertainty" ? Math.round(bytes[i] * 0.8) : 255;
+      data.data[4 * i + 3] = kind === "uncertainty" ? Math.round((bytes[i] / 255) ** 2 * 220) : 255;
     }
     canvas.getContext("2d").putImageData(data, 0, 0);
     this.overlays.set(kind, { canvas, header, bytes });
