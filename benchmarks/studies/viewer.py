@@ -60,8 +60,8 @@ def memory(process: subprocess.Popen) -> str:
 
 
 @contextlib.asynccontextmanager
-async def opened_page(address: str):
-    """Open a page in Chromium, and yield it."""
+async def empty_page():
+    """Start Chromium, and yield an empty page."""
     from playwright.async_api import async_playwright
 
     names = ("chromium", "chromium-browser", "google-chrome")
@@ -71,7 +71,6 @@ async def opened_page(address: str):
         browser = await driver.chromium.launch(executable_path=program, args=arguments)
         page = await browser.new_page(viewport={"width": 1280, "height": 800})
         await page.add_init_script(RECORD)
-        await page.goto(address)
         yield page
         await browser.close()
 
@@ -147,17 +146,17 @@ async def measure_page(frames: int, folder: Path) -> None:
     path = folder / "capture.npy"
     simulate(path, frames)
     for method in ("mle", "network-small", "network-medium"):
-        with viewer(str(path)) as (address, process):
-            start = time.perf_counter()
-            async with opened_page(f"{address}#method={method}&window=64") as page:
+        async with empty_page() as page:
+            with viewer(str(path)) as (address, process):
+                start = time.perf_counter()
+                await page.goto(f"{address}#method={method}&window=64")
                 await page.locator("#rate:not(:empty)").wait_for()
-                print(
-                    f"{method}: first image {time.perf_counter() - start:.2f} s after the address"
-                )
+                first = time.perf_counter() - start
+                print(f"{method}: first image {first:.2f} s after the address")
                 await asyncio.sleep(2)
                 await drag(page, 8.0)
                 await step(page, 30)
-            print(memory(process))
+                print(memory(process))
 
 
 def write_frames(file, seconds: float, times: dict[int, float]) -> None:
@@ -182,7 +181,8 @@ async def measure_live(seconds: float, folder: Path) -> None:
         writer = threading.Thread(target=write_frames, args=(file, seconds + 4, times))
         writer.start()
         with viewer(str(path), "--follow", "--format", "swissspad2") as (address, process):
-            async with opened_page(f"{address}#method=mle&window=64&white=1") as page:
+            async with empty_page() as page:
+                await page.goto(f"{address}#method=mle&window=64&white=1")
                 await asyncio.sleep(2)
                 await page.evaluate("log.length = 0")
                 await asyncio.sleep(seconds - 2)
