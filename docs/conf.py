@@ -7,6 +7,9 @@ leads links of the Markdown pages to files outside `docs/`, and sphinx-gallery r
 import sys
 from pathlib import Path
 
+from docutils.nodes import document
+from sphinx.application import Sphinx
+
 import jotlight
 
 DOCS = Path(__file__).parent
@@ -67,6 +70,7 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_favicon = "_static/icon.svg"
 html_logo = "_static/icon.svg"
+html_search_scorer = str(DOCS / "_extensions" / "search_scores.js")
 html_copy_source = False
 html_show_sourcelink = False
 html_theme_options = {
@@ -84,3 +88,13 @@ html_theme_options = {
 # Without it, the theme logs an error on the first visit.
 html_context = {"default_mode": "auto"}
 html_sidebars = {"index": [], "install": [], "changelog": []}
+
+
+def setup(app: Sphinx) -> None:
+    """Leave the pages for contributors out of the search, where they hide those for users."""
+
+    def leave_out(app: Sphinx, doctree: document) -> None:
+        if app.env.docname.startswith(("decisions/", "changelog", "contributing")):
+            app.env.metadata[app.env.docname]["nosearch"] = True
+
+    app.connect("doctree-read", leave_out)

@@ -150,7 +150,7 @@ def test_the_checks_find_problems(tab, address):
             const article = document.querySelector("article");
             article.innerHTML = '<p style="color:#888;background:#777">low</p>'
                 + '<p style="width:900px">wide</p><img src="data:,x" alt="">'
-                + '<h2 style="color:#777;background:#fff">3 : 1 is too low for large text</h2>';
+                + '<p style="color:#888;background:#fff;font-size:2rem">large text, 3.5 : 1</p>';
         }"""
     )
     assert len(low_contrasts(tab)) == 2
