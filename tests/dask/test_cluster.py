@@ -178,3 +178,14 @@ def test_the_command_runs_on_a_scheduler(capture, expected, tmp_path, capsys):
         assert run(["reconstruct", str(capture), "-o", str(output), *WINDOW, *address]) == 0
     assert "dashboard of dask: http" in capsys.readouterr().out
     assert content(output) == expected
+
+
+def test_workers_that_die_while_they_start_are_replaced():
+    import multiprocessing
+
+    with connected(None, 2) as client:
+        for _ in range(8):
+            for process in multiprocessing.active_children():
+                os.kill(process.pid, signal.SIGKILL)
+            time.sleep(0.3)
+        assert client.submit(lambda: 42).result(timeout=100) == 42

@@ -2,6 +2,7 @@
 
 import contextlib
 import logging
+import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,6 +15,9 @@ _TIMEOUT = "10s"
 _MAX_DEATHS = 20
 """Number of workers that may die while they compute a unit, before its capture fails."""
 
+
+_WATCH_SECONDS = 2.0
+"""Seconds between two checks of the number of workers."""
 
 _KEPT_BYTES = 1 << 26
 """Number of free bytes that the allocator of a worker keeps for the next images."""
@@ -85,9 +89,39 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
             silence_logs=logging.CRITICAL,
         ) as cluster,
         distributed.Client(cluster) as client,
+        _replaced(cluster, workers),
     ):
         check_workers(client)
         yield client
+
+
+@contextlib.contextmanager
+def _replaced(cluster: Any, workers: int) -> Iterator[None]:
+    """Replace workers that dask gives up while the block runs.
+
+    dask starts a worker again that dies, but not one that dies while it starts.
+    """
+    stopped = threading.Event()
+    ended = ("closed", "failed")
+
+    def replace() -> None:
+        for name, nanny in list(cluster.workers.items()):
+            if nanny.status.name in ended:
+                del cluster.workers[name]
+        cluster.scale(workers)
+
+    def watch() -> None:
+        while not stopped.wait(_WATCH_SECONDS):
+            if len(cluster.scheduler.workers) < workers:
+                cluster.loop.add_callback(replace)
+
+    thread = threading.Thread(target=watch, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        stopped.set()
+        thread.join()
 
 
 def _client(distributed: Any, address: str) -> Any:

@@ -14,9 +14,9 @@ from jotlight.sensing.frames import Packed
 class FileReader:
     """The bytes of a file, which are read when they are needed.
 
-    Except by dask's workers, the file is not mapped into memory, because the operating system kills
-    a process that uses the map of a file that has become shorter. It is not kept open either,
-    because a folder may have more files than the system lets a process open at once.
+    Except for lazy arrays and runs, the file is not mapped into memory, because the operating
+    system kills a process that uses the map of a file that has become shorter. It is not kept open
+    either, because a folder may have more files than the system lets a process open at once.
 
     Parameters
     ----------

@@ -7,6 +7,7 @@ complete copy in a temporary folder.
 
 import shutil
 import tempfile
+import weakref
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -53,11 +54,11 @@ class LocalCopy:
     ) -> None:
         self.url = url
         self._fs, root = open_file_system(url, storage_options)
-        self._folder = tempfile.TemporaryDirectory(prefix="jotlight-")
+        folder = Path(tempfile.mkdtemp(prefix="jotlight-"))
         self._stubs: list[Path] = []
+        weakref.finalize(self, _delete, folder, self._stubs)
         with explained(url):
             info = self._fs.info(root)
-        folder = Path(self._folder.name)
         name = PurePosixPath(root.rstrip("/")).name or "capture"
         self.path = folder / name
         """The local path that stands for the URL."""
@@ -131,6 +132,9 @@ class LocalCopy:
         self._stubs.append(local)
         add_stub(local, file)
 
-    def __del__(self) -> None:
-        for stub in getattr(self, "_stubs", ()):
-            remove_stub(stub)
+
+def _delete(folder: Path, stubs: list[Path]) -> None:
+    """Delete the local copy of a URL."""
+    for stub in stubs:
+        remove_stub(stub)
+    shutil.rmtree(folder, ignore_errors=True)

@@ -115,7 +115,8 @@ class Frames:
         """Return the frames from `start` to `stop`, as a view of the file if possible.
 
         Mapping copies nothing. But the operating system kills a process that uses the map of a file
-        that another program has shortened. So only dask's workers map files: they are replaced.
+        that another program has shortened. So only lazy arrays, and the processes of a run that can
+        be repeated, map files.
 
         Raises
         ------

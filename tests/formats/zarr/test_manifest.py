@@ -144,6 +144,10 @@ def test_flipped_bits_of_shards_are_refused(tmp_path, monkeypatch):
             jl.open(folder).to_array()
         with pytest.raises(ValueError):  # noqa: PT011
             verify_capture(folder)
+    for size in (0, 3, 30, len(content) - 5):
+        path.write_bytes(content[:size])
+        with pytest.raises(ValueError, match="c/2/0/0"):
+            verify_capture(folder)
 
 
 @pytest.mark.parametrize("data", [BITS, COUNTS], ids=["bits", "counts"])
