@@ -364,3 +364,22 @@ def test_a_server_leaves_no_thread_behind():
             )
         )
     )
+
+
+def test_a_public_server_shows_a_name_and_accepts_its_addresses():
+    running = Server(Viewed.from_bits(BITS), host="0.0.0.0")
+    thread = threading.Thread(target=running.run, daemon=True)
+    thread.start()
+    try:
+        wait_until(lambda: running._server.started)
+        assert running.address.startswith(f"http://{socket.gethostname()}:")
+        for host, status in (
+            ("192.0.2.7", 200),
+            (socket.gethostname(), 200),
+            ("evil.example", 403),
+        ):
+            headers = {**cookie(running), "Host": f"{host}:{running.port}"}
+            assert get(running, "/", **headers)[0].status == status
+    finally:
+        running.stop()
+        thread.join(10)

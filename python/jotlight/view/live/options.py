@@ -213,7 +213,7 @@ def _read_npy_header(tail: FileTail | PipeTail, path: Path) -> FrameLayout:
         shape, kind = header["shape"], np.dtype(header["descr"])
         is_cube = kind == np.uint8 and len(shape) == 3 and not header["fortran_order"]
         height, row_bytes = int(shape[1]), int(shape[2])
-    except (ValueError, SyntaxError, KeyError, TypeError, IndexError) as error:
+    except (ValueError, SyntaxError, LookupError, TypeError, MemoryError, RecursionError) as error:
         raise ValueError(expected) from error
     if not is_cube or not 0 < height * row_bytes <= _MAX_FRAME_BYTES:
         raise ValueError(expected)
