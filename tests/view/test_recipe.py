@@ -72,6 +72,17 @@ def test_bits_in_memory_have_code_but_no_command():
     compile(texts["python"], "recipe", "exec")
 
 
+def test_a_live_capture_has_neither(tmp_path):
+    from jotlight.view.live.options import LiveOptions, open_live
+
+    (tmp_path / "a.bin").write_bytes(bytes(8))
+    live = open_live(tmp_path / "a.bin", LiveOptions(shape="8x8"), {"frames": 1})
+    try:
+        assert recipe(live, ViewState()) == {"command": None, "python": None}
+    finally:
+        live.close()
+
+
 def test_names_of_files_are_quoted():
     from jotlight.view.viewed import Opening
 

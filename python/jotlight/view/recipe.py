@@ -9,7 +9,9 @@ from jotlight.view.viewed import Opening, Viewable
 
 
 def recipe(viewed: Viewable, state: ViewState) -> dict[str, str | None]:
-    """Return the command line and the Python code of a state. None: there is no such command.
+    """Return the command line and the Python code of a state, or None where there is none.
+
+    No command shows counts or differences, and a live capture cannot be opened again.
 
     Examples
     --------
@@ -22,6 +24,8 @@ def recipe(viewed: Viewable, state: ViewState) -> dict[str, str | None]:
     "jotlight reconstruct 'a capture.npy' -o view.png --depth 16 --frame-range 2:6 --gain 2.0 \
 --method mle --curve gamma --white 0.5"
     """
+    if viewed.is_live:
+        return {"command": None, "python": None}
     return {"command": _command(viewed, state), "python": _python(viewed, state)}
 
 
@@ -40,7 +44,7 @@ def file_frames(opening: Opening, frames: range) -> slice:
 
 def _command(viewed: Viewable, state: ViewState) -> str | None:
     opening = viewed.opening
-    if opening.path is None or state.method == COUNTS:
+    if opening.path is None or state.method == COUNTS or state.compare is not None:
         return None
     frames = file_frames(opening, state.span)
     step = f":{frames.step}" if frames.step else ""

@@ -51,7 +51,9 @@ class Server:
         self._socket = _listen(host, port)
         self.port = int(self._socket.getsockname()[1])
         self.token = token or secrets.token_urlsafe(24)
-        shown = f"[{host}]" if ":" in host else host
+        # An address that stands for all addresses of this machine is none to connect to.
+        name = socket.gethostname() if host in ("0.0.0.0", "::") else host  # noqa: S104
+        shown = f"[{name}]" if ":" in name else name
         self.address = f"http://{shown}:{self.port}/?token={self.token}"
         """The address of the page."""
         self._workshop = Workshop(viewed)

@@ -160,3 +160,14 @@ def test_bad_options_are_refused(tmp_path, options, message):
     path.write_bytes(bytes(1000))
     with pytest.raises(ValueError, match=message):
         open_live(path, options, {"frames": 1})
+
+
+@pytest.mark.parametrize(
+    "header",
+    [b"(" * 1000, b"{'shape': 3}", b"{'descr': '|O', 'fortran_order': False, 'shape': (1, 2, 3)}"],
+)
+def test_hostile_headers_of_npy_are_refused(tmp_path, header):
+    path = tmp_path / "a.npy"
+    path.write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + bytes(99))
+    with pytest.raises(ValueError, match="expected raw frames"):
+        open_live(path, LiveOptions(), {"frames": 1})

@@ -33,6 +33,9 @@ _MAX_FRAME_BYTES = 1 << 26
 
 STANDARD_INPUT = Path("-")
 
+_Opened = tuple[FrameRing, Callable[[LiveCapture], None], str]
+"""The frames, the work that adds later ones, and the name of the format."""
+
 
 @dataclasses.dataclass(frozen=True)
 class LiveOptions:
@@ -112,33 +115,12 @@ def open_live(
     OSError, ValueError
         When the capture cannot be read, or the layout of its frames is unknown.
     """
+    options.layout()  # reports wrong options
     stop = threading.Event()
-    work: Callable[[LiveCapture], None]
-    first, layout = 0, options.layout()
     if path != STANDARD_INPUT and path.is_dir():
         ring, work, name = _open_folder(path, options)
     else:
-        tail: FileTail | PipeTail
-        if path == STANDARD_INPUT:
-            if sys.stdin is None or sys.stdin.isatty():
-                raise ValueError(
-                    "standard input: expected the frames of a program, such as: "
-                    "camera | jotlight view - --follow --shape 256x512"
-                )
-            tail = PipeTail(sys.stdin.fileno())
-        else:
-            tail = FileTail(path, stop)
-        if layout is None:
-            try:
-                layout = _read_npy_header(tail, path), "npy"
-            except ValueError:
-                tail.close()
-                raise
-        frames, name = layout
-        if isinstance(tail, FileTail):
-            first = tail.skip(options.history << 20, frames.shape[0] * frames.shape[1])
-        ring = FrameRing(frames, options.history << 20, first)
-        work = partial(read_stream, tail=tail)
+        ring, work, name = _open_stream(path, options, stop)
     if calibration is not None:
         calibration.check_capture((ring.layout.shape[0], ring.layout.width), None)
         sensor = calibration.sensor(**sensor_kwargs)
@@ -153,9 +135,34 @@ def open_live(
     return _wait_for_frame(live)
 
 
-def _open_folder(
-    path: Path, options: LiveOptions
-) -> tuple[FrameRing, Callable[[LiveCapture], None], str]:
+def _open_stream(path: Path, options: LiveOptions, stop: threading.Event) -> _Opened:
+    """Return the frames of a file or of standard input, and the work that adds later ones."""
+    layout = options.layout()
+    tail: FileTail | PipeTail
+    if path != STANDARD_INPUT:
+        tail = FileTail(path, stop)
+    elif sys.stdin is None or sys.stdin.isatty():
+        raise ValueError(
+            "standard input: expected the frames of a program, such as: "
+            "camera | jotlight view - --follow --shape 256x512"
+        )
+    else:
+        tail = PipeTail(sys.stdin.fileno())
+    if layout is None:
+        try:
+            layout = _read_npy_header(tail, path), "npy"
+        except ValueError:
+            tail.close()
+            raise
+    frames, name = layout
+    first = 0
+    if isinstance(tail, FileTail):
+        first = tail.skip(options.history << 20, frames.shape[0] * frames.shape[1])
+    ring = FrameRing(frames, options.history << 20, first)
+    return ring, partial(read_stream, tail=tail), name
+
+
+def _open_folder(path: Path, options: LiveOptions) -> _Opened:
     """Return the frames of the newest file of a folder, and the work that adds later ones."""
     arguments = {"format": options.format, **options.arguments}
 
@@ -213,7 +220,7 @@ def _read_npy_header(tail: FileTail | PipeTail, path: Path) -> FrameLayout:
         shape, kind = header["shape"], np.dtype(header["descr"])
         is_cube = kind == np.uint8 and len(shape) == 3 and not header["fortran_order"]
         height, row_bytes = int(shape[1]), int(shape[2])
-    except (ValueError, SyntaxError, KeyError, TypeError, IndexError) as error:
+    except (ValueError, SyntaxError, LookupError, TypeError, MemoryError, RecursionError) as error:
         raise ValueError(expected) from error
     if not is_cube or not 0 < height * row_bytes <= _MAX_FRAME_BYTES:
         raise ValueError(expected)

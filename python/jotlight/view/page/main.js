@@ -129,7 +129,8 @@ const handlers = {
     if (header.is_auto && header.stage === "final" && store.state.white === null) controls.keepWhite(header.tone.white);
     if (store.state.follow) {
       Object.assign(store.state, { start: header.start });
-      controls.update();
+      // The image is newer than the last message about the frames.
+      controls.setFrames(controls.frames[0], header.start + header.window);
       drawTime();
     }
     stage.show(header, bytes);
