@@ -114,11 +114,12 @@ def test_the_difference_to_another_method_is_sent_in_color(server):
     assert header["tone"]["other"] == "network, medium"
 
 
-def test_a_method_that_does_not_serve_the_sensor_is_an_error_not_an_end(server):
-    with connected(server) as stream:
+def test_a_method_that_does_not_serve_the_sensor_is_an_error_not_an_end():
+    smooth = jl.Sensor(frames=200, kernel="linear").expose(PHOTO, rng=0)
+    with serving(Viewed.from_bits(smooth)) as server, connected(server) as stream:
         read(stream)
-        ask(stream, method="network-small")
-        assert "medium" in read_until(stream, "error")[0]["text"]
+        ask(stream, method="held-out")
+        assert "expected the box kernel" in read_until(stream, "error")[0]["text"]
         ask(stream, 2)
         assert read_until(stream, "image", "final")[0]["id"] == 2
 
