@@ -162,7 +162,7 @@ def _axes(means: Mapping[float, dict[str, float]], x_label: str, ticks: list[flo
     return Axes(lines, x_label, "PSNR, dB", x_log=True, x_ticks=ticks)
 
 
-def _methods_of(means: Means) -> list[str]:
+def _methods_of(means: Mapping[float, dict[str, float]]) -> list[str]:
     """Return the methods that serve any of the sensors, in the order of all tables."""
     found = dict.fromkeys(method for row in means.values() for method in row)
     known = [method for method in METHODS if method in found]
