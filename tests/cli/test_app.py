@@ -179,11 +179,14 @@ def test_the_examples_of_a_help_page_run(run, photo_folder, monkeypatch, command
     np.save("counts.npy", jl.open("capture.npy").counts())
     scene = jl.datasets.moving(image, "shake", sensor=jl.Sensor(frames=64), shape=(48, 48), rng=0)
     jl.save(scene.bits, "moving.npy")
-    jots = np.random.default_rng(0).random((8, 256, 512)) < 0.3
+    jots = np.random.default_rng(0).random((64, 256, 512)) < 0.3
     np.packbits(jots, axis=2, bitorder="little").tofile("raw.bin")
     jl.save(jl.Sensor(frames=400, dark_counts=0.01).expose(np.zeros((32, 32)), rng=0), "dark.npy")
     jl.save(jl.Sensor(frames=400, dark_counts=0.01).expose(flat, rng=1), "flat.npy")
     jl.Network.initial(jl.Sensor(oversampling=4)).save("mine.safetensors")
+    if command == "gather":
+        video = ["reconstruct", "capture.npy", "-o", "videos/{name}.zarr", "--window", 16]
+        assert run(*video, "--method", "mle", "--part", "1/1")[0] == 0
     for line in EXAMPLES[command]:
         status, output = run(*shlex.split(line)[1:])
         assert status == 0, output

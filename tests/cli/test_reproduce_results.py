@@ -211,8 +211,7 @@ def test_gain_has_every_method_for_every_sensor(reproduction, data):
             for row in rows
             if (row["axis"], row["bits"], row["gain"], row["image"]) == (axis, bits, gain, names[0])
         }
-        # The small network serves K = α only.
-        assert found.keys() == available_methods() - ({"network-small"} if gain == "4.0" else set())
+        assert found.keys() == available_methods()
         sensor = jl.Sensor(oversampling=round(int(bits) ** 0.5), gain=float(gain))
         capture = sensor.expose(truth, 0)
         for method, psnr in found.items():

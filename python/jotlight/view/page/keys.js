@@ -13,6 +13,7 @@ export class Keys {
       ["Shift ← →", "one window back or forward", ["Shift+ArrowLeft", "Shift+ArrowRight"], (event) => move(event.key === "ArrowLeft" ? -1 : 1, true)(event)],
       ["Home End", "first or last window", ["Home", "End"], (event) => controls.moveBy(event.key === "Home" ? -Infinity : Infinity)],
       ["[ ]", "half or twice the window", ["[", "]"], (event) => controls.setWindow(store.state.window * (event.key === "[" ? 0.5 : 2))],
+      ["w", "type the length of the window", ["w"], () => get("window-number").select()],
       ["m M", "next or previous method", ["m", "M"], (event) => controls.next("method", event.key === "m" ? 1 : -1)],
       ["q", "next quality of the network", ["q"], () => controls.next("quality")],
       ["a", "align a moving scene", ["a"], click("align")],
