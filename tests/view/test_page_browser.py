@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import shutil
 
 import numpy as np
@@ -170,6 +171,14 @@ def test_shortcuts_change_the_state_and_the_address(opened, key, name, value):
         tab.keyboard.press(key)
     tab.wait_for_timeout(600)
     assert f"{name}={value}" in tab.url.split("#")[1]
+
+
+def test_the_exposure_of_a_shared_address_can_be_changed(opened):
+    tab = opened("method=mle&window=16&white=0.5")
+    tab.keyboard.press("e")
+    tab.wait_for_timeout(600)
+    white = float(re.search(r"white=([\d.]+)", tab.url)[1])
+    assert white == pytest.approx(0.5 * 2**-0.25, rel=1e-3)
 
 
 def test_the_page_can_be_used_by_keyboard_alone(opened):

@@ -48,13 +48,17 @@ def list_new(folder: Path, after: tuple[int, str] | None) -> list[tuple[tuple[in
 
 
 def read_folder(
-    capture: LiveCapture, folder: Path, open_file: Open, last: tuple[int, str] | None
+    capture: LiveCapture,
+    folder: Path,
+    open_file: Open,
+    last: tuple[int, str] | None,
+    frames_before: int,
 ) -> None:
     """Add the frames of files as they appear, until the capture is closed.
 
-    A gap in the numbers of the names counts as dropped frames, as many as in the file before it.
+    A gap in the numbers of the names counts as dropped frames, as many as in the file before it;
+    `last` and `frames_before` are the key and the frames of the file that was added already.
     """
-    frames_before = 1
     while not capture.stop.is_set():
         new = list_new(folder, last)
         for key, path in new:

@@ -180,7 +180,7 @@ def _open_folder(path: Path, options: LiveOptions) -> _Opened:
 
     def work(capture: LiveCapture) -> None:
         add_frames(capture, bits, file)
-        read_folder(capture, path, open_file, key)
+        read_folder(capture, path, open_file, key, len(bits))
 
     return ring, work, bits.provenance.format if bits.provenance else "folder"
 

@@ -98,6 +98,8 @@ export class Controls {
   }
 
   setExposure(stops, moving = false) {
+    // After a reload, the white in the address is the reference.
+    this.reference ??= this.store.state.white;
     if (this.reference === null) return;
     this.store.set({ white: this.reference * 2 ** -stops }, moving);
   }
