@@ -28,6 +28,8 @@ def capture(tmp_path):
         (["capture.npy", "--port", "70000"], "port: expected 0 to 65535"),
         (["capture.npy", "--host", "no.such.host.invalid"], "no address of this machine"),
         (["capture.npy", "--follow", "--rotate", "90"], "--rotate is for complete captures"),
+        (["capture.npy", "--follow", "--counts"], "--counts is for complete captures"),
+        (["capture.npy", "--follow", "--width", "60"], "--width is for a folder of files"),
         (["capture.npy", "--follow", "--shape", "5"], "shape: expected rows and columns"),
         (["capture.npy", "--follow", "--format", "x"], "format: expected one of"),
     ],

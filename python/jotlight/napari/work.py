@@ -25,6 +25,11 @@ def change_method(source: LayerSource, method: str, window: int, step: int) -> L
 
 def align_window(source: LayerSource, index: int) -> LayerData:
     """Return a layer with one window, aligned to its middle, by the method of its layer."""
+    if not 0 <= index < len(source.spans):
+        raise ValueError(
+            f"align: expected one of the {len(source.spans)} windows of this layer, got window "
+            f"{index}; move the slider back"
+        )
     span, viewed = source.spans[index], source.viewed
     merged = merge_window(viewed, span)
     method = "mle" if source.method == COUNTS else source.method
