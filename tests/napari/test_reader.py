@@ -155,7 +155,7 @@ def test_sample_data_are_simulated():
 def test_a_window_is_aligned():
     [(_, arguments, _)] = moving_scene()
     source = arguments["metadata"][KEY]
-    with pytest.raises(ValueError, match="expected one of the .* windows of this layer"):
+    with pytest.raises(ValueError, match=r"expected one of the .* windows of this layer"):
         align_window(source, len(source.spans))
     image, facts, _ = align_window(source, 1)
     bits = source.viewed.data[64:128]
