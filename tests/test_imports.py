@@ -51,6 +51,7 @@ def test_the_longest_chain_of_units_is_short(imports):
             "bits",
             {
                 "array_hints",
+                "bits_checks",
                 "channels",
                 "counting",
                 "frames",

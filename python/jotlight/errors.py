@@ -7,8 +7,10 @@ A message names the Python parameter and, in parentheses, the option of the comm
 ``counts=True (--counts)``. The command line shows only the option.
 """
 
+import importlib
 import sys
 import warnings
+from typing import Any
 
 
 class JotlightWarning(UserWarning):
@@ -26,6 +28,29 @@ class PeriodicRatesWarning(JotlightWarning):
 
 class MissingExtraError(ImportError):
     """An error for a missing optional package. The message says how to install it."""
+
+
+def import_extra(name: str, extra: str, purpose: str) -> Any:
+    """Return an optional module.
+
+    Raises
+    ------
+    MissingExtraError
+        When the module is not installed. The message states the purpose and the extra.
+
+    Examples
+    --------
+    >>> import_extra("magic.wand", "magic", "spells")
+    Traceback (most recent call last):
+      ...
+    jotlight.errors.MissingExtraError: spells need magic: pip install 'jotlight[magic]'
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        package = name.partition(".")[0]
+        message = f"{purpose} need {package}: pip install 'jotlight[{extra}]'"
+        raise MissingExtraError(message) from error
 
 
 def warn(message: str, category: type[JotlightWarning] = JotlightWarning) -> None:

@@ -6,14 +6,12 @@ from contextlib import suppress
 
 import pytest
 
-import jotlight as jl
-
 pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
 pytest.importorskip("starlette")
 exceptions = pytest.importorskip("websockets.exceptions")
 
 from jotlight.view.app import MAX_PAGES  # noqa: E402
-from jotlight.view.serving import Server, serving  # noqa: E402
+from jotlight.view.serving import Server  # noqa: E402
 from jotlight.view.viewed import Viewed  # noqa: E402
 from streams import (  # noqa: E402
     ask,
@@ -26,15 +24,6 @@ from streams import (  # noqa: E402
     receive_all,
     wait_until,
 )
-
-PHOTO = jl.datasets.photograph("camera")[100:140, 180:240]
-BITS = jl.Sensor(frames=200, max_intensity=4.0).expose(PHOTO, rng=0)
-
-
-@pytest.fixture(scope="module")
-def server():
-    with serving(Viewed.from_bits(BITS, "<script>alert(1)</script>")) as running:
-        yield running
 
 
 @pytest.mark.parametrize("path", ["/", "/page/main.js", "/save?format=png&state={}", "/?token=x"])
@@ -166,8 +155,8 @@ def test_many_connections_are_refused_not_fatal(server):
     wait_until(lambda: is_alive(server))
 
 
-def test_a_public_server_shows_a_name_and_accepts_its_addresses():
-    running = Server(Viewed.from_bits(BITS), host="0.0.0.0")
+def test_a_public_server_shows_a_name_and_accepts_its_addresses(bits):
+    running = Server(Viewed.from_bits(bits), host="0.0.0.0")
     thread = threading.Thread(target=running.run, daemon=True)
     thread.start()
     try:

@@ -2,24 +2,20 @@
 
 import io
 import json
-import os
 import re
-import shutil
 
 import numpy as np
 import pytest
 from PIL import Image
 
 import jotlight as jl
+from chromium import chromium
 from jotlight.images.tone import Tone
 from jotlight.sensing.provenance import Provenance
 from jotlight.view.viewed import Opening, Viewed
 
-playwright = pytest.importorskip(
-    "playwright.sync_api", reason="no Playwright: pip install 'jotlight[browser]'"
-)
 pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
-from jotlight.view.serving import serving  # noqa: E402
+from jotlight.view.serving import serving
 
 pytestmark = pytest.mark.slow
 
@@ -52,15 +48,8 @@ def server():
 
 @pytest.fixture(scope="module")
 def browser():
-    names = ("chromium", "chromium-browser", "google-chrome")
-    program = next(filter(None, map(shutil.which, names)), None)
-    if program is None:
-        pytest.skip(f"no browser: none of {', '.join(names)} is on the path")
-    arguments = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
-    with playwright.sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=program, args=arguments)
-        yield started
-        started.close()
+    with chromium() as running:
+        yield running
 
 
 @pytest.fixture

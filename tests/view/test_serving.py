@@ -25,15 +25,6 @@ from streams import (  # noqa: E402
     wait_until,
 )
 
-PHOTO = jl.datasets.photograph("camera")[100:140, 180:240]
-BITS = jl.Sensor(frames=200, max_intensity=4.0).expose(PHOTO, rng=0)
-
-
-@pytest.fixture(scope="module")
-def server():
-    with serving(Viewed.from_bits(BITS, "<script>alert(1)</script>")) as running:
-        yield running
-
 
 def test_the_address_leads_to_the_page_and_sets_a_cookie(server):
     answer, _ = get(server, f"/?token={server.token}")
@@ -51,15 +42,15 @@ def test_the_address_leads_to_the_page_and_sets_a_cookie(server):
         assert get(server, f"/page/{name}", **cookie(server))[0].status == 200
 
 
-def test_images_are_those_of_the_library(server):
+def test_images_are_those_of_the_library(server, bits):
     with connected(server) as stream:
         hello, _ = read(stream)
         assert hello["title"] == "<script>alert(1)</script>"
         ask(stream, start=5, window=32, curve="gamma")
         header, levels = read_until(stream, "image", "final")
-    expected = np.rint(255 * Tone("gamma", 1.0)(jl.mle(BITS[5:37])))
+    expected = np.rint(255 * Tone("gamma", 1.0)(jl.mle(bits[5:37])))
     assert (header["start"], header["window"], header["id"]) == (5, 32, 1)
-    np.testing.assert_array_equal(levels.reshape(PHOTO.shape), expected)
+    np.testing.assert_array_equal(levels.reshape(bits.shape[1:]), expected)
 
 
 def test_counts_come_first_and_are_refined(server):
@@ -84,7 +75,7 @@ def test_a_moving_slider_gets_the_newest_image(server):
     assert len(numbers) < 119
 
 
-def test_overlays_values_and_recipes_are_sent(server):
+def test_overlays_values_and_recipes_are_sent(server, bits):
     with connected(server) as stream:
         read(stream)
         ask(stream, overlays=["jots", "saturated", "uncertainty"])
@@ -92,11 +83,11 @@ def test_overlays_values_and_recipes_are_sent(server):
         assert kinds == ["jots", "saturated", "uncertainty"]
         stream.send('{"type": "probe", "row": 3, "column": 4}')
         values = read_until(stream, "values")[0]["values"]
-        counts = BITS[:16].counts()
+        counts = bits[:16].counts()
         assert values["counts"] == counts[3, 4]
-        assert values["intensity"] == pytest.approx(jl.mle(BITS[:16])[3, 4])
+        assert values["intensity"] == pytest.approx(jl.mle(bits[:16])[3, 4])
         assert values["photons"] == pytest.approx(
-            jl.reconstruct(BITS[:16], method="mle", units="photons")[3, 4]
+            jl.reconstruct(bits[:16], method="mle", units="photons")[3, 4]
         )
         stream.send('{"type": "probe", "row": 3000, "column": 4}')
         assert read_until(stream, "values")[0]["values"] is None
@@ -110,12 +101,12 @@ def test_the_difference_to_another_method_is_sent_in_color(server):
         ask(stream, compare="network-medium")
         header, levels = read_until(stream, "image", "final")
     assert header["channels"] == 3
-    assert levels.size == 3 * PHOTO.size
+    assert levels.size == 3 * 40 * 60
     assert header["tone"]["other"] == "network, medium"
 
 
-def test_a_method_that_does_not_serve_the_sensor_is_an_error_not_an_end():
-    smooth = jl.Sensor(frames=200, kernel="linear").expose(PHOTO, rng=0)
+def test_a_method_that_does_not_serve_the_sensor_is_an_error_not_an_end(photo):
+    smooth = jl.Sensor(frames=200, kernel="linear").expose(photo, rng=0)
     with serving(Viewed.from_bits(smooth)) as server, connected(server) as stream:
         read(stream)
         ask(stream, method="held-out")
@@ -135,24 +126,24 @@ def test_saved_images_are_attachments_with_safe_names(server, ending):
     assert body[:4] in (b"\x89PNG", b"II*\0")
 
 
-def test_the_token_differs_each_time_and_the_port_is_checked():
-    one, other = Server(Viewed.from_bits(BITS)), Server(Viewed.from_bits(BITS))
+def test_the_token_differs_each_time_and_the_port_is_checked(bits):
+    one, other = Server(Viewed.from_bits(bits)), Server(Viewed.from_bits(bits))
     assert one.token != other.token
     assert len(one.token) >= 32
     with pytest.raises(OSError, match=f"port {one.port}"):
-        Server(Viewed.from_bits(BITS), port=one.port)
+        Server(Viewed.from_bits(bits), port=one.port)
     for each in (one, other):
         each._socket.close()
         each._workshop.close()
     with pytest.raises(OSError, match="no address"):
-        Server(Viewed.from_bits(BITS), host="no.such.host.invalid")
+        Server(Viewed.from_bits(bits), host="no.such.host.invalid")
     with pytest.raises(ValueError, match="port: expected"):
-        Server(Viewed.from_bits(BITS), port=70_000)
+        Server(Viewed.from_bits(bits), port=70_000)
 
 
-def test_a_server_leaves_no_thread_behind():
+def test_a_server_leaves_no_thread_behind(bits):
     before = {thread.name for thread in threading.enumerate()}
-    with serving(Viewed.from_bits(BITS)) as running, connected(running) as stream:
+    with serving(Viewed.from_bits(bits)) as running, connected(running) as stream:
         read(stream)
     wait_until(
         lambda: (

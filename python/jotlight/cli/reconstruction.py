@@ -31,7 +31,8 @@ from jotlight.formats.checksums import file_checksum
 from jotlight.formats.locations import file_state
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, pretrained_file
-from jotlight.sensing.bits import Bits, check_fits
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.pixel_counts import Data
 
@@ -162,7 +163,7 @@ def _of_window(captured: Captured, window: int) -> Captured:
     data, sensor = captured.data, captured.sensor
     if isinstance(data, Bits):
         windows(len(data), window)
-        check_fits(data, sensor)
+        check_fits(data.shape, sensor)
         each = 1
     else:
         _check_window_of_counts(len(data), sensor.frames, window)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from jotlight._engine import __version__
-from jotlight.errors import MissingExtraError
+from jotlight.errors import import_extra
 
 _TIMEOUT = "10s"
 """Time after which a scheduler that does not answer is reported."""
@@ -24,18 +24,8 @@ _KEPT_BYTES = 1 << 26
 
 
 def import_distributed() -> Any:
-    """Return the library distributed.
-
-    Raises
-    ------
-    MissingExtraError
-        When it is not installed.
-    """
-    try:
-        import distributed
-    except ImportError as error:
-        raise MissingExtraError("clusters need dask: pip install 'jotlight[dask]'") from error
-    return distributed
+    """Return the library distributed."""
+    return import_extra("distributed", "dask", "clusters")
 
 
 @contextlib.contextmanager

@@ -23,7 +23,6 @@ from jotlight.networks.pretrained import (
     pretrained_conditional,
     pretrained_file,
 )
-from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
 
@@ -160,14 +159,3 @@ def check_countable(sensor: Sensor) -> None:
             f"{sensor.oversampling} x {sensor.oversampling} jots do not say which jots reported 1; "
             "use oversampling=1 (--oversampling 1)"
         )
-
-
-def check_fits_capture(bits: Bits, sensor: Sensor) -> None:
-    """Raise ValueError unless frames of bits have the size that a sensor requires."""
-    _, height, width, *_ = bits.shape
-    if height % sensor.oversampling or width % sensor.oversampling:
-        raise ValueError(
-            f"bits: expected rows and columns of jots that are multiples of the oversampling "
-            f"{sensor.oversampling}, got {height} x {width}"
-        )
-    sensor.check_map_shapes(height, width)

@@ -152,9 +152,6 @@ METHODS: dict[str, Method] = {
 }
 """All methods, in the order in which tables list them."""
 
-DEEP_NETWORKS = "network-small", "network-medium", "network-large"
-"""Networks that go beyond the paper."""
-
 DEFAULT_METHOD = "network-medium"
 """Method for every sensor, unless another one is requested."""
 

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.bits import Bits, check_fits
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import Data, GrayImages, PreparedData
 from jotlight.sensing.sensor import Sensor
@@ -219,7 +220,7 @@ def _prepare(
         return data, data.shape
     if not isinstance(data, Bits):
         return data, data.shape
-    check_fits(data, sensor)
+    check_fits(data.shape, sensor)
     _, height, width, *channels = data.shape
     shape = height // sensor.oversampling, width // sensor.oversampling, *channels
     bits = Bits(data.packed, data.width, sensor, data.provenance)

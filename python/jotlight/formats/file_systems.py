@@ -5,22 +5,12 @@ import zlib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from jotlight.errors import MissingExtraError
+from jotlight.errors import MissingExtraError, import_extra
 
 
 def import_fsspec() -> Any:
-    """Return the library fsspec.
-
-    Raises
-    ------
-    MissingExtraError
-        When it is not installed.
-    """
-    try:
-        import fsspec
-    except ImportError as error:
-        raise MissingExtraError("URLs need fsspec: pip install 'jotlight[dask]'") from error
-    return fsspec
+    """Return the library fsspec."""
+    return import_extra("fsspec", "dask", "URLs")
 
 
 @contextlib.contextmanager

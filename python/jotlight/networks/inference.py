@@ -13,7 +13,8 @@ from jotlight.chunks import frame_chunks
 from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.networks.layer import Layer
-from jotlight.sensing.bits import Bits, check_fits
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.pixel_counts import GrayImages, PixelCounts
 from jotlight.sensing.reference import Jot
 from jotlight.sensing.sensor import Sensor
@@ -82,7 +83,7 @@ class Inference:
                     f"data: expected Bits, because this network weighs each jot of a pixel, got "
                     f"{type(data).__name__}; a tied network takes counts"
                 )
-            check_fits(data, sensor)
+            check_fits(data.shape, sensor)
         jots = sensor.efficiency, sensor.dark_counts
         if any(np.any(a != b) for a, b in zip(jots, self.reference, strict=True)):
             raise ValueError(

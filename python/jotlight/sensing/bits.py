@@ -12,6 +12,7 @@ from jotlight.chunks import windows
 from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing import lazy, preview
 from jotlight.sensing.array_hints import ArrayHints
+from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.counting import count_ones
 from jotlight.sensing.frames import (
@@ -86,7 +87,7 @@ class Bits(ArrayHints):
                 f"got {width}"
             )
         if sensor is not None:
-            check_fits(self, sensor)
+            check_fits(self.shape, sensor)
 
     @classmethod
     def from_array(cls, array: npt.ArrayLike, sensor: SensorLike | None = None) -> Self:
@@ -339,22 +340,3 @@ class Bits(ArrayHints):
         sensor = f", {self.sensor!r}" if self.sensor else ""
         number = f"{frames} frame{'s' * (frames != 1)}"
         return f"<Bits: {number} of {height} x {width} jots{color}{sensor}>"
-
-
-def check_fits(bits: Bits, sensor: SensorLike) -> Bits:
-    """Return the bits. Raise ValueError unless their shape fits the sensor."""
-    frames, height, width = bits.shape[:3]
-    if frames != sensor.frames:
-        some = f"bits[:{sensor.frames}] (--frame-range 0:{sensor.frames}), or "
-        raise ValueError(
-            f"bits: expected the sensor's {sensor.frames} frames, got {frames}; take "
-            f"{some if sensor.frames < frames else ''}"
-            f"sensor.replace(frames={frames}) (--frames {frames})"
-        )
-    if height % sensor.oversampling or width % sensor.oversampling:
-        raise ValueError(
-            f"bits: expected rows and columns of jots that are multiples of the oversampling "
-            f"{sensor.oversampling}, got {height} x {width}"
-        )
-    sensor.check_map_shapes(height, width)
-    return bits

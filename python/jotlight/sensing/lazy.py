@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.errors import MissingExtraError
+from jotlight.errors import import_extra
 from jotlight.sensing.frames import Frames, Packed
 
 if TYPE_CHECKING:
@@ -18,18 +18,8 @@ Chunks = str | int | tuple[int, ...]
 
 
 def import_dask_array() -> Any:
-    """Return the module dask.array.
-
-    Raises
-    ------
-    MissingExtraError
-        When dask is not installed.
-    """
-    try:
-        import dask.array
-    except ImportError as error:
-        raise MissingExtraError("lazy arrays need dask: pip install 'jotlight[dask]'") from error
-    return dask.array
+    """Return the module dask.array."""
+    return import_extra("dask.array", "dask", "lazy arrays")
 
 
 def to_dask(packed: Packed | Frames, chunks: Chunks) -> "dask.array.Array":

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from jotlight.checks import as_counts, refuse_frames, refuse_path
 from jotlight.layout import Layout, join
-from jotlight.sensing.bits import Bits, check_fits
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.counting import count_ones
 from jotlight.sensing.maps import constant_or_map, pixel_means, stack_maps
 from jotlight.sensing.merged import Merged
@@ -124,7 +125,9 @@ class GrayImages:
         if isinstance(self.data, np.ndarray):
             return count_pixels(self.data, sensor, threads)
         if all(isinstance(one, Bits) for one in self.data):
-            bits = [check_fits(one, sensor) for one in cast(Sequence[Bits], self.data)]
+            bits = cast(Sequence[Bits], self.data)
+            for one in bits:
+                check_fits(one.shape, sensor)
             _check_sizes(one.shape[-2:] for one in bits)
             return _describe(count_ones(bits, sensor.oversampling, sensor.mask, threads), sensor)
         each = [count_pixels(one, sensor, threads) for one in self.data]
@@ -301,7 +304,8 @@ def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCo
             varies_within_pixels=False,
         )
     if isinstance(data, Bits):
-        ones = count_ones([check_fits(data, sensor)], sensor.oversampling, sensor.mask, threads)
+        check_fits(data.shape, sensor)
+        ones = count_ones([data], sensor.oversampling, sensor.mask, threads)
         return _describe(ones[0], sensor)
     counts = as_counts(data)
     _check_jots(counts, sensor)

@@ -1,17 +1,13 @@
 """The report's page in Chromium. Skipped without Playwright or without a Chromium."""
 
 import itertools
-import os
-import shutil
 
 import pytest
 
+from chromium import chromium
 from jotlight.experiments.report.page import render_page
 from reference.reports import realistic_report
 
-playwright = pytest.importorskip(
-    "playwright.sync_api", reason="no Playwright: pip install 'jotlight[browser]'"
-)
 pytestmark = pytest.mark.slow
 
 DESKTOP = {"width": 1280, "height": 900}
@@ -26,16 +22,8 @@ def address(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def browser():
-    names = ("chromium", "chromium-browser", "google-chrome")
-    program = next(filter(None, map(shutil.which, names)), None)
-    if program is None:
-        pytest.skip(f"no browser: none of {', '.join(names)} is on the path")
-    # Chromium refuses its sandbox to root, which containers run as.
-    arguments = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
-    with playwright.sync_playwright() as driver:
-        started = driver.chromium.launch(executable_path=program, args=arguments)
-        yield started
-        started.close()
+    with chromium() as running:
+        yield running
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import Counts
-from jotlight.errors import MissingExtraError
+from jotlight.errors import import_extra
 from jotlight.files import atomic_folder
 from jotlight.formats.labeled import ATTRIBUTE, bits_label
 from jotlight.formats.labels import COUNTS, VERSION
@@ -30,18 +30,8 @@ _PATIENCE = 10.0
 
 
 def import_zarr() -> Any:
-    """Return the library zarr.
-
-    Raises
-    ------
-    MissingExtraError
-        When it is not installed.
-    """
-    try:
-        import zarr
-    except ImportError as error:
-        raise MissingExtraError("zarr folders need zarr: pip install 'jotlight[zarr]'") from error
-    return zarr
+    """Return the library zarr."""
+    return import_extra("zarr", "zarr", "zarr folders")
 
 
 def write_bits(bits: Bits, path: Path) -> None:
