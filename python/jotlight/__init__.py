@@ -12,36 +12,11 @@ from their bits.
 (8, 8)
 """
 
-from jotlight import datasets, metrics, training
+import importlib
+
+import lazy_loader
+
 from jotlight._engine import __version__
-from jotlight.calibration import Calibration, calibrate
-from jotlight.errors import JotlightWarning, MissingExtraError, PeriodicRatesWarning
-from jotlight.estimators import denoise, tv, vst
-from jotlight.estimators.admm import admm_tv
-from jotlight.estimators.mle import mle
-from jotlight.estimators.mle_iterative import mle_iterative
-from jotlight.estimators.noniterative import noniterative
-from jotlight.estimators.planning import Plan, plan
-from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.comparison import compare
-from jotlight.evaluation.evaluate import evaluate
-from jotlight.evaluation.reconstruct import reconstruct
-from jotlight.evaluation.uncertainty import uncertainty
-from jotlight.formats import open, save
-from jotlight.images.io import read_image
-from jotlight.images.saving import save_film, save_image
-from jotlight.motion.align import align
-from jotlight.motion.merge import merge
-from jotlight.motion.motion import Motion
-from jotlight.networks.layer import Layer
-from jotlight.networks.network import Network
-from jotlight.networks.pretrained import pretrained
-from jotlight.sensing import operators
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.likelihood import Likelihood, Problem
-from jotlight.sensing.merged import Merged
-from jotlight.sensing.sensor import Sensor
-from jotlight.training import train
 
 _OTHER_NAMES = {
     "find_hot_jots": "calibration.find_hot_jots",
@@ -57,57 +32,34 @@ _OTHER_NAMES = {
 }
 """Names in other libraries, and those in jotlight."""
 
+_UNLISTED = {
+    "calibration",
+    "estimators",
+    "evaluation",
+    "formats",
+    "images",
+    "motion",
+    "networks",
+    "sensing",
+}
+"""Subpackages that are attributes, but that ``from jotlight import *`` leaves out."""
+
+_OPTIONAL = "dask", "torch"
+"""Subpackages that need an extra, so ``EAGER_IMPORT=1`` must not import them."""
+
+# The imports are in __init__.pyi. Each happens when its name is first used (decision 36).
+_import, _, _names = lazy_loader.attach_stub(__name__, __file__)
+__all__ = ["__version__", *(name for name in _names if name not in _UNLISTED)]
+
 
 def __getattr__(name: str) -> object:
-    """Import `jotlight.torch` and `jotlight.dask` when they are first used: both take time."""
-    if name not in ("dask", "torch"):
-        hint = f"; write jotlight.{_OTHER_NAMES[name]}" if name in _OTHER_NAMES else ""
-        raise AttributeError(f"module 'jotlight' has no attribute {name!r}{hint}")
-    import importlib
+    if name in _names:
+        return _import(name)
+    if name in _OPTIONAL:
+        return importlib.import_module(f"jotlight.{name}")
+    hint = f"; write jotlight.{_OTHER_NAMES[name]}" if name in _OTHER_NAMES else ""
+    raise AttributeError(f"module 'jotlight' has no attribute {name!r}{hint}")
 
-    return importlib.import_module(f"jotlight.{name}")
 
-
-__all__ = [
-    "Bits",
-    "Calibration",
-    "JotlightWarning",
-    "Layer",
-    "Likelihood",
-    "Merged",
-    "MissingExtraError",
-    "Motion",
-    "Network",
-    "PeriodicRatesWarning",
-    "Plan",
-    "Problem",
-    "Sensor",
-    "Uncertainty",
-    "__version__",
-    "admm_tv",
-    "align",
-    "calibrate",
-    "compare",
-    "datasets",
-    "denoise",
-    "evaluate",
-    "merge",
-    "metrics",
-    "mle",
-    "mle_iterative",
-    "noniterative",
-    "open",
-    "operators",
-    "plan",
-    "pretrained",
-    "read_image",
-    "reconstruct",
-    "save",
-    "save_film",
-    "save_image",
-    "train",
-    "training",
-    "tv",
-    "uncertainty",
-    "vst",
-]
+def __dir__() -> list[str]:
+    return __all__

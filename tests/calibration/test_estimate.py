@@ -136,6 +136,7 @@ def flat_scene(rng, spread, shape=SHAPE, frames=4000):
     return counts(rng, dark, frames), light, relative, dark
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("threshold", [1, 2])
 @pytest.mark.parametrize("spread", [0.0, 0.02, 0.1])
 def test_the_response_is_found_without_the_noise_of_counting(spread, threshold):
@@ -190,6 +191,7 @@ def test_a_flat_capture_that_is_short_brings_little_noise():
     assert (calibration.efficiency * calibration.scale - relative).std() < 1.02 * relative.std()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clear", [3.5, 2, 0.5, 0.3])
 def test_a_clear_outlier_keeps_the_response_that_was_counted(clear):
     rng = np.random.default_rng(8)

@@ -142,6 +142,7 @@ def test_the_applied_calibration_is_recorded_beside_the_estimate(run, captures, 
     assert (captures / "a.tif.json").read_text() == "{}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("brightest", [None, 3.5])
 def test_photons_refer_to_the_median_jot(run, tmp_path, brightest):
     rng = np.random.default_rng(5)
@@ -196,6 +197,7 @@ def test_a_capture_of_another_shape_is_refused(run, captures, calibrated):
     assert "a.npy" not in files(captures)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("data", ["capture.npy", "counts.npy"])
 def test_a_capture_of_another_orientation_is_refused(run, captures, calibrated, data):
     command = ("reconstruct", data, "-m", "mle", "-o", "a.npy", "-t", 16)

@@ -124,6 +124,7 @@ def test_an_impossible_conversion_gets_one_line_and_leaves_no_files(
     assert after == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tiff", "npz", "hdf5", "zarr"])
 def test_files_of_counts_state_their_number_of_trials(run, tmp_path, name):
     pytest.importorskip(NEEDS.get(name, "numpy"))

@@ -106,6 +106,7 @@ def test_messages_about_images_of_counts_propose_what_to_write(run, capture):
     assert found.endswith("write --frames 100\n")
 
 
+@pytest.mark.slow
 def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
     arguments = ["film", "moving.npy", "--motion", "--window", 32, "--step", 16, "-m", "mle"]
     status, output = run(*arguments, "-o", "film.npy")

@@ -56,6 +56,7 @@ def test_a_signal_ends_a_command_silently_and_leaves_no_files(large_capture, nam
     assert output.strip() == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("stop", "status"),
     [("raise KeyboardInterrupt", 130), ("signal.raise_signal(signal.SIGTERM)", 143)],

@@ -111,6 +111,7 @@ def test_equal_images_take_the_calls_of_a_single_one(calls, name, sensor):
     np.testing.assert_array_equal(estimates, np.stack([alone] * 7))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "sensor"), [*cases()])
 def test_different_images_have_their_own_results_and_share_most_calls(calls, name, sensor):
     bits = draw(sensor)
@@ -123,6 +124,7 @@ def test_different_images_have_their_own_results_and_share_most_calls(calls, nam
     assert len(together) <= (1.6 * most if name.startswith(("mle-it", "admm")) else most)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*ENGINE_METHODS, "uncertainty"])
 def test_maps_of_trials_take_the_calls_of_a_single_one(calls, name):
     sensor = jl.Sensor(frames=40)

@@ -85,6 +85,7 @@ def test_estimates_of_untied_networks_are_equal(level, frames, side):
     assert_same_as_scalar(level, lambda threads=1: network.reconstruct(bits, threads=threads), 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", ["small", "medium"])
 @pytest.mark.parametrize("width", [1, 16, 83])
 def test_estimates_of_deep_networks_are_equal(level, size, width):
@@ -122,6 +123,7 @@ def test_gradients_of_the_training_cost_are_equal(level):
     assert_same_as_scalar(level, gradient, 1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [jl.admm_tv, jl.mle_iterative, jl.mle])
 def test_estimates_of_the_likelihood_methods_are_equal(level, method):
     bits = SENSOR.expose(IMAGE, 0)

@@ -12,7 +12,7 @@ import jotlight._engine as engine_module
 
 SENSOR = jl.Sensor(oversampling=4, kernel="cubic")
 IMAGE = np.full((256, 256), 0.5, np.float32)
-BITS = jl.Bits(np.ones((600, 256, 256), np.uint8))
+BITS = jl.Bits(np.ones((1800, 256, 256), np.uint8))
 CALLS = {
     "expose": lambda: jl.Sensor(frames=100).expose(IMAGE, rng=0, threads=1),
     "rate": lambda: SENSOR.rate(IMAGE, threads=1),

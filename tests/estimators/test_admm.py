@@ -22,6 +22,7 @@ COST = iterative.merge_cells(iterative.build_cost(BITS, SENSOR))
 WEIGHTS = [0.5, 3.0, 10.0, "map", "automatic"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("weight", WEIGHTS)
 def test_the_objective_equals_the_minimum_that_cvxpy_finds(weight, norm):
@@ -53,6 +54,7 @@ def test_for_smooth_kernels_the_objective_equals_the_minimum_that_cvxpy_finds(
     assert history.objective == pytest.approx(minimum, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("norm", NORMS)
 def test_the_adjustment_of_the_penalties_settles_and_the_run_converges(norm):
     sensor = jl.Sensor(oversampling=2, frames=2, kernel="cubic")
@@ -99,6 +101,7 @@ SMOOTH_SENSORS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("norm", NORMS)
 @pytest.mark.parametrize("name", BOX_SENSORS)
 def test_a_long_run_is_optimal_and_a_short_run_nearly_optimal(name, norm):
@@ -222,6 +225,7 @@ def test_total_variation_determines_dead_pixels(norm):
     assert estimate[4:8, 3:6].max() < np.nanmax(neighbors) + 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernel", ["box", "cubic"])
 @pytest.mark.parametrize(
     ("turn", "weight"),

@@ -62,6 +62,7 @@ def test_the_box_kernel_needs_none():
     assert deconvolve(IMAGE, jl.Sensor(oversampling=2)) is IMAGE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("quality", ["small", "medium"])
 def test_networks_beat_total_variation_with_a_smooth_kernel(kernel, quality):

@@ -106,6 +106,7 @@ def test_imperfect_jots_and_a_smooth_kernel_together_reach_the_maximum(solver):
     assert cost.projected_gradient(estimates[-1]) < 2e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("threshold", [1, 2])
 def test_the_likelihood_increases_in_every_iteration(threshold, solver):
@@ -174,6 +175,7 @@ def test_a_custom_operator_reaches_the_maximum(threshold, solver):
     assert cost.projected_gradient(estimates[-1]) < 2e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("kernel", ["box", "cubic"])
 def test_the_number_of_threads_does_not_change_the_estimate(kernel, solver):

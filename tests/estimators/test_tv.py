@@ -45,6 +45,7 @@ def test_the_anisotropic_weight_is_smaller_by_the_mean_over_directions():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("threshold", [1, 2, 5])
 @pytest.mark.parametrize("kernel", ["box", "linear", "cubic"])
 @pytest.mark.parametrize("fill", ["zeros", "ones", "noise"])

@@ -12,6 +12,7 @@ PHOTOGRAPH = jl.datasets.photograph("camera", gray=True)[100:292, 150:342]
 PARTS = "network-medium", "admm-tv", "mle"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frames", [256, 20_000, 1_000_000])
 def test_the_blend_is_as_good_as_its_best_part(frames):
     scene = jl.datasets.moving(

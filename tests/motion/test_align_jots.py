@@ -36,6 +36,7 @@ def recorded(name, motion="shake", rng=0):
     return scene, jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "ratio"), [("dark counts", 1), ("all", 10)])
 def test_a_pattern_of_the_jots_does_not_hold_the_motion(name, ratio):
     scene, bits = recorded(name)
@@ -44,11 +45,13 @@ def test_a_pattern_of_the_jots_does_not_hold_the_motion(name, ratio):
     assert rms_error(unaware, scene) > ratio * rms_error(known, scene)
 
 
+@pytest.mark.slow
 def test_a_pattern_of_the_jots_is_not_taken_for_motion():
     _, bits = recorded("all", "static")
     assert jl.align(bits).model == "none"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["dark counts", "efficiency"])
 def test_the_merged_image_is_nearly_that_of_equal_jots(name):
     scene, bits = recorded(name)
@@ -80,6 +83,7 @@ def test_hot_jots_are_left_out_of_scenes_that_move():
         assert (merged.trials.max() == FRAMES) or not is_counted
 
 
+@pytest.mark.slow
 def test_films_account_for_the_jots():
     from jotlight.motion.film import film
 

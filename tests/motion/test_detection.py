@@ -17,6 +17,7 @@ def expose(image, frames, photons, rng, **sensor):
     return exact.replace(gain=frames * photons / image.mean()).expose(image, rng)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", ["shake", "rotate", "layers"])
 @pytest.mark.parametrize(("frames", "photons"), [(64, 0.1), (300, 0.4)])
 def test_moving_scenes_are_detected(motion, frames, photons):

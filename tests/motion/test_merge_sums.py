@@ -53,6 +53,7 @@ def assert_sums(merged, ones, trials):
     assert (merged.ones <= ones).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [(1, -2), (-1, 0), (0, 3)])
 def test_whole_shifts_give_the_sums_of_shifted_frames_bit_for_bit(step):
     _, bits = moved(shifts_of(step), shape=SIZE, photons=0.4, rng=0)

@@ -44,6 +44,7 @@ def test_nothing_gains_over_itself():
     assert likelihood_gain(none, none) == 0
 
 
+@pytest.mark.slow
 def test_the_gain_is_that_of_a_loop_over_frames():
     """With whole shifts in each block, a loop over blocks counts the same bits."""
     _, bits = record("shake", photons=0.3)

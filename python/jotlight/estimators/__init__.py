@@ -9,3 +9,7 @@ In reading order:
   with ``admm_terms`` and ``linear_solver``;
 * quality of an estimate: ``uncertainty`` with ``light_inversion``, ``planning``, ``brightness``.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, ["denoise", "tv", "vst"])

@@ -11,3 +11,7 @@ In reading order:
 * ``response`` and ``reference``: the response of a jot, and numbers that represent a sensor;
 * ``operators`` and ``likelihood``: the spread of light, and the objective of reconstruction.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, ["operators"])

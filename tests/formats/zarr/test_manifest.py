@@ -132,6 +132,7 @@ def test_chunks_that_changed_places_in_a_shard_are_refused(tmp_path, monkeypatch
             jl.open(folder)[frames].to_array()
 
 
+@pytest.mark.slow
 def test_flipped_bits_of_shards_are_refused(tmp_path, monkeypatch):
     folder, _ = shard_of_bits(tmp_path, monkeypatch)
     path = folder / "c/2/0/0"

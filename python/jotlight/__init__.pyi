@@ -1,0 +1,52 @@
+"""The public names. Each is imported when it is first used."""
+
+from . import calibration as calibration
+from . import datasets as datasets
+from . import estimators as estimators
+from . import evaluation as evaluation
+from . import formats as formats
+from . import images as images
+from . import metrics as metrics
+from . import motion as motion
+from . import networks as networks
+from . import sensing as sensing
+from . import training as training
+from .calibration import Calibration as Calibration
+from .calibration import calibrate as calibrate
+from .errors import JotlightWarning as JotlightWarning
+from .errors import MissingExtraError as MissingExtraError
+from .errors import PeriodicRatesWarning as PeriodicRatesWarning
+from .estimators import denoise as denoise
+from .estimators import tv as tv
+from .estimators import vst as vst
+from .estimators.admm import admm_tv as admm_tv
+from .estimators.mle import mle as mle
+from .estimators.mle_iterative import mle_iterative as mle_iterative
+from .estimators.noniterative import noniterative as noniterative
+from .estimators.planning import Plan as Plan
+from .estimators.planning import plan as plan
+from .estimators.uncertainty import Uncertainty as Uncertainty
+from .evaluation.comparison import compare as compare
+from .evaluation.evaluate import evaluate as evaluate
+from .evaluation.reconstruct import reconstruct as reconstruct
+from .evaluation.uncertainty import uncertainty as uncertainty
+from .formats import open as open
+from .formats import save as save
+from .images.io import read_image as read_image
+from .images.saving import save_film as save_film
+from .images.saving import save_image as save_image
+from .motion.align import align as align
+from .motion.merge import merge as merge
+from .motion.motion import Motion as Motion
+from .networks.layer import Layer as Layer
+from .networks.network import Network as Network
+from .networks.pretrained import pretrained as pretrained
+from .sensing import operators as operators
+from .sensing.bits import Bits as Bits
+from .sensing.likelihood import Likelihood as Likelihood
+from .sensing.likelihood import Problem as Problem
+from .sensing.merged import Merged as Merged
+from .sensing.sensor import Sensor as Sensor
+from .training import train as train
+
+__version__: str
