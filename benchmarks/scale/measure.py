@@ -1,7 +1,7 @@
 """Speed and memory of runs on a local cluster, compared with bare counting in memory.
 
     python benchmarks/scale/measure.py speed --folder FOLDER     speed, warm and cold
-    python benchmarks/scale/measure.py small --folder FOLDER     speed of the network "small"
+    python benchmarks/scale/measure.py small --folder FOLDER     "small": two workers and one thread
     python benchmarks/scale/measure.py memory --folder FOLDER    memory for 1, 4, and 16 GiB
     python benchmarks/scale/measure.py stages --folder FOLDER    seconds per GiB of each stage
 
@@ -27,7 +27,7 @@ from jotlight.dask.cluster import connected
 from jotlight.dask.counting import Spans
 from jotlight.dask.estimator import choose_estimator
 from jotlight.dask.jobs import CaptureSource, VideoJob
-from jotlight.dask.running import Cluster, run_jobs
+from jotlight.dask.running import Cluster, ThisProcess, run_jobs
 from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import Checksum, WindowCounter
 from jotlight.formats.reading import open_capture
@@ -200,24 +200,22 @@ def measure_speed(options):
 
 
 def measure_small(options):
-    """Measure "small" on two workers, and with one thread on images in memory."""
+    """Measure a run with "small" on two workers, and the same run in one thread."""
     path, folder, window = options.folder / "capture.npy", options.folder / "out", 64
     frames = options.gib * GIB // FRAME_BYTES
     make_capture(path, frames)
-    estimator = choose_estimator(jl.Sensor(frames=window), "network-small")
-    bits = jl.open(path, counts=False)
-    images = [bits[64 * i : 64 * i + 64].counts(1)[None] for i in range(64)]
     ratios = []
     with connected(None, WORKERS) as client:
+        warm_up(client, path, folder)
         for _ in range(options.rounds):
-            estimator(images[0])
+            job = video_job(path, folder, window, "network-small")
             cpu = time.process_time()
-            seconds = timed(lambda: [estimator(image) for image in images])
-            alone = len(images) / seconds, len(images) / (time.process_time() - cpu)
+            seconds = timed(lambda job=job: check(run_jobs([job], ThisProcess(True, 1))))
+            alone = [frames // window / each for each in (seconds, time.process_time() - cpu)]
             times = run_video(client, path, folder, window, "network-small")
-            job = [frames // window / each for each in times]
-            ratios.append((job[0] / alone[0] / WORKERS, job[1] / alone[1]))
-            row = {"images/s, images/CPU s of one thread": alone, "of the run": job}
+            both = [frames // window / each for each in times]
+            ratios.append((both[0] / alone[0] / WORKERS, both[1] / alone[1]))
+            row = {"images/s, images/CPU s of one thread": alone, "of two workers": both}
             print(json.dumps({**row, "load": os.getloadavg()[0]}), flush=True)
     wall, cpu = (statistics.median(each[i] for each in ratios) for i in (0, 1))
     print(f"{wall:.0%} of {WORKERS} times the speed of one thread; {cpu:.0%} by CPU time")

@@ -9,6 +9,7 @@ from PIL import Image
 import jotlight as jl
 from jotlight.formats.writing import write_capture
 from jotlight.sensing.provenance import Provenance
+from servers import http_server
 
 COLUMNS = "step", "loss", "gradient_norm", "test_psnr", "held_out"
 COUNTS = np.random.default_rng(0).integers(0, 5, (6, 9), np.uint8)
@@ -161,3 +162,17 @@ def test_a_network_without_records_of_a_run_has_no_plot(run, history):
     assert run("info", "a.safetensors")[0] == 0
     status, output = run("info", "a.safetensors", "--plot", "b.png")
     assert (status, "no history of a training run" in output) == (1, True)
+
+
+def test_a_capture_at_a_url_is_described(run, tmp_path):
+    pytest.importorskip("fsspec", reason="no URLs: pip install 'jotlight[dask]'")
+    jl.save(jl.Sensor(frames=40).expose(np.full((16, 24), 0.4), rng=0), tmp_path / "a.npy")
+    with http_server(tmp_path) as server:
+        local, remote = run("info", tmp_path / "a.npy"), run("info", f"{server.url}/a.npy")
+        assert local[0] == remote[0] == 0
+        assert "16 x 24" in remote[1]
+        assert run("info", f"{server.url}/a.npy", "--verify")[0] == 1
+        status, output = run("info", f"{server.url}/no.npy")
+    assert status == 1
+    assert "no.npy" in output
+    assert "16 x 24" in local[1]

@@ -1,7 +1,9 @@
 """`jotlight view`: its options and its messages."""
 
+import io
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -9,8 +11,16 @@ import urllib.request
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import jotlight as jl
+from jotlight.cli.capture_options import CaptureOptions
+from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.cli.view import _open
+from jotlight.view.recipe import recipe
+from jotlight.view.saving import save_view
+from jotlight.view.state import ViewState
+from servers import http_server
 
 
 @pytest.fixture
@@ -47,6 +57,20 @@ def test_without_the_extra_the_message_says_how_to_install_it(run, capture, monk
     status, output = run("view", capture)
     assert status == 1
     assert "pip install 'jotlight[view]'" in output
+
+
+@pytest.mark.slow
+def test_a_capture_at_a_url_is_viewed_and_its_command_makes_the_same_image(run, capture):
+    pytest.importorskip("fsspec", reason="no URLs: pip install 'jotlight[dask]'")
+    with http_server(capture.parent) as server:
+        url = f"{server.url}/capture.npy"
+        viewed = _open(url, CaptureOptions(), CapturedSensorOptions())
+        assert viewed.title == "capture.npy"
+        state = ViewState(5, 20, "mle", white=0.8)
+        expected = np.asarray(Image.open(io.BytesIO(save_view(viewed, state, "png"))))
+        status, output = run(*shlex.split(recipe(viewed, state)["command"])[1:])
+    assert status == 0, output
+    np.testing.assert_array_equal(np.asarray(Image.open("view.png")), expected)
 
 
 @pytest.mark.slow

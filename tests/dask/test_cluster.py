@@ -82,7 +82,7 @@ def test_lazy_videos_do_not_depend_on_the_scheduler(capture, expected, scheduler
     video = jl.dask.reconstruct(bits, window=40, step=30, method="mle")
     with dask.config.set(scheduler=scheduler):
         images = video.compute()
-    assert images[3].tobytes() == expected["c/3/0/0"][:-4]
+    assert images[3].tobytes() == expected["c.3.0.0"][:-4]
 
 
 @pytest.mark.parametrize("workers", [1, 2, 4])
@@ -92,7 +92,7 @@ def test_lazy_videos_do_not_depend_on_the_number_of_workers(capture, expected, w
         video = jl.dask.reconstruct(bits.to_dask("128KiB"), bits.sensor, 40, 30, method="mle")
         images = video.compute()
     assert [image.tobytes() for image in images] == [
-        expected[f"c/{index}/0/0"][:-4] for index in range(len(images))
+        expected[f"c.{index}.0.0"][:-4] for index in range(len(images))
     ]
 
 

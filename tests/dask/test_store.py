@@ -44,7 +44,7 @@ def test_a_flipped_bit_is_detected(tmp_path):
     store = store_at(tmp_path / "v.zarr")
     fill(store)
     store.finish()
-    path = store.path / "c/1/0/0"
+    path = store.path / "c.1.0.0"
     content = bytearray(path.read_bytes())
     content[7] ^= 1
     path.write_bytes(content)
@@ -94,7 +94,7 @@ def test_an_image_that_was_damaged_before_the_end_is_made_again(tmp_path):
     store = store_at(tmp_path / "v.zarr")
     fill(store)
     for index, content in ((1, b"short"), (4, bytes(3 * 4 * 4 + 4))):
-        (store.part / f"video.zarr/c/{index}/0/0").write_bytes(content)
+        (store.part / f"video.zarr/c.{index}.0.0").write_bytes(content)
     (store.part / "groups" / "2.json").write_bytes(b"")
     with pytest.raises(ValueError, match="2 of its 3 groups of images were damaged"):
         store.finish()

@@ -4,13 +4,14 @@ import io
 
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 import jotlight as jl
 from jotlight.images.io import display_levels
 from jotlight.images.tone import CURVES, Tone
 from jotlight.view.counts import RunningCounts
-from jotlight.view.display import display, display_difference
+from jotlight.view.display import display, display_difference, fit_white
 from jotlight.view.estimate import estimate, fraction_at, merge_window
 from jotlight.view.overlays import DEAD, HOT, JotMap, find_errors, find_saturated
 from jotlight.view.saving import save_view
@@ -151,3 +152,27 @@ def test_saved_files_hold_what_is_shown(ending, tolerance, tmp_path):
         np.testing.assert_allclose(np.asarray(image) / 65535, shown, atol=tolerance)
     else:
         np.testing.assert_array_equal(jl.read_image(path), expected)
+
+
+def test_saved_counts_are_as_bright_as_on_the_page():
+    viewed, state = viewed_of("plain"), ViewState(0, 16, "counts")
+    image = made(viewed, range(16), "counts")
+    white = fit_white(viewed, range(16), image)
+    assert white == fit_white(viewed, range(16), made(viewed, range(16), "mle"))
+    shown = display(image, state, white).levels
+    saved = np.asarray(Image.open(io.BytesIO(save_view(viewed, state, "png")))) / 257
+    assert np.abs(saved - shown).max() <= 1
+
+
+@pytest.mark.parametrize("ending", ["png", "tif"])
+def test_two_channels_are_saved_as_their_mean(ending):
+    sensor = jl.Sensor(frames=8, max_intensity=4.0)
+    bits = sensor.expose(np.stack([PHOTO, PHOTO / 2], axis=2), rng=0, channel_axis=-1)
+    viewed, state = Viewed.from_bits(bits), ViewState(0, 8, "mle", white=1.0, curve="linear")
+    content = save_view(viewed, state, ending)
+    expected = jl.mle(bits).mean(axis=2)
+    if ending == "tif":
+        np.testing.assert_allclose(tifffile.imread(io.BytesIO(content)), expected, rtol=1e-6)
+    else:
+        saved = np.asarray(Image.open(io.BytesIO(content))) / 65535
+        np.testing.assert_allclose(saved, np.clip(expected, 0, 1), atol=1e-5)

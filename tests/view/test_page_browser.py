@@ -170,6 +170,80 @@ def test_the_exposure_of_a_shared_address_can_be_changed(opened):
     assert white == pytest.approx(0.5 * 2**-0.25, rel=1e-3)
 
 
+def pressed(tab):
+    return tab.locator("#auto").get_attribute("aria-pressed")
+
+
+def test_auto_is_on_only_while_the_white_is_automatic(opened):
+    assert pressed(opened("method=mle&window=16&white=0.5")) == "false"
+    tab = opened("method=mle&window=16")
+    assert pressed(tab) == "true"
+    for key, expected in (("e", "false"), ("E", "true"), ("E", "false"), ("0", "true")):
+        tab.keyboard.press(key)
+        tab.wait_for_timeout(300)
+        assert pressed(tab) == expected
+
+
+def test_counts_have_an_exposure(opened, server):
+    tab = opened("method=counts&window=16")
+    white = final(tab)["tone"]["white"]
+    assert white == pytest.approx(np.percentile(jl.mle(server.bits[:16]), 99.5), rel=0.01)
+    tab.keyboard.press("e")
+    assert final(tab, is_auto=False)["tone"]["white"] == pytest.approx(white * 2**-0.25, rel=1e-3)
+
+
+def test_parts_of_the_controls_are_opened_and_closed_by_keys(opened):
+    tab = opened("method=mle")
+    for key, title in zip(
+        "56789", ("Method", "Tone", "Overlays", "Sensor", "Provenance"), strict=True
+    ):
+        part = tab.locator("details", has=tab.locator("summary", has_text=title))
+        before = part.get_attribute("open")
+        tab.keyboard.press(key)
+        assert part.get_attribute("open") != before
+
+
+KEY_PRESS = """([key, changes]) => document.dispatchEvent(
+  new KeyboardEvent("keydown", { key, bubbles: true, ...changes }))"""
+
+
+@pytest.mark.parametrize(
+    ("key", "changes", "window"),
+    [
+        ("]", {"altKey": True, "ctrlKey": True, "modifierAltGraph": True}, 32),  # AltGr
+        ("]", {"altKey": True}, 32),  # Option on a Mac
+        ("]", {"ctrlKey": True}, 16),
+        ("w", {"altKey": True}, 16),
+    ],
+)
+def test_brackets_may_need_another_key(opened, key, changes, window):
+    tab = opened("method=mle&window=16&white=1")
+    tab.evaluate(KEY_PRESS.replace("document.", "document.body."), [key, changes])
+    tab.wait_for_timeout(600)
+    assert f"window={window}" in tab.url.split("#")[1]
+    assert tab.evaluate("document.activeElement.id") != "window-number"
+
+
+def test_names_of_keys_are_those_that_screen_readers_know(opened):
+    tab = opened("method=mle")
+    names = tab.evaluate(
+        "[...document.querySelectorAll('[aria-keyshortcuts]')]"
+        ".map((e) => e.getAttribute('aria-keyshortcuts'))"
+    )
+    known = {"Space", "ArrowLeft", "ArrowRight", "Plus"}
+    assert all(len(key) == 1 or key in known for name in names for key in name.split())
+    assert not {"+", "←"} & {key for name in names for key in name.split()}
+
+
+def test_all_buttons_fit_into_one_row_of_a_narrow_phone(opened):
+    tab = opened("method=mle", viewport={"width": 360, "height": 740}, is_mobile=True)
+    tops = tab.evaluate(
+        "[...document.querySelectorAll('.actions button')]"
+        ".map((e) => e.getBoundingClientRect().top)"
+    )
+    assert len(set(tops)) == 1
+
+
 def test_the_page_can_be_used_by_keyboard_alone(opened):
     tab = opened("method=mle&window=16")
     tab.keyboard.press("?")

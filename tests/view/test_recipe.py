@@ -24,6 +24,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     sensor = jl.Sensor(frames=60, gain=40.0)
     jl.save(sensor.expose(PHOTO, rng=0), "own sensor.npy")
+    jl.save(sensor.expose(PHOTO, rng=0), "-x.npy")
     np.save("plain.npy", sensor.expose(2 * PHOTO, rng=0).packed)
     counts = np.stack([sensor.replace(frames=10).expose(PHOTO, rng=n).counts() for n in range(6)])
     np.save("counts.npy", counts)
@@ -39,6 +40,7 @@ CASES = [
     ("own sensor.npy", "--gain 30 --max-intensity 3", ViewState(5, 20, "mle", white=2.0)),
     ("plain.npy", "--frame-range 10:50:2 --rotate 90", ViewState(3, 10, "mle", white=1.5)),
     ("plain.npy", "--mask mask.npy --width 60", ViewState(3, 10, "admm-tv", curve="log")),
+    ("-x.npy", "", ViewState(5, 20, "mle", white=0.8)),
     ("counts.npy", "--frames 60 --counts", ViewState(1, 4, "mle", white=0.8, curve="linear")),
 ]
 
@@ -50,7 +52,7 @@ def test_both_make_the_saved_image(folder, name, options, state):
     _, bound, _ = app.parse_args(["view", name, *shlex.split(options)])
     capture = bound.arguments.get("capture", CaptureOptions())
     sensor = bound.arguments.get("sensor", CapturedSensorOptions())
-    viewed = _open(folder.__class__(name), capture, sensor)
+    viewed = _open(name, capture, sensor)
     expected = folder / "expected.png"
     expected.write_bytes(save_view(viewed, state, "png"))
     texts = recipe(viewed, state)

@@ -92,13 +92,13 @@ class CaptureOptions:
         ),
     ] = None
 
-    def open(self, path: Path, total_trials: int | None = None) -> Capture:
+    def open(self, path: Path | str, total_trials: int | None = None) -> Capture:
         """Return the bits or the counts of a capture. A stack of counts is not yet summed.
 
         Parameters
         ----------
-        path : Path
-            Capture.
+        path : Path or str
+            Capture, or its URL.
         total_trials : int, optional
             Number of trials of the whole capture, for scaled counts of an unstated number.
         """
@@ -120,7 +120,7 @@ class CaptureOptions:
                 )
         return unscale(capture, self.counts_scale, trials)
 
-    def _open(self, path: Path) -> Capture:
+    def _open(self, path: Path | str) -> Capture:
         scaled = self.counts_scale is not None
         return open_capture(
             path,

@@ -109,7 +109,7 @@ def provenance_notes(provenance: Provenance | None) -> list[str]:
 
 def add_sensor(
     capture: Capture,
-    path: Path,
+    path: Path | str,
     sensor_kwargs: dict[str, Any],
     calibration: Calibration | None = None,
 ) -> Captured:
@@ -121,7 +121,7 @@ def add_sensor(
     ----------
     capture : Bits or CountStack
         Opened capture.
-    path : Path
+    path : Path or str
         Name for messages.
     sensor_kwargs : dict
         Keyword arguments of the sensor that the user set.
@@ -160,7 +160,9 @@ def _add_sensor_to_bits(
     return Captured(bits, sensor, stated is not None, bits.provenance)
 
 
-def _with_trials(capture: CountStack, path: Path, sensor_kwargs: dict[str, Any]) -> dict[str, Any]:
+def _with_trials(
+    capture: CountStack, path: Path | str, sensor_kwargs: dict[str, Any]
+) -> dict[str, Any]:
     """Return the keyword arguments with the frames that a file of counts states.
 
     Raises
@@ -194,7 +196,7 @@ def _with_trials(capture: CountStack, path: Path, sensor_kwargs: dict[str, Any])
     return sensor_kwargs
 
 
-def check_trials(path: Path, stated: int | None, trials: int, options: str) -> None:
+def check_trials(path: Path | str, stated: int | None, trials: int, options: str) -> None:
     """Raise ValueError when a file states another number of trials than the options."""
     if stated not in (None, trials):
         raise ValueError(

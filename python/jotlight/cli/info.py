@@ -23,6 +23,7 @@ from jotlight.formats.capture import Capture, CountStack, is_single_image
 from jotlight.formats.detect import PHOTOGRAPH_EXTENSIONS, detect_format
 from jotlight.formats.images.tiff_directories import open_checked_tiff
 from jotlight.formats.labels import COUNTS, parse_label
+from jotlight.formats.locations import is_url
 from jotlight.formats.verification import verify_capture
 from jotlight.images.io import read_image
 from jotlight.networks.graph import flops_per_pixel
@@ -37,10 +38,10 @@ from jotlight.training import History
 
 def info(
     file: Annotated[
-        Path,
+        str,
         Parameter(
-            help="A capture of bits or counts, a file or a folder; a network or a calibration "
-            "(.safetensors); or an image."
+            help="A capture of bits or counts, a file, a folder, or a URL; a network or a "
+            "calibration (.safetensors); or an image."
         ),
     ],
     /,
@@ -59,17 +60,28 @@ def info(
     ] = False,
 ) -> None:
     """Show the contents of a file: kind, shape, sensor, fraction of ones, range."""
-    verified = [("verified", _verify(file, capture))] if verify else []
+    if is_url(file):
+        if verify or plot is not None:
+            raise ValueError("--verify and --plot are for files on this machine, not for URLs")
+        out.print(_table(_capture_facts(capture.open(file))))
+        return
+    path = Path(file)
+    verified = [("verified", _verify(path, capture))] if verify else []
     if plot is not None:
-        _draw(file, plot)
+        _draw(path, plot)
+    out.print(_table([*_facts(path, capture), *verified]))
+    if path.suffix.lower() == ".safetensors" and stored_format(path) != CALIBRATION:
+        out.print(_layers(Network.load(path).layers))
+
+
+def _table(rows: list[tuple[str, str]]) -> Table:
+    """Return a table of names and values."""
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="bold")
     table.add_column(overflow="fold")
-    for name, value in [*_facts(file, capture), *verified]:
+    for name, value in rows:
         table.add_row(name, value)
-    out.print(table)
-    if file.suffix.lower() == ".safetensors" and stored_format(file) != CALIBRATION:
-        out.print(_layers(Network.load(file).layers))
+    return table
 
 
 def _verify(file: Path, capture: CaptureOptions) -> str:

@@ -13,6 +13,7 @@ from jotlight.cli.reconstruction import Inputs, reconstruct_image
 from jotlight.cli.run_options import CapturePaths, RunOptions
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.evaluation.uncertainty import check_errors_known
+from jotlight.formats.locations import is_url
 from jotlight.images.io import image_writer
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
@@ -44,7 +45,8 @@ def reconstruct(
     if run.is_requested(data):
         _reconstruct_many(data, outputs, method, capture, sensor, motion, run, threads)
         return
-    inputs = Inputs(Path(data[0]), method, capture, sensor, motion)
+    path = data[0] if is_url(data[0]) else Path(data[0])
+    inputs = Inputs(path, method, capture, sensor, motion)
     motion.check()
     inputs.check_outputs([*outputs.paths(), *motion.paths()])
     image_writer(outputs.output, depth=outputs.depth)

@@ -41,7 +41,7 @@ from jotlight.sensing.pixel_counts import Data
 class Reconstruction:
     """All that determines the estimate of an image."""
 
-    path: Path
+    path: Path | str
     captured: Captured
     """The capture, whose sensor has the frames of one image."""
     choice: Choice
@@ -59,14 +59,15 @@ class Reconstruction:
     def record_arguments(self) -> tuple[Any, ...]:
         """Arguments of the function that :func:`recorded` yields."""
         captured = self.captured
-        return captured.sensor, self.choice.method, self.path.name, captured.provenance
+        return captured.sensor, self.choice.method, Path(self.path).name, captured.provenance
 
 
 @dataclasses.dataclass(frozen=True)
 class Inputs:
     """The options that say what to reconstruct, and how."""
 
-    path: Path
+    path: Path | str
+    """The capture, or its URL."""
     method: MethodOptions
     capture: CaptureOptions
     sensor: CapturedSensorOptions
@@ -79,7 +80,8 @@ class Inputs:
         files = [self.method.model, self.sensor.calibration, *self.sensor.map_files()]
         for path in outputs:
             refuse_overwrite(path, [*files, *self.motion.files()])
-            refuse_capture_overwrite(path, self.path)
+            if isinstance(self.path, Path):
+                refuse_capture_overwrite(path, self.path)
 
     def prepare(
         self,
@@ -262,7 +264,7 @@ def _origin(job: Reconstruction, checksum: tuple[int, int]) -> dict[str, Any]:
     )
     content = "packed" if isinstance(job.captured.data, Bits) else "counts"
     return {
-        "capture": job.path.name,
+        "capture": Path(job.path).name,
         "bytes": file_state(str(job.path))[0],
         f"{content}_bytes": checksum[0],
         f"{content}_crc32": f"{checksum[1]:08x}",

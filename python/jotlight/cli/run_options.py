@@ -69,10 +69,9 @@ class RunOptions:
 
     def is_requested(self, captures: tuple[str, ...]) -> bool:
         """Return whether the captures and options need a run, rather than one reconstruction."""
-        from jotlight.formats.locations import is_glob, is_url
+        from jotlight.formats.locations import is_glob
 
-        single = len(captures) == 1 and not is_glob(captures[0]) and not is_url(captures[0])
-        return not single or self != RunOptions()
+        return len(captures) != 1 or is_glob(captures[0]) or self != RunOptions()
 
     def storage_options(self) -> dict[str, Any] | None:
         """Return the options of the file system by name; None without any."""

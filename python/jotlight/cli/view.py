@@ -13,6 +13,7 @@ from jotlight.cli.captured import Captured, add_sensor
 from jotlight.cli.console import caution, report
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.formats.locations import is_url
 from jotlight.sensing.bits import Bits
 from jotlight.view.access import LOOPBACK, is_loopback
 from jotlight.view.extra import require_server
@@ -69,11 +70,11 @@ class FollowOptions:
 
 def view(
     data: Annotated[
-        Path,
+        str,
         Parameter(
             allow_leading_hyphen=True,
-            help="A capture of bits or counts: a file or a folder; - with --follow for standard "
-            "input.",
+            help="A capture of bits or counts: a file, a folder, or a URL; - with --follow for "
+            "standard input.",
         ),
     ],
     /,
@@ -93,7 +94,7 @@ def view(
 
     viewed: Viewable
     if follow.follow:
-        viewed = _follow(data, follow, capture, sensor)
+        viewed = _follow(Path(data), follow, capture, sensor)
     else:
         viewed = _open(data, capture, sensor)
     if not is_loopback(server.host):
@@ -113,9 +114,9 @@ def view(
         viewed.close()
 
 
-def _open(path: Path, capture: CaptureOptions, sensor: CapturedSensorOptions) -> Viewed:
+def _open(path: str, capture: CaptureOptions, sensor: CapturedSensorOptions) -> Viewed:
     """Return a complete capture with its sensor."""
-    opened = capture.open(path, sensor.stated_trials())
+    opened = capture.open(path if is_url(path) else Path(path), sensor.stated_trials())
     if isinstance(opened, Bits) and sensor.frames is not None:
         raise ValueError("frames: the page selects them; --frame-range leaves some of them out")
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
@@ -124,11 +125,11 @@ def _open(path: Path, capture: CaptureOptions, sensor: CapturedSensorOptions) ->
         captured = mask_hot_jots(captured)
     is_known = captured.has_own_sensor or sensor.max_intensity is not None
     opening = _opening(path, capture, sensor, captured)
-    return Viewed(path.name or str(path), captured.data, captured.sensor, is_known, opening)
+    return Viewed(Path(path).name or path, captured.data, captured.sensor, is_known, opening)
 
 
 def _opening(
-    path: Path, capture: CaptureOptions, sensor: CapturedSensorOptions, captured: Captured
+    path: str, capture: CaptureOptions, sensor: CapturedSensorOptions, captured: Captured
 ) -> Opening:
     """Return how `jotlight reconstruct` and Python open the same capture."""
     frames = parse_frame_range(capture.frame_range) or slice(None)
@@ -142,7 +143,7 @@ def _opening(
     arguments = {name: repr(value) for name, value in options.items() if value not in (None, 0)}
     lines = tuple(_sensor_lines(sensor, captured))
     has_gain = sensor.gain is not None
-    return Opening(str(path), tuple(words), arguments, lines, frames, has_gain)
+    return Opening(path, tuple(words), arguments, lines, frames, has_gain)
 
 
 def _sensor_lines(sensor: CapturedSensorOptions, captured: Captured) -> list[str]:

@@ -8,8 +8,9 @@ import numpy.typing as npt
 
 from jotlight.images.io import display_levels
 from jotlight.images.tone import CURVES, PERCENTILE, Tone
-from jotlight.view.estimate import Estimate, fraction_at
+from jotlight.view.estimate import Estimate, estimate, fraction_at
 from jotlight.view.state import COUNTS, ViewState
+from jotlight.view.viewed import Viewable
 
 Levels = npt.NDArray[np.uint8]
 
@@ -26,25 +27,30 @@ class Displayed:
     """Curve, white, and the values at five levels from black to white, as values of JSON."""
 
 
-def fit_white(estimate: Estimate) -> float:
-    """Return the intensity that becomes white if the user sets none: the 99.5th percentile."""
-    return Tone.fit(estimate.image, percentile=PERCENTILE).white
+def fit_white(viewed: Viewable, span: range, made: Estimate) -> float:
+    """Return the intensity that becomes white if the user sets none: the 99.5th percentile.
+
+    For counts, it is that of maximum likelihood, which is as bright.
+    """
+    if made.method == COUNTS:
+        made = estimate(viewed, span, "mle", made.counts)
+    return Tone.fit(made.image, percentile=PERCENTILE).white
 
 
-def tone_of(estimate: Estimate, state: ViewState, white: float) -> Tone:
+def tone_of(made: Estimate, state: ViewState, white: float) -> Tone:
     """Return the tone curve of an estimate.
 
     A fraction of ones is as bright as the intensity from which it is expected, so that the image
     does not flash when the estimate replaces the counts.
     """
-    if estimate.method == COUNTS:
-        white = fraction_at(white, estimate.sensor)
+    if made.method == COUNTS:
+        white = fraction_at(white, made.sensor)
     if state.curve == "reinhard":  # the only curve that depends on the image
-        return Tone.fit(estimate.image, state.curve, white=white)
+        return Tone.fit(made.image, state.curve, white=white)
     return Tone(state.curve, white)
 
 
-def display(estimate: Estimate, state: ViewState, white: float) -> Displayed:
+def display(made: Estimate, state: ViewState, white: float) -> Displayed:
     """Return an estimate in the levels that :func:`jotlight.save_image` writes for it.
 
     Examples
@@ -56,14 +62,14 @@ def display(estimate: Estimate, state: ViewState, white: float) -> Displayed:
     >>> display(made, ViewState(curve="linear"), 1.0).levels.tolist()
     [[0, 64, 128, 255]]
     """
-    tone = tone_of(estimate, state, white)
-    if estimate.is_function_of_counts:
+    tone = tone_of(made, state, white)
+    if made.is_function_of_counts:
         # The curve is computed once for each number of ones, rather than for each pixel.
-        table = np.zeros(int(estimate.counts.max()) + 1, np.float32)
-        table[estimate.counts] = estimate.image
-        levels = _levels(table, tone)[estimate.counts]
+        table = np.zeros(int(made.counts.max()) + 1, np.float32)
+        table[made.counts] = made.image
+        levels = _levels(table, tone)[made.counts]
     else:
-        levels = _levels(_displayable(estimate.image), tone)
+        levels = _levels(displayable(made.image), tone)
     facts = {"curve": tone.curve, "white": white, "axis": _axis(tone)}
     return Displayed(levels, facts)
 
@@ -72,7 +78,7 @@ def _levels(image: npt.NDArray[np.float32], tone: Tone) -> Levels:
     return display_levels(tone(image), 1.0, 255).astype(np.uint8)
 
 
-def _displayable(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def displayable(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     """Return an image (H, W) or (H, W, 3). Two or four channels become their mean."""
     if image.ndim == 3 and image.shape[2] != 3:
         return np.asarray(image.mean(axis=2, dtype=np.float32))

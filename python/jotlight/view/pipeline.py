@@ -161,10 +161,13 @@ class Pipeline:
         other: Estimate | None = None,
     ) -> bytes:
         state = request.state
+        # Counts that an estimate replaces soon keep the white of the image before them.
+        is_replaced = stage == "sample" or (made.method == COUNTS != state.method)
+        is_auto = state.white is None and not is_replaced
         if state.white is not None:
             self._white = state.white
-        elif made.method != COUNTS:
-            self._white = fit_white(made)
+        elif is_auto:
+            self._white = fit_white(self.viewed, state.span, made)
         if other is None:
             shown = display(made, state, self._white)
         else:
@@ -183,7 +186,7 @@ class Pipeline:
             "width": width,
             "channels": channels[0] if channels else 1,
             "tone": shown.tone,
-            "is_auto": state.white is None and made.method != COUNTS,
+            "is_auto": is_auto,
             "low": float(made.image.min()),
             "high": float(made.image.max()),
             "rate": float(made.counts.mean() / np.mean(made.trials)),

@@ -48,7 +48,9 @@ def _command(viewed: Viewable, state: ViewState) -> str | None:
         return None
     frames = file_frames(opening, state.span)
     step = f":{frames.step}" if frames.step else ""
-    words = ["jotlight", "reconstruct", opening.path, "-o", "view.png", "--depth", "16"]
+    # A name that begins with a hyphen would be taken for an option.
+    path = f"./{opening.path}" if opening.path.startswith("-") else opening.path
+    words = ["jotlight", "reconstruct", path, "-o", "view.png", "--depth", "16"]
     words += ["--frame-range", f"{frames.start}:{frames.stop}{step}", *opening.argv]
     if viewed.sensor(1).frames != 1:
         words += ["--frames", str(viewed.sensor(state.window).frames)]

@@ -11,7 +11,7 @@ from jotlight.estimators.brightness import UNITS
 from jotlight.images.exr import check_exr
 from jotlight.images.io import image_writer
 from jotlight.view.counts import RunningCounts
-from jotlight.view.display import display_difference, fit_white, tone_of
+from jotlight.view.display import display_difference, displayable, fit_white, tone_of
 from jotlight.view.estimate import Estimate, estimate, merge_window
 from jotlight.view.state import COUNTS, ViewState
 from jotlight.view.viewed import Viewable
@@ -25,7 +25,7 @@ def save_view(viewed: Viewable, state: ViewState, ending: str) -> bytes:
 
     A PNG has 16 bits per value and the tone curve of the state. TIFF and EXR have the values of the
     estimate as float32, which are never clipped. Of a difference, they have its values, and a PNG
-    has its colors.
+    has its colors. Two or four channels become their mean, as on the page.
 
     Parameters
     ----------
@@ -66,18 +66,20 @@ def save_view(viewed: Viewable, state: ViewState, ending: str) -> bytes:
         file = Path(folder, f"view.{ending}")
         depth = 16 if ending == "png" else 8
         write = image_writer(file, depth=depth, note=_note(viewed, state, made, other))
-        write(file, _values(made, other, state, ending))
+        write(file, _values(viewed, made, other, state, ending))
         return file.read_bytes()
 
 
-def _values(made: Estimate, other: Estimate | None, state: ViewState, ending: str) -> Any:
+def _values(
+    viewed: Viewable, made: Estimate, other: Estimate | None, state: ViewState, ending: str
+) -> Any:
     """Return the values to write: intensities, or for PNG values from 0 to 1."""
-    white = fit_white(made) if state.white is None else state.white
-    if ending == "png":
-        if other is not None:
-            return display_difference(made, other, white).levels / np.float32(255)
-        return tone_of(made, state, white)(made.image)
-    return made.image if other is None else made.image - other.image
+    if ending != "png":
+        return displayable(made.image if other is None else made.image - other.image)
+    white = fit_white(viewed, state.span, made) if state.white is None else state.white
+    if other is not None:
+        return display_difference(made, other, white).levels / np.float32(255)
+    return tone_of(made, state, white)(displayable(made.image))
 
 
 def _note(

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from jotlight.view.live.folder import list_new
+from jotlight.view.live.folder import list_files
 from jotlight.view.live.options import STANDARD_INPUT, LiveOptions, open_live
 
 RNG = np.random.default_rng(0)
@@ -138,11 +138,82 @@ def test_files_that_appear_in_a_folder_are_added_and_gaps_counted(tmp_path, open
     np.testing.assert_array_equal(live.part(range(60, 70)).packed, FRAMES[60:70])
 
 
+def put_files(folder, *numbers):
+    for number in numbers:
+        np.save(folder.parent / "new.npy", FRAMES[10 * number : 10 * number + 10])
+        (folder.parent / "new.npy").rename(folder / f"f{number}.npy")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "capture").mkdir()
+    return tmp_path / "capture"
+
+
+def test_other_files_in_a_folder_are_ignored_and_named(folder, opened):
+    (folder / "log.txt").write_text("begun")
+    put_files(folder, 0)
+    live = opened(folder, LiveOptions())
+    (folder / "notes.txt").write_text("a bird")
+    put_files(folder, 1)
+    wait_for(lambda: live.frames.stop == 20)
+    wait_for(lambda: live.remark)
+    assert live.remark == "notes.txt: ignored, because it is no .npy"
+    assert (live.dropped, live.problem, live.ended) == (0, None, False)
+    assert live.facts()["remark"] == live.remark
+
+
+def test_a_file_that_cannot_be_read_counts_as_dropped(folder, opened, monkeypatch):
+    monkeypatch.setattr("jotlight.view.live.folder._MAX_FAILURES", 0.05)
+    put_files(folder, 0)
+    live = opened(folder, LiveOptions())
+    (folder / "f1.npy").write_bytes(b"damaged")
+    np.save(folder / "f2.npy", FRAMES[:10, :5])
+    put_files(folder, 3)
+    wait_for(lambda: live.frames.stop == 40)
+    np.testing.assert_array_equal(live.part(range(30, 40)).packed, FRAMES[30:40])
+    assert live.dropped == 20
+    assert "expected frames of 6 x 16 jots" in live.remark
+
+
+def test_lower_numbers_begin_a_new_sequence(folder, opened):
+    put_files(folder, 7, 8)
+    live = opened(folder, LiveOptions())
+    wait_for(lambda: live.frames.stop == 20)
+    put_files(folder, 0)
+    wait_for(lambda: live.frames.stop == 30)
+    put_files(folder, 1)
+    wait_for(lambda: live.frames.stop == 40)
+    np.testing.assert_array_equal(live.part(range(20, 40)).packed, FRAMES[:20])
+    assert live.dropped == 0
+    assert "f0.npy" in live.remark
+
+
+def test_a_file_that_comes_late_stays_dropped(folder, opened):
+    put_files(folder, 0)
+    live = opened(folder, LiveOptions())
+    put_files(folder, 2)
+    wait_for(lambda: live.frames.stop == 30)
+    put_files(folder, 1)
+    wait_for(lambda: live.remark)
+    put_files(folder, 3)
+    wait_for(lambda: live.frames.stop == 40)
+    assert live.dropped == 10
+    assert live.remark == "f1.npy: came late, so its frames stay dropped"
+
+
+def test_a_folder_without_captures_is_refused(folder, monkeypatch):
+    monkeypatch.setattr("jotlight.view.live.folder._MAX_FAILURES", 0.05)
+    (folder / "notes.txt").write_text("a bird")
+    with pytest.raises(ValueError, match=r"notes\.txt"):
+        open_live(folder, LiveOptions(), {"frames": 1})
+
+
 def test_the_order_of_files_is_that_of_their_numbers(tmp_path):
     for name in ("a2.bin", "a10.bin", "a1.bin", "note.txt"):
         (tmp_path / name).touch()
     (tmp_path / "a3.bin").symlink_to("/etc/passwd")
-    names = [path.name for _, path in list_new(tmp_path, None)]
+    names = [path.name for _, path in list_files(tmp_path)]
     assert names == ["note.txt", "a1.bin", "a2.bin", "a10.bin"]
 
 

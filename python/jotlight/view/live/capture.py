@@ -48,6 +48,8 @@ class LiveCapture:
         """Number of frames that were never read, or are missing in the capture."""
         self.ended = False
         self.problem: str | None = None
+        self.remark: str | None = None
+        """What happened last that needs no action, such as a file that is no capture."""
         self.stop = threading.Event()
         self._sensor = sensor
         self._thread: threading.Thread | None = None
@@ -80,6 +82,7 @@ class LiveCapture:
             "dropped": self.dropped,
             "ended": self.ended,
             "problem": self.problem,
+            "remark": self.remark,
             "rates": self.ring.rates(),
         }
 

@@ -20,11 +20,16 @@ _MAX_FAILURES = 3.0
 
 _CHUNK_FRAMES = 256
 
+_MAX_TRIED = 8
+"""Number of files of which one must be readable when a folder is opened."""
+
 Open = Callable[[Path], Capture]
+Key = tuple[int, str]
+"""The last number in the name of a file, or -1, and the name."""
 
 
-def list_new(folder: Path, after: tuple[int, str] | None) -> list[tuple[tuple[int, str], Path]]:
-    """Return the files of a folder that come after a key, sorted by the last number in their names.
+def list_files(folder: Path) -> list[tuple[Key, Path]]:
+    """Return the files of a folder, sorted by the last number in their names.
 
     Examples
     --------
@@ -32,7 +37,7 @@ def list_new(folder: Path, after: tuple[int, str] | None) -> list[tuple[tuple[in
     >>> folder = Path(tempfile.mkdtemp())
     >>> for name in ("f10.png", "f9.png", ".hidden", "f8.png.part"):
     ...     folder.joinpath(name).touch()
-    >>> [path.name for _, path in list_new(folder, (8, ""))]
+    >>> [path.name for _, path in list_files(folder)]
     ['f9.png', 'f10.png']
     """
     found = []
@@ -40,39 +45,113 @@ def list_new(folder: Path, after: tuple[int, str] | None) -> list[tuple[tuple[in
         # Programs write a file under such a name, and rename it when it is complete.
         if path.name.startswith(".") or path.suffix in (".part", ".tmp", ".json"):
             continue
-        digits = re.findall(r"[0-9]+", path.stem)
-        key = (int(digits[-1][:18]) if digits else -1, path.name)
-        if (after is None or key > after) and path.is_file() and not path.is_symlink():
-            found.append((key, path))
+        if path.is_file() and not path.is_symlink():
+            digits = re.findall(r"[0-9]+", path.stem)
+            found.append(((int(digits[-1][:18]) if digits else -1, path.name), path))
     return sorted(found)
 
 
-def read_folder(
-    capture: LiveCapture,
-    folder: Path,
-    open_file: Open,
-    last: tuple[int, str] | None,
-    frames_before: int,
-) -> None:
-    """Add the frames of files as they appear, until the capture is closed.
+def open_first(folder: Path, open_file: Open) -> tuple[Path, Bits]:
+    """Return the newest complete file of a folder, and its bits. Wait for one.
 
-    A gap in the numbers of the names counts as dropped frames, as many as in the file before it;
-    `last` and `frames_before` are the key and the frames of the file that was added already.
+    Raises
+    ------
+    OSError, ValueError
+        When files have been there for a while, and none of the newest holds bits.
     """
-    while not capture.stop.is_set():
-        new = list_new(folder, last)
-        for key, path in new:
-            bits = wait_for_file(capture, path, open_file)
+    start = None
+    while True:
+        newest = [path for _, path in list_files(folder)[: -_MAX_TRIED - 1 : -1]]
+        # The newest file may not be complete, so the one before it comes first.
+        for path in [*newest[1:2], *newest[:1], *newest[2:]]:
+            try:
+                return path, as_bits(open_file(path), path)
+            except (OSError, ValueError) as error:
+                start = time.monotonic() if start is None else start
+                if time.monotonic() - start > _MAX_FAILURES:
+                    raise error
+        time.sleep(POLL_SECONDS)
+
+
+class FolderReader:
+    """The frames of the files of a folder, as they appear.
+
+    Files with another ending than the first one are ignored. A gap in the numbers of the names
+    counts as dropped frames, and so does a file that cannot be read: as many frames as in the file
+    before it. A file that appears later with a number from a gap stays dropped. Any other new file
+    with a lower number begins a new sequence.
+
+    Parameters
+    ----------
+    folder : Path
+    open_file : callable
+        A function that opens a file.
+    first : Path
+        The file with which the capture begins.
+    bits : Bits
+        Its bits.
+    """
+
+    def __init__(self, folder: Path, open_file: Open, first: Path, bits: Bits) -> None:
+        self._folder, self._open = folder, open_file
+        self._first, self._bits = first, bits
+        files = list_files(folder)
+        self._last = next(key for key, path in files if path == first)
+        self._seen = {path.name for key, path in files if key <= self._last}
+        self._frames = len(bits)
+        self._gaps: list[range] = []
+
+    def __call__(self, capture: LiveCapture) -> None:
+        """Add frames until the capture is closed."""
+        add_frames(capture, self._bits, self._first)
+        while not capture.stop.is_set():
+            new = [(key, path) for key, path in list_files(self._folder) if self._is_new(path)]
+            for key, path in new:
+                if path.suffix.lower() == self._first.suffix.lower():
+                    self._read(capture, key, path)
+                else:
+                    self._seen.add(path.name)
+                    capture.remark = f"{path.name}: ignored, because it is no {self._first.suffix}"
+            if not new:
+                capture.stop.wait(POLL_SECONDS)
+
+    def _is_new(self, path: Path) -> bool:
+        return path.name not in self._seen
+
+    def _read(self, capture: LiveCapture, key: Key, path: Path) -> None:
+        """Add the frames of a file, and count those that are missing before it."""
+        number = key[0]
+        if any(number in gap for gap in self._gaps):
+            self._seen.add(path.name)
+            capture.remark = f"{path.name}: came late, so its frames stay dropped"
+            return
+        try:
+            bits = wait_for_file(capture, path, self._open)
             if bits is None:
-                continue
-            if last is not None and last[0] > -1 and key[0] > last[0] + 1:
-                missing = (key[0] - last[0] - 1) * frames_before
-                capture.dropped += missing
-                capture.ring.skip(missing)
+                return
+            check_frames(capture, bits, path)
+        except (OSError, ValueError) as error:
+            bits = None
+            capture.remark = f"skipped, and counted as dropped: {error}"
+        self._seen.add(path.name)
+        before, self._last = self._last[0], key
+        if -1 < before < number - 1:
+            self._gaps.append(range(before + 1, number))
+            drop(capture, (number - before - 1) * self._frames)
+        elif -1 < number < before:
+            self._gaps = []
+            capture.remark = f"{path.name}: its number is lower, so a new sequence begins"
+        if bits is None:
+            drop(capture, self._frames)
+        else:
             add_frames(capture, bits, path)
-            frames_before, last = len(bits), key
-        if not new:
-            capture.stop.wait(POLL_SECONDS)
+            self._frames = len(bits)
+
+
+def drop(capture: LiveCapture, frames: int) -> None:
+    """Count frames as dropped."""
+    capture.dropped += frames
+    capture.ring.skip(frames)
 
 
 def wait_for_file(capture: LiveCapture, path: Path, open_file: Open) -> Bits | None:
@@ -106,8 +185,8 @@ def as_bits(opened: Capture, path: Path) -> Bits:
     return opened
 
 
-def add_frames(capture: LiveCapture, bits: Bits, path: Path) -> None:
-    """Add all frames of a file."""
+def check_frames(capture: LiveCapture, bits: Bits, path: Path) -> None:
+    """Raise ValueError unless the frames of a file have the size of those before."""
     expected = (*capture.ring.layout.shape, capture.ring.layout.width)
     if (*bits.packed.shape[1:], bits.width) != expected:
         height, width = bits.shape[1:]
@@ -115,5 +194,10 @@ def add_frames(capture: LiveCapture, bits: Bits, path: Path) -> None:
             f"{path}: expected frames of {expected[0]} x {expected[2]} jots, as in the files "
             f"before, got {height} x {width}"
         )
+
+
+def add_frames(capture: LiveCapture, bits: Bits, path: Path) -> None:
+    """Add all frames of a file."""
+    check_frames(capture, bits, path)
     for start in range(0, len(bits), _CHUNK_FRAMES):
         capture.ring.append(np.asarray(bits.packed[start : start + _CHUNK_FRAMES]))

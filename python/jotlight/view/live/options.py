@@ -19,7 +19,7 @@ from jotlight.sensing.frames import Packed
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.live.capture import LiveCapture, read_stream
-from jotlight.view.live.folder import add_frames, as_bits, list_new, read_folder
+from jotlight.view.live.folder import FolderReader, open_first
 from jotlight.view.live.ring import FrameRing
 from jotlight.view.live.tails import POLL_SECONDS, FileTail, PipeTail
 
@@ -169,19 +169,11 @@ def _open_folder(path: Path, options: LiveOptions) -> _Opened:
     def open_file(file: Path) -> Any:
         return open_capture(file, **arguments)
 
-    while not (files := list_new(path, None)):
-        threading.Event().wait(POLL_SECONDS)
-    # The newest file may not be complete, so the one before it shows the layout.
-    key, file = files[max(0, len(files) - 2)]
-    bits = as_bits(open_file(file), file)
+    file, bits = open_first(path, open_file)
     height, row_bytes = bits.packed.shape[1:3]
     layout = FrameLayout((height, row_bytes), bits.width, _packed(height, row_bytes))
     ring = FrameRing(layout, options.history << 20)
-
-    def work(capture: LiveCapture) -> None:
-        add_frames(capture, bits, file)
-        read_folder(capture, path, open_file, key, len(bits))
-
+    work = FolderReader(path, open_file, file, bits)
     return ring, work, bits.provenance.format if bits.provenance else "folder"
 
 

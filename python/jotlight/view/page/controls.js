@@ -9,6 +9,7 @@ export class Controls {
   constructor(store) {
     this.store = store;
     this.reference = null; // white at exposure 0
+    this.automatic = null; // the white that the server chose
     this.isPlaying = false;
     this.connect();
   }
@@ -101,7 +102,8 @@ export class Controls {
     // After a reload, the white in the address is the reference.
     this.reference ??= this.store.state.white;
     if (this.reference === null) return;
-    this.store.set({ white: this.reference * 2 ** -stops }, moving);
+    // Without rounding, a step up and one down would not lead back to the automatic white.
+    this.store.set({ white: this.reference * 2 ** -(Math.round(stops * 20) / 20) }, moving);
   }
 
   get exposure() {
@@ -111,9 +113,8 @@ export class Controls {
 
   /** Keep the white that the server chose for automatic exposure. */
   keepWhite(white) {
-    this.reference = white;
+    this.reference = this.automatic = white;
     Object.assign(this.store.state, { white });
-    this.isAuto = true;
     this.update();
     this.store.remember();
   }
@@ -152,7 +153,7 @@ export class Controls {
     const sign = this.exposure >= 0 ? "+" : "−";
     const white = state.white === null ? "" : `, white ${format(state.white)}`;
     write("exposure-value", `${sign}${Math.abs(this.exposure).toFixed(1)} stops${white}`);
-    get("auto").setAttribute("aria-pressed", String(state.white === null || this.exposure === 0));
+    get("auto").setAttribute("aria-pressed", String(state.white === null || state.white === this.automatic));
     for (const kind of OVERLAYS) get(`overlay-${kind}`).checked = state.overlays.includes(kind);
     const isRunning = this.capture.live ? state.follow : this.isPlaying;
     const action = this.capture.live ? (isRunning ? "Pause" : "Follow") : isRunning ? "Pause" : "Play";

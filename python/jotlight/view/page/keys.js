@@ -33,8 +33,7 @@ export class Keys {
       ["k", "copy the command line", ["k"], click("copy-command")],
       ["y", "copy the Python code", ["y"], click("copy-python")],
       ["l", "copy a link", ["l"], click("copy-link")],
-      ["n", "open or close the sensor", ["n"], () => get("sensor-details").querySelector("summary").click()],
-      ["r", "open or close the provenance", ["r"], () => get("provenance-details").querySelector("summary").click()],
+      ["5 … 9", "open or close a part of the controls", ["5", "6", "7", "8", "9"], (event) => document.querySelector(`summary[data-key="${event.key}"]`).click()],
       ["v", "next theme", ["v"], click("theme")],
       ["?", "this list", ["?", "h"], actions.help],
     ];
@@ -42,7 +41,7 @@ export class Keys {
     this.byKey = new Map(this.entries.flatMap(([, , keys, run]) => keys.map((key) => [key, run])));
     document.addEventListener("keydown", (event) => this.press(event));
     for (const control of document.querySelectorAll("[data-key]")) {
-      control.setAttribute("aria-keyshortcuts", control.dataset.key);
+      control.setAttribute("aria-keyshortcuts", spell(control.dataset.key));
       control.title = `${control.title || control.parentElement.textContent.trim()} (${control.dataset.key})`;
     }
     get("shortcut-list").replaceChildren(...this.entries.map(describe));
@@ -50,7 +49,10 @@ export class Keys {
 
   press(event) {
     const { target } = event;
-    if (event.ctrlKey || event.metaKey || get("shortcuts").open) return;
+    // Many keyboards need AltGr, or Option, for brackets. Alt with a letter belongs to the browser.
+    const isAltGraph = event.getModifierState("AltGraph");
+    if ((event.ctrlKey && !isAltGraph) || event.metaKey || get("shortcuts").open) return;
+    if (event.altKey && !isAltGraph && /^[\p{L}\p{N} ]$/u.test(event.key)) return;
     const isTyping = target.matches("input[type=number]");
     const isSlider = target.matches("input[type=range]");
     const usesKey = target.matches("select, summary") || (target.matches("button, input[type=checkbox]") && event.key === " ");
@@ -62,7 +64,7 @@ export class Keys {
       event.preventDefault();
       return;
     }
-    const prefix = event.altKey ? "Alt+" : event.shiftKey && event.key.startsWith("Arrow") ? "Shift+" : "";
+    const prefix = !event.key.startsWith("Arrow") ? "" : event.altKey ? "Alt+" : event.shiftKey ? "Shift+" : "";
     const run = this.byKey.get(prefix + event.key);
     if (!run) return;
     event.preventDefault();
@@ -80,6 +82,12 @@ export class Keys {
 function pan(stage, event) {
   const steps = { ArrowUp: [0, 40], ArrowDown: [0, -40], ArrowLeft: [40, 0], ArrowRight: [-40, 0] };
   stage.pan(...steps[event.key].map((value) => value * (devicePixelRatio || 1)));
+}
+
+/** Return keys by the names that aria-keyshortcuts has for them. */
+function spell(keys) {
+  const names = { "←": "ArrowLeft", "→": "ArrowRight", "+": "Plus", "−": "-" };
+  return keys.split(" ").map((key) => names[key] ?? key).join(" ");
 }
 
 function describe([keys, text]) {

@@ -6,7 +6,7 @@ import { addGestures } from "./gestures.js";
 import { Keys } from "./keys.js";
 import { Timeline, drawHistogram, forgetColors, format } from "./plots.js";
 import { showReadout, showLegend, showOverlayNotes } from "./readout.js";
-import { addSharing, request } from "./share.js";
+import { addSharing, request, toast } from "./share.js";
 import { Stage } from "./stage.js";
 import { Store } from "./store.js";
 
@@ -154,6 +154,8 @@ const handlers = {
     get("badge").textContent = header.problem || `${state}${dropped}`;
     get("badge").classList.toggle("lost", header.dropped > 0 || Boolean(header.problem));
     get("badge").hidden = false;
+    if (header.remark && header.remark !== get("badge").title) toast(header.remark);
+    get("badge").title = header.remark ?? "";
     drawTime();
   },
   values(header) {
