@@ -1,6 +1,8 @@
 """The command line and the code of the page make the image that it shows."""
 
 import shlex
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -34,6 +36,14 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+def open_with(name, options):
+    """Return a capture as `jotlight view` opens it with some options."""
+    _, bound, _ = app.parse_args(["view", name, *shlex.split(options)])
+    capture = bound.arguments.get("capture", CaptureOptions())
+    sensor = bound.arguments.get("sensor", CapturedSensorOptions())
+    return _open(name, capture, sensor)
+
+
 CASES = [
     ("own sensor.npy", "", ViewState(5, 20, "mle", white=0.8)),
     ("own sensor.npy", "", ViewState(0, 16, "network-medium", white=0.7, curve="reinhard")),
@@ -49,10 +59,7 @@ CASES = [
 @pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
 @pytest.mark.parametrize(("name", "options", "state"), CASES)
 def test_both_make_the_saved_image(folder, name, options, state):
-    _, bound, _ = app.parse_args(["view", name, *shlex.split(options)])
-    capture = bound.arguments.get("capture", CaptureOptions())
-    sensor = bound.arguments.get("sensor", CapturedSensorOptions())
-    viewed = _open(name, capture, sensor)
+    viewed = open_with(name, options)
     expected = folder / "expected.png"
     expected.write_bytes(save_view(viewed, state, "png"))
     texts = recipe(viewed, state)
@@ -63,6 +70,23 @@ def test_both_make_the_saved_image(folder, name, options, state):
     saved = np.asarray(Image.open(expected)).astype(int)
     np.testing.assert_array_equal(by_code, saved)
     np.testing.assert_array_equal(by_command, saved)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "options", "state"),
+    [
+        ("own sensor.npy", "", ViewState(5, 20, "counts")),
+        ("own sensor.npy", "", ViewState(5, 20, "mle", "admm-tv")),
+        ("counts.npy", "--frames 60 --counts", ViewState(1, 4, "counts")),
+    ],
+)
+def test_the_command_for_counts_and_differences_runs_the_code(folder, name, options, state):
+    viewed = open_with(name, options)
+    words = shlex.split(recipe(viewed, state)["command"])
+    subprocess.run([sys.executable, *words[1:]], check=True)
+    (folder / "saved.tif").write_bytes(save_view(viewed, state, "tif"))
+    np.testing.assert_array_equal(jl.read_image("view.tif"), jl.read_image("saved.tif"))
 
 
 def test_bits_in_memory_have_code_but_no_command():

@@ -11,7 +11,8 @@ from jotlight.view.viewed import Opening, Viewable
 def recipe(viewed: Viewable, state: ViewState) -> dict[str, str | None]:
     """Return the command line and the Python code of a state, or None where there is none.
 
-    No command shows counts or differences, and a live capture cannot be opened again.
+    The command for counts and differences runs the Python code. A live capture cannot be opened
+    again.
 
     Examples
     --------
@@ -44,8 +45,10 @@ def file_frames(opening: Opening, frames: range) -> slice:
 
 def _command(viewed: Viewable, state: ViewState) -> str | None:
     opening = viewed.opening
-    if opening.path is None or state.method == COUNTS or state.compare is not None:
+    if opening.path is None:
         return None
+    if state.method == COUNTS or state.compare is not None:
+        return shlex.join(["python", "-c", _python(viewed, state)])
     frames = file_frames(opening, state.span)
     step = f":{frames.step}" if frames.step else ""
     # A name that begins with a hyphen would be taken for an option.
@@ -78,14 +81,16 @@ def _python(viewed: Viewable, state: ViewState) -> str:
         lines.append(f"bits = jl.open({', '.join([repr(opening.path), *texts])})")
     lines += _sensor_lines(viewed, state)
     if state.method == COUNTS:
-        lines += ["image = bits.counts(sensor.oversampling) / sensor.trials"]
-        return "\n".join([*lines, ""])
+        counts = "bits.counts(sensor.oversampling)" if _holds_bits(viewed) else "bits"
+        lines += [f"image = {counts} / sensor.trials"]
+        return "\n".join([*lines, 'jl.save_image("view.tif", image)', ""])
     data = "bits"
     if state.align:
         lines += ["merged = jl.merge(bits, sensor)"]
         data = "merged"
     sensor = "" if data == "merged" else ", sensor"
-    axis = ", channel_axis=-1" if _is_color_counts(viewed) and data == "bits" else ""
+    is_color = len(viewed.shape) == 3 and not _holds_bits(viewed)
+    axis = ", channel_axis=-1" if is_color and data == "bits" else ""
     lines.append(f"image = jl.reconstruct({data}{sensor}, method={state.method!r}{axis})")
     if state.compare is not None:
         lines.append(f"image -= jl.reconstruct({data}{sensor}, method={state.compare!r}{axis})")
@@ -114,7 +119,8 @@ def _sensor_lines(viewed: Viewable, state: ViewState) -> list[str]:
     ]
 
 
-def _is_color_counts(viewed: Viewable) -> bool:
+def _holds_bits(viewed: Viewable) -> bool:
+    """Return whether a capture holds bits rather than counts."""
     from jotlight.sensing.bits import Bits
 
-    return len(viewed.shape) == 3 and not isinstance(viewed.part(viewed.frames[:1]), Bits)
+    return isinstance(viewed.part(viewed.frames[:1]), Bits)

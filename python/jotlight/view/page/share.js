@@ -40,7 +40,7 @@ export function addSharing(store, connection, capture) {
   return (recipe) => {
     const kind = pending.shift();
     if (kind === undefined) return;
-    if (recipe[kind] === null) toast(capture().live ? "A live capture cannot be opened again." : "No command makes this image. The Python code does.");
+    if (recipe[kind] === null) toast(capture().live ? "A live capture cannot be opened again." : "Bits in memory have no command. The Python code makes this image.");
     else copy(recipe[kind], kind === "command" ? "the command line" : "the Python code");
   };
 }
