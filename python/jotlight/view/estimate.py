@@ -18,7 +18,7 @@ from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import Data
 from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
-from jotlight.view.state import COUNTS
+from jotlight.view.state import COUNTS, COUNTS_TITLE
 from jotlight.view.viewed import Check, Viewable
 
 Image = npt.NDArray[np.float32]
@@ -73,7 +73,7 @@ def fraction_estimate(viewed: Viewable, counts: Counts, number: int) -> Estimate
     """Return the fraction of ones of each pixel, for display before any method has run."""
     sensor = viewed.sensor(number)
     image = (counts / np.float32(sensor.trials)).astype(np.float32)
-    return Estimate(image, counts, sensor.trials, sensor, COUNTS, COUNTS, 0.0, counts)
+    return Estimate(image, counts, sensor.trials, sensor, COUNTS, COUNTS_TITLE, 0.0, counts)
 
 
 def fraction_at(intensity: float, sensor: Sensor) -> float:

@@ -10,7 +10,7 @@ from jotlight.evaluation.methods import METHODS
 from jotlight.images.tone import CURVES
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.estimate import choose
-from jotlight.view.state import COUNTS
+from jotlight.view.state import COUNTS, COUNTS_TITLE
 from jotlight.view.viewed import Viewable
 
 _WINDOW = 64
@@ -83,7 +83,7 @@ def _describe(name: str, value: Any, sensor: Sensor) -> str:
 
 def _methods(viewed: Viewable, window: int) -> list[dict[str, Any]]:
     """Return the methods for the page, each with the reason why it cannot be used, if any."""
-    methods: list[dict[str, Any]] = [{"name": COUNTS, "title": "fraction of ones"}]
+    methods: list[dict[str, Any]] = [{"name": COUNTS, "title": COUNTS_TITLE}]
     for name, method in METHODS.items():
         if name in _HIDDEN:
             continue

@@ -13,7 +13,7 @@ from jotlight.images.io import image_writer
 from jotlight.view.counts import RunningCounts
 from jotlight.view.display import display_difference, displayable, fit_white, tone_of
 from jotlight.view.estimate import Estimate, estimate, merge_window
-from jotlight.view.state import COUNTS, ViewState
+from jotlight.view.state import COUNTS, COUNTS_TITLE, ViewState
 from jotlight.view.viewed import Viewable
 
 ENDINGS = {"png": "image/png", "tif": "image/tiff", "exr": "image/x-exr"}
@@ -89,7 +89,7 @@ def _note(
     provenance = viewed.provenance
     return {
         "software": f"jotlight {__version__}",
-        "units": "fraction of ones" if state.method == COUNTS else UNITS["intensity"],
+        "units": COUNTS_TITLE if state.method == COUNTS else UNITS["intensity"],
         "method": made.title,
         "difference_to": None if other is None else other.title,
         "frames": [state.start, state.start + state.window],

@@ -16,6 +16,9 @@ OVERLAYS = "jots", "saturated", "uncertainty"
 COUNTS = "counts"
 """The name, beside those of methods, that shows the fraction of ones."""
 
+COUNTS_TITLE = "fraction of ones"
+"""What the page calls it."""
+
 _MAX_FRAME = 1 << 53
 """Above this number, the page's numbers are not whole."""
 
