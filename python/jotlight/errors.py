@@ -10,6 +10,7 @@ A message names the Python parameter and, in parentheses, the option of the comm
 import importlib
 import sys
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 
@@ -24,6 +25,22 @@ class PeriodicRatesWarning(JotlightWarning):
 
     >>> warnings.filterwarnings("ignore", category=PeriodicRatesWarning)
     """
+
+
+class SeveralArraysError(ValueError):
+    """An error for a file of several arrays of which the caller has to name one.
+
+    Parameters
+    ----------
+    message : str
+        The message.
+    names : sequence of str
+        The names of the arrays.
+    """
+
+    def __init__(self, message: str, names: Sequence[str] = ()) -> None:
+        super().__init__(message)
+        self.names = tuple(names)
 
 
 class MissingExtraError(ImportError):

@@ -31,6 +31,8 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 NEEDS = {
+    "jotlight.napari.background": "magicgui",
+    "jotlight.napari.open_widget": "magicgui",
     "jotlight.napari.widget": "magicgui",
     "jotlight.torch": "torch",
     "jotlight.torch.deepinv": "deepinv",

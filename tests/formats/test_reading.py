@@ -1,10 +1,13 @@
 """Options of `jotlight.open`: frames, orientation, and wrong ones."""
 
+import pickle
+
 import numpy as np
 import pytest
 
 import jotlight as jl
 from examples.arrays import random_frames
+from jotlight.errors import SeveralArraysError
 from reference import formats as twin
 
 HALF = (256, 512)
@@ -52,3 +55,20 @@ def test_wrong_options_are_refused(tmp_path, options, message):
     (tmp_path / "a.bin").write_bytes(twin.encode_half_array(random_frames((4, *HALF))))
     with pytest.raises(ValueError, match=message):
         jl.open(tmp_path / "a.bin", format="swissspad2", **options)
+
+
+@pytest.mark.parametrize("extension", [".npz", ".mat", ".h5"])
+def test_the_error_of_a_missing_key_has_the_names_of_the_arrays(tmp_path, extension):
+    path, arrays = tmp_path / f"a{extension}", {"dark": np.eye(3), "flat": np.eye(4)}
+    if extension == ".npz":
+        np.savez(path, **arrays)
+    elif extension == ".mat":
+        pytest.importorskip("scipy.io").savemat(path, arrays)
+    else:
+        with pytest.importorskip("h5py").File(path, "w") as file:
+            file.update(arrays)
+    with pytest.raises(SeveralArraysError) as raised:
+        jl.open(path)
+    assert raised.value.names == ("dark", "flat")
+    assert str(path) in str(raised.value)
+    assert pickle.loads(pickle.dumps(raised.value)).names == ("dark", "flat")

@@ -1,8 +1,8 @@
 """The readers and the layers of the napari plugin."""
 
-import importlib
+import sys
+import types
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from jotlight.formats.writing import write_capture
 from jotlight.napari import reader
 from jotlight.napari.lazy import KEY, make_layer, source_of
 from jotlight.napari.samples import moving_scene, static_scene
-from jotlight.napari.work import align_window, apply_calibration, change_method, measure
+from jotlight.napari.work import align_window, apply_calibration, change_method
 from jotlight.view.viewed import Viewed
 
 RNG = np.random.default_rng(0)
@@ -24,12 +24,6 @@ FULL = jl.Bits.from_array(RNG.random((2, 512, 512)) < 0.1)
 RAW = {
     "swissspad2": jl.Bits.from_array(RNG.random((2, 256, 512)) < 0.1),
     **dict.fromkeys(("swissspad2-full", "spad512s", "spad512s-sparse"), FULL),
-}
-RAW_READERS = {
-    "swissspad2": reader.get_swissspad2_reader,
-    "swissspad2-full": reader.get_swissspad2_full_reader,
-    "spad512s": reader.get_spad512s_reader,
-    "spad512s-sparse": reader.get_spad512s_sparse_reader,
 }
 PHOTO = jl.datasets.photograph("camera")[100:140, 180:240]
 SENSOR = jl.Sensor(frames=100, max_intensity=4.0, exposure_time=1e-5)
@@ -85,8 +79,10 @@ def test_every_format_is_read(name, tmp_path):
     path = tmp_path / f"capture{writer.extensions[0] if writer.extensions else ''}"
     write_capture(data, path, name=name)
     is_raw = FORMATS[name].is_raw
-    get = RAW_READERS[name] if is_raw else reader.get_reader
-    [(images, _, _)] = get(str(path))(str(path))
+    if is_raw:
+        [(images, _, _)] = reader.read(path, name)
+    else:
+        [(images, _, _)] = reader.get_reader(str(path))(str(path))
     opened = jl.open(path, format=name if is_raw else None)
     counts = opened.counts(1) if isinstance(opened, jl.Bits) else opened
     assert images.shape[1:] == counts.shape
@@ -105,21 +101,95 @@ def test_files_that_are_no_captures_have_no_reader(tmp_path):
     assert reader.get_reader(str(tmp_path / "a.txt")) is None
 
 
+@pytest.mark.parametrize("name", ["a.bin", "a.RAW", "a.dat", "a.bin.gz"])
+def test_raw_frames_without_a_format_say_where_to_choose_it(tmp_path, monkeypatch, name):
+    monkeypatch.setitem(sys.modules, "napari", types.SimpleNamespace(current_viewer=lambda: None))
+    for path in (tmp_path / "folder" / "a.bin", tmp_path / name):
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(bytes(32768))
+    for path in (tmp_path / "folder", tmp_path / name):
+        with pytest.raises(ValueError, match=r"choose it in Plugins > jotlight > Open a capture"):
+            reader.get_reader(str(path))(str(path))
+    assert reader.get_reader(str(tmp_path / "missing.bin")) is None
+
+
+def test_raw_frames_without_a_format_open_the_widget(tmp_path, monkeypatch):
+    shown = []
+
+    def dock(*names):
+        return None, types.SimpleNamespace(show_path=lambda path: shown.append((*names, path)))
+
+    viewer = types.SimpleNamespace(window=types.SimpleNamespace(add_plugin_dock_widget=dock))
+    monkeypatch.setitem(sys.modules, "napari", types.SimpleNamespace(current_viewer=lambda: viewer))
+    path = tmp_path / "a.bin"
+    path.write_bytes(bytes(32768))
+    with pytest.raises(ValueError, match="does not identify its format"):
+        reader.get_reader(str(path))(str(path))
+    assert shown == [("jotlight", "Open a capture", path)]
+
+
+def arrays_file(tmp_path, extension, **arrays):
+    """Return the path of a file with several arrays."""
+    path = tmp_path / f"capture{extension}"
+    if extension == ".npz":
+        np.savez(path, **arrays)
+    elif extension == ".mat":
+        pytest.importorskip("scipy.io").savemat(path, arrays)
+    elif extension == ".nxs":
+        with pytest.importorskip("h5py").File(path, "w") as file:
+            for name, array in arrays.items():
+                file[name] = array
+    else:
+        group = pytest.importorskip("zarr").open_group(path, mode="w")
+        for name, array in arrays.items():
+            group[name] = array
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("extension", [".npz", ".mat", ".nxs", ".zarr"])
+def test_each_capture_of_a_file_with_several_becomes_a_layer(tmp_path, extension):
+    dark, flat = (np.uint8(RNG.random((6, 8, 5)) < rate) for rate in (0.1, 0.7))
+    path = arrays_file(tmp_path, extension, dark=dark, flat=flat, gain=np.full((6, 8), 0.5))
+    with pytest.warns(jl.JotlightWarning, match="left out arrays that are no captures: gain"):
+        layers = reader.get_reader(str(path))(str(path))
+    assert [arguments["name"] for _, arguments, _ in layers] == [
+        f"{path.name}: dark, mle",
+        f"{path.name}: flat, mle",
+    ]
+    for key, (_, arguments, _) in zip(("dark", "flat"), layers, strict=True):
+        viewed = arguments["metadata"][KEY].viewed
+        total = viewed.data.sum() if hasattr(viewed.data, "sum") else viewed.data.counts(1)
+        np.testing.assert_array_equal(total, opened_sum(path, key))
+    [(_, arguments, _)] = reader.read(path, key="flat")
+    assert arguments["name"] == f"{path.name}: flat, mle"
+
+
+def opened_sum(path, key):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", jl.JotlightWarning)
+        opened = jl.open(path, key=key)
+    return opened.counts(1) if isinstance(opened, jl.Bits) else opened
+
+
+def test_a_labeled_array_is_the_only_layer(tmp_path):
+    pytest.importorskip("h5py")
+    sensor = jl.Sensor(frames=3, dark_counts=np.full((6, 13), 0.01))
+    jl.save(jl.Bits.from_array(RNG.random((3, 6, 13)) < 0.4, sensor), tmp_path / "a.h5")
+    assert len(reader.read(tmp_path / "a.h5")) == 1
+
+
 @pytest.mark.parametrize(
-    ("get", "shape"),
+    ("arrays", "key", "message"),
     [
-        (reader.get_swissspad2_reader, (256, 512)),
-        (reader.get_swissspad2_full_reader, (512, 512)),
-        (reader.get_spad512s_reader, (512, 512)),
+        ({"a": np.ones(3), "b": np.ones(4)}, None, "none of its arrays is a capture"),
+        ({f"a{i}": np.ones((2, 2), int) for i in range(17)}, None, "Open a capture"),
+        ({"a": np.ones((2, 2), int), "b": np.ones((2, 2), int)}, "c", "name of an array.*got 'c'"),
     ],
 )
-def test_raw_frames_have_a_reader_of_each_camera(tmp_path, get, shape):
-    path = tmp_path / "a.bin"
-    path.write_bytes(RNG.bytes(2 * shape[0] * shape[1] // 8))
-    [(data, _, _)] = get(str(path))(str(path))
-    assert data.shape == (1, *shape)
-    assert float(np.asarray(data[0]).mean()) > 0
-    assert get(str(tmp_path / "a.npy")) is None
+def test_files_without_a_choice_are_refused(tmp_path, arrays, key, message):
+    with pytest.raises(ValueError, match=message):
+        reader.read(arrays_file(tmp_path, ".npz", **arrays), key=key)
 
 
 def test_images_of_counts_are_read(tmp_path):
@@ -138,6 +208,15 @@ def test_color_bits_become_a_layer_of_colors():
     assert data.shape == (2, 32, 40, 3)
     assert arguments["rgb"]
     assert 0 <= float(data.min()) <= float(data.max()) <= 1
+
+
+def test_channels_that_are_no_colors_get_a_slider():
+    bits = jl.Bits.from_array(RNG.random((16, 6, 8, 2)) < 0.4)
+    data, arguments, _ = make_layer(Viewed.from_bits(bits), 8)
+    assert data.shape == (2, 2, 6, 8)
+    assert "rgb" not in arguments
+    expected = arguments["metadata"][KEY].image(1)[..., 1]
+    np.testing.assert_array_equal(np.asarray(data[1, 1]), expected)
 
 
 @pytest.mark.slow
@@ -179,38 +258,6 @@ def test_a_calibration_changes_the_sensor(path, tmp_path):
         apply_calibration(source, None, None, None)
 
 
-def test_a_rectangle_is_measured():
-    image = np.arange(100.0).reshape(10, 10)
-    text = measure(None, image, np.array([[2, 3], [2, 5], [4, 5], [4, 3]]))
-    assert "pixels: 4" in text
-    assert f"mean: {image[2:4, 3:5].mean():.4g}" in text
-    with pytest.raises(ValueError, match="rectangle"):
-        measure(None, image, np.array([[20, 20], [30, 30]]))
-
-
-def test_photons_are_measured_in_both_units(path):
-    [(data, arguments, _)] = reader.read(path)
-    text = measure(arguments["metadata"][KEY], np.asarray(data[0]))
-    mean = float(np.asarray(data[0], np.float64).mean())
-    assert f"photons per pixel and frame: {mean:.4g}" in text
-    assert f"photons per second: {mean * 1e5:.4g}" in text
-
-
 def test_layers_of_others_are_refused():
     with pytest.raises(ValueError, match="layer: expected one that jotlight made"):
         source_of(None)
-
-
-def test_the_manifest_names_functions_that_exist():
-    with warnings.catch_warnings():  # npe2 uses features of pydantic that will change
-        warnings.simplefilter("ignore")
-        npe2 = pytest.importorskip("npe2")
-    manifest = npe2.PluginManifest.from_file(str(Path(reader.__file__).with_name("napari.yaml")))
-    assert manifest.name == "jotlight"
-    for command in manifest.contributions.commands:
-        module, _, name = command.python_name.partition(":")
-        if not module.endswith("widget"):  # it needs Qt
-            assert callable(getattr(importlib.import_module(module), name))
-    commands = {command.id for command in manifest.contributions.commands}
-    used = {each.command for each in manifest.contributions.readers}
-    assert used <= commands

@@ -1,43 +1,27 @@
 """The dock widget of the napari plugin, in an offscreen Qt."""
 
-import os
-import time
-import warnings
-
 import numpy as np
 import pytest
 
 import jotlight as jl
 
-os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-with warnings.catch_warnings():  # napari uses features of pydantic that will change
-    warnings.simplefilter("ignore")
-    pytest.importorskip("napari", reason="no napari: pip install 'jotlight[napari]'")
-    pytest.importorskip("qtpy")
-    from napari.components import ViewerModel
-    from qtpy.QtWidgets import QApplication
-
-    from jotlight.napari.lazy import make_layer, source_of
-    from jotlight.napari.widget import JotlightWidget
-    from jotlight.view.viewed import Viewed
+pytest.importorskip("magicgui", reason="no napari: pip install 'jotlight[napari]'")
+pytest.importorskip("dask.array")
+from jotlight.napari.lazy import make_layer, source_of
+from jotlight.napari.widget import JotlightWidget
+from jotlight.view.viewed import Viewed
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]
 
 PHOTO = jl.datasets.photograph("camera")[100:164, 180:244]
 
 
-@pytest.fixture(scope="module")
-def application():
-    return QApplication.instance() or QApplication([])
-
-
 @pytest.fixture
-def viewer(application):
-    viewer = ViewerModel()
+def viewer(empty_viewer):
     bits = jl.Sensor(frames=96, max_intensity=4.0).expose(PHOTO, rng=0)
     data, arguments, _ = make_layer(Viewed.from_bits(bits, "scene"), 32)
-    viewer.add_image(data, **arguments)
-    return viewer
+    empty_viewer.add_image(data, **arguments)
+    return empty_viewer
 
 
 @pytest.fixture
@@ -45,15 +29,6 @@ def widget(viewer):
     widget = JotlightWidget(viewer)
     yield widget
     widget.native.close()
-
-
-def click(widget, button, done):
-    button.native.click()
-    end = time.monotonic() + 30
-    while not done():
-        assert time.monotonic() < end, widget.message.value
-        QApplication.processEvents()
-        time.sleep(0.01)
 
 
 def bits_of(viewer):
@@ -64,7 +39,7 @@ def test_the_controls_show_the_active_layer(widget):
     assert (widget.window.value, widget.step.value, widget.method.value) == (32, 32, "mle")
 
 
-def test_a_reconstruction_becomes_a_layer(viewer, widget):
+def test_a_reconstruction_becomes_a_layer(viewer, widget, click):
     widget.method.value, widget.window.value, widget.step.value = "network-medium", 48, 24
     click(widget, widget.reconstruct, lambda: len(viewer.layers) == 2)
     layer = viewer.layers[-1]
@@ -74,7 +49,7 @@ def test_a_reconstruction_becomes_a_layer(viewer, widget):
     assert widget.reconstruct.enabled
 
 
-def test_the_displayed_window_is_aligned(viewer, widget):
+def test_the_displayed_window_is_aligned(viewer, widget, click):
     viewer.dims.set_current_step(0, 1)
     click(widget, widget.align, lambda: len(viewer.layers) == 2)
     assert viewer.layers[-1].name == "scene, frames 32 to 63, aligned, mle"
@@ -94,7 +69,43 @@ def test_a_rectangle_is_measured(viewer, widget):
     assert "pixels: 40" in widget.message.value
 
 
-def test_a_calibration_is_applied(viewer, widget, tmp_path):
+def test_a_color_layer_is_measured_as_intensities(viewer, widget, click):
+    sensor = jl.Sensor(frames=64, max_intensity=20.0)
+    scene = 3 * jl.datasets.photograph("coffee")[100:164, 180:244]
+    bits = sensor.expose(scene, rng=0, channel_axis=-1)
+    data, arguments, _ = make_layer(Viewed.from_bits(bits, "colors"), 32)
+    viewer.add_image(data, **arguments)
+    viewer.dims.set_current_step(0, 1)
+    widget.measure.native.click()
+    image = jl.mle(bits[32:]).astype(np.float64)
+    means = ", ".join(f"{mean:.4g}" for mean in image.mean(axis=(0, 1)))
+    assert f"mean: {means}" in widget.message.value
+    viewer.add_shapes([np.array([[10, 20], [10, 30], [14, 30], [14, 20]])])
+    widget.measure.native.click()
+    peaks = ", ".join(f"{peak:.4g}" for peak in image[10:14, 20:30].max(axis=(0, 1)))
+    assert f"largest: {peaks}" in widget.message.value
+
+
+def test_the_measured_image_is_that_of_the_layer_among_others(viewer, widget):
+    viewer.add_image(np.zeros((5, 3, 64, 64)))
+    viewer.layers.selection.active = viewer.layers[0]
+    viewer.dims.set_current_step(0, 4)
+    viewer.dims.set_current_step(1, 1)
+    widget.measure.native.click()
+    mean = jl.mle(bits_of(viewer)[32:64]).astype(np.float64).mean()
+    assert f"mean: {mean:.4g}" in widget.message.value
+
+
+def test_a_measurement_that_fails_is_shown(viewer, widget, monkeypatch):
+    def fail(*_):
+        raise RuntimeError("the disk is gone")
+
+    monkeypatch.setattr("jotlight.napari.widget.measure_layer", fail)
+    widget.measure.native.click()
+    assert widget.message.value == "unexpected error, RuntimeError: the disk is gone"
+
+
+def test_a_calibration_is_applied(viewer, widget, click, tmp_path):
     dark = jl.Sensor(frames=1000, dark_counts=0.01).expose(np.zeros((64, 64)), rng=1)
     jl.save(dark, tmp_path / "dark.npy")
     widget.dark.value = tmp_path / "dark.npy"
@@ -104,7 +115,7 @@ def test_a_calibration_is_applied(viewer, widget, tmp_path):
     assert "dark counts: median" in widget.message.value
 
 
-def test_errors_are_shown_not_raised(viewer, widget):
+def test_errors_are_shown_not_raised(viewer, widget, click):
     widget.window.value = 1000
     click(widget, widget.reconstruct, lambda: "expected" in widget.message.value)
     assert len(viewer.layers) == 1

@@ -13,6 +13,7 @@ from typing import IO, Any, cast
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import SeveralArraysError
 from jotlight.formats.arrays import (
     ARCHIVE_ERRORS,
     HEADER_ERRORS,
@@ -94,7 +95,9 @@ def select_npz_array(path: Path, key: str | None) -> str:
         return names[0]
     if key is None or key not in names:
         got = "" if key is None else f", got {key!r}"
-        raise ValueError(f"{path}: expected the name of an array (--key): {', '.join(names)}{got}")
+        raise SeveralArraysError(
+            f"{path}: expected the name of an array (--key): {', '.join(names)}{got}", names
+        )
     return key
 
 

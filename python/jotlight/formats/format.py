@@ -76,6 +76,8 @@ class Format:
     """A function that detects this format at a path. None: the content does not show the format."""
     extensions: tuple[str, ...] = ()
     """Extensions of this format. A file with such a name but other content is refused."""
+    other_extensions: tuple[str, ...] = ()
+    """Other extensions that such files often have, for programs that select files by name."""
     has_keys: bool = False
     """Whether a file holds several arrays, from which `key` selects one."""
     is_raw: bool = False

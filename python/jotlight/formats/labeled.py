@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.errors import warn
+from jotlight.errors import SeveralArraysError, warn
 from jotlight.formats.capture import Capture, as_count_stack
 from jotlight.formats.format import OpenOptions
 from jotlight.formats.labels import BITS, make_bits_label, parse_label
@@ -93,7 +93,9 @@ def _select_key(arrays: dict[str, StoredArray], name: str, key: str | None) -> s
     if key is None or key not in arrays:
         got = "" if key is None else f", got {key!r}"
         keys = ", ".join(arrays) or "it has no numeric array"
-        raise ValueError(f"{name}: expected the name of an array (--key): {keys}{got}")
+        raise SeveralArraysError(
+            f"{name}: expected the name of an array (--key): {keys}{got}", list(arrays)
+        )
     return key
 
 

@@ -15,6 +15,9 @@ from jotlight.sensing.frames import Frames, Packed, concatenate, read_in_chunks
 EXTENSIONS = (".bin", ".bin.gz")
 """Extensions of files with raw frames."""
 
+OTHER_EXTENSIONS = (*EXTENSIONS, ".raw", ".dat")
+"""Extensions that files with raw frames have outside of folders. Any other one works, too."""
+
 _CHUNK_BYTES = 1 << 20
 """Number of bytes that are written at once."""
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_path
-from jotlight.errors import warn
+from jotlight.errors import SeveralArraysError, warn
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.detect import detect_format
 from jotlight.formats.file_systems import url_state
@@ -265,6 +265,8 @@ def _open_once(
     except ValueError as error:
         if str(path) in str(error):
             raise
+        if isinstance(error, SeveralArraysError):
+            raise SeveralArraysError(f"{path}: {error}", error.names) from error
         raise ValueError(f"{path}: {error}") from error
     if not unpacked and counts is not None and counts == isinstance(capture, Bits):
         content = (

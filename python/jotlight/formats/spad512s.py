@@ -22,6 +22,7 @@ from jotlight.formats.magic import file_type
 from jotlight.formats.orientation import rotate_packed, transpose_packed
 from jotlight.formats.raw import (
     EXTENSIONS,
+    OTHER_EXTENSIONS,
     RawFile,
     check_frame_size,
     read_raw,
@@ -191,6 +192,7 @@ SPAD512S = Format(
     "SPAD512S, 512 x 512",
     open=open_spad512s,
     matches=functools.partial(_matches, sparse=False),
+    other_extensions=OTHER_EXTENSIONS,
     is_raw=True,
     layout=FrameLayout((_SIDE, _SIDE // 8), _SIDE, _decode),
     fixed_layout=True,
@@ -202,6 +204,7 @@ SPAD512S_SPARSE = Format(
     "SPAD512S, the positions of the ones",
     open=functools.partial(open_spad512s, sparse=True),
     matches=functools.partial(_matches, sparse=True),
+    other_extensions=OTHER_EXTENSIONS,
     is_raw=True,
     fixed_layout=True,
     writer=Writer(bits=functools.partial(_write, sparse=True), extensions=(".bin",), folder=True),

@@ -15,7 +15,7 @@ import jotlight._engine as engine
 from jotlight.errors import warn
 from jotlight.formats.file_lists import list_files
 from jotlight.formats.format import Format, FrameLayout, OpenOptions, Writer
-from jotlight.formats.raw import EXTENSIONS, check_frame_size, read_raw, write_raw
+from jotlight.formats.raw import EXTENSIONS, OTHER_EXTENSIONS, check_frame_size, read_raw, write_raw
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Packed
 from jotlight.sensing.provenance import Provenance
@@ -120,6 +120,7 @@ SWISSSPAD2 = Format(
     "swissspad2",
     "SwissSPAD2, the half array of 256 x 512",
     open=open_swissspad,
+    other_extensions=OTHER_EXTENSIONS,
     is_raw=True,
     layout=FrameLayout((_HALF_HEIGHT, _ROW_BYTES), _WIDTH, _decode_half),
     fixed_layout=True,
@@ -130,6 +131,7 @@ SWISSSPAD2_FULL = Format(
     "swissspad2-full",
     "SwissSPAD2, the full array of 512 x 512",
     open=functools.partial(open_swissspad, full=True),
+    other_extensions=OTHER_EXTENSIONS,
     is_raw=True,
     layout=FrameLayout((2 * _HALF_HEIGHT, _ROW_BYTES), _WIDTH, _decode_full),
     fixed_layout=True,

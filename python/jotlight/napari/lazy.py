@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 KEY = "jotlight"
 """Key of a layer's metadata that holds its capture, as a :class:`LayerSource`."""
 
+INTENSITIES = "jotlight intensities"
+"""Key of a color layer's metadata that holds its intensities, because its data are clipped."""
+
 LayerData = tuple[Any, dict[str, Any], str]
 """Data, arguments, and type of a layer, as napari's readers return it."""
 
@@ -95,17 +98,50 @@ def make_layer(
     """
     window = min(_WINDOW, len(viewed.frames)) if window is None else window
     source = LayerSource(viewed, window, window if step is None else step, method)
-    white = float(np.percentile(source.image(0), 99.5)) or 1.0
-    arguments: dict[str, Any] = {
-        "name": f"{viewed.title}, {method}",
-        "metadata": {KEY: source},
-    }
-    if len(viewed.shape) == 3 and viewed.shape[2] == 3:
+    name = f"{viewed.title}, {method}"
+    return display_layer(source.images(), source.image(0), name, {KEY: source})
+
+
+def display_layer(
+    images: Any,
+    first: npt.NDArray[np.float32],
+    name: str,
+    metadata: dict[str, Any] | None = None,
+) -> LayerData:
+    """Return a layer of intensities, whose white is the 99.5th percentile of its first image.
+
+    napari shows three channels as colors from 0 to 1. Other channels get a slider.
+
+    Parameters
+    ----------
+    images : ndarray or dask.array.Array, shape (H, W), (N, H, W), (H, W, C), or (N, H, W, C)
+        The intensities.
+    first : ndarray, shape (H, W) or (H, W, C)
+        The first of the images.
+    name : str
+        The name of the layer.
+    metadata : dict, optional
+        The metadata of the layer.
+
+    Examples
+    --------
+    >>> image = np.full((2, 3, 3), 5.0, np.float32)
+    >>> data, arguments, _ = display_layer(image, image, "gray patch")
+    >>> float(data.max()), float(arguments["metadata"][INTENSITIES].max())
+    (1.0, 5.0)
+    """
+    white = float(np.percentile(first, 99.5)) or 1.0
+    metadata = dict(metadata or {})
+    arguments: dict[str, Any] = {"name": name, "metadata": metadata}
+    if first.shape[2:] == (3,):
+        metadata[INTENSITIES] = images
         arguments["rgb"] = True
-        images = source.images() / white
-        return images.clip(0, 1), arguments, "image"
+        return (images / white).clip(0, 1), arguments, "image"
+    if first.ndim == 3:
+        axes = list(range(images.ndim))
+        images = images.transpose(*axes[:-3], axes[-1], *axes[-3:-1])
     arguments["contrast_limits"] = (0.0, white)
-    return source.images(), arguments, "image"
+    return images, arguments, "image"
 
 
 def source_of(layer: Any) -> LayerSource:

@@ -1,5 +1,8 @@
 """`bits.show(viewer=True)`: bits in napari, or on the page of the viewer."""
 
+import importlib
+import os
+import subprocess
 import sys
 import threading
 import webbrowser
@@ -10,12 +13,27 @@ from jotlight.sensing.bits import Bits
 from jotlight.view.extra import require_server
 from jotlight.view.viewed import Viewed
 
+_WIDGET_TITLE = "Reconstruct and measure"
+"""Name of the dock widget in the manifest."""
+
+_WITHOUT_DISPLAY = {"eglfs", "linuxfb", "minimal", "offscreen", "vnc"}
+"""Values of QT_QPA_PLATFORM with which Qt needs no X11 and no Wayland."""
+
+_NO_BINDING = {"QtBindingsNotFoundError", "ModuleNotFoundError"}
+"""Errors of the import of qtpy without a Qt binding, and without qtpy itself."""
+
+_START_QT = "from qtpy.QtWidgets import QApplication; QApplication([])"
+"""A program that ends with the status 0 if Qt can open windows."""
+
+_SECONDS = 60
+"""Maximum time in seconds until this program has ended."""
+
 
 def open_viewer(bits: Bits) -> None:
-    """Open bits in napari if it is installed, and else on the page of the viewer.
+    """Open bits in napari if it can show windows, and else on the page of the viewer.
 
     A program waits until napari is closed, or until Ctrl-C ends the page. An interactive session
-    goes on.
+    goes on. If napari is installed but cannot show windows, a line states why.
 
     Raises
     ------
@@ -23,10 +41,72 @@ def open_viewer(bits: Bits) -> None:
         When neither napari nor the packages of the page are installed.
     """
     viewed = Viewed.from_bits(bits)
-    if find_spec("napari") is not None and find_spec("qtpy") is not None:
-        _open_napari(viewed)
-    else:
+    if find_spec("napari") is None:
         _open_page(viewed)
+        return
+    reason = napari_obstacle()
+    if reason is None:
+        _open_napari(viewed)
+        return
+    print(f"napari is installed but cannot open a window: {reason}. The page opens instead.")
+    _open_page(viewed)
+
+
+def napari_obstacle() -> str | None:
+    """Return why napari cannot open a window, or None if it can.
+
+    Qt ends the whole process if it finds no display or lacks a library of the system. So on Linux,
+    another process tries first.
+    """
+    try:
+        importlib.import_module("qtpy.QtWidgets")
+    except (ImportError, RuntimeError, ValueError) as error:  # qtpy raises any of them
+        if type(error).__name__ in _NO_BINDING:
+            return "it needs a Qt binding, such as PyQt6 (pip install PyQt6)"
+        return f"Qt cannot be imported ({_first_line(str(error))})"
+    if sys.platform != "linux" or _has_application():
+        return None
+    platform = os.environ.get("QT_QPA_PLATFORM", "").partition(":")[0]
+    if platform in _WITHOUT_DISPLAY:
+        return None
+    if not os.environ.get("DISPLAY") and not os.environ.get("WAYLAND_DISPLAY"):
+        return "there is no display (neither DISPLAY nor WAYLAND_DISPLAY is set)"
+    return _try_qt()
+
+
+def _has_application() -> bool:
+    """Return whether Qt has already connected to a display."""
+    return importlib.import_module("qtpy.QtWidgets").QApplication.instance() is not None
+
+
+def _try_qt() -> str | None:
+    """Return why Qt fails to start in another process, or None if it starts."""
+    if not sys.executable:
+        return None
+    try:
+        ended = subprocess.run(  # noqa: S603 - our own program
+            [sys.executable, "-P", "-c", _START_QT],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=_SECONDS,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return f"Qt does not start ({_first_line(str(error))})"
+    if ended.returncode == 0:
+        return None
+    return f"Qt does not start ({_first_line(ended.stderr) or f'status {ended.returncode}'})"
+
+
+def _first_line(text: str) -> str:
+    r"""Return the first line of a text that is not empty.
+
+    Examples
+    --------
+    >>> _first_line("  No Qt bindings could be found. \n and more"), _first_line("")
+    ('No Qt bindings could be found', '')
+    """
+    return next((line.strip(" .") for line in text.splitlines() if line.strip(" .")), "")
 
 
 def _open_napari(viewed: Viewed) -> None:
@@ -35,7 +115,7 @@ def _open_napari(viewed: Viewed) -> None:
     data, arguments, _ = make_layer(viewed)
     viewer = napari.Viewer(title=f"{viewed.title} - jotlight")
     viewer.add_image(data, **arguments)
-    viewer.window.add_plugin_dock_widget("jotlight")
+    viewer.window.add_plugin_dock_widget("jotlight", _WIDGET_TITLE)
     if not _is_interactive():
         napari.run()
 

@@ -1,62 +1,61 @@
-"""The readers of napari: every format that jotlight opens."""
+"""The reader of napari: every format that jotlight opens."""
 
+import dataclasses
 import os
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from jotlight.errors import SeveralArraysError, warn
 from jotlight.formats.capture import CountStack
 from jotlight.formats.detect import detect_format
+from jotlight.formats.raw import OTHER_EXTENSIONS
 from jotlight.formats.reading import open_capture
 from jotlight.napari.lazy import LayerData, Reader, make_layer
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.viewed import Viewed
 
+OPEN_TITLE = "Open a capture"
+"""Name of the dock widget with fields for the format and for the name of an array."""
+
+_MAX_ARRAYS = 16
+"""Maximum number of arrays of a file that are tried. Each one takes a moment."""
+
 
 def get_reader(path: Any) -> Reader | None:
-    """Return a function that reads a capture, or None if jotlight does not detect its format."""
+    """Return a function that reads a capture, or None if jotlight does not detect its format.
+
+    Raw frames have no header. For files and folders that may hold them, the function states where
+    to choose the format.
+    """
     single = _single_path(path)
     if single is None:
         return None
     try:
         detect_format(single)
-    except (ValueError, OSError):
+    except OSError:
         return None
-    return partial(read, format=None)
+    except ValueError as error:
+        return partial(_refuse_raw, reason=str(error)) if _may_be_raw(single) else None
+    return read
 
 
-def _get_raw_reader(path: Any, name: str) -> Reader | None:
-    single = _single_path(path)
-    is_raw = single is not None and (single.is_dir() or ".bin" in single.name.lower())
-    return partial(read, format=name) if is_raw else None
-
-
-def get_swissspad2_reader(path: Any) -> Reader | None:
-    """Return a function that reads raw frames of SwissSPAD2, the half array."""
-    return _get_raw_reader(path, "swissspad2")
-
-
-def get_swissspad2_full_reader(path: Any) -> Reader | None:
-    """Return a function that reads raw frames of SwissSPAD2, the full array."""
-    return _get_raw_reader(path, "swissspad2-full")
-
-
-def get_spad512s_reader(path: Any) -> Reader | None:
-    """Return a function that reads raw frames of SPAD512S."""
-    return _get_raw_reader(path, "spad512s")
-
-
-def get_spad512s_sparse_reader(path: Any) -> Reader | None:
-    """Return a function that reads the positions of the ones of SPAD512S."""
-    return _get_raw_reader(path, "spad512s-sparse")
-
-
-def read(path: Any, format: str | None = None) -> list[LayerData]:  # noqa: A002
-    """Return the layer of a capture.
+def read(path: Any, format: str | None = None, key: str | None = None) -> list[LayerData]:  # noqa: A002
+    """Return a layer of a capture, or of each capture in a file of several arrays.
 
     Images of counts need a label with their number of trials. Otherwise, the layer shows them as
     counts of the largest number that they hold.
+
+    Parameters
+    ----------
+    path : path or list with one path
+        A file or folder.
+    format : str, optional
+        One of ``jotlight.formats.FORMATS``. Default: detected from the content.
+    key : str, optional
+        Name of the array. Default: the only one, or the one that jotlight labeled, or else all
+        that are captures.
 
     Raises
     ------
@@ -66,10 +65,35 @@ def read(path: Any, format: str | None = None) -> list[LayerData]:  # noqa: A002
     single = _single_path(path)
     if single is None:
         raise ValueError(f"path: expected one capture, got {path!r}")
-    opened = open_capture(single, format=format, isolate=True)
+    try:
+        return [_read_array(single, format, key)]
+    except SeveralArraysError as error:
+        if key is not None or not 0 < len(error.names) <= _MAX_ARRAYS:
+            raise ValueError(f"{error}; name it in Plugins > jotlight > {OPEN_TITLE}") from error
+        return _read_arrays(single, format, error.names)
+
+
+def _read_arrays(path: Path, format: str | None, names: tuple[str, ...]) -> list[LayerData]:  # noqa: A002
+    """Return a layer of each array that is a capture, and warn about the others."""
+    layers, reasons = [], {}
+    for name in names:
+        try:
+            layers.append(_read_array(path, format, name))
+        except ValueError as error:
+            reasons[name] = str(error)
+    if not layers:
+        raise ValueError("\n".join((f"{path}: none of its arrays is a capture", *reasons.values())))
+    if reasons:
+        warn(f"{path.name}: left out arrays that are no captures: {', '.join(reasons)}")
+    return layers
+
+
+def _read_array(path: Path, format: str | None, key: str | None) -> LayerData:  # noqa: A002
+    opened = open_capture(path, format=format, key=key, isolate=True)
+    title = path.name if key is None else f"{path.name}: {key}"
     if isinstance(opened, Bits):
-        return [make_layer(Viewed.from_bits(opened, single.name))]
-    return [make_layer(_view_counts(opened, single.name))]
+        return make_layer(dataclasses.replace(Viewed.from_bits(opened), title=title))
+    return make_layer(_view_counts(opened, title))
 
 
 def _view_counts(stack: CountStack, name: str) -> Viewed:
@@ -77,6 +101,24 @@ def _view_counts(stack: CountStack, name: str) -> Viewed:
     if trials is None:
         trials = max(1, max(int(image.max()) for image in stack))
     return Viewed(name, stack, Sensor(frames=trials * len(stack)))
+
+
+def _may_be_raw(path: Path) -> bool:
+    """Return whether a file, or a file in a folder, has a name that raw frames often have."""
+    if not path.is_dir():
+        return path.name.lower().endswith(OTHER_EXTENSIONS)
+    return any(next(path.glob(pattern), None) for pattern in ("*.bin", "*/*.bin"))
+
+
+def _refuse_raw(path: Any, reason: str) -> list[LayerData]:
+    """Show the widget for the format, if there is a window of napari, and raise ValueError."""
+    import napari
+
+    viewer = napari.current_viewer()
+    if viewer is not None:
+        _, widget = viewer.window.add_plugin_dock_widget("jotlight", OPEN_TITLE)
+        widget.show_path(_single_path(path))
+    raise ValueError(f"{reason}; in napari, choose it in Plugins > jotlight > {OPEN_TITLE}")
 
 
 def _single_path(path: Any) -> Path | None:

@@ -1,21 +1,20 @@
 """The dock widget of napari: it reconstructs, calibrates, aligns, and measures."""
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 from magicgui import widgets
 
 from jotlight.evaluation.methods import METHODS
-from jotlight.napari.lazy import LayerData, LayerSource, source_of
-from jotlight.napari.work import align_window, apply_calibration, change_method, measure
+from jotlight.napari.background import BackgroundWidget, Result, describe_error, path_in
+from jotlight.napari.lazy import LayerSource, source_of
+from jotlight.napari.work import align_window, apply_calibration, change_method, measure_layer
 from jotlight.view.state import COUNTS
 
 _HIDDEN = {"mle-iterative", "network-initial"}
 
 
-class JotlightWidget(widgets.Container):
+class JotlightWidget(BackgroundWidget):
     """The controls for the active layer.
 
     Parameters
@@ -25,7 +24,6 @@ class JotlightWidget(widgets.Container):
     """
 
     def __init__(self, napari_viewer: Any) -> None:
-        self._viewer = napari_viewer
         names = [
             name for name, method in METHODS.items() if name not in _HIDDEN and method.available
         ]
@@ -39,17 +37,16 @@ class JotlightWidget(widgets.Container):
         self.saved = widgets.FileEdit(label="or calibration file", mode="r", nullable=True)
         self.calibrate = widgets.PushButton(text="Calibrate")
         self.measure = widgets.PushButton(text="Measure")
-        self.message = widgets.TextEdit(value="")
-        self.message.read_only = True
         self.reconstruct.changed.connect(self._on_reconstruct)
         self.align.changed.connect(self._on_align)
         self.calibrate.changed.connect(self._on_calibrate)
         self.measure.changed.connect(self._on_measure)
         super().__init__(
-            widgets=[
+            napari_viewer,
+            [
                 *(self.method, self.window, self.step, self.reconstruct, self.align),
-                *(self.dark, self.flat, self.saved, self.calibrate, self.measure, self.message),
-            ]
+                *(self.dark, self.flat, self.saved, self.calibrate, self.measure),
+            ],
         )
         self._take_layer()
         napari_viewer.layers.selection.events.active.connect(lambda _: self._take_layer())
@@ -63,38 +60,44 @@ class JotlightWidget(widgets.Container):
         self.window.value, self.step.value = source.window, source.step
         self.method.value = source.method
 
-    def _source(self) -> LayerSource:
-        return source_of(self._viewer.layers.selection.active)
-
-    def _index(self) -> int:
-        """Return the number of the displayed image."""
-        return int(self._viewer.dims.current_step[0])
+    def _index(self, layer: Any) -> tuple[int, ...]:
+        """Return the place of the displayed image in a layer."""
+        place = layer.world_to_data(self._viewer.dims.point)
+        return tuple(round(float(each)) for each in place[:-2])
 
     def _on_reconstruct(self) -> None:
         method, window, step = self.method.value, self.window.value, self.step.value
-        self._start(lambda: (change_method(self._source(), method, window, step), ""))
+        self._change(lambda source, _: ([change_method(source, method, window, step)], ""))
 
     def _on_align(self) -> None:
-        index = self._index()
-        self._start(lambda: (align_window(self._source(), index), ""))
+        self._change(lambda source, index: ([align_window(source, index)], ""))
 
     def _on_calibrate(self) -> None:
-        dark, flat, saved = (_path(each) for each in (self.dark, self.flat, self.saved))
-        self._start(lambda: apply_calibration(self._source(), dark, flat, saved))
+        paths = [path_in(field) for field in (self.dark, self.flat, self.saved)]
+
+        def change(source: LayerSource, _: int) -> Result:
+            layer, found = apply_calibration(source, *paths)
+            return [layer], found
+
+        self._change(change)
+
+    def _change(self, change: Callable[[LayerSource, int], Result]) -> None:
+        """Start a change of the active layer, which the displayed window may determine."""
+        layer = self._viewer.layers.selection.active
+        try:
+            source = source_of(layer)
+        except ValueError as error:
+            self.message.value = str(error)
+            return
+        index = next(iter(self._index(layer)), 0)
+        self._start(lambda: change(source, index))
 
     def _on_measure(self) -> None:
         try:
             image, rectangle = self._measured()
-            stack = image.data
-            has_time = stack.ndim - bool(image.rgb) > 2
-            values = np.asarray(stack[self._index()] if has_time else stack)
-            try:
-                source: LayerSource | None = source_of(image)
-            except ValueError:
-                source = None
-            self.message.value = measure(source, values, rectangle)
-        except (ValueError, IndexError) as error:
-            self.message.value = str(error)
+            self.message.value = measure_layer(image, self._index(image), rectangle)
+        except Exception as error:  # to compute the image may raise any error
+            self.message.value = describe_error(error)
 
     def _measured(self) -> tuple[Any, Any]:
         """Return the image to measure, and a rectangle of it or None for the whole image."""
@@ -107,43 +110,3 @@ class JotlightWidget(widgets.Container):
         if not (isinstance(active, Shapes) and len(active.data) and images):
             raise ValueError("layer: expected an image, or a rectangle in a layer of shapes")
         return images[-1], active.data[-1]
-
-    def _start(self, work: Callable[[], tuple[LayerData, str]]) -> None:
-        """Run work in a thread of napari, then add its layer."""
-        from napari.qt.threading import create_worker
-
-        try:
-            self._source()
-        except ValueError as error:
-            self.message.value = str(error)
-            return
-        self._enable(False)
-        self.message.value = "working"
-
-        def run() -> tuple[LayerData | None, str]:
-            try:
-                return work()
-            except (ValueError, TypeError, OSError, ImportError, MemoryError) as error:
-                return None, str(error)  # napari would print a traceback of the error
-
-        create_worker(run, _connect={"returned": self._add})
-
-    def _add(self, result: tuple[LayerData | None, str]) -> None:
-        self._enable(True)
-        layer, text = result
-        if layer is None:
-            self.message.value = text
-            return
-        data, arguments, _ = layer
-        self.message.value = text or arguments["name"]
-        self._viewer.add_image(data, **arguments)
-
-    def _enable(self, is_enabled: bool) -> None:
-        for button in (self.reconstruct, self.align, self.calibrate, self.measure):
-            button.enabled = is_enabled
-
-
-def _path(field: Any) -> Path | None:
-    """Return the path in a field, or None if the field is empty."""
-    value = field.value
-    return None if value is None or str(value) in ("", ".") else Path(value)

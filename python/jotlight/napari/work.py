@@ -1,6 +1,7 @@
 """What the dock widget does, without its buttons."""
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,21 @@ from jotlight.calibration import Calibration, calibrate
 from jotlight.estimators.brightness import detected_photons
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats.reading import open_capture
-from jotlight.napari.lazy import LayerData, LayerSource, make_layer
+from jotlight.napari.lazy import (
+    INTENSITIES,
+    LayerData,
+    LayerSource,
+    display_layer,
+    make_layer,
+    source_of,
+)
 from jotlight.sensing.bits import Bits
 from jotlight.view.estimate import choose, merge_window
 from jotlight.view.state import COUNTS
 from jotlight.view.viewed import Viewed
+
+_CHANNELS = ("red", "green", "blue", "alpha")
+"""Channels of the colors of napari."""
 
 
 def change_method(source: LayerSource, method: str, window: int, step: int) -> LayerData:
@@ -36,11 +47,8 @@ def align_window(source: LayerSource, index: int) -> LayerData:
     choice = choose(viewed, len(span), method)
     sensor = merged.sensor.replace(max_intensity=choice.max_intensity)
     image = reconstruct(dataclasses.replace(merged, sensor=sensor), method=method)
-    white = float(np.percentile(image, 99.5)) or 1.0
     name = f"{viewed.title}, frames {span.start} to {span.stop - 1}, aligned, {method}"
-    if image.ndim == 3 and image.shape[2] == 3:
-        return np.clip(image / white, 0, 1), {"name": name, "rgb": True}, "image"
-    return image, {"name": name, "contrast_limits": (0.0, white)}, "image"
+    return display_layer(image, image, name)
 
 
 def apply_calibration(
@@ -84,6 +92,47 @@ def apply_calibration(
     return make_layer(changed, source.window, source.step, source.method), found
 
 
+def measure_layer(
+    layer: Any, index: Sequence[int], rectangle: npt.NDArray[Any] | None = None
+) -> str:
+    """Return statistics of an image of a layer of napari, as lines of text.
+
+    Parameters
+    ----------
+    layer : napari.layers.Image
+        Any layer of images. A color layer of jotlight is measured before it was scaled and clipped.
+    index : sequence of int
+        The place of the image in the layer: an index for each dimension before the rows.
+    rectangle : ndarray, shape (N, 2), optional
+        Corners in rows and columns. Default: the whole image.
+
+    Raises
+    ------
+    ValueError
+        When the layer has no such image, or was derived from clipped colors, as by splitting them.
+    """
+    data = layer.data[0] if layer.multiscale else layer.data
+    images = layer.metadata.get(INTENSITIES, data)
+    if images.shape != data.shape:
+        raise ValueError(
+            "measure: expected a layer of intensities, got one derived from colors that are "
+            "clipped for display; measure the color layer itself"
+        )
+    for place, size in zip(index, images.shape, strict=False):
+        if not 0 <= place < size:
+            raise ValueError(
+                f"measure: expected one of the {size} images of this layer, got image {place}; "
+                "move the slider back"
+            )
+    try:
+        source: LayerSource | None = source_of(layer)
+    except ValueError:
+        source = None
+    if source is not None and len(images) != len(source.spans):
+        source = None  # a projection has other units
+    return measure(source, np.asarray(images[tuple(index)]), rectangle)
+
+
 def measure(
     source: LayerSource | None,
     image: npt.NDArray[Any],
@@ -91,12 +140,14 @@ def measure(
 ) -> str:
     """Return statistics of an image, or of a rectangle of it, as lines of text.
 
+    Each channel of a color image has its own statistics.
+
     Parameters
     ----------
     source : LayerSource or None
         The capture, for units of photons.
-    image : ndarray, shape (H, W)
-        The displayed image.
+    image : ndarray, shape (H, W) or (H, W, C)
+        The image, as intensities.
     rectangle : ndarray, shape (N, 2), optional
         Corners in rows and columns. Default: the whole image.
 
@@ -106,27 +157,40 @@ def measure(
     pixels: 2
     mean: 2
     standard deviation: 1
-    smallest and largest: 1, 3
+    smallest: 1
+    largest: 3
     mean / standard deviation: 2
+    >>> print(measure(None, np.array([[[1, 2, 3], [3, 6, 9]]])).splitlines()[2])
+    mean: 2, 4, 6
     """
     part = image if rectangle is None else _crop(image, rectangle)
-    values = np.asarray(part, np.float64)
-    mean, deviation = float(values.mean()), float(values.std())
+    channels = part.shape[2] if part.ndim == 3 else 1
+    values = np.asarray(part, np.float64).reshape(-1, channels)
+    mean, deviation = values.mean(axis=0), values.std(axis=0)
     lines = [
-        f"pixels: {values.size}",
-        f"mean: {mean:.4g}",
-        f"standard deviation: {deviation:.4g}",
-        f"smallest and largest: {values.min():.4g}, {values.max():.4g}",
+        f"pixels: {len(values)}",
+        f"mean: {_join(mean)}",
+        f"standard deviation: {_join(deviation)}",
+        f"smallest: {_join(values.min(axis=0))}",
+        f"largest: {_join(values.max(axis=0))}",
     ]
-    if deviation > 0:
-        lines.append(f"mean / standard deviation: {mean / deviation:.4g}")
+    if channels > 1:
+        lines.insert(1, f"channels: {', '.join(_CHANNELS[:channels])}")
+    if (deviation > 0).all():
+        lines.append(f"mean / standard deviation: {_join(mean / deviation)}")
     if source is not None and source.method != COUNTS:
         sensor = source.viewed.sensor(source.window)
         photons = mean * detected_photons(sensor)
-        lines.append(f"mean in photons per pixel and frame: {photons:.4g}")
+        lines.append(f"mean in photons per pixel and frame: {_join(photons)}")
         if sensor.exposure_time is not None:
-            lines.append(f"mean in photons per second: {photons / sensor.exposure_time:.4g}")
+            per_second = photons / sensor.exposure_time
+            lines.append(f"mean in photons per second: {_join(per_second)}")
     return "\n".join(lines)
+
+
+def _join(values: npt.NDArray[np.float64]) -> str:
+    """Return the values of all channels as text."""
+    return ", ".join(f"{value:.4g}" for value in values)
 
 
 def _crop(image: npt.NDArray[Any], rectangle: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -323,8 +323,8 @@ class Bits(ArrayHints):
         Parameters
         ----------
         viewer : bool
-            Whether to open a viewer with a slider instead: napari if it is installed, and else the
-            page of ``jotlight view``.
+            Whether to open a viewer with a slider instead: napari if it is installed and can show
+            windows, and else the page of ``jotlight view``.
         """
         if viewer:
             preview.open_viewer(self)

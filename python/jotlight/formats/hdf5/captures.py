@@ -213,6 +213,7 @@ HDF5 = Format(
     open=open_hdf5,
     matches=lambda path: has_type(path, "hdf5"),
     extensions=(".h5", ".hdf5"),
+    other_extensions=(".hdf", ".he5", ".nxs"),
     has_keys=True,
     verify=_verify,
     writer=Writer(

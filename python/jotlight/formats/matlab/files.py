@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import SeveralArraysError
 from jotlight.formats.checksums import check_file
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.hdf5.captures import Library, list_data_sets
@@ -124,7 +125,9 @@ def _select_variable(path: Path, variables: dict[str, Any], key: str | None) -> 
     if key is None or key not in variables:
         got = "" if key is None else f", got {key!r}"
         names = ", ".join(map(str, variables)) or "it has no numeric variable"
-        raise ValueError(f"{path}: expected the name of a variable (--key): {names}{got}")
+        raise SeveralArraysError(
+            f"{path}: expected the name of a variable (--key): {names}{got}", list(variables)
+        )
     return key
 
 

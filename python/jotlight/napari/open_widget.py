@@ -1,0 +1,46 @@
+"""The dock widget of napari that opens captures whose format or array the user names."""
+
+from pathlib import Path
+from typing import Any
+
+from magicgui import widgets
+
+from jotlight.formats.registry import FORMATS
+from jotlight.napari.background import BackgroundWidget, path_in
+from jotlight.napari.reader import read
+
+_DETECT = "detected"
+
+
+class OpenWidget(BackgroundWidget):
+    """The fields for a capture.
+
+    Parameters
+    ----------
+    viewer : napari.Viewer
+        The window of napari. napari passes it by the name of this parameter.
+    """
+
+    def __init__(self, napari_viewer: Any) -> None:
+        self.file = widgets.FileEdit(label="file", mode="r", nullable=True)
+        self.folder = widgets.FileEdit(label="or folder", mode="d", nullable=True)
+        self.format = widgets.ComboBox(label="format", choices=[_DETECT, *FORMATS], value=_DETECT)
+        self.key = widgets.LineEdit(label="array, if there are several")
+        self.open = widgets.PushButton(text="Open")
+        self.open.changed.connect(self._on_open)
+        super().__init__(napari_viewer, [self.file, self.folder, self.format, self.key, self.open])
+
+    def show_path(self, path: Path) -> None:
+        """Fill in the path of a capture whose format the user has to choose."""
+        self.file.value = None if path.is_dir() else path
+        self.folder.value = path if path.is_dir() else None
+        self.message.value = f"{path.name}: choose its format, then press Open"
+
+    def _on_open(self) -> None:
+        paths = [path for path in (path_in(self.file), path_in(self.folder)) if path is not None]
+        if len(paths) != 1:
+            self.message.value = "path: expected either a file or a folder"
+            return
+        name = None if self.format.value == _DETECT else self.format.value
+        key = self.key.value.strip() or None
+        self._start(lambda: (read(paths[0], name, key), ""))
