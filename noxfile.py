@@ -172,7 +172,7 @@ def browser(session: nox.Session) -> None:
     tests = (
         "tests/experiments/report/test_page_browser.py",
         "tests/docs/test_site_browser.py",
-        "tests/view/test_page_browser.py",
+        "tests/view/page",
     )
     session.run("pytest", "-m", "slow", *tests, *session.posargs, env={"JOTLIGHT_SITE": str(SITE)})
 

@@ -1,0 +1,105 @@
+"""The page in Chromium is used by keyboard, and by screen readers."""
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+
+def test_every_control_has_a_shortcut_and_a_label(opened):
+    tab = opened("method=mle")
+    controls = tab.locator("button:visible, select:visible, input:visible")
+    for index in range(controls.count()):
+        control = controls.nth(index)
+        name = control.evaluate(
+            "e => e.ariaLabel || e.textContent.trim() || e.labels?.[0]?.textContent"
+        )
+        assert name, control.evaluate("e => e.outerHTML")
+        assert control.get_attribute("aria-keyshortcuts"), name
+
+
+SHORTCUTS = [
+    ("m", "method", "noniterative-gaussian"),
+    ("ArrowRight", "start", 1),
+    ("Shift+ArrowRight", "start", 16),
+    ("End", "start", 284),
+    ("[", "window", 8),
+    ("]", "window", 32),
+    ("c", "curve", "log"),
+    ("d", "compare", "mle"),
+    ("j", "overlays", "jots"),
+    ("s", "overlays", "saturated"),
+    ("u", "overlays", "uncertainty"),
+    ("a", "align", "1"),
+]
+
+
+@pytest.mark.parametrize(("key", "name", "value"), SHORTCUTS)
+def test_shortcuts_change_the_state_and_the_address(opened, key, name, value):
+    tab = opened("method=mle&window=16&white=1&curve=gamma" if name != "method" else "method=mle")
+    if name == "method":
+        tab.keyboard.press("m")
+        tab.keyboard.press("m")
+    else:
+        tab.keyboard.press(key)
+    tab.wait_for_timeout(600)
+    assert f"{name}={value}" in tab.url.split("#")[1]
+
+
+def test_parts_of_the_controls_are_opened_and_closed_by_keys(opened):
+    tab = opened("method=mle")
+    for key, title in zip(
+        "56789", ("Method", "Tone", "Overlays", "Sensor", "Provenance"), strict=True
+    ):
+        part = tab.locator("details", has=tab.locator("summary", has_text=title))
+        before = part.get_attribute("open")
+        tab.keyboard.press(key)
+        assert part.get_attribute("open") != before
+
+
+KEY_PRESS = """([key, changes]) => document.dispatchEvent(
+  new KeyboardEvent("keydown", { key, bubbles: true, ...changes }))"""
+
+
+@pytest.mark.parametrize(
+    ("key", "changes", "window"),
+    [
+        ("]", {"altKey": True, "ctrlKey": True, "modifierAltGraph": True}, 32),  # AltGr
+        ("]", {"altKey": True}, 32),  # Option on a Mac
+        ("]", {"ctrlKey": True}, 16),
+        ("w", {"altKey": True}, 16),
+    ],
+)
+def test_brackets_may_need_another_key(opened, key, changes, window):
+    tab = opened("method=mle&window=16&white=1")
+    tab.evaluate(KEY_PRESS.replace("document.", "document.body."), [key, changes])
+    tab.wait_for_timeout(600)
+    assert f"window={window}" in tab.url.split("#")[1]
+    assert tab.evaluate("document.activeElement.id") != "window-number"
+
+
+def test_names_of_keys_are_those_that_screen_readers_know(opened):
+    tab = opened("method=mle")
+    names = tab.evaluate(
+        "[...document.querySelectorAll('[aria-keyshortcuts]')]"
+        ".map((e) => e.getAttribute('aria-keyshortcuts'))"
+    )
+    known = {"Space", "ArrowLeft", "ArrowRight", "Plus"}
+    assert all(len(key) == 1 or key in known for name in names for key in name.split())
+    assert not {"+", "←"} & {key for name in names for key in name.split()}
+
+
+def test_the_page_can_be_used_by_keyboard_alone(opened):
+    tab = opened("method=mle&window=16")
+    tab.keyboard.press("?")
+    assert tab.locator("#shortcuts").is_visible()
+    assert tab.locator("#shortcuts").inner_text().count("\n") > 20
+    tab.keyboard.press("Escape")
+    tab.keyboard.press("i")
+    tab.keyboard.press("ArrowDown")
+    tab.locator("#readout dd").first.wait_for()
+    assert (
+        tab.locator("#readout").inner_text().replace("\n", " ").startswith("row, column 101, 120")
+    )
+    text = tab.locator("#readout").inner_text()
+    for unit in ("intensity", "photons per frame", "photons per second"):
+        assert unit in text

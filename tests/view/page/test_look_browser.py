@@ -1,0 +1,62 @@
+"""The page in Chromium on phones, and in both themes."""
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+PHONE = {"width": 390, "height": 844}
+
+
+def test_all_buttons_fit_into_one_row_of_a_narrow_phone(opened):
+    tab = opened("method=mle", viewport={"width": 360, "height": 740}, is_mobile=True)
+    tops = tab.evaluate(
+        "[...document.querySelectorAll('.actions button')]"
+        ".map((e) => e.getBoundingClientRect().top)"
+    )
+    assert len(set(tops)) == 1
+
+
+def test_phones_get_one_column_without_sideways_scrolling(opened):
+    tab = opened("method=mle", viewport=PHONE, is_mobile=True, has_touch=True)
+    assert tab.evaluate("document.documentElement.scrollWidth") == PHONE["width"]
+    stage, panel = tab.locator("main").bounding_box(), tab.locator("aside").bounding_box()
+    assert stage["y"] + stage["height"] <= panel["y"]
+    assert stage["width"] == panel["width"] == PHONE["width"]
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_texts_have_enough_contrast(opened, scheme):
+    tab = opened("method=mle", color_scheme=scheme)
+    for name in ("--ink", "--quiet", "--mark"):
+        for ground in ("--ground", "--raised"):
+            ratio = tab.evaluate(
+                """([name, ground]) => {
+                  const read = (name) => {
+                    const probe = document.createElement("span");
+                    probe.style.color = `var(${name})`;
+                    document.body.append(probe);
+                    const color = getComputedStyle(probe).color.match(/[\\d.]+/g).map(Number);
+                    probe.remove();
+                    return color;
+                  };
+                  const light = (color) => {
+                    const [r, g, b] = color.map((v) => v / 255)
+                      .map((v) => (v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
+                    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+                  };
+                  const [a, b] = [light(read(name)), light(read(ground))].sort((x, y) => y - x);
+                  return (a + 0.05) / (b + 0.05);
+                }""",
+                [name, ground],
+            )
+            assert ratio >= 4.5, (scheme, name, ground, ratio)
+
+
+def test_the_theme_can_be_chosen(opened):
+    tab = opened("method=mle", color_scheme="light")
+    ground = "getComputedStyle(document.body).backgroundColor"
+    light = tab.evaluate(ground)
+    tab.keyboard.press("v")
+    assert tab.evaluate(ground) == light
+    tab.keyboard.press("v")
+    assert tab.evaluate(ground) != light

@@ -1,0 +1,153 @@
+"""The page in Chromium shows what the library computes."""
+
+import io
+import json
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import jotlight as jl
+from jotlight.images.tone import Tone
+from painted import EVIL, RECORD, final
+
+pytestmark = pytest.mark.slow
+
+VISIBLE = """() => {
+  const canvas = document.getElementById("image");
+  const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+  return [canvas.width, canvas.height, Array.from(data.filter((_, i) => i % 4 === 0))];
+}"""
+
+
+def test_the_visible_pixels_are_those_of_the_library(opened, server):
+    tab = opened("window=50&start=7&method=mle&white=0.8&curve=gamma")
+    tab.keyboard.press("1")  # one screen pixel for each pixel
+    final(tab, start=7, window=50)
+    width, height, values = tab.evaluate(VISIBLE)
+    shown = np.array(values).reshape(height, width)
+    expected = np.rint(255 * Tone("gamma", 0.8)(jl.mle(server.bits[7:57])))
+    top, left = round((height - 200) / 2), round((width - 240) / 2)
+    np.testing.assert_array_equal(shown[top : top + 200, left : left + 240], expected)
+
+
+def test_enlarged_pixels_are_not_blurred(opened, server):
+    tab = opened("window=50&method=mle&white=0.8")
+    tab.keyboard.press("1")
+    for _ in range(3):
+        tab.keyboard.press("+")
+    assert "800 %" in tab.locator("#zoom-value").inner_text()
+    width, height, values = tab.evaluate(VISIBLE)
+    shown = np.array(values).reshape(height, width)
+    expected = np.rint(255 * Tone("gamma", 0.8)(jl.mle(server.bits[:50])))
+    assert set(np.unique(shown)) <= {*np.unique(expected), *np.unique(shown[0, :1])}
+    rows = np.flatnonzero(np.any(np.diff(shown, axis=0), axis=1))
+    assert np.all(np.diff(rows) % 8 == 0)
+
+
+def test_texts_of_a_capture_never_become_html(opened):
+    tab = opened()
+    assert tab.title() == f"{EVIL} – jotlight"
+    assert tab.locator("#title").inner_text() == EVIL
+    assert tab.locator("#provenance").text_content().count(EVIL) == 3
+    assert tab.locator("main img, aside img, header img").count() == 0
+
+
+def test_the_exposure_of_a_shared_address_can_be_changed(opened):
+    tab = opened("method=mle&window=16&white=0.5")
+    tab.keyboard.press("e")
+    tab.wait_for_timeout(600)
+    white = float(re.search(r"white=([\d.]+)", tab.url)[1])
+    assert white == pytest.approx(0.5 * 2**-0.25, rel=1e-3)
+
+
+def pressed(tab):
+    return tab.locator("#auto").get_attribute("aria-pressed")
+
+
+def test_auto_is_on_only_while_the_white_is_automatic(opened):
+    assert pressed(opened("method=mle&window=16&white=0.5")) == "false"
+    tab = opened("method=mle&window=16")
+    assert pressed(tab) == "true"
+    for key, expected in (("e", "false"), ("E", "true"), ("E", "false"), ("0", "true")):
+        tab.keyboard.press(key)
+        tab.wait_for_timeout(300)
+        assert pressed(tab) == expected
+
+
+def test_counts_have_an_exposure(opened, server):
+    tab = opened("method=counts&window=16")
+    white = final(tab)["tone"]["white"]
+    assert white == pytest.approx(np.percentile(jl.mle(server.bits[:16]), 99.5), rel=0.01)
+    tab.keyboard.press("e")
+    assert final(tab, is_auto=False)["tone"]["white"] == pytest.approx(white * 2**-0.25, rel=1e-3)
+
+
+def test_overlays_are_drawn_over_the_image(opened):
+    tab = opened("method=mle&window=300&white=1&overlays=saturated")
+    tab.locator("#saturated-note", has_text="1").wait_for()
+    colors = tab.evaluate("""() => {
+      const canvas = document.getElementById("image");
+      const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+      let number = 0;
+      for (let i = 0; i < data.length; i += 4)
+        if (data[i] === 255 && data[i + 1] === 176 && data[i + 2] === 0) number += 1;
+      return number;
+    }""")
+    assert colors >= 9  # one pixel, enlarged
+
+
+def test_a_link_shows_the_same_state_elsewhere(opened, browser):
+    tab = opened("method=mle&window=16")
+    tab.keyboard.press("c")
+    tab.keyboard.press("l")
+    tab.locator("#toast", has_text="Copied").wait_for()
+    link = tab.evaluate("navigator.clipboard.readText()")
+    other = browser.new_page()
+    other.add_init_script(RECORD)
+    other.goto(link)
+    assert final(other, window=16)["tone"]["curve"] == "log"
+    other.close()
+
+
+def test_the_command_and_the_code_can_be_copied(opened):
+    tab = opened("method=mle&window=16&start=4&white=0.5")
+    for key, part in (
+        ("k", "jotlight reconstruct 'a capture.npy'"),
+        ("y", "import jotlight as jl"),
+    ):
+        tab.keyboard.press(key)
+        tab.locator("#toast", has_text="Copied").wait_for()
+        assert part in tab.evaluate("navigator.clipboard.readText()")
+        tab.evaluate("document.getElementById('toast').hidden = true")
+
+
+def test_an_image_can_be_saved(opened, server, tmp_path):
+    tab = opened("method=mle&window=16&start=4&white=0.5&curve=linear")
+    with tab.expect_download() as waiting:
+        tab.keyboard.press("p")
+    waiting.value.save_as(tmp_path / "a.png")
+    saved = np.asarray(Image.open(io.BytesIO((tmp_path / "a.png").read_bytes())))
+    expected = np.clip(jl.mle(server.bits[4:20]) / 0.5, 0, 1)
+    np.testing.assert_allclose(saved / 65535, expected, atol=1e-5)
+    assert waiting.value.suggested_filename.endswith("-4-20-mle.png")
+
+
+def test_a_dragged_slider_shows_many_images_in_order(opened):
+    tab = opened("method=mle&window=64&white=1")
+    tab.evaluate("painted.length = 0")
+    box = tab.locator("#start").bounding_box()
+    tab.mouse.move(box["x"] + 4, box["y"] + 20)
+    tab.mouse.down()
+    tab.mouse.move(box["x"] + box["width"] - 4, box["y"] + 20, steps=40)
+    tab.mouse.up()
+    headers = final(tab, start=236) and tab.evaluate("painted")
+    assert len({header["start"] for header in headers}) > 10
+    assert [header["id"] for header in headers] == sorted(header["id"] for header in headers)
+
+
+def test_the_address_is_no_way_to_inject(opened):
+    tab = opened(f"method=mle&curve={EVIL}&start=1e9&window=-5&overlays=x,{EVIL}&white=abc")
+    assert tab.title() != "owned"
+    assert json.loads(json.dumps(tab.evaluate("painted")))[-1]["stage"] == "final"
