@@ -13,7 +13,7 @@ from jotlight.images.tone import CURVES, Tone
 from jotlight.view.counts import RunningCounts
 from jotlight.view.display import display, display_difference, fit_white
 from jotlight.view.estimate import estimate, fraction_at, merge_window
-from jotlight.view.overlays import DEAD, HOT, JotMap, find_errors, find_saturated
+from jotlight.view.overlays import DEAD, HOT, JotMap, error_levels, find_errors, find_saturated
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
 from jotlight.view.viewed import Viewed
@@ -115,7 +115,7 @@ def test_dead_hot_and_saturated_jots_are_marked():
 def test_errors_are_those_of_the_library():
     viewed = viewed_of("plain")
     image = made(viewed, range(48), "mle")
-    levels, facts = find_errors(image)
+    levels, facts = error_levels(find_errors(image))
     known = jl.uncertainty(viewed.data, method="mle").standard_error
     shown = known < facts["largest"]
     np.testing.assert_allclose(

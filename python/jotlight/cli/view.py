@@ -141,9 +141,13 @@ def _opening(
     }
     options |= {"counts_scale": capture.counts_scale, "trials": capture.trials}
     arguments = {name: repr(value) for name, value in options.items() if value not in (None, 0)}
-    lines = tuple(_sensor_lines(sensor, captured))
+    lines = _sensor_lines(sensor, captured)
+    if sensor.find_hot_jots:
+        lines += _hot_jot_lines(path, {**arguments, "frames": repr(frames)}, captured)
     has_gain = sensor.gain is not None
-    return Opening(path, tuple(words), arguments, lines, frames, has_gain)
+    return Opening(
+        path, tuple(words), arguments, tuple(lines), frames, has_gain, sensor.find_hot_jots
+    )
 
 
 def _sensor_lines(sensor: CapturedSensorOptions, captured: Captured) -> list[str]:
@@ -174,9 +178,19 @@ def _sensor_lines(sensor: CapturedSensorOptions, captured: Captured) -> list[str
         )
     else:
         lines.append(f"sensor = jl.Sensor({arguments})")
-    if sensor.find_hot_jots:
-        lines.append("sensor = sensor.replace(mask=jl.calibration.find_hot_jots(bits))")
     return lines
+
+
+def _hot_jot_lines(path: str, arguments: dict[str, str], captured: Captured) -> list[str]:
+    """Return lines of Python that mask the hot jots of the whole capture."""
+    options = ", ".join(f"{name}={value}" for name, value in arguments.items())
+    trials = "" if isinstance(captured.data, Bits) else f"trials={captured.sensor.trials}, "
+    return [
+        f"whole = jl.open({path!r}, {options})",
+        f"hot = jl.calibration.find_hot_jots(whole, {trials}threshold=sensor.threshold, "
+        "mask=sensor.mask)",
+        "sensor = sensor.replace(mask=hot if sensor.mask is None else hot | sensor.mask)",
+    ]
 
 
 def _as_python(name: str, value: Any) -> str:

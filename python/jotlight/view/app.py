@@ -125,7 +125,7 @@ class _Guard:
         if scope["type"] == "http" and scope["path"] == "/" and given is not None:
             # As in Jupyter, the token of the address becomes a cookie.
             response = RedirectResponse("/", 303, dict(_HEADERS))
-            response.set_cookie(self._cookie, self._token, httponly=True, samesite="strict")
+            response.set_cookie(self._cookie, self._token, httponly=True, samesite="lax")
             await response(scope, receive, send)
             return
 
@@ -189,7 +189,7 @@ async def _save(request: Request, workshop: Workshop) -> Response:
         if not is_free:
             return PlainTextResponse("too many files are being saved; try again", 503)
         try:
-            state = ViewState.from_json(json.loads(text)).within(workshop.viewed.frames)
+            state = ViewState.from_json(json.loads(text))
             loop = asyncio.get_running_loop()
             content = await loop.run_in_executor(
                 workshop.slow, save_view, workshop.viewed, state, ending

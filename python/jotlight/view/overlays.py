@@ -90,10 +90,8 @@ def find_saturated(estimate: Estimate) -> Map:
     return np.asarray(np.any(saturated, axis=2) if is_color else saturated, np.uint8)
 
 
-def find_errors(estimate: Estimate) -> tuple[Map, dict[str, Any]]:
-    """Return the standard error in 255 levels, and the error of the highest level.
-
-    Pixels without data have the highest level.
+def find_errors(estimate: Estimate) -> npt.NDArray[np.float32]:
+    """Return the standard error of each pixel, (H, W) or (H, W, C). It is inf without data.
 
     Raises
     ------
@@ -101,14 +99,25 @@ def find_errors(estimate: Estimate) -> tuple[Map, dict[str, Any]]:
         When the errors of the method are unknown.
     """
     check_errors_known(estimate.method, estimate.sensor)
-    known = uncertainty(
+    return uncertainty(
         estimate.data,
         estimate.sensor,
         method=estimate.method,
         estimate=estimate.image,
         channel_axis=last_channel_axis(estimate.data),
-    )
-    error = known.standard_error
+    ).standard_error
+
+
+def error_levels(error: npt.NDArray[np.float32]) -> tuple[Map, dict[str, Any]]:
+    """Return standard errors in 255 levels, and the error of the highest level.
+
+    Of colors, the largest error counts. Pixels without data have the highest level.
+
+    Examples
+    --------
+    >>> error_levels(np.array([[0.0, 0.5, 1.0]], np.float32))[0].tolist()
+    [[0, 128, 255]]
+    """
     if error.ndim == 3:
         error = error.max(axis=2)
     finite = error[np.isfinite(error)]

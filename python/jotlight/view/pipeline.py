@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
 from jotlight.sensing.bits import Bits
@@ -15,7 +16,7 @@ from jotlight.view.display import display, display_difference, fit_white
 from jotlight.view.estimate import Estimate, estimate, fraction_estimate, merge_window
 from jotlight.view.messages import encode
 from jotlight.view.notes import collected
-from jotlight.view.overlays import find_errors, find_saturated
+from jotlight.view.overlays import error_levels, find_errors, find_saturated
 from jotlight.view.state import COUNTS, ViewState
 from jotlight.view.viewed import MAX_BRIEF_BYTES, CancelledError, count_frames
 from jotlight.view.workshop import Workshop
@@ -57,6 +58,8 @@ class Pipeline:
         self._running = RunningCounts(workshop.viewed)
         self._merged: tuple[range, Merged] | None = None
         self._white = 1.0
+        self._errors: tuple[Estimate, npt.NDArray[np.float32]] | None = None
+        """The standard errors of an estimate."""
         part = self.viewed.part(self.viewed.frames[:1])
         size = part.packed.nbytes if isinstance(part, Bits) else part.images.nbytes
         self._sample_size = max(1, MAX_BRIEF_BYTES // max(1, size))
@@ -117,8 +120,15 @@ class Pipeline:
             elif made.method == COUNTS:
                 continue
             else:
-                with collected():
-                    map_, facts = find_errors(made)
+                try:
+                    with collected():
+                        errors = find_errors(made)
+                except (ValueError, TypeError) as error:
+                    # The other overlays are known all the same.
+                    map_, facts = np.zeros(made.image.shape[:2], np.uint8), {"note": str(error)}
+                else:
+                    self._errors = made, errors
+                    map_, facts = error_levels(errors)
             size = {"height": map_.shape[0], "width": map_.shape[1]}
             header = {"type": "overlay", "kind": kind, "id": request.number, **size, **facts}
             yield encode(header, map_)
@@ -139,6 +149,11 @@ class Pipeline:
         }
         if made.method == COUNTS:
             return facts
+        if self._errors is not None and self._errors[0] is made:
+            error = np.asarray(self._errors[1][row, column], np.float64)
+            facts["error"] = [
+                each if np.isfinite(each) else None for each in error.ravel().tolist()
+            ]
         units = ["intensity", "photons"]
         units += [] if made.sensor.exposure_time is None else ["photons-per-second"]
         for unit in units:

@@ -11,8 +11,8 @@ from jotlight.view.viewed import Opening, Viewable
 def recipe(viewed: Viewable, state: ViewState) -> dict[str, str | None]:
     """Return the command line and the Python code of a state, or None where there is none.
 
-    The command for counts and differences runs the Python code. A live capture cannot be opened
-    again.
+    The command for counts, for differences, and for hot jots of all frames runs the Python code. A
+    live capture cannot be opened again.
 
     Examples
     --------
@@ -47,7 +47,8 @@ def _command(viewed: Viewable, state: ViewState) -> str | None:
     opening = viewed.opening
     if opening.path is None:
         return None
-    if state.method == COUNTS or state.compare is not None:
+    finds_others = opening.searches_all and state.span != viewed.frames
+    if state.method == COUNTS or state.compare is not None or finds_others:
         return shlex.join(["python", "-c", _python(viewed, state)])
     frames = file_frames(opening, state.span)
     step = f":{frames.step}" if frames.step else ""
@@ -74,11 +75,7 @@ def _python(viewed: Viewable, state: ViewState) -> str:
     if opening.path is None:
         lines.append(f"bits = bits[{state.start} : {state.start + state.window}]")
     else:
-        frames = file_frames(opening, state.span)
-        ends = (frames.start, frames.stop, *([frames.step] if frames.step else []))
-        options = {**opening.arguments, "frames": f"slice({', '.join(map(str, ends))})"}
-        texts = [f"{name}={value}" for name, value in options.items()]
-        lines.append(f"bits = jl.open({', '.join([repr(opening.path), *texts])})")
+        lines += _open_lines(viewed, state)
     lines += _sensor_lines(viewed, state)
     if state.method == COUNTS:
         counts = "bits.counts(sensor.oversampling)" if _holds_bits(viewed) else "bits"
@@ -99,6 +96,32 @@ def _python(viewed: Viewable, state: ViewState) -> str:
     lines.append(f"tone = Tone.fit(image, {state.curve!r}{white})")
     lines.append('jl.save_image("view.png", tone(image), white=1.0, depth=16)')
     return "\n".join([*lines, ""])
+
+
+def _open_lines(viewed: Viewable, state: ViewState) -> list[str]:
+    """Return lines after which `bits` are the bits or counts of the window."""
+    opening = viewed.opening
+    frames = file_frames(opening, state.span)
+    ends = (frames.start, frames.stop, *([frames.step] if frames.step else []))
+    options = {**opening.arguments, "frames": f"slice({', '.join(map(str, ends))})"}
+    if not state.align or _holds_bits(viewed):
+        return [f"bits = jl.open({_call(opening.path, options)})"]
+    # jl.open sums the images of a stack, which an alignment needs one by one.
+    lines = ["from jotlight.formats import open_capture"]
+    scale, trials = options.pop("counts_scale", None), options.pop("trials", None)
+    if scale is None:
+        return [*lines, f"bits = open_capture({_call(opening.path, options)})"]
+    options |= {"counts": options.get("counts", "True"), "means": "True"}
+    return [
+        "from jotlight.formats.scaled import unscale",
+        *lines,
+        f"bits = unscale(open_capture({_call(opening.path, options)}), {scale}, {trials})",
+    ]
+
+
+def _call(path: str | None, options: dict[str, str]) -> str:
+    """Return the arguments of a call."""
+    return ", ".join([repr(path), *(f"{name}={value}" for name, value in options.items())])
 
 
 def _sensor_lines(viewed: Viewable, state: ViewState) -> list[str]:

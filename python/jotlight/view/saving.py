@@ -39,7 +39,8 @@ def save_view(viewed: Viewable, state: ViewState, ending: str) -> bytes:
     Raises
     ------
     ValueError
-        For another ending, or a method that does not serve the sensor.
+        For another ending, frames that are not available, or a method that does not serve the
+        sensor.
     MissingExtraError
         If `exr` needs the package OpenEXR.
 
@@ -55,7 +56,12 @@ def save_view(viewed: Viewable, state: ViewState, ending: str) -> bytes:
         raise ValueError(f"format: expected one of {', '.join(ENDINGS)}, got {ending!r}")
     if ending == "exr":
         check_exr()
-    state = state.within(viewed.frames)
+    if state.within(viewed.frames).span != state.span:
+        frames = viewed.frames
+        raise ValueError(
+            f"frames: expected some of {frames.start} to {frames.stop - 1}, got {state.start} to "
+            f"{state.span.stop - 1}; older frames of a live capture have left memory"
+        )
     counts = RunningCounts(viewed).move(state.span)
     merged = merge_window(viewed, state.span) if state.align else None
     made = estimate(viewed, state.span, state.method, counts, merged)

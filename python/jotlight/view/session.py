@@ -203,6 +203,7 @@ class Session:
                     overlays = self._pipeline.overlays(request)
                     while (overlay := await self._slowly(next, overlays, None)) is not None:
                         await self._send_image(overlay)
+                    await self._send_values()
             if not self._has_rates and not request.is_moving:
                 self._has_rates = await self._send_rates(request)
             self._refining = None

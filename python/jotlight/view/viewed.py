@@ -49,6 +49,8 @@ class Opening:
         The frames of the file that the capture has.
     states_gain : bool
         Whether the user states the gain. It is that of all frames, so that of a window differs.
+    searches_all : bool
+        Whether the sensor depends on all frames, because its hot jots are searched in them.
     """
 
     path: str | None = None
@@ -57,6 +59,7 @@ class Opening:
     sensor_lines: tuple[str, ...] = ()
     frames: slice = dataclasses.field(default_factory=lambda: slice(None))
     states_gain: bool = False
+    searches_all: bool = False
 
 
 class Viewable(Protocol):

@@ -202,6 +202,21 @@ def test_a_file_that_comes_late_stays_dropped(folder, opened):
     assert live.remark == "f1.npy: came late, so its frames stay dropped"
 
 
+def test_a_backlog_beyond_the_memory_is_dropped_and_counted(folder, opened):
+    put_files(folder, 0)
+    live = opened(folder, LiveOptions())
+    live.ring.capacity = 100  # as if the memory were small
+    live.ring._memory = np.zeros(100 * 12, np.uint8)
+    hidden = folder.parent / "later"
+    hidden.mkdir()
+    put_files(hidden, *range(1, 30))
+    for path in sorted(hidden.iterdir(), key=lambda path: int(path.stem[1:])):
+        path.rename(folder / path.name)
+    wait_for(lambda: live.frames.stop == 300)
+    assert live.dropped % 10 == 0
+    np.testing.assert_array_equal(live.part(range(290, 300)).packed, FRAMES[290:])
+
+
 def test_a_folder_without_captures_is_refused(folder, monkeypatch):
     monkeypatch.setattr("jotlight.view.live.folder._MAX_FAILURES", 0.05)
     (folder / "notes.txt").write_text("a bird")

@@ -73,7 +73,7 @@ def test_brackets_may_need_another_key(opened, key, changes, window):
     tab = opened("method=mle&window=16&white=1")
     tab.evaluate(KEY_PRESS.replace("document.", "document.body."), [key, changes])
     tab.wait_for_timeout(600)
-    assert f"window={window}" in tab.url.split("#")[1]
+    tab.wait_for_function(f"location.hash.includes('window={window}')")
     assert tab.evaluate("document.activeElement.id") != "window-number"
 
 

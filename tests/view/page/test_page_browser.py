@@ -3,6 +3,8 @@
 import io
 import json
 import re
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
@@ -151,3 +153,43 @@ def test_the_address_is_no_way_to_inject(opened):
     tab = opened(f"method=mle&curve={EVIL}&start=1e9&window=-5&overlays=x,{EVIL}&white=abc")
     assert tab.title() != "owned"
     assert json.loads(json.dumps(tab.evaluate("painted")))[-1]["stage"] == "final"
+
+
+def test_a_link_on_another_site_works(browser, server):
+    link = server.address + "#method=mle&start=4&window=32"
+    page = f"<a href='{link}'>the capture</a>".encode()
+
+    class Elsewhere(BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(page)
+
+        def log_message(self, *_):
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Elsewhere) as other:
+        threading.Thread(target=other.serve_forever, daemon=True).start()
+        tab = browser.new_page()
+        tab.add_init_script(RECORD)
+        tab.goto(f"http://localhost:{other.server_port}")
+        tab.get_by_text("the capture").click()
+        assert final(tab, window=32)["start"] == 4
+        tab.close()
+        other.shutdown()
+
+
+def test_a_link_beyond_the_capture_shows_what_there_is(opened):
+    tab = opened("method=mle&start=5000&window=64")
+    assert final(tab)["start"] == 236
+    assert tab.locator("#range").inner_text() == "Frames 236 – 299"
+    assert "not available" in tab.locator("#toast").inner_text()
+
+
+def test_the_keyboard_stops_at_the_largest_exposure(opened):
+    tab = opened("method=mle&window=16&white=1")
+    for _ in range(60):
+        tab.keyboard.press("e")
+    tab.wait_for_timeout(600)
+    assert float(re.search(r"white=([\d.e-]+)", tab.url)[1]) == pytest.approx(2**-8)

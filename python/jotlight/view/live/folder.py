@@ -1,8 +1,10 @@
 """A folder in which files with frames appear."""
 
+import os
 import re
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Container
 from pathlib import Path
 
 import numpy as np
@@ -23,13 +25,16 @@ _CHUNK_FRAMES = 256
 _MAX_TRIED = 8
 """Number of files of which one must be readable when a folder is opened."""
 
+_MAX_GAPS = 100
+"""Number of the newest gaps whose files are recognized when they come late."""
+
 Open = Callable[[Path], Capture]
 Key = tuple[int, str]
 """The last number in the name of a file, or -1, and the name."""
 
 
-def list_files(folder: Path) -> list[tuple[Key, Path]]:
-    """Return the files of a folder, sorted by the last number in their names.
+def list_files(folder: Path, seen: Container[str] = ()) -> list[tuple[Key, Path]]:
+    """Return the files of a folder that are not `seen`, sorted by the last number in their names.
 
     Examples
     --------
@@ -41,13 +46,15 @@ def list_files(folder: Path) -> list[tuple[Key, Path]]:
     ['f9.png', 'f10.png']
     """
     found = []
-    for path in folder.iterdir():
-        # Programs write a file under such a name, and rename it when it is complete.
-        if path.name.startswith(".") or path.suffix in (".part", ".tmp", ".json"):
-            continue
-        if path.is_file() and not path.is_symlink():
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            # Programs write a file under such a name, and rename it when it is complete.
+            is_part = entry.name.startswith(".") or entry.name.endswith((".part", ".tmp", ".json"))
+            if entry.name in seen or is_part or not entry.is_file(follow_symlinks=False):
+                continue
+            path = folder / entry.name
             digits = re.findall(r"[0-9]+", path.stem)
-            found.append(((int(digits[-1][:18]) if digits else -1, path.name), path))
+            found.append(((int(digits[-1][:18]) if digits else -1, entry.name), path))
     return sorted(found)
 
 
@@ -99,14 +106,14 @@ class FolderReader:
         self._last = next(key for key, path in files if path == first)
         self._seen = {path.name for key, path in files if key <= self._last}
         self._frames = len(bits)
-        self._gaps: list[range] = []
+        self._gaps: deque[range] = deque(maxlen=_MAX_GAPS)
 
     def __call__(self, capture: LiveCapture) -> None:
         """Add frames until the capture is closed."""
         add_frames(capture, self._bits, self._first)
         while not capture.stop.is_set():
-            new = [(key, path) for key, path in list_files(self._folder) if self._is_new(path)]
-            for key, path in new:
+            new = list_files(self._folder, self._seen)
+            for key, path in self._without_backlog(capture, new):
                 if path.suffix.lower() == self._first.suffix.lower():
                     self._read(capture, key, path)
                 else:
@@ -115,8 +122,18 @@ class FolderReader:
             if not new:
                 capture.stop.wait(POLL_SECONDS)
 
-    def _is_new(self, path: Path) -> bool:
-        return path.name not in self._seen
+    def _without_backlog(
+        self, capture: LiveCapture, new: list[tuple[Key, Path]]
+    ) -> list[tuple[Key, Path]]:
+        """Return the newest files that fit into memory. The frames of the others are dropped."""
+        fitting = max(1, capture.ring.capacity // max(1, self._frames))
+        late = new[:-fitting]
+        for key, path in late:
+            self._seen.add(path.name)
+            if path.suffix.lower() == self._first.suffix.lower():
+                self._last = key
+                drop(capture, self._frames)
+        return new[len(late) :]
 
     def _read(self, capture: LiveCapture, key: Key, path: Path) -> None:
         """Add the frames of a file, and count those that are missing before it."""
@@ -139,7 +156,7 @@ class FolderReader:
             self._gaps.append(range(before + 1, number))
             drop(capture, (number - before - 1) * self._frames)
         elif -1 < number < before:
-            self._gaps = []
+            self._gaps.clear()
             capture.remark = f"{path.name}: its number is lower, so a new sequence begins"
         if bits is None:
             drop(capture, self._frames)
@@ -162,9 +179,11 @@ def wait_for_file(capture: LiveCapture, path: Path, open_file: Open) -> Bits | N
     start = time.monotonic()
     while not capture.stop.is_set():
         try:
-            size = path.stat().st_size
-            capture.stop.wait(_STEADY_SECONDS)
-            if size > 0 and size == path.stat().st_size:
+            state = path.stat()
+            # The files of a backlog are old, so that reading them takes no waiting.
+            if time.time() - state.st_mtime < _STEADY_SECONDS:
+                capture.stop.wait(_STEADY_SECONDS)
+            if state.st_size > 0 and state.st_size == path.stat().st_size:
                 return as_bits(open_file(path), path)
         except FileNotFoundError:
             return None

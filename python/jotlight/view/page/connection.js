@@ -30,7 +30,10 @@ export class Connection {
       this.onChange(false, event.reason);
       setTimeout(() => this.open(), RETRY_MILLISECONDS);
     };
-    this.socket.onopen = () => this.onChange(true, "");
+    this.socket.onopen = () => {
+      this.onReopen?.(); // requests from before the loss get no answer
+      this.onChange(true, "");
+    };
   }
 
   get isOpen() {

@@ -3,6 +3,7 @@
 import { format } from "./plots.js";
 
 const get = (id) => document.getElementById(id);
+const MAX_STOPS = 8; // as the slider
 const OVERLAYS = ["jots", "saturated", "uncertainty"];
 
 export class Controls {
@@ -103,7 +104,8 @@ export class Controls {
     this.reference ??= this.store.state.white;
     if (this.reference === null) return;
     // Without rounding, a step up and one down would not lead back to the automatic white.
-    this.store.set({ white: this.reference * 2 ** -(Math.round(stops * 20) / 20) }, moving);
+    const limited = Math.max(-MAX_STOPS, Math.min(MAX_STOPS, Math.round(stops * 20) / 20));
+    this.store.set({ white: this.reference * 2 ** -limited }, moving);
   }
 
   get exposure() {
@@ -147,6 +149,7 @@ export class Controls {
     get("quality").value = isNetwork ? state.method : "";
     get("quality").disabled = !isNetwork;
     get("compare").value = state.compare ?? "";
+    get("compare").disabled = get("align").disabled = state.method === "counts";
     get("align").checked = state.align;
     get("curve").value = state.curve;
     get("exposure").value = this.exposure;

@@ -54,6 +54,7 @@ export class Keys {
     if ((event.ctrlKey && !isAltGraph) || event.metaKey || get("shortcuts").open) return;
     if (event.altKey && !isAltGraph && /^[\p{L}\p{N} ]$/u.test(event.key)) return;
     const isTyping = target.matches("input[type=number]");
+    if (isTyping && ["Enter", "Escape"].includes(event.key)) target.blur();
     const isSlider = target.matches("input[type=range]");
     const usesKey = target.matches("select, summary") || (target.matches("button, input[type=checkbox]") && event.key === " ");
     const isArrow = event.key.startsWith("Arrow") || ["Home", "End"].includes(event.key);

@@ -127,7 +127,15 @@ const handlers = {
     if (header.id < shown) return; // an older request
     shown = header.id;
     if (header.is_auto && header.stage === "final" && store.state.white === null) controls.keepWhite(header.tone.white);
-    if (store.state.follow) {
+    const { start, window, follow } = store.state;
+    if (!follow && header.id === number && (header.start !== start || header.window !== window)) {
+      // The frames that the address or the slider asked for do not exist, or have left memory.
+      toast(`Frames ${start} to ${start + window - 1} are not available.`);
+      Object.assign(store.state, { start: header.start, window: header.window });
+      controls.update();
+      drawTime();
+    }
+    if (follow) {
       Object.assign(store.state, { start: header.start });
       // The image is newer than the last message about the frames.
       controls.setFrames(controls.frames[0], header.start + header.window);
@@ -159,7 +167,7 @@ const handlers = {
     drawTime();
   },
   values(header) {
-    showReadout(header.values, stage, capture);
+    showReadout(header.values);
   },
   recipe(header) {
     copyRecipe(header);

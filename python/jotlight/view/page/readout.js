@@ -7,7 +7,7 @@ const get = (id) => document.getElementById(id);
 const TEXTS = { jots: "jots-note", saturated: "saturated-note", uncertainty: "uncertainty-note" };
 
 /** Show the values of a pixel in all units, or nothing. */
-export function showReadout(values, stage, capture) {
+export function showReadout(values) {
   if (!values) {
     get("readout").replaceChildren();
     return;
@@ -17,8 +17,8 @@ export function showReadout(values, stage, capture) {
     ["ones", `${[values.counts].flat().join(", ")} of ${[values.trials].flat().map(trim).join(", ")}`],
   ];
   if (values.intensity !== undefined) {
-    const error = errorAt(stage, values);
-    rows.push(["intensity", `${format(values.intensity)}${error ? ` ± ${format(error)}` : ""}`]);
+    const errors = values.error?.map((error) => (error === null ? "unknown" : format(error))).join(", ");
+    rows.push(["intensity", `${format(values.intensity)}${errors ? ` ± ${errors}` : ""}`]);
     rows.push(["photons per frame", format(values.photons)]);
     const perSecond = values["photons-per-second"];
     rows.push(["photons per second", perSecond === undefined ? "exposure time unknown" : format(perSecond)]);
@@ -33,12 +33,6 @@ export function showReadout(values, stage, capture) {
 }
 
 const trim = (value) => (Number.isInteger(value) ? value : format(value));
-
-function errorAt(stage, values) {
-  const overlay = stage.overlays.get("uncertainty");
-  if (!overlay || !overlay.header.largest) return null;
-  return (overlay.bytes[values.row * overlay.header.width + values.column] / 255) * overlay.header.largest;
-}
 
 /** Return the numbers of dead and of hot jots. */
 function jotNumbers(bytes) {
@@ -75,7 +69,8 @@ export function showOverlayNotes(stage, state) {
       const number = overlay.bytes.reduce((sum, value) => sum + (value > 0 ? 1 : 0), 0);
       if (kind === "jots") text = jotNumbers(overlay.bytes);
       else if (kind === "saturated") text = String(number);
-      else text = `0 – ${format(overlay.header.largest)}`;
+      else text = overlay.header.largest ? `0 – ${format(overlay.header.largest)}` : "unknown";
+      get(id).title = overlay.header.note ?? "";
     }
     get(id).textContent = text;
   }

@@ -18,7 +18,13 @@ async function copy(text, what) {
     toast(`Copied: ${what}`);
   } catch {
     // Without HTTPS, browsers refuse the clipboard on addresses other than this machine.
-    toast(text);
+    const area = document.createElement("textarea");
+    area.value = text;
+    document.body.append(area);
+    area.select();
+    const isCopied = document.execCommand("copy");
+    area.remove();
+    toast(isCopied ? `Copied: ${what}` : text);
   }
 }
 
@@ -29,7 +35,7 @@ export function addSharing(store, connection, capture) {
   }
   const ask = (kind) => {
     pending.push(kind);
-    connection.send({ type: "recipe", state: request(store.state) });
+    connection.send({ type: "recipe", state: shown(store.state) });
   };
   get("copy-command").addEventListener("click", () => ask("command"));
   get("copy-python").addEventListener("click", () => ask("python"));
@@ -37,6 +43,7 @@ export function addSharing(store, connection, capture) {
     const token = encodeURIComponent(capture().token);
     copy(`${location.origin}/?token=${token}#${store.text()}`, "a link to this state");
   });
+  connection.onReopen = () => pending.splice(0);
   return (recipe) => {
     const kind = pending.shift();
     if (kind === undefined) return;
@@ -47,7 +54,7 @@ export function addSharing(store, connection, capture) {
 
 async function save(store, ending) {
   toast("Saving");
-  const state = encodeURIComponent(JSON.stringify(request(store.state)));
+  const state = encodeURIComponent(JSON.stringify(shown(store.state)));
   const answer = await fetch(`save?format=${ending}&state=${state}`).catch(() => null);
   if (!answer) {
     toast("Not saved: the server does not answer.");
@@ -69,4 +76,9 @@ async function save(store, ending) {
 /** Return the state for the server. */
 export function request(state) {
   return { ...state };
+}
+
+/** Return the state of the image that is shown, whatever arrives meanwhile. */
+function shown(state) {
+  return { ...state, follow: false };
 }
