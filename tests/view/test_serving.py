@@ -14,6 +14,7 @@ pytest.importorskip("starlette")
 exceptions = pytest.importorskip("websockets.exceptions")
 
 from jotlight.images.tone import Tone  # noqa: E402
+from jotlight.view.facts import describe_capture  # noqa: E402
 from jotlight.view.serving import Server, serving  # noqa: E402
 from jotlight.view.viewed import Viewed  # noqa: E402
 from streams import (  # noqa: E402
@@ -190,3 +191,12 @@ def test_a_server_leaves_no_thread_behind(bits):
             )
         )
     )
+
+
+def test_methods_that_do_not_serve_the_sensor_state_why(photo):
+    smooth = jl.Sensor(frames=40, oversampling=2, kernel="linear").expose(photo, rng=0)
+    methods = describe_capture(Viewed.from_bits(smooth))["methods"]
+    reasons = {each["name"]: each.get("reason") for each in methods}
+    assert "box kernel" in reasons["held-out"]
+    assert reasons["mle"] is None
+    assert reasons["network-medium"] is None

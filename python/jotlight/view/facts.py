@@ -6,7 +6,8 @@ import numpy as np
 
 from jotlight._engine import __version__
 from jotlight.evaluation.choice import choose_method
-from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.held_out import smooth_kernel_reason
+from jotlight.evaluation.methods import LARGE_METHOD, METHODS
 from jotlight.images.tone import CURVES
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.estimate import choose
@@ -92,6 +93,8 @@ def _methods(viewed: Viewable, window: int) -> list[dict[str, Any]]:
             entry["quality"] = method.quality
         if not method.available:
             entry["reason"] = f"needs the package {method.required_package}"
+        elif name == LARGE_METHOD and (reason := smooth_kernel_reason(viewed.sensor(window))):
+            entry["reason"] = reason
         else:
             try:
                 choose(viewed, window, name)
