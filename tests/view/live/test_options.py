@@ -217,6 +217,16 @@ def test_a_backlog_beyond_the_memory_is_dropped_and_counted(folder, opened):
     np.testing.assert_array_equal(live.part(range(290, 300)).packed, FRAMES[290:])
 
 
+def test_names_may_count_frames(folder, opened):
+    for first in (0, 10, 20, 40):
+        np.save(folder.parent / "new.npy", FRAMES[first : first + 10])
+        (folder.parent / "new.npy").rename(folder / f"frame{first:05}.npy")
+        if first == 0:
+            live = opened(folder, LiveOptions())
+    wait_for(lambda: live.frames.stop == 50)
+    assert live.dropped == 10
+
+
 def test_a_folder_without_captures_is_refused(folder, monkeypatch):
     monkeypatch.setattr("jotlight.view.live.folder._MAX_FAILURES", 0.05)
     (folder / "notes.txt").write_text("a bird")

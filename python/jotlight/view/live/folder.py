@@ -1,5 +1,6 @@
 """A folder in which files with frames appear."""
 
+import itertools
 import os
 import re
 import time
@@ -106,6 +107,8 @@ class FolderReader:
         self._last = next(key for key, path in files if path == first)
         self._seen = {path.name for key, path in files if key <= self._last}
         self._frames = len(bits)
+        self._unit: int | None = None
+        """Difference of the numbers of two files: 1, or their frames if the names count frames."""
         self._gaps: deque[range] = deque(maxlen=_MAX_GAPS)
 
     def __call__(self, capture: LiveCapture) -> None:
@@ -113,6 +116,10 @@ class FolderReader:
         add_frames(capture, self._bits, self._first)
         while not capture.stop.is_set():
             new = list_files(self._folder, self._seen)
+            if self._has_gap(new):
+                # A listing may lack files that appear while it is made.
+                capture.stop.wait(_STEADY_SECONDS)
+                new = list_files(self._folder, self._seen)
             for key, path in self._without_backlog(capture, new):
                 if path.suffix.lower() == self._first.suffix.lower():
                     self._read(capture, key, path)
@@ -121,6 +128,11 @@ class FolderReader:
                     capture.remark = f"{path.name}: ignored, because it is no {self._first.suffix}"
             if not new:
                 capture.stop.wait(POLL_SECONDS)
+
+    def _has_gap(self, new: list[tuple[Key, Path]]) -> bool:
+        """Return whether numbers are missing between the last file and the new ones."""
+        numbers = [self._last[0], *(key[0] for key, _ in new)]
+        return any(b - a > (self._unit or 1) for a, b in itertools.pairwise(numbers))
 
     def _without_backlog(
         self, capture: LiveCapture, new: list[tuple[Key, Path]]
@@ -152,9 +164,12 @@ class FolderReader:
             capture.remark = f"skipped, and counted as dropped: {error}"
         self._seen.add(path.name)
         before, self._last = self._last[0], key
-        if -1 < before < number - 1:
+        if self._unit is None:
+            self._unit = self._frames if number - before == self._frames else 1
+        missing = (number - before - 1) // self._unit
+        if before > -1 and missing > 0:
             self._gaps.append(range(before + 1, number))
-            drop(capture, (number - before - 1) * self._frames)
+            drop(capture, missing * self._frames)
         elif -1 < number < before:
             self._gaps.clear()
             capture.remark = f"{path.name}: its number is lower, so a new sequence begins"
