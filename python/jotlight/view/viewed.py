@@ -11,6 +11,7 @@ from jotlight.formats.capture import Capture
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.readings import refuse_different_readings
 from jotlight.sensing.sensor import Sensor
 
 MAX_BRIEF_BYTES = 1 << 23
@@ -125,6 +126,9 @@ class Viewed:
     """Whether the capture or the user states the largest intensity."""
     opening: Opening = Opening()
     is_live: bool = False
+
+    def __post_init__(self) -> None:
+        refuse_different_readings(self.sensor_of_all)
 
     @classmethod
     def from_bits(cls, bits: Bits, title: str = "bits") -> "Viewed":
