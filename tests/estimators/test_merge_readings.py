@@ -102,6 +102,14 @@ def test_equal_readings_keep_their_counts():
     np.testing.assert_array_equal(merged.ones, bits.counts())
     assert merged.sensor == sensor
     assert np.max(merged.trials) == 9
+    of_counts = jl.merge_readings(bits.counts(), sensor)
+    np.testing.assert_array_equal(of_counts.ones, merged.ones)
+    dark_counts = np.arange(16.0).reshape(4, 4) / 100
+    differing = jl.Sensor(oversampling=2, frames=20, threshold=2, dark_counts=dark_counts)
+    with pytest.raises(ValueError, match=r"counts: expected bits, because .* efficiency or dark"):
+        jl.merge_readings(np.ones((2, 2), int), differing)
+    seen = differing.expose(np.full((2, 2), 0.7), rng=0)
+    np.testing.assert_allclose(jl.mle(jl.merge_readings(seen)), jl.mle(seen), rtol=1e-5)
 
 
 def test_colors_and_stacks_are_merged():

@@ -55,6 +55,9 @@ def test_the_interval_of_a_network_covers_the_range(captured):
     assert 0.9 < contains.mean() < 0.995
     for part in np.array_split(contains, 4, axis=1):
         assert part.mean() > 0.85
+    estimate = jl.reconstruct(bits, quality="small")
+    known = jl.uncertainty(bits, quality="small", estimate=estimate)
+    np.testing.assert_array_equal(known.low, result.low)
 
 
 def test_mle_and_functions_of_the_caller_get_the_bits(captured):

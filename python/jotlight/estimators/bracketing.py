@@ -166,7 +166,7 @@ def snr_bound(sensor: Sensor, intensity: npt.ArrayLike) -> Array:
     total = np.zeros(values.shape)
     for group in sensor.groups():
         own, light = group.sensor, group.sensor.light_per_intensity
-        jots = sensor.oversampling**2
+        jots: float = sensor.oversampling**2
         if np.ndim(sensor.threshold) == 2:  # the pixels are mixed in equal shares
             jots *= float(np.mean(sensor.threshold == own.threshold))
         bit = Likelihood(

@@ -157,7 +157,7 @@ def regular_maximum(joint: JointLikelihood) -> Array:
 
 
 def solve_expected_ones(joint: JointLikelihood, ones: npt.ArrayLike) -> Array:
-    """Return the intensity in [0, S] at which so many ones are expected, (H, W), by bisection.
+    """Return the intensity in [0, S] at which a number of ones is expected, (H, W), by bisection.
 
     Examples
     --------

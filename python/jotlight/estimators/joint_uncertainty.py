@@ -43,9 +43,9 @@ def joint_uncertainty(
     The standard error is I^(-1/2), where I is the information of the readings about the intensity,
     at :func:`jotlight.estimators.joint_mle.regular_maximum`.
 
-    The interval is that of the total number of ones, whose distribution rises with the intensity:
-    with probability (1 - `confidence_level`)/2 or less, there are so many ones or more at the lower
-    end, and so many or fewer at the upper end. For up to 256 equal readings in all pixels, the
+    The interval is that of the total number of ones L, whose distribution rises with the intensity.
+    The probability of L ones or more at the lower end is (1 - `confidence_level`)/2, and so is that
+    of L ones or fewer at the upper end. For up to 256 equal readings in all pixels, the
     distribution is the exact one, a convolution of binomial distributions. Otherwise it is bounded
     by the binomial distribution with the same mean (Hoeffding 1956), so that the interval is wider
     than necessary. The coverage is at least `confidence_level` in both cases. Intervals are
@@ -110,8 +110,8 @@ def _exact_ends(
             low, high = np.where(below, middle, low), np.where(below, high, middle)
         return low, high
 
-    # At the lower end, the probability of so many ones or more is `tail`; at the upper end, that
-    # of so many or fewer.
+    # At the lower end, the probability of these ones or more is `tail`; at the upper end, that of
+    # these or fewer.
     fewer = np.maximum(ones - 1, 0)
     low, _ = bisect(lambda cumulative: 1 - cumulative[places, fewer] < tail)
     _, high = bisect(lambda cumulative: cumulative[places, ones] > tail)

@@ -100,7 +100,7 @@ def reference_sensor(sensor: Sensor) -> Sensor:
     >>> reference_sensor(Sensor(frames=4, gain=[2.0, 2.0, 16.0, 16.0])).gain
     8.0
     """
-    if not sensor.readings_differ:
+    if not sensor.readings_differ and sensor.threshold == 1:
         return sensor
     half = float(inverse_detection_probability(1, 0.5, 0.5))
     per_frame = []
@@ -113,11 +113,11 @@ def reference_sensor(sensor: Sensor) -> Sensor:
 
 def _merge(joint: JointLikelihood) -> Merged:
     """Return the equivalent counts of a gray image."""
-    reference = reference_sensor(joint.sensor)
     efficiency, dark_counts = joint.pixel_means()
-    if joint.sensor == reference and all(term.side == 1 for term in joint.terms):
-        cells = joint.terms[0].cells
-        return Merged(cells.ones, cells.trials, reference, dark_counts, efficiency)
+    if not joint.sensor.readings_differ and all(term.side == 1 for term in joint.terms):
+        counts = joint.ones.astype(np.int32)
+        return Merged(counts, joint.trials, joint.sensor, dark_counts, efficiency)
+    reference = reference_sensor(joint.sensor)
     ones, trials = equivalent_counts(joint, reference)
     return Merged(*_round_ones(ones, trials), reference, dark_counts, efficiency)
 

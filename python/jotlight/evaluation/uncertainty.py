@@ -121,6 +121,8 @@ def uncertainty(
     if sensor.readings_differ and method == EXACT_METHOD:
         return joint_uncertainty(images, sensor, confidence_level, threads).scaled(scale)
     if sensor.readings_differ:
+        if estimate is None:
+            estimate = reconstruct(images, sensor, method=method, quality=quality, threads=threads)
         images, sensor = with_one_response(images, sensor, method, quality, threads)
     if method == EXACT_METHOD:
         return exact_uncertainty(images, sensor, confidence_level, threads).scaled(scale)

@@ -20,7 +20,7 @@ from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import GrayData, count_pixels, describe_pixels
-from jotlight.sensing.readings import ReadingGroup
+from jotlight.sensing.readings import ReadingGroup, frames_differ
 from jotlight.sensing.response import Array, detection_probability
 from jotlight.sensing.sensor import Sensor
 
@@ -32,25 +32,39 @@ class Term:
     """The likelihood of one group. Its cells are the pixels, or the jots where these differ."""
 
     cells: Likelihood
+    """The likelihood of the cells, (H·side, W·side), or of the live ones among them, (n,)."""
     light: float
     """The light of a jot per frame at intensity 1."""
     side: int
     """The number of cells per pixel and dimension."""
+    live: npt.NDArray[np.bool_] | None
+    """The cells with readings of this group, (H·side, W·side), or None for all."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(H·side, W·side)."""
+        return self.cells.shape if self.live is None else self.live.shape
 
     @property
     def uniform(self) -> bool:
         """Whether all cells have the same trials, efficiency, and dark counts."""
         cells = self.cells
-        parameters = cells.trials, cells.efficiency, cells.dark_counts
+        parameters = cells.trials, cells.efficiency, cells.dark_counts, self.live
         return not any(isinstance(value, np.ndarray) for value in parameters)
 
     def spread(self, intensity: Array) -> Array:
-        """Return the light of each cell."""
+        """Return the light of each cell of the likelihood."""
         light = self.light * intensity
-        return light if self.side == 1 else light.repeat(self.side, 0).repeat(self.side, 1)
+        if self.side > 1:
+            light = light.repeat(self.side, 0).repeat(self.side, 1)
+        return light if self.live is None else light[self.live]
 
     def sum_pixels(self, values: Array) -> Array:
         """Return the sums over the cells of each pixel."""
+        if self.live is not None:
+            everywhere = np.zeros(self.live.shape)
+            everywhere[self.live] = values
+            values = everywhere
         if self.side == 1:
             return values
         height, width = (size // self.side for size in values.shape)
@@ -79,7 +93,7 @@ class JointLikelihood:
     def shape(self) -> tuple[int, ...]:
         """(H, W), in pixels."""
         term = self.terms[0]
-        height, width = term.cells.shape
+        height, width = term.shape
         return height // term.side, width // term.side
 
     @property
@@ -186,7 +200,8 @@ def joint_likelihood(data: GrayData, sensor: Sensor, threads: int | None) -> Joi
         check_fits(data.shape, sensor)
         counts: Sequence[Counts] = _count_groups(data, groups, sensor.oversampling // side, threads)
     else:
-        counts = _split_counts(data, groups, sensor)
+        _check_counts(data, sensor, varies=varies)
+        counts = [count_pixels(data, group.sensor, threads).counts for group in groups]
     return JointLikelihood(
         sensor,
         tuple(
@@ -202,15 +217,20 @@ def _term(ones: Counts, sensor: Sensor, side: int, threads: int | None) -> Term:
     if side > 1:
         sensor = sensor.replace(oversampling=1)
     pixels = describe_pixels(ones, sensor)
+    live = None if pixels.dead_pixels is None or pixels.dead_pixels.all() else ~pixels.dead_pixels
+    counts, trials, efficiency, dark_counts = (
+        value[live] if live is not None and isinstance(value, np.ndarray) else value
+        for value in (pixels.counts, pixels.trials, pixels.efficiency, pixels.dark_counts)
+    )
     cells = Likelihood(
-        pixels.counts,
-        pixels.trials,
+        counts,
+        trials,
         threshold=sensor.threshold,
-        efficiency=pixels.efficiency,
-        dark_counts=pixels.dark_counts,
+        efficiency=efficiency,
+        dark_counts=dark_counts,
         threads=threads,
     )
-    return Term(cells, light, side)
+    return Term(cells, light, side, live)
 
 
 def _count_groups(
@@ -228,14 +248,17 @@ def _count_groups(
     return counts
 
 
-def _split_counts(
-    counts: Counts, groups: Sequence[ReadingGroup[Sensor]], sensor: Sensor
-) -> list[Counts]:
-    """Return the counts of each group of jots, which differ only in their threshold."""
-    if sensor.oversampling > 1 or len({group.frames[0] for group in groups}) > 1:
+def _check_counts(counts: Counts, sensor: Sensor, *, varies: bool) -> None:
+    """Raise ValueError unless counts say which readings are 1.
+
+    They do so if all readings are alike, and if each pixel is a jot with one gain and threshold.
+    """
+    differ = sensor.readings_differ
+    if varies or (differ and (sensor.oversampling > 1 or frames_differ(sensor))):
+        names = "gain or threshold" if differ else "efficiency or dark counts"
         raise ValueError(
-            "counts: expected bits, because the readings of a pixel differ in their gain or "
-            "threshold, and a count does not say which of them are 1; pass the bits"
+            f"counts: expected bits, because the readings of a pixel differ in their {names}, and "
+            "a count does not say which of them are 1; pass the bits"
         )
-    sensor.check_map_shapes(*counts.shape)
-    return [count_pixels(counts, group.sensor, None).counts for group in groups]
+    if differ:
+        sensor.check_map_shapes(*counts.shape)

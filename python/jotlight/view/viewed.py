@@ -127,9 +127,6 @@ class Viewed:
     opening: Opening = Opening()
     is_live: bool = False
 
-    def __post_init__(self) -> None:
-        refuse_different_readings(self.sensor_of_all)
-
     @classmethod
     def from_bits(cls, bits: Bits, title: str = "bits") -> "Viewed":
         """Return bits as something to view. Without a sensor, a plain one is assumed."""
@@ -157,6 +154,7 @@ class Viewed:
 
     def sensor(self, number: int) -> Sensor:
         """Return the sensor of a window of `number` frames."""
+        refuse_different_readings(self.sensor_of_all)
         each = self.sensor_of_all.frames // len(self.data)
         return self.sensor_of_all.replace(frames=each * number)
 
