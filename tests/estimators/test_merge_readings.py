@@ -123,6 +123,7 @@ def test_colors_and_stacks_are_merged():
     assert [one.shape for one in stack] == [(8, 9)] * 3
 
 
+@pytest.mark.slow
 def test_all_methods_take_the_result():
     merged = jl.merge_readings(expose(SENSORS[0]))
     for method in (jl.admm_tv, jl.noniterative, jl.mle_iterative):

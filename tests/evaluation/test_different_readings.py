@@ -48,6 +48,7 @@ def test_equivalent_counts_have_the_same_result(captured):
     np.testing.assert_array_equal(jl.reconstruct(bits, method=network), direct)
 
 
+@pytest.mark.slow
 def test_the_interval_of_a_network_covers_the_range(captured):
     truth, bits = captured
     result = jl.uncertainty(bits, quality="small")

@@ -1,5 +1,7 @@
 """Maximum likelihood for readings with different gains and thresholds, pixel by pixel."""
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -76,27 +78,53 @@ def maximize(joint: JointLikelihood) -> Array:
     highest, offset = joint.sensor.max_intensity, dark_intensity(joint.sensor)
     at_zero = joint.gradient_and_curvature(0.0)[0] <= 0
     at_highest = joint.gradient_and_curvature(highest)[0] >= 0
+
+    def evaluate(intensity: Array) -> tuple[Array, Array]:
+        gradient, curvature = joint.gradient_and_curvature(intensity)
+        return gradient, (intensity + offset) * curvature - gradient
+
     inside = ~(at_zero | at_highest)
-    low, high = np.zeros(joint.shape), np.full(joint.shape, highest)
-    x = np.where(inside, np.clip(_start(joint, offset), 0, highest), highest / 2)
+    x = _find_root(evaluate, _start(joint, offset), inside, highest, offset)
+    return np.where(at_zero, 0.0, np.where(at_highest, highest, x))
+
+
+def _find_root(
+    evaluate: Callable[[Array], tuple[Array, Array]],
+    start: Array,
+    inside: npt.NDArray[np.bool_],
+    highest: float,
+    offset: float,
+) -> Array:
+    """Return the intensities at which a function is 0, by Newton's method with bisection.
+
+    Parameters
+    ----------
+    evaluate : callable
+        It returns the function, which falls, and minus its derivative about v = log(x + offset).
+    start : ndarray
+        The first intensities.
+    inside : ndarray of bool
+        Where the function is above 0 at 0, and below 0 at `highest`. Others have no result.
+    highest, offset : float
+        The highest intensity, and δ.
+    """
+    low, high = np.zeros(start.shape), np.full(start.shape, highest)
+    x = np.where(inside, np.clip(start, 0, highest), highest / 2)
     for _ in range(_MAX_STEPS if inside.any() else 0):
-        gradient, curvature = joint.gradient_and_curvature(x)
-        rises = gradient > 0
-        low, high = np.where(rises, x, low), np.where(gradient < 0, x, high)
+        value, slope = evaluate(x)
+        low, high = np.where(value > 0, x, low), np.where(value < 0, x, high)
         scale = x + offset
-        slope = scale * curvature - gradient
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            newton = scale * np.exp(gradient / slope) - offset
+            newton = scale * np.exp(value / slope) - offset
+            # Rounding can move a last tiny step across a bound, where bisection would undo it.
+            converged = (slope > 0) & (abs(newton - x) <= _TOLERANCE * scale)
         accepted = (slope > 0) & (low < newton) & (newton < high)
         bound = np.maximum(low, _MAX_RATIO * high)
         middle = np.sqrt((bound + offset) * (high + offset)) - offset
-        new = np.where(accepted, newton, middle)
-        new = np.where(gradient == 0, x, new)
-        converged = abs(new - x) <= _TOLERANCE * scale
-        x = new
-        if converged[inside].all():
+        x = np.where(converged, x, np.where(accepted, newton, middle))
+        if (converged | (high - low <= _TOLERANCE * scale))[inside].all():
             break
-    return np.where(at_zero, 0.0, np.where(at_highest, highest, x))
+    return x
 
 
 def dark_intensity(sensor: Sensor) -> float:
@@ -118,17 +146,20 @@ def _start(joint: JointLikelihood, offset: float) -> Array:
     highest = joint.sensor.max_intensity
     total, weights = np.zeros(joint.shape), np.zeros(joint.shape)
     for term in joint.terms:
-        cells = term.cells
-        ones = term.sum_pixels(cells.ones.astype(np.float64))
-        trials = term.sum_pixels(np.broadcast_to(np.asarray(cells.trials, float), cells.shape))
+        cells, are_pixels = term.cells, term.side == 1
+        # Jots of a pixel estimate its intensity together. Pixels without readings are left out.
+        pool = np.asarray if are_pixels else term.sum_pixels
+        ones = pool(cells.ones.astype(np.float64))
+        trials = pool(np.broadcast_to(np.asarray(cells.trials, np.float64), cells.shape))
         fraction = (ones + 0.5) / (trials + 1)
         rate = inverse_detection_probability(cells.threshold, fraction, 1 - fraction)
         own = np.clip((rate - dark_counts) / (efficiency * term.light), 1e-9 * highest, highest)
-        light = term.spread(own)
-        information = term.light**2 * term.sum_pixels(cells.information(light))
+        light = term.light * own if are_pixels else term.spread(own)
+        information = term.light**2 * pool(cells.information(light))
         weight = np.minimum(information * (own + offset) ** 2, trials) + 1e-9 * trials
-        total += weight * np.log(own + offset)
-        weights += weight
+        logarithm = weight * np.log(own + offset)
+        total += term.sum_pixels(logarithm) if are_pixels else logarithm
+        weights += term.sum_pixels(weight) if are_pixels else weight
     mean = np.divide(total, weights, out=np.zeros(joint.shape), where=weights > 0)
     return np.asarray(np.exp(mean) - offset)
 
@@ -157,7 +188,7 @@ def regular_maximum(joint: JointLikelihood) -> Array:
 
 
 def solve_expected_ones(joint: JointLikelihood, ones: npt.ArrayLike) -> Array:
-    """Return the intensity in [0, S] at which a number of ones is expected, (H, W), by bisection.
+    """Return the intensity in [0, S] at which a number of ones is expected, (H, W).
 
     Examples
     --------
@@ -176,23 +207,18 @@ def solve_expected_ones(joint: JointLikelihood, ones: npt.ArrayLike) -> Array:
         wanted = distinct
     else:
         wanted = np.broadcast_to(wanted, joint.shape)
-    solution = bisect_intensity(joint, wanted)
-    return solution[places].reshape(joint.shape) if uniform else solution
-
-
-def bisect_intensity(joint: JointLikelihood, wanted: Array) -> Array:
-    """Return the intensities in [0, S] at which `wanted` ones are expected, of the same shape.
-
-    The shape is (H, W), or any shape if the pixels are uniform.
-    """
     highest, offset = joint.sensor.max_intensity, dark_intensity(joint.sensor)
-    low, high = np.zeros(wanted.shape), np.full(wanted.shape, highest)
-    for _ in range(_MAX_STEPS):
-        bound = np.maximum(low, _MAX_RATIO * high)
-        middle = np.sqrt((bound + offset) * (high + offset)) - offset
-        below = joint.expected_ones(middle) < wanted
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-        if (high - low <= 1e-12 * high).all() or high.max() <= 1e-15 * highest:
-            break
-    outside = joint.expected_ones(np.zeros(wanted.shape)) >= wanted
-    return np.where(outside, 0.0, high)
+
+    def evaluate(intensity: Array) -> tuple[Array, Array]:
+        expected, slope = joint.expected_ones(intensity)
+        return wanted - expected, (intensity + offset) * slope
+
+    at_zero = joint.expected_ones(np.zeros(wanted.shape))[0] >= wanted
+    at_highest = joint.expected_ones(np.full(wanted.shape, highest))[0] <= wanted
+    inside = ~(at_zero | at_highest)
+    # The light of the mean reading, if it is the only one.
+    total = float(np.max(joint.trials))
+    mean = np.mean([term.light for term in joint.terms])
+    x = _find_root(evaluate, (wanted + 0.5) / (total * mean), inside, highest, offset)
+    solution = np.where(at_zero, 0.0, np.where(at_highest, highest, x))
+    return solution[places].reshape(joint.shape) if uniform else solution

@@ -21,7 +21,7 @@ from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import GrayData, count_pixels, describe_pixels
 from jotlight.sensing.readings import ReadingGroup, frames_differ
-from jotlight.sensing.response import Array, detection_probability
+from jotlight.sensing.response import Array, detection_density, detection_probability
 from jotlight.sensing.sensor import Sensor
 
 Counts = npt.NDArray[np.int32]
@@ -71,11 +71,16 @@ class Term:
         blocks = values.reshape(height, self.side, width, self.side)
         return np.asarray(blocks.sum(axis=(1, 3)))
 
-    def expected_ones(self, intensity: Array) -> Array:
-        """Return n P(q, η s + d) of each pixel. Where cells are uniform, any shape is allowed."""
+    def expected_ones(self, intensity: Array) -> tuple[Array, Array]:
+        """Return n P(q, η s + d) of each pixel, and its derivative about the intensity.
+
+        Where cells are uniform, any shape is allowed.
+        """
         cells = self.cells
         rate = cells.efficiency * self.spread(intensity) + cells.dark_counts
-        return self.sum_pixels(cells.trials * detection_probability(cells.threshold, rate))
+        slope = cells.trials * cells.efficiency * detection_density(cells.threshold, rate)
+        ones = cells.trials * detection_probability(cells.threshold, rate)
+        return self.sum_pixels(ones), self.light * self.sum_pixels(slope)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,9 +149,13 @@ class JointLikelihood:
         values = self._intensity(intensity)
         return self._sum(lambda term: term.light**2 * term.cells.information(term.spread(values)))
 
-    def expected_ones(self, intensity: Array) -> Array:
-        """Return the expected number of ones. In a uniform image, any shape is allowed."""
-        return np.asarray(sum(term.expected_ones(intensity) for term in self.terms))
+    def expected_ones(self, intensity: Array) -> tuple[Array, Array]:
+        """Return the expected number of ones of each pixel, and its derivative.
+
+        In a uniform image, any shape is allowed.
+        """
+        ones, slopes = zip(*(term.expected_ones(intensity) for term in self.terms), strict=True)
+        return np.asarray(sum(ones)), np.asarray(sum(slopes))
 
     def pixel_means(self) -> tuple[float | Array, float | Array]:
         """Return the mean efficiency and the mean dark counts of the live jots of each pixel."""
