@@ -47,6 +47,7 @@ The names of another folder have a section after these, whose title is that of t
 """
 
 USED_NAMES = {
+    "jotlight.estimators.bracketing": ("best_threshold", "intensity_range", "snr_bound"),
     "jotlight.images.io": ("image_writer",),
     "jotlight.images.tone": ("Tone",),
     "jotlight.motion.film": ("film",),

@@ -20,6 +20,9 @@ from .estimators import denoise as denoise
 from .estimators import tv as tv
 from .estimators import vst as vst
 from .estimators.admm import admm_tv as admm_tv
+from .estimators.bracketing import BracketPlan as BracketPlan
+from .estimators.bracketing import plan_brackets as plan_brackets
+from .estimators.merge_readings import merge_readings as merge_readings
 from .estimators.mle import mle as mle
 from .estimators.mle_iterative import mle_iterative as mle_iterative
 from .estimators.noniterative import noniterative as noniterative

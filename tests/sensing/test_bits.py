@@ -112,6 +112,9 @@ class OtherSensor:
         vars(other).update(changes)
         return other
 
+    def select_frames(self, frames):
+        return self.replace(frames=len(range(self.frames)[frames]))
+
     def check_map_shapes(self, height, width):
         assert (height, width) == (6, 9)
 

@@ -133,13 +133,14 @@ BAD_PARAMETERS = [
     *[
         (name, value)
         for name in ("oversampling", "frames", "threshold")
-        for value in (0, -1, 1.5, np.nan, np.inf, 2**40, 10**30, True, np.True_, None, "2", [2], 2j)
+        for value in (0, -1, 1.5, np.nan, np.inf, 2**40, 10**30, True, np.True_, None, "2", 2j)
     ],
     *[
         (name, value)
         for name in ("gain", "efficiency", "max_intensity", "exposure_time")
-        for value in (0, -1.0, np.nan, np.inf, True, "2", [2.0], 1j)
+        for value in (0, -1.0, np.nan, np.inf, True, "2", [2.0, 3.0], 1j)
     ],
+    *[(name, [2, 3]) for name in ("oversampling", "frames", "threshold")],
     ("max_intensity", None),
     ("efficiency", None),
     ("efficiency", 1.0001),

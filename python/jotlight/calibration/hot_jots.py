@@ -10,6 +10,7 @@ from jotlight.interrupts import interruptible
 from jotlight.layout import image_channels
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.readings import refuse_different_readings
 from jotlight.sensing.response import detection_probability, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
@@ -108,6 +109,8 @@ def find_hot_jots(
     if isinstance(data, Bits):
         counts, number = data.counts(1, threads=threads, progress=progress), len(data)
         if isinstance(data.sensor, Sensor):
+            if threshold is None:
+                refuse_different_readings(data.sensor)
             threshold = data.sensor.threshold if threshold is None else threshold
             mask = data.sensor.mask if mask is None else mask
         channel_axis = last_channel_axis(counts)

@@ -55,6 +55,8 @@ def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int 
     threads : int, optional
         Number of threads. Default: all.
     """
+    if sensor.readings_differ:
+        return  # their ones change without motion
     for part in parts:
         trials = max(1, sensor.trials // len(part))
         score = motion_score(part, trials=trials, threshold=sensor.threshold, threads=threads)

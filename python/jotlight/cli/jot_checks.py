@@ -34,6 +34,8 @@ def jot_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, 
     sensor : Sensor
         The sensor, whose dead jots are not compared.
     """
+    if np.ndim(sensor.threshold):
+        return []  # the ones of jots with different thresholds cannot be compared
     periodic = None if counts.ndim > 2 else find_periodic_rates(counts)
     if periodic is not None:
         # Under color filters, jots differ from their neighbors without being hot.
@@ -74,6 +76,11 @@ def mask_hot_jots(captured: Captured, threads: int | None = None) -> Captured:
     ValueError
         When pixels are counted, rather than jots, or the rates are periodic.
     """
+    if np.ndim(captured.sensor.threshold):
+        raise ValueError(
+            "find-hot-jots: expected one threshold, because the ones of jots with different "
+            "thresholds cannot be compared, got several; pass the known hot jots with --mask"
+        )
     found = _count_jots(captured, threads)
     if found is None:
         raise ValueError(

@@ -10,11 +10,12 @@ from cyclopts import Parameter
 from jotlight.cli.common_options import KNOWN_SENSOR_PANEL, SENSOR_PANEL
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.captures import read_mask
-from jotlight.sensing.maps import MAPS
 from jotlight.sensing.sensor import KERNELS
 
 _OVERSAMPLING = "K̂: each pixel covers K̂ x K̂ jots, the pixels of the camera."
 _FRAMES = "T: number of binary frames."
+_MAPS = "dark_counts", "efficiency", "mask"
+"""Options that take files of maps."""
 
 
 @Parameter(name="*", group=KNOWN_SENSOR_PANEL)
@@ -106,7 +107,7 @@ class SensorOptions:
     def map_files(self) -> list[Path]:
         """Return the files that hold maps."""
         values = self._set()
-        return [Path(values[name]) for name in MAPS if name in values]
+        return [Path(values[name]) for name in _MAPS if name in values]
 
     def to_argv(self) -> list[str]:
         """Return the options as words of a command line."""

@@ -69,6 +69,11 @@ def unit_scale(sensor: Sensor, units: str) -> float:
         raise ValueError(f"units: expected one of {', '.join(UNITS)}, got {units!r}")
     if units == "intensity":
         return 1.0
+    if np.ndim(sensor.gain):
+        raise ValueError(
+            f'units: expected "intensity", because the frames have different gains, got {units!r}; '
+            "multiply the result by the photons that a pixel of intensity 1 detects"
+        )
     if units == "photons":
         return detected_photons(sensor)
     if sensor.exposure_time is None:

@@ -10,6 +10,7 @@ import jotlight._engine as engine
 from jotlight.chunks import frame_chunks
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
+from jotlight.estimators.joint_mle import joint_mle
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.counting import count_ones
 from jotlight.sensing.pixel_counts import (
@@ -74,7 +75,9 @@ def mle(
     -----
     Paper, equation (5), which is for q = 1 without dark counts. Where the jots of one pixel differ
     in efficiency or dark counts, no closed form exists. The likelihood equation of each pixel is
-    then solved numerically, to machine precision. This requires bits.
+    then solved numerically, to machine precision. This requires bits. So does a sensor whose
+    readings differ in their gain or threshold; the joint likelihood of all readings of a pixel is
+    then maximized by Newton's method (:func:`jotlight.estimators.joint_mle.maximize`).
 
     Examples
     --------
@@ -82,9 +85,11 @@ def mle(
     >>> mle(counts, Sensor(frames=8)).round(4).tolist()
     [[0.0, 0.6930999755859375, 1.0]]
     """
-    data, sensor = prepare_data(data, sensor, trials, channel_axis)
+    data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     warn_about_smooth_kernel(sensor)
     images = gray_images(data)
+    if sensor.readings_differ:
+        return joint_mle(images, sensor, threads)
     pixels = images.count(sensor, threads)
     out = np.empty(pixels.counts.shape, np.float32)
     if pixels.varies_within_pixels:

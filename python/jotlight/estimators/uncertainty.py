@@ -185,7 +185,10 @@ def _uncertainty(
     saturated = (pixels.counts == trials) & ~dead
     unique = UniqueCounts(pixels)
     invert = build_light_inverse(pixels, unique)
-    interval = _clopper_pearson(unique, (1 - confidence_level) / 2, pixels.varies_within_pixels)
+    tail = (1 - confidence_level) / 2
+    interval = clopper_pearson(
+        unique.ones, unique.bits, tail, jots_differ=pixels.varies_within_pixels
+    )
     scale, max_intensity = 1 / sensor.light_per_intensity, sensor.max_intensity
     low, high = (np.clip(invert(p, rest) * scale, 0, max_intensity) for p, rest in interval)
     low[dead], high[dead | saturated] = 0, max_intensity
@@ -202,13 +205,29 @@ def _uncertainty(
     )
 
 
-def _clopper_pearson(
-    unique: UniqueCounts, tail: float, jots_differ: bool
+def clopper_pearson(
+    ones: npt.NDArray[Any], bits: npt.NDArray[Any], tail: float, *, jots_differ: bool
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Return the ends of the interval for p of each distinct pair, each with its complement."""
+    """Return the ends of the interval for p, each with its complement 1 - p.
+
+    Parameters
+    ----------
+    ones, bits : ndarray, any shape
+        Numbers of ones and of bits.
+    tail : float
+        The largest probability that p is beyond an end.
+    jots_differ : bool
+        Whether p is the mean of the different probabilities of the bits.
+
+    Examples
+    --------
+    >>> ones, bits = np.array([1]), np.array([2])
+    >>> (low, _), (high, _) = clopper_pearson(ones, bits, 0.025, jots_differ=False)
+    >>> low.round(4), high.round(4)
+    (array([0.0126]), array([0.9874]))
+    """
     from scipy.special import betainccinv, betaincinv
 
-    ones, bits = unique.ones, unique.bits
     zeros = bits - ones
     inverse, complement = interruptible(betaincinv), interruptible(betainccinv)
     with np.errstate(all="ignore"):

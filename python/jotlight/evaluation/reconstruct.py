@@ -13,6 +13,7 @@ from jotlight.errors import warn
 from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.choice import choose_method, requested_method
+from jotlight.evaluation.different_readings import with_one_response
 from jotlight.evaluation.held_out import blend, smooth_kernel_reason
 from jotlight.evaluation.methods import LARGE_METHOD, METHODS, OPTION_DEFAULTS, check_options
 from jotlight.evaluation.own_method import OwnMethod, run_own
@@ -176,7 +177,7 @@ def reconstruct(
         method = cast(Network, to_network())  # a module of jotlight.torch
     if sensor is None and isinstance(method, Network):
         sensor = carried_sensor(data) or method.default_sensor or method.sensor
-    data, sensor = prepare_data(data, sensor, trials, channel_axis)
+    data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     scale = np.float32(unit_scale(sensor, units))
     start = time.perf_counter()
     if callable(method) and not isinstance(method, Network):
@@ -211,8 +212,11 @@ def _run(
         extra = "quality" if quality is not None else next(iter(options))
         raise ValueError(f"{extra}: is not an option of a network; leave it out")
     requested = None if isinstance(method, Network) else _named(method, quality, options)
-    choice = choose_method(sensor, requested=requested, network=network)
     start = time.perf_counter()
+    readings_differ = sensor.readings_differ
+    if readings_differ and requested != "mle":
+        images, sensor = with_one_response(images, sensor, network or requested, quality, threads)
+    choice = choose_method(sensor, requested=requested, network=network)
     history, shares = None, None
     if fallback or choice.method == LARGE_METHOD:
         check_fallback(sensor, choice.method, choice.quality, network)
@@ -221,7 +225,9 @@ def _run(
         blends, shares = blend(images, sensor, network, threads)
         estimate = images.layout.arrange(blends)
     elif network is not None or choice.quality is not None:
-        network = network or pretrained(sensor, str(choice.quality))
+        # Equivalent counts have different numbers of trials, which only such networks take.
+        load = pretrained_conditional if readings_differ else pretrained
+        network = network or load(sensor, str(choice.quality))
         estimate = network.reconstruct(images, sensor, threads=threads)
     elif METHODS[choice.method].iterative:
         run: Callable[..., Any] = METHODS[choice.method].run

@@ -4,8 +4,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
+from jotlight.estimators.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
 from jotlight.evaluation.choice import choose_method
+from jotlight.evaluation.different_readings import with_one_response
 from jotlight.evaluation.intervals import find_intervals
 from jotlight.evaluation.methods import find_method
 from jotlight.evaluation.own_method import OwnMethod
@@ -82,7 +84,9 @@ def uncertainty(
     Notes
     -----
     For "mle", each interval is exact: that of Clopper and Pearson. Its coverage is at least
-    `confidence_level` for any number of bits and any intensity in [0, S].
+    `confidence_level` for any number of bits and any intensity in [0, S]. Where readings differ in
+    their gain or threshold, it is that of the total number of ones, with the same coverage
+    (:func:`jotlight.estimators.joint_uncertainty.joint_uncertainty`).
 
     For other methods, the coverage is an average over the pixels of photographs (conformal
     prediction), and `docs/results/uncertainty.md` states it for many cases. The errors of a
@@ -111,9 +115,15 @@ def uncertainty(
         raise ValueError(
             f"confidence_level: expected a coverage from 0.5 to below 1, got {confidence_level!r}"
         )
-    data, sensor = prepare_data(data, sensor, trials, channel_axis)
+    data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     scale = unit_scale(sensor, units)
     images = gray_images(data)
+    if sensor.readings_differ and method == EXACT_METHOD:
+        return joint_uncertainty(images, sensor, confidence_level, threads).scaled(scale)
+    if sensor.readings_differ:
+        if estimate is None:
+            estimate = reconstruct(images, sensor, method=method, quality=quality, threads=threads)
+        images, sensor = with_one_response(images, sensor, method, quality, threads)
     if method == EXACT_METHOD:
         return exact_uncertainty(images, sensor, confidence_level, threads).scaled(scale)
     network, is_own = _reference(method, quality, images, sensor)

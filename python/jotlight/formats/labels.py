@@ -39,13 +39,26 @@ def parse_label(text: str, format_: str) -> dict[str, Any] | None:
 def make_bits_label(
     width: int, sensor: SensorLike | None, provenance: Provenance | None
 ) -> dict[str, Any]:
-    """Return the label of packed bits. The caller adds the locations of the sensor's maps."""
+    """Return the label of packed bits. The caller adds the locations of the sensor's maps.
+
+    Raises
+    ------
+    ValueError
+        When the label would be too long, because the sensor has values for very many frames.
+    """
     label: dict[str, Any] = {"format": BITS, "version": VERSION, "width": width}
     if sensor is not None:
         label["sensor"] = sensor.scalars()
         label["maps"] = {}
     if provenance is not None:
         label["provenance"] = provenance.to_json()
+    # The checksums and locations that are added take much less than half of the limit.
+    if (size := len(json.dumps(label))) > MAX_LABEL_BYTES // 2:
+        raise ValueError(
+            f"bits: expected a description of at most {MAX_LABEL_BYTES // 2} bytes, got {size}, "
+            "because the gain or the threshold differs in very many frames; save parts of the "
+            "frames: bits[a:b]"
+        )
     return label
 
 

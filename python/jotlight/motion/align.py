@@ -20,6 +20,7 @@ from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.pixel_counts import carried_sensor
+from jotlight.sensing.readings import refuse_different_readings
 from jotlight.sensing.sensor import Sensor
 
 MIN_FRAMES = 16
@@ -140,6 +141,8 @@ def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst
             f"sensor: expected a jotlight.Sensor, got {type(sensor).__name__}; pass other "
             "arguments by their names, such as motion=motion"
         )
+    if sensor is not None:
+        refuse_different_readings(sensor)
     if isinstance(data, CountStack):
         if sensor is not None and sensor.oversampling > 1:
             raise ValueError(

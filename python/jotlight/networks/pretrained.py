@@ -126,6 +126,8 @@ def uses_conditional(sensor: Sensor, quality: str) -> bool:
     >>> uses_conditional(Sensor(frames=16), "small"), uses_conditional(Sensor(frames=20), "small")
     (False, True)
     """
+    if sensor.readings_differ:
+        return True
     efficiency, dark_counts = reference_jot(sensor)
     detections = efficiency * sensor.gain / sensor.trials
     is_usual = (

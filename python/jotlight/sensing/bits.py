@@ -165,7 +165,7 @@ class Bits(ArrayHints):
         packed = self.packed[frames]
         if len(packed) == 0:
             raise ValueError(f"bits: no frames in {format_frame_range(frames)} of {len(self)}")
-        sensor = self.sensor and self.sensor.replace(frames=len(packed))
+        sensor = self.sensor and self.sensor.select_frames(frames)
         provenance = self.provenance
         if provenance is not None and len(packed) < len(self):
             start, stop, step = frames.indices(len(self))

@@ -15,12 +15,14 @@ AnySensor = TypeVar("AnySensor", bound=SensorLike)
 def repr_of(sensor: SensorLike, defaults: Mapping[str, object]) -> str:
     """Return the call that makes a sensor, without parameters that have their defaults.
 
-    Maps are shown by their size.
+    Maps are shown by their size, and values for each frame by their number and range.
     """
     parts = []
     for name, default in defaults.items():
         value = getattr(sensor, name)
-        if isinstance(value, np.ndarray):
+        if isinstance(value, np.ndarray) and value.ndim == 1:
+            parts.append(f"{name}=<{_values(value)}>")
+        elif isinstance(value, np.ndarray):
             parts.append(f"{name}=<{value.shape[0]} x {value.shape[1]} map>")
         elif value != (sensor.trials if name == "gain" else default):
             parts.append(f"{name}={value!r}")
@@ -30,6 +32,9 @@ def repr_of(sensor: SensorLike, defaults: Mapping[str, object]) -> str:
 def html_of(sensor: SensorLike) -> str:
     """Return HTML that describes a sensor, for notebooks."""
     facts: dict[str, object] = {"trials per pixel": sensor.trials, **sensor.scalars()}
+    for name, value in facts.items():
+        if isinstance(value, list):
+            facts[name] = _values(np.array(value))
     maps, image = sensor.maps(), None
     for name, values in maps.items():
         size = " x ".join(map(str, values.shape))
@@ -39,6 +44,10 @@ def html_of(sensor: SensorLike) -> str:
         facts["image"], image = f"map of {first}".replace("_", " "), normalize(values)
     shown = {name.replace("_", " "): value for name, value in facts.items()}
     return card("Sensor", shown, image)
+
+
+def _values(values: npt.NDArray[Any]) -> str:
+    return f"{len(values)} values, {values.min():g} to {values.max():g}"
 
 
 def sensor_of_parts(

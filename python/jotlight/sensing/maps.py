@@ -13,17 +13,30 @@ LIMITS = 1e-18, 1e18
 float32 holds the product and the ratio of any two such numbers.
 """
 
-MAPS = ("dark_counts", "efficiency", "mask")
+MAX_THRESHOLD = 65535
+"""Largest threshold."""
+
+MAPS = ("dark_counts", "efficiency", "mask", "threshold")
 """The parameters of a sensor that may have a value for each jot."""
 
-_TITLES = {"dark_counts": "dark counts", "efficiency": "efficiency", "mask": "dead jots"}
+_TITLES = {
+    "dark_counts": "dark counts",
+    "efficiency": "efficiency",
+    "mask": "dead jots",
+    "threshold": "thresholds",
+}
 """What each map contains, for messages."""
 
 
 def checked_maps(
-    dark_counts: npt.ArrayLike, efficiency: npt.ArrayLike, mask: npt.ArrayLike | None
+    dark_counts: npt.ArrayLike,
+    efficiency: npt.ArrayLike,
+    mask: npt.ArrayLike | None,
+    threshold: object = None,
 ) -> dict[str, Any]:
     """Return the checked parameters by name: numbers, read-only maps, and None for no mask.
+
+    `threshold` is already checked. It matters only if it is a map.
 
     Raises
     ------
@@ -35,7 +48,12 @@ def checked_maps(
         "efficiency": _checked_efficiency(efficiency),
         "mask": _checked_mask(mask),
     }
-    maps = [(name, map_) for name, map_ in checked.items() if isinstance(map_, np.ndarray)]
+    everything = {**checked, "threshold": threshold}
+    maps = [
+        (name, map_)
+        for name, map_ in everything.items()
+        if isinstance(map_, np.ndarray) and map_.ndim == 2
+    ]
     for name, map_ in maps[1:]:
         first, expected = maps[0][0], maps[0][1].shape
         if map_.shape != expected:
@@ -91,6 +109,34 @@ def _checked_mask(mask: npt.ArrayLike | None) -> npt.NDArray[np.bool_] | None:
             f"got {array.dtype} of {array.ndim} dimensions"
         )
     return _read_only_copy(array, np.bool_)
+
+
+def checked_threshold_map(values: npt.NDArray[Any]) -> int | npt.NDArray[np.uint16]:
+    """Return a map of thresholds, or the number if all jots have the same.
+
+    Raises
+    ------
+    ValueError
+        When a value is not a whole number, or is out of range.
+
+    Examples
+    --------
+    >>> checked_threshold_map(np.array([[1, 2]])).dtype, checked_threshold_map(np.array([[2.0]]))
+    (dtype('uint16'), 2)
+    """
+    is_numeric = values.dtype.kind in "iuf" and values.size > 0
+    if (
+        not is_numeric
+        or not (values.min() >= 1 and values.max() <= MAX_THRESHOLD)
+        or (values.dtype.kind == "f" and (values != np.floor(values)).any())
+    ):
+        got = f"{values.min():g} to {values.max():g}" if is_numeric else values.dtype
+        raise ValueError(
+            f"threshold: expected whole numbers from 1 to {MAX_THRESHOLD} in a map of the jots, "
+            f"got {got}; mark jots that never report 1 in the mask"
+        )
+    low = int(values.min())
+    return low if low == values.max() else _read_only_copy(values, np.uint16)
 
 
 def pixel_means(

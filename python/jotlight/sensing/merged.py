@@ -12,6 +12,7 @@ from jotlight.layout import Layout
 from jotlight.notebook import card, normalize
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.maps import pixel_means
+from jotlight.sensing.readings import refuse_different_readings
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import checked_trials, numbers_from_zero
 
@@ -30,7 +31,8 @@ class Merged:
         n: the number of binary readings behind each pixel, a real number from 0 upward or a map of
         the shape of `ones`. It may be a mean, and 0 marks a pixel without data.
     sensor : Sensor
-        The sensor of the data. Its K is the nominal number of trials; its mask has no effect.
+        The sensor of the data, with one gain and one threshold. Its K is the nominal number of
+        trials; its mask has no effect.
     dark_counts : float or array_like of shape (H, W), optional
         d: the mean of the dark counts over the bits behind each pixel. Default: the sensor's.
     efficiency : float or array_like of shape (H, W), optional
@@ -73,6 +75,7 @@ class Merged:
     def __post_init__(self) -> None:
         if not isinstance(self.sensor, Sensor):
             raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(self.sensor).__name__}")
+        refuse_different_readings(self.sensor)
         ones = as_counts(self.ones)
         layout = Layout.of("ones", ones, self.channel_axis)
         if layout.is_stack:

@@ -129,7 +129,9 @@ class GrayImages:
             for one in bits:
                 check_fits(one.shape, sensor)
             _check_sizes(one.shape[-2:] for one in bits)
-            return _describe(count_ones(bits, sensor.oversampling, sensor.mask, threads), sensor)
+            return describe_pixels(
+                count_ones(bits, sensor.oversampling, sensor.mask, threads), sensor
+            )
         each = [count_pixels(one, sensor, threads) for one in self.data]
         _check_sizes(one.counts.shape for one in each)
         return PixelCounts(
@@ -180,8 +182,12 @@ def prepare_data(
     sensor: Sensor | None,
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
+    *,
+    may_differ: bool = False,
 ) -> tuple[PreparedData, Sensor]:
     """Return the data of a method with their sensor: the given one, or the one that they carry.
+
+    Unless the readings `may_differ`, the sensor must have one gain and one threshold.
 
     Stacks and color counts become gray images. Counts with `trials` become merged counts. Pixels
     that the sensor's mask marks have no trials. Bits, and counts of single jots, are tested for
@@ -216,10 +222,11 @@ def prepare_data(
             f"sensor: expected a jotlight.Sensor, because {name} carry none; pass the sensor that "
             "recorded them, such as Sensor(frames=16) for 16 trials per pixel"
         )
-    require_sensor(sensor)
+    require_sensor(sensor, may_differ=may_differ)
     several = _list_of_data(data)
     if isinstance(data, Bits | Merged | GrayImages) or several:
-        warn_about_periods([data, *several])
+        if np.ndim(sensor.threshold) < 2:  # the rates follow a map of thresholds
+            warn_about_periods([data, *several])
         for name, value in (("trials", trials), ("channel_axis", channel_axis)):
             if value is not None:
                 raise TypeError(
@@ -233,7 +240,8 @@ def prepare_data(
     counts = as_counts(cast(npt.ArrayLike, data))
     layout = Layout.of("counts", counts, channel_axis)
     images: Any = np.ascontiguousarray(layout.split(counts))
-    if sensor.oversampling == 1 and channel_axis is None:  # otherwise, the jots are not counted
+    # With an oversampling, the jots are not counted. Their rates follow a map of thresholds.
+    if sensor.oversampling == 1 and channel_axis is None and np.ndim(sensor.threshold) < 2:
         warn_about_periods([images])
     warn_about_frames(images, sensor)
     if trials is not None:
@@ -306,16 +314,16 @@ def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCo
     if isinstance(data, Bits):
         check_fits(data.shape, sensor)
         ones = count_ones([data], sensor.oversampling, sensor.mask, threads)
-        return _describe(ones[0], sensor)
+        return describe_pixels(ones[0], sensor)
     counts = as_counts(data)
     _check_jots(counts, sensor)
     if sensor.mask is not None:
         counts = np.where(sensor.mask, np.int32(0), counts)
     check_range(counts, sensor)
-    return _describe(counts, sensor)
+    return describe_pixels(counts, sensor)
 
 
-def _describe(counts: npt.NDArray[np.int32], sensor: Sensor) -> PixelCounts:
+def describe_pixels(counts: npt.NDArray[np.int32], sensor: Sensor) -> PixelCounts:
     """Return counts with the parameters of their pixels, which are those of the sensor."""
     mask, side = sensor.mask, sensor.oversampling
     trials: float | npt.NDArray[np.float64] = sensor.trials

@@ -37,7 +37,11 @@ def saturation_intensity(sensor: Sensor) -> float:
     --------
     >>> round(saturation_intensity(Sensor(frames=16)), 4)  # log(2 * 16)
     3.4657
+
+    Where the readings differ in their gain or threshold, it is that of the least sensitive ones.
     """
+    if sensor.readings_differ:
+        return max(saturation_intensity(group.sensor) for group in sensor.groups())
     dark, efficiency = (
         float(_of_live_jots(value, sensor).min()) if isinstance(value, np.ndarray) else float(value)
         for value in (sensor.dark_counts, sensor.efficiency)

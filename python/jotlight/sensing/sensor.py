@@ -10,10 +10,19 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.checks import number_in_range, require_names, whole_number_in_range
 from jotlight.seeds import SeedLike, seed_bytes
+from jotlight.sensing import readings
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.description import html_of, repr_of, sensor_of_parts
-from jotlight.sensing.maps import LIMITS, MAPS, checked_maps
-from jotlight.sensing.simulate import Window, checked_images, crop, draw_stack, evaluate_on_jots
+from jotlight.sensing.maps import LIMITS, checked_maps
+from jotlight.sensing.parameters import Parameters
+from jotlight.sensing.readings import ReadingGroup
+from jotlight.sensing.simulate import (
+    EnginePart,
+    Window,
+    checked_images,
+    crop,
+    draw_stack,
+    evaluate_parts,
+)
 from jotlight.sensing.simulated_bits import simulated_bits
 
 KERNELS = ("box", "linear", "quadratic", "cubic")
@@ -21,8 +30,8 @@ KERNELS = ("box", "linear", "quadratic", "cubic")
 
 
 @require_names("Sensor(frames=16)")
-@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Sensor:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Sensor(Parameters):
     """A quanta image sensor: each jot reports 1 when at least `threshold` photons arrive.
 
     The jots receive the *light* ``s = (gain / frames) * (G c)`` of an image c: the expected number
@@ -37,11 +46,13 @@ class Sensor:
         K̂: each pixel covers K̂ x K̂ jots.
     frames : int
         T: the number of binary frames of the same scene.
-    gain : float, optional
+    gain : float or array_like of shape (T,), optional
         α: the expected photons on a pixel of intensity 1, over all its jots and frames, 1e-18 to
-        1e18. Default: K, the number of trials per pixel.
-    threshold : int
-        q: the minimum number of photons for which a jot reports 1.
+        1e18. An array states the photons of each frame, as of a bracket of exposures; their sum is
+        α. Default: K, the number of trials per pixel.
+    threshold : int or array_like of shape (T,) or (H * K̂, W * K̂)
+        q: the minimum number of photons for which a jot reports 1, 1 to 65535: a number, one for
+        each frame, or a map with one for each jot.
     kernel : {"box", "linear", "quadratic", "cubic"}
         The B-spline that spreads a pixel's light. The box keeps it on the pixel's own jots.
     dark_counts : float or array_like of shape (H * K̂, W * K̂)
@@ -79,7 +90,7 @@ class Sensor:
 
     oversampling: int = 1
     frames: int = 1
-    # __post_init__ replaces None, so the attribute is always a number.
+    # __post_init__ replaces None. Code for arrays of these two asks `readings_differ` before.
     gain: float = None  # type: ignore[assignment]
     threshold: int = 1
     kernel: str = "box"
@@ -90,7 +101,7 @@ class Sensor:
     exposure_time: float | None = None
 
     def __post_init__(self) -> None:
-        for name, maximum in (("oversampling", 4096), ("frames", 2**31 - 1), ("threshold", 65535)):
+        for name, maximum in (("oversampling", 4096), ("frames", 2**31 - 1)):
             value = whole_number_in_range(name, getattr(self, name), 1, maximum)
             object.__setattr__(self, name, value)
         if self.trials >= 2**31:
@@ -101,14 +112,15 @@ class Sensor:
         if self.kernel not in KERNELS:
             raise ValueError(f"kernel: expected one of {', '.join(KERNELS)}, got {self.kernel!r}")
         gain: float | None = self.gain
-        numbers = {"gain": self.trials if gain is None else gain}
-        numbers["max_intensity"] = self.max_intensity
-        if self.exposure_time is not None:
-            numbers["exposure_time"] = self.exposure_time
-        for name, number in numbers.items():
-            object.__setattr__(self, name, number_in_range(name, number, *LIMITS))
-        for name, map_ in checked_maps(self.dark_counts, self.efficiency, self.mask).items():
-            object.__setattr__(self, name, map_)
+        checked: dict[str, Any] = {
+            "gain": readings.checked_gain(self.trials if gain is None else gain, self.frames),
+            "threshold": readings.checked_threshold(self.threshold, self.frames),
+        }
+        for name in ("max_intensity", *(["exposure_time"] * (self.exposure_time is not None))):
+            checked[name] = number_in_range(name, getattr(self, name), *LIMITS)
+        checked |= checked_maps(self.dark_counts, self.efficiency, self.mask, checked["threshold"])
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
 
     @property
     def trials(self) -> int:
@@ -117,8 +129,39 @@ class Sensor:
 
     @property
     def light_per_intensity(self) -> float:
-        """α/K: the light of a jot (photons per frame) at intensity 1, with the box kernel."""
+        """α/K: the light of a jot (photons per frame) at intensity 1, with the box kernel.
+
+        With a gain for each frame, this is an error.
+        """
+        if np.ndim(self.gain):
+            readings.refuse_different_readings(self)
         return self.gain / self.trials
+
+    @property
+    def readings_differ(self) -> bool:
+        """Whether the gain or the threshold has a value for each frame, or for each jot."""
+        return readings.readings_differ(self)
+
+    def groups(self) -> list[ReadingGroup[Self]]:
+        """Return the readings with equal gain and threshold: their frames and their sensor.
+
+        Examples
+        --------
+        >>> groups = Sensor(frames=3, gain=[1.0, 8.0, 1.0]).groups()
+        >>> [(group.frames.tolist(), group.sensor) for group in groups]
+        [([0, 2], Sensor(frames=2)), ([1], Sensor(gain=8.0))]
+        """
+        return readings.group_readings(self)
+
+    def select_frames(self, frames: slice) -> Self:
+        """Return the sensor of some of the frames.
+
+        Examples
+        --------
+        >>> Sensor(frames=4, gain=[1.0, 8.0, 1.0, 8.0]).select_frames(slice(None, None, 2))
+        Sensor(frames=2)
+        """
+        return readings.select_frames(self, frames)
 
     def replace(self, **changes: Any) -> Self:
         """Return a sensor with some parameters changed. Unless `gain` is changed, α/K is kept.
@@ -130,6 +173,7 @@ class Sensor:
         >>> Sensor(oversampling=2, gain=2.0).replace(frames=3).gain
         6.0
         """
+        changes = readings.replaced_gain(self, changes)
         new = dataclasses.replace(self, **{"gain": None, **changes})
         if "gain" not in changes:
             gain = self.light_per_intensity * new.trials
@@ -157,7 +201,8 @@ class Sensor:
         Returns
         -------
         ndarray of float32, shape (..., H * K̂, W * K̂)
-            The rates of all jots. Dead jots are treated as if they were alive.
+            The rates of all jots. Dead jots are treated as if they were alive. With a gain for each
+            frame, the first axis is that of the frames, (T, ..., H * K̂, W * K̂).
 
         Examples
         --------
@@ -166,7 +211,9 @@ class Sensor:
                [0.375, 0.375]], dtype=float32)
         """
         images = checked_images(self, image, channel_axis)
-        return evaluate_on_jots(engine.rate, self.engine_arguments(), *images, threads)
+        # Rates do not depend on thresholds, of which maps make groups.
+        sensor = self.replace(threshold=1) if self.readings_differ else self
+        return evaluate_parts(engine.rate, sensor.engine_parts(), *images, threads)
 
     def probability(
         self,
@@ -177,7 +224,8 @@ class Sensor:
     ) -> npt.NDArray[np.float32]:
         """Return P(b = 1) of each jot: equation (3). It is 0 for a dead jot.
 
-        The parameters are those of :meth:`rate`.
+        The parameters are those of :meth:`rate`. With a gain or a threshold for each frame, the
+        first axis of the result is that of the frames.
 
         Examples
         --------
@@ -185,7 +233,7 @@ class Sensor:
         True
         """
         images = checked_images(self, image, channel_axis)
-        return evaluate_on_jots(engine.probability, self.engine_arguments(), *images, threads)
+        return evaluate_parts(engine.probability, self.engine_parts(), *images, threads)
 
     def expose(
         self,
@@ -256,51 +304,15 @@ class Sensor:
         window = Window.from_slices((height, width), self.frames, tile, frames)
         sensor = crop(self, window, (height, width))
         packed = draw_stack(
-            self.engine_arguments(), pixels, layout, seed_bytes(rng), window, out, threads, progress
+            self.engine_parts(), pixels, layout, seed_bytes(rng), window, out, threads, progress
         )
         bits = simulated_bits(packed, len(window.columns) * self.oversampling, sensor)
         # The type of the result cannot tell images from stacks. Most callers have images.
         return bits if layout.is_stack else bits[0]  # type: ignore[return-value]
 
-    def check_map_shapes(self, height: int, width: int) -> None:
-        """Raise ValueError unless each map has `height` rows and `width` columns of jots."""
-        for name, map_ in self.maps().items():
-            if map_.shape != (expected := (height, width)):
-                raise ValueError(
-                    f"{name}: expected one value per jot, shape {expected}, got shape {map_.shape}"
-                )
-
-    def maps(self) -> dict[str, npt.NDArray[Any]]:
-        """Return the parameters that are maps over the jots, by name."""
-        return {
-            name: value for name in MAPS if isinstance(value := getattr(self, name), np.ndarray)
-        }
-
-    def without_maps(self) -> Self:
-        """Return the sensor without a mask, and with the means of the other maps."""
-        dark, efficiency = float(np.mean(self.dark_counts)), float(np.mean(self.efficiency))
-        return self.replace(mask=None, dark_counts=dark, efficiency=efficiency)
-
-    def scalars(self) -> dict[str, Any]:
-        """Return the parameters that are neither maps nor None, by name, as values of JSON."""
-        maps, names = self.maps(), [field.name for field in dataclasses.fields(self)]
-        values = {name: getattr(self, name) for name in names if name not in maps}
-        return {name: value for name, value in values.items() if value is not None}
-
-    @classmethod
-    def from_parts(cls, scalars: Any, maps: dict[str, npt.NDArray[Any]] | None = None) -> Self:
-        """Return the sensor with these :meth:`scalars` and :meth:`maps`.
-
-        Raises
-        ------
-        ValueError
-            When the parts do not describe a sensor.
-        """
-        names = [field.name for field in dataclasses.fields(cls)]
-        return sensor_of_parts(cls, names, scalars, maps or {})
-
     def engine_arguments(self) -> dict[str, Any]:
         """Return the sensor as the engine's simulation expects it."""
+        readings.refuse_different_readings(self)
         return {
             "oversampling": self.oversampling,
             "kernel_degree": KERNELS.index(self.kernel),
@@ -311,35 +323,28 @@ class Sensor:
             "threshold": self.threshold,
         }
 
+    def engine_parts(self) -> list[EnginePart]:
+        """Return the groups of equal readings as the engine's simulation expects them."""
+        if not self.readings_differ:
+            return [(None, self.engine_arguments())]
+        by_frame = readings.frames_differ(self)
+        return [
+            (group.frames if by_frame else None, group.sensor.engine_arguments())
+            for group in self.groups()
+        ]
+
     def pixel_response(self) -> tuple[int, float, float]:
         """Return (q, α/K, S): a pixel's response with the box kernel, for the engine."""
+        readings.refuse_different_readings(self)
         return self.threshold, self.light_per_intensity, self.max_intensity
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Sensor):
-            return NotImplemented
-        mine, theirs = self.maps(), other.maps()
-        return (
-            self.scalars() == other.scalars()
-            and mine.keys() == theirs.keys()
-            and all(np.array_equal(mine[name], theirs[name]) for name in mine)
-        )
 
-    def __hash__(self) -> int:
-        maps = ((name, map_.shape, float(map_.sum())) for name, map_ in self.maps().items())
-        return hash((*self.scalars().items(), *maps))
-
-    def _repr_html_(self) -> str:
-        return html_of(self)
-
-    def __repr__(self) -> str:
-        return repr_of(self, {field.name: field.default for field in dataclasses.fields(self)})
-
-
-def require_sensor(sensor: object) -> None:
-    """Raise TypeError unless the argument is a sensor."""
+def require_sensor(sensor: object, *, may_differ: bool = False) -> None:
+    """Raise TypeError unless the argument is a sensor, and ValueError if its readings differ."""
     if not isinstance(sensor, Sensor):
         raise TypeError(
             "sensor: expected a jotlight.Sensor, such as Sensor(frames=16) for 16 trials per "
             f"pixel, got {sensor!r}"
         )
+    if not may_differ:
+        readings.refuse_different_readings(sensor)

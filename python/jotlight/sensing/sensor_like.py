@@ -20,6 +20,7 @@ class SensorLike(Protocol):
     def kernel(self) -> str: ...  # noqa: D102
 
     def replace(self, **changes: Any) -> Self: ...  # noqa: D102
+    def select_frames(self, frames: slice) -> Self: ...  # noqa: D102
     def check_map_shapes(self, height: int, width: int) -> None: ...  # noqa: D102
     def maps(self) -> dict[str, npt.NDArray[Any]]: ...  # noqa: D102
     def scalars(self) -> dict[str, Any]: ...  # noqa: D102

@@ -4,8 +4,9 @@ The functions take the sensor as the dictionary that `Sensor.engine_arguments` r
 """
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -21,10 +22,17 @@ from jotlight.sensing.sensor_like import SensorLike
 
 AnySensor = TypeVar("AnySensor", bound=SensorLike)
 EngineSensor = dict[str, Any]
+
+_MAX_JOTS = 1 << 26
+"""Maximum number of jots that are drawn at once for one of several parts."""
+
 JotFunction = Callable[
     [EngineSensor, npt.NDArray[Any], int, npt.NDArray[np.float32], int | None], None
 ]
 """A function of the engine that fills some rows of jots: `engine.rate` or `engine.probability`."""
+
+EnginePart = tuple[npt.NDArray[np.intp] | None, EngineSensor]
+"""Readings with the same gain and threshold: their frames, or None for all, and their sensor."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,8 +119,9 @@ def _warn_of_scale(pixels: npt.NDArray[Any], max_intensity: float) -> None:
 
 def crop(sensor: AnySensor, window: Window, image_size: tuple[int, int]) -> AnySensor:
     """Return a sensor, cropped to a window of an image of size `image_size`."""
-    frames = len(window.frames)
-    cropped = sensor if frames == sensor.frames else sensor.replace(frames=frames)
+    frames = window.frames
+    whole = len(frames) == sensor.frames
+    cropped = sensor if whole else sensor.select_frames(slice(frames.start, frames.stop))
     if (len(window.rows), len(window.columns)) == image_size:
         return cropped
     jots = window.jot_slices(sensor.oversampling)
@@ -141,7 +150,7 @@ def packed_output(
 
 
 def draw_stack(
-    sensor: EngineSensor,
+    parts: list[EnginePart],
     pixels: npt.NDArray[Any],
     layout: Layout,
     seed: bytes,
@@ -154,7 +163,7 @@ def draw_stack(
 
     Their shape is (frames, rows, bytes), or (frames, rows, bytes, C) for color.
     """
-    shape = window.packed_shape(sensor["oversampling"])
+    shape = window.packed_shape(parts[0][1]["oversampling"])
     is_color = layout.channel_axis is not None
     stack, channels = (layout.shape[:-1], layout.shape[-1:]) if is_color else (layout.shape, ())
     packed = packed_output((*stack, *shape, *channels), out)
@@ -168,8 +177,56 @@ def draw_stack(
     images = layout.split(pixels)
     images = images.reshape(number, -1, *images.shape[1:])
     seeds = [seed_of_image(seed, index) for index in range(number)]
-    draw_bits(sensor, images, seeds, window, views, threads, progress)
+    draw_parts(parts, images, seeds, window, views, threads, progress)
     return list(drawn) if stack else [packed]
+
+
+def draw_parts(
+    parts: list[EnginePart],
+    images: npt.NDArray[Any],
+    seeds: list[bytes],
+    window: Window,
+    out: npt.NDArray[np.uint8],
+    threads: int | None,
+    progress: Callable[[float], object] | None,
+) -> None:
+    """Draw the packed bits of readings that may differ, as :func:`draw_bits` does.
+
+    A jot reports 0 in all parts but its own, because their sensors mask it. So the bits of parts
+    with the same frames are combined by OR. The random numbers depend on the positions alone.
+    """
+    if len(parts) == 1:
+        draw_bits(parts[0][1], images, seeds, window, out, threads, progress)
+        return
+    out[:] = 0
+    jots = len(seeds) * out.shape[3] * out.shape[4] * 8
+    length = max(1, _MAX_JOTS // jots)
+    runs = [
+        (run, sensor) for frames, sensor in parts for run in _runs(frames, window.frames, length)
+    ]
+    for index, (run, sensor) in enumerate(runs):
+        drawn = np.empty((*out.shape[:2], len(run), *out.shape[3:]), np.uint8)
+        own = dataclasses.replace(window, frames=run)
+        draw_bits(sensor, images, seeds, own, drawn, threads, None)
+        start = run.start - window.frames.start
+        out[:, :, start : start + len(run)] |= drawn
+        if progress:
+            progress((index + 1) / len(runs))
+
+
+def _runs(frames: npt.NDArray[np.intp] | None, window: range, length: int) -> list[range]:
+    """Return the frames of a part in a window, as ranges of at most `length` frames."""
+    if frames is None:
+        inside = np.arange(window.start, window.stop)
+    else:
+        inside = frames[(frames >= window.start) & (frames < window.stop)]
+    ends = np.flatnonzero(np.diff(inside) > 1) + 1
+    return [
+        range(start, min(start + length, int(run[-1]) + 1))
+        for run in np.split(inside, ends)
+        if len(run)
+        for start in range(int(run[0]), int(run[-1]) + 1, length)
+    ]
 
 
 def draw_bits(
@@ -235,6 +292,40 @@ def evaluate_on_jots(
     for plane, jots in zip(images, out, strict=True):
         function(sensor, plane, 0, jots, threads)
     return layout.arrange(out)
+
+
+def evaluate_parts(
+    function: JotFunction,
+    parts: list[EnginePart],
+    image: npt.NDArray[Any],
+    layout: Layout,
+    threads: int | None,
+) -> npt.NDArray[np.float32]:
+    """Return :func:`evaluate_on_jots` of readings that may differ.
+
+    If the frames differ, the first axis is that of the frames. The values of parts with the same
+    frames are added: each is 0 for the jots of the others.
+    """
+    if len(parts) == 1:
+        return evaluate_on_jots(function, parts[0][1], image, layout, threads)
+    values = (evaluate_on_jots(function, sensor, image, layout, threads) for _, sensor in parts)
+    if parts[0][0] is None:
+        return np.asarray(sum(values))
+    first = next(values)
+    number = sum(len(frames) for frames in _distinct_frames(parts))
+    out = np.zeros((number, *first.shape), np.float32)
+    for (frames, _), own in zip(parts, itertools.chain([first], values), strict=True):
+        out[frames] += own
+    return out
+
+
+def _distinct_frames(parts: list[EnginePart]) -> Iterator[npt.NDArray[np.intp]]:
+    """Yield the frames of each group of parts with the same frames."""
+    seen = set()
+    for frames, _ in parts:
+        if frames is not None and int(frames[0]) not in seen:
+            seen.add(int(frames[0]))
+            yield frames
 
 
 def _as_range(name: str, part: slice, size: int) -> range:

@@ -1,0 +1,185 @@
+"""Equivalent counts of readings with different gains and thresholds: those of one reference sensor.
+
+The readings of a pixel have a likelihood as a function of its intensity. Equivalent counts of a
+sensor with one gain and one threshold have the same maximum and the same information, so everything
+that takes merged counts works on them.
+"""
+
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.estimators.joint_mle import regular_maximum
+from jotlight.sensing.channels import stack_channels
+from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.pixel_counts import Data, GrayImages, gray_images, prepare_data
+from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.sensor import Sensor
+
+_MAX_TRIALS = 2.0**30
+"""Maximum number of equivalent trials. Counts are 32-bit integers."""
+
+
+def merge_readings(
+    data: Data, sensor: Sensor | None = None, *, threads: int | None = None
+) -> Merged | list[Merged]:
+    """Return counts of one gain and one threshold that say the same about each pixel.
+
+    Readings with different gains or thresholds, such as a bracket of exposures, become counts of a
+    reference sensor: real numbers of trials, and whole numbers of ones. The likelihood of a pixel
+    has the same maximum as that of all its readings, and the same information there. All methods
+    and K-conditioned networks take the result.
+
+    Parameters
+    ----------
+    data : Bits, list of Bits, or array_like of int
+        The bits; or counts (..., H, W), if each pixel is one jot whose readings are all alike.
+    sensor : Sensor, optional
+        The sensor that recorded the data. Default: the one that bits carry. A smooth kernel is
+        treated as the box kernel.
+    threads : int, optional
+        The number of threads. Default: all cores.
+
+    Returns
+    -------
+    Merged
+        Merged counts (H, W), or (H, W, C) for color. Their sensor has threshold 1 and the gain of
+        :func:`reference_sensor`. For a list or a stack, a list of merged counts.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When data and sensor do not fit together, or counts do not say which readings are 1.
+
+    Notes
+    -----
+    With the derivative g of the log-likelihood and the information I at its maximum in [0, S], and
+    with the probability p of a one at the reference sensor and its derivative p', the equivalent
+    trials are ``n = I p (1 - p) / p'²``, and the ones are ``n p + g p (1 - p) / p'``. Inside of
+    [0, S], g is 0. Where all readings are 0 or all are 1, the ones are 0 or n, and n has the
+    same derivative at the intensity at which half a one or half a zero is expected. Ones are
+    rounded to whole numbers. Trials are then scaled such that the maximum stays the same.
+
+    Examples
+    --------
+    >>> sensor = Sensor(frames=48, gain=np.repeat([1.0, 8.0, 64.0], 16), max_intensity=5.0)
+    >>> merged = merge_readings(sensor.expose(np.array([[0.001, 0.1, 4.0]]), rng=0))
+    >>> merged.sensor
+    Sensor(frames=48, max_intensity=5.0)
+    >>> bool(merged.trials[0, 0] > merged.trials[0, 1] > merged.trials[0, 2])
+    True
+    """
+    prepared, sensor = prepare_data(data, sensor, may_differ=True)
+    images = gray_images(prepared)
+    merged = merge_images(images, sensor, threads)
+    layout, each = images.layout, cast(list[Merged], merged.data)
+    if layout.channel_axis is None:
+        return each[0] if layout.is_single else each
+    number = layout.shape[-1]
+    colors = [_join_channels(each[i : i + number]) for i in range(0, len(each), number)]
+    return colors[0] if len(layout.shape) == 1 else colors
+
+
+def merge_images(images: GrayImages, sensor: Sensor, threads: int | None) -> GrayImages:
+    """Return the equivalent counts of gray images, which states their sensor."""
+    each = [_merge(joint_likelihood(one, sensor, threads)) for one in images.data]
+    return GrayImages(each, images.layout)
+
+
+def reference_sensor(sensor: Sensor) -> Sensor:
+    """Return the sensor with one gain and threshold 1 to which equivalent counts refer.
+
+    At the light at which half of the least sensitive readings are ones, half of its bits are ones.
+    So it is not saturated where the readings are not, and its trials are at least about as many as
+    those of the least sensitive readings.
+
+    Examples
+    --------
+    >>> reference_sensor(Sensor(frames=4, gain=[2.0, 2.0, 16.0, 16.0])).gain
+    8.0
+    """
+    if not sensor.readings_differ and sensor.threshold == 1:
+        return sensor
+    half = float(inverse_detection_probability(1, 0.5, 0.5))
+    per_frame = []
+    for group in sensor.groups():
+        own = group.sensor
+        rate = float(inverse_detection_probability(own.threshold, 0.5, 0.5))
+        per_frame.append(own.gain / own.frames * half / rate)
+    return sensor.replace(threshold=1, gain=min(per_frame) * sensor.frames)
+
+
+def _merge(joint: JointLikelihood) -> Merged:
+    """Return the equivalent counts of a gray image."""
+    efficiency, dark_counts = joint.pixel_means()
+    if not joint.sensor.readings_differ and all(term.side == 1 for term in joint.terms):
+        counts = joint.ones.astype(np.int32)
+        return Merged(counts, joint.trials, joint.sensor, dark_counts, efficiency)
+    reference = reference_sensor(joint.sensor)
+    ones, trials = equivalent_counts(joint, reference)
+    return Merged(*_round_ones(ones, trials), reference, dark_counts, efficiency)
+
+
+def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array, Array]:
+    """Return the real numbers of ones and of trials of a reference sensor with threshold 1.
+
+    Parameters
+    ----------
+    joint : JointLikelihood
+        The likelihood of the readings.
+    reference : Sensor
+        A sensor with one gain, threshold 1, and the efficiency and the dark counts of the readings.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.bits import Bits
+    >>> sensor = Sensor(frames=2, gain=[1.0, 3.0], max_intensity=9.0)
+    >>> joint = joint_likelihood(Bits.from_array([[[1]], [[0]]]), sensor, None)
+    >>> ones, trials = equivalent_counts(joint, reference_sensor(sensor))
+    >>> ones.round(4), trials.round(4), (ones / trials).round(4)  # 1/4 at x = log(4/3)
+    (array([[0.7973]]), array([[3.1892]]), array([[0.25]]))
+    """
+    efficiency, dark_counts = joint.pixel_means()
+    intensity = regular_maximum(joint)
+    gradient = joint.gradient_and_curvature(intensity)[0]
+    slope = efficiency * reference.light_per_intensity
+    rate = slope * intensity + dark_counts
+    one, zero = -np.expm1(-rate), np.exp(-rate)
+    total, all_trials = joint.ones, joint.trials
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        # p' = slope * zero, so p (1 - p) / p' = one / slope.
+        trials = joint.information(intensity) * one / (zero * slope**2)
+        ones = trials * one + gradient * one / slope
+        dark = total == 0
+        trials = np.where(dark, -gradient / slope, trials)
+        saturated = (total == all_trials) & ~dark
+        trials = np.where(saturated, gradient * one / (slope * zero), trials)
+    trials = np.where((all_trials > 0) & (trials > 0), trials, 0.0)
+    trials = np.minimum(trials, _MAX_TRIALS)
+    ones = np.where(dark, 0.0, np.where(saturated, trials, ones))
+    return np.clip(ones, 0, trials), trials
+
+
+def _round_ones(ones: Array, trials: Array) -> tuple[npt.NDArray[np.int32], Any]:
+    """Return whole numbers of ones, and trials with the same fraction of ones."""
+    fraction = np.divide(ones, trials, out=np.zeros(ones.shape), where=trials > 0)
+    whole = np.rint(ones)
+    whole = np.where((fraction > 0.5) & (whole == 0), 1.0, whole)
+    scaled = np.divide(whole, fraction, out=trials.copy(), where=(fraction > 0) & (whole > 0))
+    return whole.astype(np.int32), np.maximum(scaled, whole)
+
+
+def _join_channels(channels: list[Merged]) -> Merged:
+    """Return the merged counts of the channels of one image as those of a color image."""
+    first = channels[0]
+    trials = [np.broadcast_to(np.asarray(each.trials), each.shape) for each in channels]
+    return Merged(
+        stack_channels([each.ones for each in channels], color=True),
+        stack_channels(trials, color=True),
+        first.sensor,
+        first.dark_counts,
+        first.efficiency,
+        channel_axis=-1,
+    )

@@ -1,0 +1,273 @@
+"""The likelihood of readings with different gains and thresholds, as a function of the intensity.
+
+Readings with the same gain and threshold are a group, whose counts have the likelihood of
+:mod:`jotlight.sensing.likelihood`. All readings of a pixel see the same intensity, so the joint
+log-likelihood is the sum of those of the groups.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.counting import count_ones
+from jotlight.sensing.frames import read_in_chunks
+from jotlight.sensing.likelihood import Likelihood
+from jotlight.sensing.maps import pixel_means
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.pixel_counts import GrayData, count_pixels, describe_pixels
+from jotlight.sensing.readings import ReadingGroup, frames_differ
+from jotlight.sensing.response import Array, detection_density, detection_probability
+from jotlight.sensing.sensor import Sensor
+
+Counts = npt.NDArray[np.int32]
+
+
+@dataclasses.dataclass(frozen=True)
+class Term:
+    """The likelihood of one group. Its cells are the pixels, or the jots where these differ."""
+
+    cells: Likelihood
+    """The likelihood of the cells, (H·side, W·side), or of the live ones among them, (n,)."""
+    light: float
+    """The light of a jot per frame at intensity 1."""
+    side: int
+    """The number of cells per pixel and dimension."""
+    live: npt.NDArray[np.bool_] | None
+    """The cells with readings of this group, (H·side, W·side), or None for all."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(H·side, W·side)."""
+        return self.cells.shape if self.live is None else self.live.shape
+
+    @property
+    def uniform(self) -> bool:
+        """Whether all cells have the same trials, efficiency, and dark counts."""
+        cells = self.cells
+        parameters = cells.trials, cells.efficiency, cells.dark_counts, self.live
+        return not any(isinstance(value, np.ndarray) for value in parameters)
+
+    def spread(self, intensity: Array) -> Array:
+        """Return the light of each cell of the likelihood."""
+        light = self.light * intensity
+        if self.side > 1:
+            light = light.repeat(self.side, 0).repeat(self.side, 1)
+        return light if self.live is None else light[self.live]
+
+    def sum_pixels(self, values: Array) -> Array:
+        """Return the sums over the cells of each pixel."""
+        if self.live is not None:
+            everywhere = np.zeros(self.live.shape)
+            everywhere[self.live] = values
+            values = everywhere
+        if self.side == 1:
+            return values
+        height, width = (size // self.side for size in values.shape)
+        blocks = values.reshape(height, self.side, width, self.side)
+        return np.asarray(blocks.sum(axis=(1, 3)))
+
+    def expected_ones(self, intensity: Array) -> tuple[Array, Array]:
+        """Return n P(q, η s + d) of each pixel, and its derivative about the intensity.
+
+        Where cells are uniform, any shape is allowed.
+        """
+        cells = self.cells
+        rate = cells.efficiency * self.spread(intensity) + cells.dark_counts
+        slope = cells.trials * cells.efficiency * detection_density(cells.threshold, rate)
+        ones = cells.trials * detection_probability(cells.threshold, rate)
+        return self.sum_pixels(ones), self.light * self.sum_pixels(slope)
+
+
+@dataclasses.dataclass(frozen=True)
+class JointLikelihood:
+    """The log-likelihood of all readings of a gray image, a function of the intensities (H, W).
+
+    It is the sum over the groups of the log-likelihood ℓ of equation (4) at the light of the group.
+    It is concave, and so it has one maximum.
+    """
+
+    sensor: Sensor
+    terms: tuple[Term, ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(H, W), in pixels."""
+        term = self.terms[0]
+        height, width = term.shape
+        return height // term.side, width // term.side
+
+    @property
+    def uniform(self) -> bool:
+        """Whether all pixels have the same trials, efficiency, and dark counts."""
+        return all(term.uniform for term in self.terms)
+
+    @property
+    def ones(self) -> Array:
+        """The number of ones of each pixel, in all groups."""
+        return self._sum(lambda term: term.cells.ones.astype(np.float64))
+
+    @property
+    def trials(self) -> Array:
+        """The number of readings of each pixel, in all groups."""
+        return self._sum(
+            lambda term: np.broadcast_to(np.asarray(term.cells.trials), term.cells.shape)
+        )
+
+    def value(self, intensity: npt.ArrayLike) -> float:
+        """Return the log-likelihood in nats, summed over all pixels."""
+        values = self._intensity(intensity)
+        return sum(term.cells.value(term.spread(values)) for term in self.terms)
+
+    def gradient_and_curvature(self, intensity: npt.ArrayLike) -> tuple[Array, Array]:
+        """Return the first derivative and minus the second one, about the intensity of each pixel.
+
+        Examples
+        --------
+        >>> sensor = Sensor(frames=2, gain=[0.5, 1.5])
+        >>> bits = Bits.from_array([[[1]], [[0]]])
+        >>> gradient, curvature = joint_likelihood(bits, sensor, None).gradient_and_curvature(1.0)
+        >>> gradient.round(4).tolist(), curvature.round(4).tolist()  # 0.5 / (exp(0.5) - 1) - 1.5
+        ([[-0.7293]], [[0.9794]])
+        """
+        values = self._intensity(intensity)
+        gradient, curvature = np.zeros(self.shape), np.zeros(self.shape)
+        for term in self.terms:
+            first, second = term.cells.gradient_and_curvature(term.spread(values))
+            # Near intensity 0, the curvature may exceed all numbers.
+            with np.errstate(over="ignore"):
+                gradient += term.light * term.sum_pixels(first)
+                curvature += term.light**2 * term.sum_pixels(second)
+        return gradient, curvature
+
+    def information(self, intensity: npt.ArrayLike) -> Array:
+        """Return the Fisher information of the readings of each pixel about its intensity."""
+        values = self._intensity(intensity)
+        return self._sum(lambda term: term.light**2 * term.cells.information(term.spread(values)))
+
+    def expected_ones(self, intensity: Array) -> tuple[Array, Array]:
+        """Return the expected number of ones of each pixel, and its derivative.
+
+        In a uniform image, any shape is allowed.
+        """
+        ones, slopes = zip(*(term.expected_ones(intensity) for term in self.terms), strict=True)
+        return np.asarray(sum(ones)), np.asarray(sum(slopes))
+
+    def pixel_means(self) -> tuple[float | Array, float | Array]:
+        """Return the mean efficiency and the mean dark counts of the live jots of each pixel."""
+        sensor = self.sensor
+        efficiency, dark_counts = (
+            pixel_means(value, sensor.mask, sensor.oversampling)[0]
+            for value in (sensor.efficiency, sensor.dark_counts)
+        )
+        return efficiency, dark_counts
+
+    def _sum(self, function: Any) -> Array:
+        total = np.zeros(self.shape)
+        for term in self.terms:
+            total += term.sum_pixels(function(term))
+        return total
+
+    def _intensity(self, intensity: npt.ArrayLike) -> Array:
+        return np.broadcast_to(np.asarray(intensity, np.float64), self.shape)
+
+
+def joint_likelihood(data: GrayData, sensor: Sensor, threads: int | None) -> JointLikelihood:
+    """Return the likelihood of the readings of a gray image.
+
+    Parameters
+    ----------
+    data : Bits of shape (T, H·K̂, W·K̂), or ndarray of int32 (H, W)
+        Bits; or counts, if every jot has the same readings in all frames and is a pixel.
+    sensor : Sensor
+        The sensor of the data. A smooth kernel is treated as the box kernel.
+    threads : int, optional
+        The number of threads. Default: all.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the data and the sensor do not fit together, or counts do not say which readings are 1.
+    """
+    groups = sensor.groups()
+    if isinstance(data, Merged):
+        raise TypeError(
+            "data: expected bits, because merged counts do not say which readings are 1, and these "
+            "differ in their gain or threshold; pass the bits, or a sensor with one of each"
+        )
+    varies = any(
+        pixel_means(value, group.sensor.mask, sensor.oversampling)[1]
+        for group in groups
+        for value in (sensor.efficiency, sensor.dark_counts)
+    )
+    side = sensor.oversampling if varies else 1
+    if isinstance(data, Bits):
+        check_fits(data.shape, sensor)
+        counts: Sequence[Counts] = _count_groups(data, groups, sensor.oversampling // side, threads)
+    else:
+        _check_counts(data, sensor, varies=varies)
+        counts = [count_pixels(data, group.sensor, threads).counts for group in groups]
+    return JointLikelihood(
+        sensor,
+        tuple(
+            _term(ones, group.sensor, side, threads)
+            for ones, group in zip(counts, groups, strict=True)
+        ),
+    )
+
+
+def _term(ones: Counts, sensor: Sensor, side: int, threads: int | None) -> Term:
+    """Return the term of a group, whose sensor has one gain and one threshold."""
+    light = sensor.light_per_intensity
+    if side > 1:
+        sensor = sensor.replace(oversampling=1)
+    pixels = describe_pixels(ones, sensor)
+    live = None if pixels.dead_pixels is None or pixels.dead_pixels.all() else ~pixels.dead_pixels
+    counts, trials, efficiency, dark_counts = (
+        value[live] if live is not None and isinstance(value, np.ndarray) else value
+        for value in (pixels.counts, pixels.trials, pixels.efficiency, pixels.dark_counts)
+    )
+    cells = Likelihood(
+        counts,
+        trials,
+        threshold=sensor.threshold,
+        efficiency=efficiency,
+        dark_counts=dark_counts,
+        threads=threads,
+    )
+    return Term(cells, light, side, live)
+
+
+def _count_groups(
+    bits: Bits, groups: Sequence[ReadingGroup[Sensor]], oversampling: int, threads: int | None
+) -> list[Counts]:
+    """Return the number of ones of each group in squares of jots. The frames are read once."""
+    size = (bits.shape[1] // oversampling, bits.shape[2] // oversampling)
+    counts = [np.zeros(size, np.int32) for _ in groups]
+    for frames, part in read_in_chunks(bits.packed):
+        for group, ones in zip(groups, counts, strict=True):
+            inside = group.frames[(group.frames >= frames.start) & (group.frames < frames.stop)]
+            if len(inside):
+                own = Bits(np.asarray(part)[inside - frames.start], bits.width)
+                ones += count_ones([own], oversampling, group.sensor.mask, threads)[0]
+    return counts
+
+
+def _check_counts(counts: Counts, sensor: Sensor, *, varies: bool) -> None:
+    """Raise ValueError unless counts say which readings are 1.
+
+    They do so if all readings are alike, and if each pixel is a jot with one gain and threshold.
+    """
+    differ = sensor.readings_differ
+    if varies or (differ and (sensor.oversampling > 1 or frames_differ(sensor))):
+        names = "gain or threshold" if differ else "efficiency or dark counts"
+        raise ValueError(
+            f"counts: expected bits, because the readings of a pixel differ in their {names}, and "
+            "a count does not say which of them are 1; pass the bits"
+        )
+    if differ:
+        sensor.check_map_shapes(*counts.shape)

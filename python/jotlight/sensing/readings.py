@@ -1,0 +1,222 @@
+"""Readings that differ: gains and thresholds with a value for each frame, and groups of frames."""
+
+import dataclasses
+from typing import Any, Generic, Protocol, TypeGuard, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.checks import number_in_range, whole_number_in_range
+from jotlight.sensing.maps import LIMITS, MAX_THRESHOLD, checked_threshold_map
+
+Gain = float | npt.NDArray[np.float64]
+"""α: a number, or the photons on a pixel of intensity 1 in each frame, (T,)."""
+
+Threshold = int | npt.NDArray[np.int64] | npt.NDArray[np.uint16]
+"""q: a number, one for each frame (T,), or a map with one for each jot (H·K̂, W·K̂)."""
+
+S = TypeVar("S", bound="GroupedSensor")
+
+
+class GroupedSensor(Protocol):
+    """The part of :class:`jotlight.Sensor` that groups of readings use."""
+
+    @property
+    def frames(self) -> int: ...  # noqa: D102
+    @property
+    def gain(self) -> Gain: ...  # noqa: D102
+    @property
+    def threshold(self) -> Threshold: ...  # noqa: D102
+    @property
+    def oversampling(self) -> int: ...  # noqa: D102
+    @property
+    def mask(self) -> npt.NDArray[np.bool_] | None: ...  # noqa: D102
+    def replace(self: S, **changes: Any) -> S: ...  # noqa: D102
+
+
+@dataclasses.dataclass(frozen=True)
+class ReadingGroup(Generic[S]):
+    """The readings of a sensor that have the same gain and the same threshold."""
+
+    frames: npt.NDArray[np.intp]
+    """The frames of the group, in ascending order."""
+    sensor: S
+    """A sensor with these frames, one gain, and one threshold. Its mask also marks the jots with
+    other thresholds."""
+
+
+def checked_gain(gain: npt.ArrayLike, frames: int) -> Gain:
+    """Return a gain as a number, or as a read-only array with one value for each frame.
+
+    Equal values become the number that is their sum.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of range, or the values do not match the frames.
+
+    Examples
+    --------
+    >>> checked_gain([1.0, 8.0], 2).tolist(), checked_gain([2.0, 2.0], 2)
+    ([1.0, 8.0], 4.0)
+    """
+    values = np.asarray(gain)
+    if values.ndim == 0:
+        return number_in_range("gain", gain, *LIMITS)
+    _check_frames("gain", values, frames, "a number")
+    values = values.astype(np.float64)
+    low, high = values.min(), values.max()
+    if not LIMITS[0] <= low <= high <= LIMITS[1] or not values.sum() <= LIMITS[1]:
+        raise ValueError(
+            f"gain: expected a number from {LIMITS[0]:g} to {LIMITS[1]:g} for each frame, got "
+            f"{low:g} to {high:g}"
+        )
+    return float(low * frames) if low == high else _read_only(values)
+
+
+def checked_threshold(threshold: npt.ArrayLike, frames: int) -> Threshold:
+    """Return a threshold as a number, or as a read-only array over the frames or the jots.
+
+    Equal values become one number.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of range, or the array has another shape.
+
+    Examples
+    --------
+    >>> checked_threshold([1, 4], 2).tolist(), checked_threshold([[3, 3]], 2)
+    ([1, 4], 3)
+    """
+    values = np.asarray(threshold)
+    if values.ndim == 0:
+        return whole_number_in_range("threshold", threshold, 1, MAX_THRESHOLD)
+    if values.ndim == 2:
+        return checked_threshold_map(values)
+    _check_frames("threshold", values, frames, f"a whole number from 1 to {MAX_THRESHOLD}")
+    low, high = values.min(), values.max()
+    if not 1 <= low <= high <= MAX_THRESHOLD or (values != np.floor(values)).any():
+        raise ValueError(
+            f"threshold: expected whole numbers from 1 to {MAX_THRESHOLD}, got {low:g} to {high:g}"
+        )
+    return int(low) if low == high else _read_only(values.astype(np.int64))
+
+
+def _check_frames(name: str, values: npt.NDArray[Any], frames: int, number: str) -> None:
+    if values.dtype.kind not in "iuf" or values.shape != (frames,):
+        some = ", or a map of the jots" if name == "threshold" else ""
+        raise ValueError(
+            f"{name}: expected {number}, or one for each of the {frames} "
+            f"frame{'s' * (frames > 1)}{some}, got {values.dtype} of shape {values.shape}; state "
+            f"the number of frames too, as in Sensor(frames={max(values.shape[0], 2)}, {name}=[…])"
+        )
+
+
+def _read_only(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    copy = np.array(values)
+    copy.flags.writeable = False
+    return copy
+
+
+def frames_differ(sensor: GroupedSensor) -> bool:
+    """Return whether the gain or the threshold has a value for each frame."""
+    return _is_per_frame(sensor.gain) or _is_per_frame(sensor.threshold)
+
+
+def _is_per_frame(value: Any) -> TypeGuard[npt.NDArray[Any]]:
+    return isinstance(value, np.ndarray) and value.ndim == 1
+
+
+def readings_differ(sensor: GroupedSensor) -> bool:
+    """Return whether the readings of a sensor differ in their gain or their threshold."""
+    return isinstance(sensor.gain, np.ndarray) or isinstance(sensor.threshold, np.ndarray)
+
+
+def group_readings(sensor: S) -> list[ReadingGroup[S]]:
+    """Return the groups of readings with the same gain and the same threshold.
+
+    Every reading of a live jot is in one group. The order is that of the gains, and then that of
+    the thresholds.
+    """
+    number, gain, threshold = sensor.frames, sensor.gain, sensor.threshold
+    gains = gain if isinstance(gain, np.ndarray) else np.full(number, gain / number)
+    of_frames = np.ones(number) if np.ndim(threshold) == 2 else np.broadcast_to(threshold, number)
+    pairs = np.stack([gains, np.asarray(of_frames, np.float64)])
+    unique, places = np.unique(pairs, axis=1, return_inverse=True)
+    groups: list[ReadingGroup[S]] = []
+    for index, (one_gain, one_threshold) in enumerate(unique.T.tolist()):
+        frames = np.flatnonzero(places.reshape(-1) == index)
+        same = {"frames": len(frames), "gain": one_gain * len(frames)}
+        if np.ndim(threshold) == 2:
+            for value in np.unique(threshold):
+                mask = np.asarray(threshold != value)
+                mask = mask if sensor.mask is None else mask | sensor.mask
+                own = sensor.replace(**same, threshold=int(value), mask=mask)
+                groups.append(ReadingGroup(frames, own))
+        else:
+            own = sensor.replace(**same, threshold=int(one_threshold))
+            groups.append(ReadingGroup(frames, own))
+    return groups
+
+
+def select_frames(sensor: S, frames: slice) -> S:
+    """Return the sensor of some of the frames, each of which keeps its gain and threshold."""
+    number = len(range(sensor.frames)[frames])
+    if not readings_differ(sensor):
+        return sensor.replace(frames=number)
+    gain, threshold = sensor.gain, sensor.threshold
+    return sensor.replace(
+        frames=number,
+        gain=gain[frames] if isinstance(gain, np.ndarray) else gain * number / sensor.frames,
+        threshold=threshold[frames] if _is_per_frame(threshold) else threshold,
+    )
+
+
+def replaced_gain(sensor: GroupedSensor, changes: dict[str, Any]) -> dict[str, Any]:
+    """Return changes of a sensor, which include its gain if it has a value for each frame.
+
+    The light of a jot and frame stays as it is, unless the changes contain the gain.
+
+    Raises
+    ------
+    ValueError
+        When the number of frames changes, but not the values for each frame.
+    """
+    frames = changes.get("frames", sensor.frames)
+    for name in ("gain", "threshold"):
+        if frames != sensor.frames and name not in changes and _is_per_frame(getattr(sensor, name)):
+            raise ValueError(
+                f"frames: expected {sensor.frames}, because the sensor has a {name} for each "
+                f"frame, got {frames!r}; pass {name} too, or take frames: bits[a:b], "
+                "sensor.select_frames(slice(a, b))"
+            )
+    if "gain" in changes or not isinstance(sensor.gain, np.ndarray):
+        return changes
+    side = changes.get("oversampling", sensor.oversampling)
+    return {**changes, "gain": sensor.gain * (side / sensor.oversampling) ** 2}
+
+
+def refuse_different_readings(sensor: GroupedSensor) -> None:
+    """Raise ValueError when the readings of a sensor differ in their gain or their threshold.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> refuse_different_readings(Sensor(frames=2, gain=[1.0, 8.0]))
+    Traceback (most recent call last):
+      ...
+    ValueError: sensor: expected one gain and one threshold for all readings, got ...
+    """
+    names = [name for name in ("gain", "threshold") if np.ndim(getattr(sensor, name))]
+    if names:
+        each = " and ".join(
+            f"a {name} for each {'frame' if np.ndim(getattr(sensor, name)) == 1 else 'jot'}"
+            for name in names
+        )
+        raise ValueError(
+            f"sensor: expected one gain and one threshold for all readings, got {each}; pass "
+            "jotlight.merge_readings(bits), counts of one gain and threshold with the same "
+            "information; jotlight.mle takes such bits directly, and so do jotlight.reconstruct "
+            'and jotlight.uncertainty with "mle" or a network'
+        )

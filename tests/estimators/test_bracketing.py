@@ -1,0 +1,161 @@
+"""Brackets and thresholds for a range of light, and the range that they reach."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import jotlight as jl
+from jotlight.estimators.bracketing import best_threshold, intensity_range, snr_bound
+from jotlight.estimators.joint_mle import maximize
+from jotlight.sensing.joint_likelihood import joint_likelihood
+from jotlight.sensing.reference import saturation_intensity
+from jotlight.sensing.response import detection_probability
+
+SINGLE = jl.Sensor(frames=48)
+BRACKET = jl.Sensor(frames=48, gain=np.repeat([1 / 64, 1 / 8, 1.0], 16))
+
+
+def decibels(bounds):
+    return 20 * np.log10(bounds[1] / bounds[0])
+
+
+def test_a_bracket_has_20_db_more_range_than_one_exposure():
+    single, bracket = (intensity_range(sensor, 9.0) for sensor in (SINGLE, BRACKET))
+    assert decibels(single) == pytest.approx(28.9, abs=0.05)
+    assert decibels(bracket) == pytest.approx(50.2, abs=0.05)
+    # Without a gap: the bound is above 9 dB throughout.
+    assert snr_bound(BRACKET, np.geomspace(*bracket, 1000)).min() > 9 - 1e-3
+
+
+@pytest.fixture(scope="module")
+def all_outcomes():
+    """Every combination of counts of the three exposures, and their estimates."""
+    sensor = BRACKET.replace(max_intensity=saturation_intensity(BRACKET))
+    counts = np.indices((17, 17, 17)).reshape(3, -1).T
+    ones = np.concatenate([np.arange(16)[:, None] < each for each in counts.T])[:, None]
+    joint = joint_likelihood(jl.Bits.from_array(ones), sensor, None)
+    return counts, maximize(joint)[0]
+
+
+def squared_error(outcomes, intensity):
+    """The exact mean square error of the estimate: a sum over all outcomes."""
+    counts, estimates = outcomes
+    probability = -np.expm1(-intensity * np.array([1 / 64, 1 / 8, 1.0]))
+    weights = stats.binom.pmf(counts, 16, probability).prod(axis=1)
+    assert weights.sum() == pytest.approx(1)
+    return weights @ (estimates - intensity) ** 2
+
+
+def test_the_estimate_itself_has_20_db_more_range(all_outcomes):
+    levels = np.geomspace(0.1, 600, 200)
+    snr = [20 * np.log10(x) - 10 * np.log10(squared_error(all_outcomes, x)) for x in levels]
+    reached = levels[np.array(snr) >= 9]
+    low, high = reached.min(), reached.max()
+    # With 16 frames of each exposure, the estimate misses the bound, and dips to 8.3 dB between two
+    # exposures.
+    inside = (levels > low) & (levels < high)
+    assert np.array(snr)[inside].min() >= 8.2
+    single = SINGLE.replace(max_intensity=saturation_intensity(SINGLE))
+    estimates = jl.mle(np.arange(49)[None], single)[0].astype(np.float64)
+    of_single = []
+    for x in levels:
+        weights = stats.binom.pmf(np.arange(49), 48, -np.expm1(-x))
+        of_single.append(20 * np.log10(x) - 10 * np.log10(weights @ (estimates - x) ** 2))
+    known = levels[np.array(of_single) >= 9]
+    assert decibels((low, high)) >= decibels((known.min(), known.max())) + 20
+
+
+def test_the_bound_of_one_gain_and_threshold_is_that_of_plan():
+    sensor = jl.Sensor(frames=20, oversampling=2, threshold=3, efficiency=0.6, dark_counts=0.02)
+    expected = jl.plan(sensor, (0.3, 8.0), frames=[20])
+    # The light is that of a jot: sensor.gain is K.
+    np.testing.assert_allclose(snr_bound(sensor, expected.light), expected.snr_bound[0])
+
+
+def test_the_best_threshold_is_where_half_of_the_bits_are_ones():
+    rates = np.geomspace(1, 600, 8)
+    thresholds = [best_threshold(rate, max_threshold=2000) for rate in rates]
+    for rate, best in zip(rates, thresholds, strict=True):
+        nearest = min(
+            range(max(1, best - 5), best + 6),
+            key=lambda q, rate=rate: abs(detection_probability(q, rate) - 0.5),
+        )
+        assert abs(best - nearest) <= 1
+    fractions = [float(detection_probability(q, s)) for q, s in zip(thresholds, rates, strict=True)]
+    assert fractions[-1] == pytest.approx(0.5, abs=0.02)
+    assert best_threshold(1000.0, max_threshold=64) == 64
+
+
+@pytest.mark.parametrize("light", [0.0, -1.0, np.nan, 1e6])
+def test_an_impossible_light_is_refused(light):
+    with pytest.raises(ValueError, match="light: expected photons"):
+        best_threshold(light)
+
+
+def test_a_plan_uses_all_frames_and_is_better_than_one_setting():
+    plan = jl.plan_brackets(jl.Sensor(frames=48, gain=96.0), (0.05, 200.0))
+    assert plan.frames.sum() == 48
+    assert plan.sensor.frames == 48
+    assert (np.diff(plan.exposures) < 0).all()
+    np.testing.assert_allclose(plan.sensor.gain, 2 * np.repeat(plan.exposures, plan.frames))
+    assert plan.min_snr > plan.single_snr_bound.min() + 10
+    # Its levels are light of the longest exposure, 2 photons per frame at intensity 1.
+    np.testing.assert_allclose(plan.snr_bound, snr_bound(plan.sensor, plan.light / 2))
+    assert "BracketPlan" in repr(plan)
+    assert "threshold" in plan._repr_html_()
+
+
+def test_no_other_division_of_the_frames_is_better():
+    exposures, light = [1.0, 1 / 8, 1 / 64], (0.1, 60.0)
+    plan = jl.plan_brackets(jl.Sensor(frames=12), light, exposures=exposures)
+    best = -np.inf
+    for first, second in itertools.product(range(13), repeat=2):
+        if first + second <= 12:
+            numbers = [first, second, 12 - first - second]
+            sensor = jl.Sensor(frames=12, gain=np.repeat(exposures, numbers))
+            best = max(best, snr_bound(sensor, plan.light).min())
+    assert plan.min_snr == pytest.approx(best, abs=1e-6)
+
+
+def test_thresholds_serve_a_range_without_other_exposures():
+    plan = jl.plan_brackets(
+        jl.Sensor(frames=48), (0.3, 40.0), exposures=[1.0], thresholds=[1, 2, 4, 8, 16, 32]
+    )
+    assert len(set(plan.thresholds)) > 2
+    assert plan.sensor.gain == 48
+    assert plan.min_snr > plan.single_snr_bound.min() + 10
+    one = jl.plan_brackets(jl.Sensor(frames=48), (0.5, 1.5), exposures=[1.0], thresholds=[1, 30])
+    assert not one.sensor.readings_differ
+
+
+def test_a_map_of_thresholds_counts_in_its_shares():
+    checkerboard = np.where(np.indices((8, 8)).sum(axis=0) % 2, 1, 4)
+    both = snr_bound(jl.Sensor(frames=10, gain=20.0, threshold=checkerboard), 1.0)
+    each = [snr_bound(jl.Sensor(frames=10, gain=20.0, threshold=q), 1.0) for q in (1, 4)]
+    assert 10 ** (both / 10) == pytest.approx(np.mean([10 ** (one / 10) for one in each]))
+
+
+@pytest.mark.parametrize(
+    ("error", "options", "message"),
+    [
+        (TypeError, {"light": 1.0}, "light: expected the minimum and the maximum"),
+        (ValueError, {"light": (1.0, 0.5)}, "light: expected a minimum below the maximum"),
+        (ValueError, {"light": (0.0, 0.5)}, "light: expected a minimum below the maximum"),
+        (ValueError, {"exposures": [2.0]}, "exposures: expected fractions of the longest"),
+        (ValueError, {"exposures": []}, "exposures: expected fractions of the longest"),
+        (ValueError, {"thresholds": []}, "thresholds: expected at least one"),
+        (ValueError, {"thresholds": [70_000]}, "threshold: expected a whole number"),
+        (ValueError, {"sensor": BRACKET}, "sensor: expected one gain and one threshold"),
+    ],
+)
+def test_bad_arguments_are_refused_with_advice(error, options, message):
+    arguments = {"sensor": SINGLE, "light": (0.1, 10.0), **options}
+    with pytest.raises(error, match=message):
+        jl.plan_brackets(arguments.pop("sensor"), arguments.pop("light"), **arguments)
+
+
+def test_an_snr_that_no_intensity_reaches_is_refused():
+    with pytest.raises(ValueError, match=r"snr: expected at most 14\.9 dB"):
+        intensity_range(SINGLE, 30.0)

@@ -1,0 +1,109 @@
+"""Methods on readings that differ, through equivalent counts."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.datasets import photograph
+from jotlight.evaluation.choice import choose_method
+from jotlight.sensing.reference import saturation_intensity
+
+BRACKET = jl.Sensor(frames=48, gain=np.repeat([1 / 32, 1 / 4, 2.0], 16), max_intensity=60.0)
+
+
+def wide_scene(side=128):
+    """A photograph whose light rises by a factor of 900 from left to right."""
+    step = 512 // side
+    image = photograph("camera").astype(np.float64)[::step, ::step]
+    return np.maximum(image, 0.02) * np.geomspace(1 / 30, 30, side)
+
+
+def error(estimate, truth):
+    """The root mean square of the error of the logarithm."""
+    return float(np.sqrt(np.mean(np.log(np.maximum(estimate, 1e-3) / truth) ** 2)))
+
+
+@pytest.fixture(scope="module")
+def captured():
+    truth = wide_scene()
+    return truth, BRACKET.expose(truth, rng=0)
+
+
+def test_a_network_reconstructs_the_whole_range_of_a_bracket(captured):
+    truth, bits = captured
+    estimate, info = jl.reconstruct(bits, quality="small", return_info=True)
+    assert info.method == "network-small"
+    assert error(estimate, truth) < 0.4 * error(jl.mle(bits), truth)
+    single = BRACKET.replace(gain=BRACKET.gain.sum())
+    of_one = jl.reconstruct(single.expose(truth, rng=0), quality="small")
+    # With the same light in equal exposures, only the dark part is as good.
+    assert error(estimate[:, 112:], truth[:, 112:]) < 0.5 * error(of_one[:, 112:], truth[:, 112:])
+
+
+def test_equivalent_counts_have_the_same_result(captured):
+    _, bits = captured
+    direct = jl.reconstruct(bits, quality="small")
+    network = jl.pretrained(BRACKET, "small")
+    np.testing.assert_array_equal(network.reconstruct(jl.merge_readings(bits)), direct)
+    np.testing.assert_array_equal(jl.reconstruct(bits, method=network), direct)
+
+
+@pytest.mark.slow
+def test_the_interval_of_a_network_covers_the_range(captured):
+    truth, bits = captured
+    result = jl.uncertainty(bits, quality="small")
+    contains = (result.low <= truth) & (truth <= result.high)
+    assert 0.9 < contains.mean() < 0.995
+    for part in np.array_split(contains, 4, axis=1):
+        assert part.mean() > 0.85
+    estimate = jl.reconstruct(bits, quality="small")
+    known = jl.uncertainty(bits, quality="small", estimate=estimate)
+    np.testing.assert_array_equal(known.low, result.low)
+
+
+def test_mle_and_functions_of_the_caller_get_the_bits(captured):
+    _, bits = captured
+    estimate, info = jl.reconstruct(bits, method="mle", return_info=True)
+    np.testing.assert_array_equal(estimate, jl.mle(bits))
+    assert info.method == "mle"
+    seen = []
+
+    def mean(data, sensor):
+        seen.append(sensor)
+        return data.counts() / 48
+
+    jl.reconstruct(bits, method=mean)
+    assert seen == [BRACKET]
+
+
+def test_the_choice_of_a_network_is_one_for_any_number_of_trials():
+    sensor = jl.Sensor(frames=16, gain=np.repeat([0.5, 1.5], 8))
+    assert choose_method(sensor).method == "network-medium"
+    assert jl.pretrained(sensor, "small").trials_range is not None
+    # Their reference sensor is that of a network for one K, which takes no other trials.
+    bits = sensor.replace(gain=np.repeat([1.0, 8.0], 8)).expose(np.full((16, 16), 0.5), rng=0)
+    assert jl.reconstruct(bits, quality="small").shape == (16, 16)
+
+
+def test_the_saturation_is_that_of_the_least_sensitive_readings():
+    least = jl.Sensor(frames=16, gain=16 / 32)
+    assert saturation_intensity(BRACKET) == pytest.approx(saturation_intensity(least))
+
+
+@pytest.mark.parametrize("method", ["noniterative-tv", "network-initial", "mle-iterative"])
+def test_other_methods_refuse_and_say_what_to_do(captured, method):
+    with pytest.raises(ValueError, match=r"sensor: .*pass jotlight.merge_readings\(bits\)"):
+        jl.reconstruct(captured[1], method=method)
+    with pytest.raises(ValueError, match=r"sensor: .*pass jotlight.merge_readings\(bits\)"):
+        jl.uncertainty(captured[1], method=method)
+
+
+@pytest.mark.slow
+def test_many_readings_are_blended_on_held_out_bits():
+    truth = wide_scene()
+    sensor = jl.Sensor(frames=1200, gain=np.repeat([1 / 32, 1 / 4, 2.0], 400), max_intensity=60.0)
+    bits = sensor.expose(truth, rng=0)
+    estimate, info = jl.reconstruct(bits, return_info=True)
+    assert info.method == "held-out"
+    assert sum(info.shares.values()) == pytest.approx(1)
+    assert error(estimate, truth) < error(jl.mle(bits), truth)
