@@ -44,6 +44,7 @@ def coverage(sensor, result, intensity):
     return exact_distribution(sensor, intensity)[contains].sum()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", SENSORS, ids=repr)
 @pytest.mark.parametrize(
     "level", [0.95, *(pytest.param(level, marks=pytest.mark.slow) for level in (0.5, 0.999))]
