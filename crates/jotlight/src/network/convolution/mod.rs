@@ -12,7 +12,6 @@ pub(crate) mod filter_taps;
 pub(crate) mod padded;
 mod tap_gradient;
 pub(crate) mod winograd;
-mod winograd_transforms;
 
 /// A stack of planes in memory. Loops may read values beyond the end of a row.
 #[derive(Clone, Copy)]

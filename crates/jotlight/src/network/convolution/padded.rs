@@ -8,6 +8,7 @@ use super::direct::SPARE_ROWS;
 use super::filter_taps::{FilterTaps, TapOrder};
 use super::tap_gradient::SPARE_COLUMNS;
 use super::{PlanesView, leading_rows};
+use crate::cpu::levels;
 use crate::interrupt;
 use crate::network::tiling::region::Region;
 use crate::network::tiling::strips::StripedPlanes;
@@ -171,12 +172,17 @@ impl RowCopy {
         }
     }
 
-    fn copy<F: Copy>(&self, source: &[F], out: &mut [F]) {
+    fn copy<F: Real>(&self, source: &[F], out: &mut [F]) {
         let inside = self.inside.clone();
         if self.stride == 1 {
             let start = self.left + inside.start as isize - self.first as isize;
             let source = &source[start.max(0) as usize..][..inside.len()];
             out[inside.clone()].copy_from_slice(source);
+        } else if self.stride == 2 && !inside.is_empty() {
+            copy_every_second(
+                &source[self.column(inside.start)..],
+                &mut out[inside.clone()],
+            );
         } else if !inside.is_empty() {
             let source = source[self.column(inside.start)..].iter();
             let source = source.step_by(self.stride);
@@ -193,5 +199,23 @@ impl RowCopy {
     fn column(&self, column: usize) -> usize {
         let column = self.left + (column * self.stride) as isize;
         mirror_index(column, self.width) - self.first
+    }
+}
+
+levels! {
+    /// Copy every second value of `source`, from the first one on.
+    fn copy_every_second[F: Real](source: &[F], out: &mut [F]) = copy_every_second_inlined;
+}
+
+#[inline(always)]
+fn copy_every_second_inlined<F: Real>(source: &[F], out: &mut [F]) {
+    let (pairs, last) = source.as_chunks::<2>();
+    let (whole, rest) = out.split_at_mut(pairs.len().min(out.len()));
+    for (out, pair) in whole.iter_mut().zip(pairs) {
+        *out = pair[0];
+    }
+    // The last value of a row may have no successor.
+    for (out, &value) in rest.iter_mut().zip(last) {
+        *out = value;
     }
 }

@@ -5,7 +5,7 @@
 use super::registers::{MAX_INTERVALS, RegisterSpline, RegisterValues};
 #[cfg(target_arch = "x86_64")]
 use crate::cpu;
-use crate::cpu::levels;
+use crate::cpu::{Simd, WithSimd, levels};
 use crate::interrupt;
 use crate::numbers::Real;
 
@@ -126,19 +126,34 @@ impl<F: Real> Spline<F> {
         }
     }
 
+    /// Replace each value z with φ(z), in code that is compiled for an instruction set.
+    #[inline(always)]
+    pub(crate) fn apply_with<S: Simd>(&self, simd: S, values: &mut [F]) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(work) = self.values_in_registers(values) {
+            return work.with_simd(simd);
+        }
+        let _ = simd;
+        self.apply_inlined(values);
+    }
+
     fn apply_to_part(&self, plane: &mut [F]) {
         #[cfg(target_arch = "x86_64")]
-        if let Some(spline) = self.in_registers()
-            && let Some(plane) = F::as_f32_slice(plane)
-        {
-            let bounds = (self.bounds.0.as_f64() as f32, self.bounds.1.as_f64() as f32);
-            return cpu::run(RegisterValues {
-                spline,
-                bounds,
-                plane,
-            });
+        if let Some(work) = self.values_in_registers(plane) {
+            return cpu::run(work);
         }
         apply(self, plane);
+    }
+
+    /// Return the evaluation with the spline in registers, if that is possible.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn values_in_registers<'a>(&self, plane: &'a mut [F]) -> Option<RegisterValues<'a>> {
+        Some(RegisterValues {
+            spline: self.in_registers()?,
+            bounds: (self.bounds.0.as_f64() as f32, self.bounds.1.as_f64() as f32),
+            plane: F::as_f32_slice(plane)?,
+        })
     }
 
     /// Return the spline in registers, if it has few knots and the processor has AVX-512.

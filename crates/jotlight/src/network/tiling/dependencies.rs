@@ -2,7 +2,7 @@
 
 use super::region::Region;
 use crate::network::convolution::filter_taps::input_region;
-use crate::network::convolution::winograd::OUTPUT_ROWS;
+use crate::network::convolution::winograd::TILE;
 use crate::network::graph::Graph;
 use crate::network::layer::Layer;
 use crate::numbers::Real;
@@ -21,9 +21,9 @@ pub(super) fn required_regions<F: Real>(
     }
     for (index, layer) in graph.layers.iter().enumerate().skip(1).rev() {
         let upsampling = layer.wiring.upsampling;
-        let height = graph.plane_size(index, size).0;
+        let plane_size = graph.plane_size(index, size);
         let region = regions[index].aligned(upsampling);
-        let region = region.with_whole_row_groups(row_group(layer), height);
+        let region = region.with_whole_tiles(tile_side(layer), plane_size);
         regions[index] = region.clone();
         if let Some(skip) = layer.wiring.skip {
             regions[skip].include(&region);
@@ -38,8 +38,9 @@ pub(super) fn required_regions<F: Real>(
     regions
 }
 
-/// Return the number of rows of a layer's output that are computed together.
-pub(super) fn row_group<F: Real>(layer: &Layer<F>) -> usize {
-    let rows = layer.winograd().map_or(1, |_| OUTPUT_ROWS);
-    rows * layer.wiring.upsampling
+/// Return the number of rows of a layer's output that are computed together. It is also the number
+/// of columns.
+pub(super) fn tile_side<F: Real>(layer: &Layer<F>) -> usize {
+    let side = layer.winograd().map_or(1, |_| TILE);
+    side * layer.wiring.upsampling
 }

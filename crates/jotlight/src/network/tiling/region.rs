@@ -52,13 +52,13 @@ impl Region {
         }
     }
 
-    /// Return the region, extended to whole groups of `group` rows, but at most to the row
-    /// `height`.
-    pub fn with_whole_row_groups(&self, group: usize, height: usize) -> Self {
-        let end = self.rows.end.next_multiple_of(group).min(height);
+    /// Return the region, extended so that rows and columns begin and end at multiples of `side`,
+    /// but at most to the end of planes of the size `(height, width)`.
+    pub fn with_whole_tiles(&self, side: usize, (height, width): (usize, usize)) -> Self {
+        let Self { rows, columns } = self.aligned(side);
         Self {
-            rows: self.rows.start / group * group..end,
-            columns: self.columns.clone(),
+            rows: rows.start..rows.end.min(height),
+            columns: columns.start..columns.end.min(width),
         }
     }
 }

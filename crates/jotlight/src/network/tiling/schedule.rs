@@ -7,14 +7,17 @@ use super::dependencies::required_regions;
 use super::region::Region;
 use super::workspace::{CachedWorkspace, TileColumn};
 use crate::error::Result;
-use crate::network::convolution::winograd::OUTPUT_ROWS;
+use crate::network::convolution::winograd::TILE;
 use crate::network::graph::Graph;
 use crate::numbers::Real;
 use crate::{interrupt, memory};
 
-/// The maximum number of pixels of a tile, or of each strip if threads share the tile. Its planes
-/// then fit into the cache.
+/// The maximum number of pixels of a tile, or of each strip if threads share the tile.
 const MAX_TILE_PIXELS: usize = 1 << 16;
+/// The maximum number of bytes in the planes of a layer of a tile, or of each strip, unless one row
+/// of Winograd tiles has more. The planes that a layer reads and writes, and its transformed values,
+/// then fit into a second-level cache of 1 or 2 MiB.
+const MAX_LAYER_BYTES: usize = 320 << 10;
 /// The maximum number of values in the planes of a tile.
 const MAX_TILE_VALUES: usize = 1 << 22;
 /// The maximum width of a tile.
@@ -40,10 +43,12 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
     let (height, width) = size;
     let mut image = memory::zeros("image", (height, width))?;
     let (bands, strips) = divide_among_threads(graph, height);
-    let group = OUTPUT_ROWS * graph.size_divisor;
+    let group = TILE * graph.size_divisor;
     let band_height = height.div_ceil(bands).next_multiple_of(group);
-    let pixels = MAX_TILE_PIXELS.min(MAX_TILE_VALUES / graph.values_per_pixel);
+    let values = graph.values_per_pixel;
+    let pixels = MAX_TILE_PIXELS.min(MAX_TILE_VALUES / values);
     let tile_width = (pixels / group).clamp(MIN_TILE_WIDTH, MAX_TILE_WIDTH);
+    let cached_pixels = pixels.min(MAX_LAYER_BYTES / (values * size_of::<F>()));
     let bands = image.as_slice_mut().unwrap_or_default();
     let bands = bands.par_chunks_mut(band_height * width).enumerate();
     bands.for_each_init(
@@ -55,8 +60,8 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
                     return;
                 }
                 let columns = left..(left + tile_width).min(width);
-                let tile_height = strips * pixels / columns.len().max(MIN_TILE_WIDTH);
-                let tile_height = tile_height.max(1).next_multiple_of(group);
+                let tile_height = strips * cached_pixels / columns.len().max(MIN_TILE_WIDTH);
+                let tile_height = (tile_height / group * group).max(group);
                 let tiles = rows.clone().step_by(tile_height).map(|top| Region {
                     rows: top..(top + tile_height).min(rows.end),
                     columns: columns.clone(),

@@ -4,7 +4,9 @@ use std::ops::Range;
 
 use super::region::Region;
 use super::strips::StripedPlanes;
+use crate::cpu::levels;
 use crate::network::convolution::padded::Padded;
+use crate::network::convolution::winograd::Finish;
 use crate::network::layer::Layer;
 use crate::numbers::Real;
 use crate::sensing::mirror_index;
@@ -31,18 +33,20 @@ impl<F: Real> StripWorkspace<F> {
     ) {
         let upsampling = layer.wiring.upsampling;
         let filtered = region.before_upsampling(upsampling);
-        let Self {
-            padded,
-            winograd: workspace,
-            deep,
-        } = self;
+        if let Some(winograd) = layer.winograd() {
+            let finish = Finish {
+                upsampling,
+                skip,
+                splines: layer.splines(),
+                region,
+            };
+            winograd.convolve(input, &filtered, &finish, &mut self.winograd, out);
+            return;
+        }
+        let Self { padded, deep, .. } = self;
         let mut convolve = |out: &mut [F]| {
-            if let Some(winograd) = layer.winograd() {
-                winograd.convolve(input, &filtered, workspace, out);
-            } else {
-                padded.fill(input, &filtered, layer.filter_taps());
-                padded.convolve(layer.filter_taps(), out);
-            }
+            padded.fill(input, &filtered, layer.filter_taps());
+            padded.convolve(layer.filter_taps(), out);
         };
         if upsampling == 1 {
             convolve(out);
@@ -109,18 +113,36 @@ fn depth_to_space<F: Real>(
     let group = factor * factor * height * width;
     let planes = deep.chunks_exact(group);
     for (deep, out) in planes.zip(out.chunks_exact_mut(group)) {
-        for (phase, deep) in deep.chunks_exact(height * width).enumerate() {
-            let rows = out
-                .chunks_exact_mut(factor * width)
-                .skip(phase / factor)
-                .step_by(factor);
-            for (deep, out) in deep.chunks_exact(width).zip(rows) {
-                let pixels = out.iter_mut().skip(phase % factor).step_by(factor);
-                for (out, &value) in pixels.zip(deep) {
+        for (row, out) in out.chunks_exact_mut(factor * width).enumerate() {
+            let phases =
+                deep[row % factor * factor * height * width..].chunks_exact(height * width);
+            let mut phases = phases.map(|phase| &phase[row / factor * width..][..width]);
+            if factor == 2
+                && let (Some(even), Some(odd)) = (phases.next(), phases.next())
+            {
+                interleave(even, odd, out);
+                continue;
+            }
+            for (phase, values) in phases.take(factor).enumerate() {
+                let pixels = out.iter_mut().skip(phase).step_by(factor);
+                for (out, &value) in pixels.zip(values) {
                     *out = value;
                 }
             }
         }
+    }
+}
+
+levels! {
+    /// Write the values of two rows alternately into `out`.
+    fn interleave[F: Real](even: &[F], odd: &[F], out: &mut [F]) = interleave_inlined;
+}
+
+#[inline(always)]
+fn interleave_inlined<F: Real>(even: &[F], odd: &[F], out: &mut [F]) {
+    let (pairs, _) = out.as_chunks_mut::<2>();
+    for ((pair, &even), &odd) in pairs.iter_mut().zip(even).zip(odd) {
+        *pair = [even, odd];
     }
 }
 

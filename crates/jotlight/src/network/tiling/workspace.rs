@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::dependencies::{required_regions, row_group};
+use super::dependencies::{required_regions, tile_side};
 use super::region::Region;
 use super::strip_workspace::StripWorkspace;
 use super::strips::{LayerBuffer, Strip, StripedPlanes};
@@ -189,7 +189,7 @@ impl<'a, F: Real, D: Fn(&Region, &mut [F]) + Sync> TileColumn<'a, F, D> {
         if missing.rows.is_empty() {
             return;
         }
-        let group = row_group(layer);
+        let group = tile_side(layer);
         let mut new_strips =
             workspace.allocate_strips(layer.channels(), &missing, self.strips, group);
         let view = |layer: usize| {

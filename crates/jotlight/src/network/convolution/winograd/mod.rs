@@ -1,0 +1,349 @@
+//! Convolution, equation (9), with 3 × 3 filters by Winograd's algorithm F(4 × 4, 3 × 3).
+//!
+//! A tile of 4 × 4 outputs needs 36 multiplications per filter instead of 144. The lanes of a
+//! register hold tiles that lie side by side, so all transforms are arithmetic on whole registers.
+//!
+//! `transforms` holds the transforms along one axis. `input` transforms the planes, `products`
+//! multiplies them with the filters, and `output` transforms the products into the output of the
+//! layer.
+
+mod input;
+mod output;
+mod products;
+mod transforms;
+
+use ndarray::ArrayView4;
+
+use self::input::{InputBlock, InputBuffers};
+pub(crate) use self::output::Finish;
+use self::output::{OutputBlock, OutputBuffers};
+use self::products::{MAX_GROUP, PRODUCTS, TransformedFilters};
+use crate::cpu::{self, Simd, WithSimd};
+use crate::interrupt;
+use crate::network::tiling::region::Region;
+use crate::network::tiling::strips::StripedPlanes;
+use crate::numbers::{MAX_LANES, Real};
+
+/// The number of rows and of columns of a filter.
+const FILTER_SIZE: usize = 3;
+/// The number of rows and of columns of a tile, whose outputs are computed together.
+pub(crate) const TILE: usize = 4;
+
+/// The minimum number of inputs. With fewer, the transforms take longer than the multiplications
+/// that they save.
+const MIN_INPUTS: usize = 12;
+/// The minimum number of outputs, for the same reason.
+const MIN_OUTPUTS: usize = 4;
+
+/// The number of registers of tiles in a block. A block is transformed, multiplied, and written
+/// while its values are in the cache.
+const BLOCK_REGISTERS: usize = 2;
+
+/// Filters for Winograd's algorithm.
+#[derive(Clone, Debug)]
+pub(crate) struct Winograd<F> {
+    filters: TransformedFilters<F>,
+}
+
+impl<F: Real> Winograd<F> {
+    /// Return the transformed filters `(outputs, inputs, rows, columns)`, or None where direct
+    /// convolution is faster.
+    pub fn new(filters: ArrayView4<'_, F>, stride: usize) -> Option<Self> {
+        let (outputs, inputs, rows, columns) = filters.dim();
+        let many = inputs >= MIN_INPUTS && outputs >= MIN_OUTPUTS;
+        if (rows, columns) != (FILTER_SIZE, FILTER_SIZE) || stride != 1 || !many {
+            return None;
+        }
+        Some(Self {
+            filters: TransformedFilters::new(filters),
+        })
+    }
+
+    /// Convolve for a region of the filters' output, and write the output of the layer into `out`
+    /// `(channels, height, width)`.
+    ///
+    /// The first row and column of the region must be multiples of [`TILE`].
+    pub fn convolve(
+        &self,
+        source: &StripedPlanes<'_, F>,
+        output: &Region,
+        finish: &Finish<'_, F>,
+        workspace: &mut Vec<F>,
+        out: &mut [F],
+    ) {
+        cpu::run(Convolution {
+            filters: &self.filters,
+            source,
+            output,
+            finish,
+            workspace,
+            out,
+        });
+    }
+}
+
+/// The convolution for a region of the output.
+struct Convolution<'a, F> {
+    filters: &'a TransformedFilters<F>,
+    source: &'a StripedPlanes<'a, F>,
+    output: &'a Region,
+    finish: &'a Finish<'a, F>,
+    workspace: &'a mut Vec<F>,
+    out: &'a mut [F],
+}
+
+impl<F: Real> WithSimd for Convolution<'_, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        let (height, width) = (self.output.rows.len(), self.output.columns.len());
+        let lanes = F::lanes::<S>();
+        // Several rows of tiles of a narrow output share the registers. A tile without output
+        // separates them.
+        let spacing = width.div_ceil(TILE) + 1;
+        let tile_rows = (BLOCK_REGISTERS * lanes / spacing).clamp(1, height.div_ceil(TILE));
+        for row in (0..height).step_by(TILE * tile_rows) {
+            if interrupt::is_requested() {
+                return;
+            }
+            let mut column = 0;
+            while column < width {
+                let tiles = (width - column).div_ceil(TILE);
+                let registers = if tile_rows > 1 {
+                    (tile_rows * spacing).div_ceil(lanes)
+                } else {
+                    tiles.div_ceil(lanes).min(BLOCK_REGISTERS)
+                };
+                let block = OutputBlock {
+                    row,
+                    column,
+                    height: (TILE * tile_rows).min(height - row),
+                    width: (width - column).min(registers * lanes * TILE),
+                    spacing: if tile_rows > 1 {
+                        spacing
+                    } else {
+                        registers * lanes + 1
+                    },
+                };
+                if registers == 1 {
+                    self.block::<S, 1>(simd, block);
+                } else {
+                    self.block::<S, BLOCK_REGISTERS>(simd, block);
+                }
+                column += block.width;
+            }
+        }
+    }
+}
+
+impl<F: Real> Convolution<'_, F> {
+    /// Compute a block of `N` registers of tiles.
+    #[inline(always)]
+    fn block<S: Simd, const N: usize>(&mut self, simd: S, block: OutputBlock) {
+        let (filters, lanes) = (self.filters, F::lanes::<S>());
+        let tiles = N * lanes;
+        // An odd number of registers between products distributes them over all sets of the cache.
+        let stride = ((filters.inputs * N) | 1) * lanes;
+        let mut memory = Memory::aligned(self.workspace, stride, tiles, self.finish);
+        let input = InputBlock {
+            source: self.source,
+            top: self.output.rows.start + block.row,
+            left: self.output.columns.start + block.column,
+            height: block.height,
+            width: block.width,
+            spacing: block.spacing,
+        };
+        let transformed = (&mut *memory.transformed, stride);
+        input.transform::<S, N>(simd, filters.inputs, &mut memory.input, transformed);
+        for group in 0..filters.outputs.div_ceil(filters.group) {
+            let transformed = (&*memory.transformed, stride);
+            filters.multiply::<S, N>(simd, group, transformed, memory.sums);
+            let first = group * filters.group;
+            let sums = F::vectors::<S>(memory.sums).chunks_exact(N * PRODUCTS);
+            for (filter, sums) in (first..filters.outputs).zip(sums.take(filters.group)) {
+                let buffers = &mut memory.output;
+                let out = &mut *self.out;
+                self.finish
+                    .write::<S, N>(simd, filter, sums, block, buffers, out);
+            }
+        }
+    }
+}
+
+/// The buffers for a block.
+struct Memory<'a, F> {
+    transformed: &'a mut [F],
+    sums: &'a mut [F],
+    input: InputBuffers<'a, F>,
+    output: OutputBuffers<'a, F>,
+}
+
+impl<'a, F: Real> Memory<'a, F> {
+    /// Return buffers for `tiles` tiles. Each begins at a cache line, because a register that two
+    /// cache lines share takes twice as long to read.
+    fn aligned(
+        workspace: &'a mut Vec<F>,
+        stride: usize,
+        tiles: usize,
+        finish: &Finish<'_, F>,
+    ) -> Self {
+        let (rows, input_phases) = InputBuffers::<F>::lengths(tiles);
+        let (output_phases, deep, channel) = finish.lengths(tiles);
+        let lengths = [
+            PRODUCTS * stride,
+            MAX_GROUP * tiles * PRODUCTS,
+            rows,
+            input_phases,
+            output_phases,
+            deep,
+            channel,
+        ];
+        let whole_lines = lengths.map(|length| length.next_multiple_of(CACHE_LINE));
+        let length = whole_lines.iter().sum::<usize>() + CACHE_LINE;
+        if workspace.len() < length {
+            workspace.resize(length, F::zero());
+        }
+        let offset = workspace.as_ptr().align_offset(CACHE_LINE * size_of::<F>());
+        let mut rest = &mut workspace[offset.min(CACHE_LINE)..];
+        let [
+            transformed,
+            sums,
+            rows,
+            input_phases,
+            output_phases,
+            deep,
+            channel,
+        ] = lengths.map(|length| {
+            let (part, others) =
+                std::mem::take(&mut rest).split_at_mut(length.next_multiple_of(CACHE_LINE));
+            rest = others;
+            &mut part[..length]
+        });
+        Self {
+            transformed,
+            sums,
+            input: InputBuffers {
+                rows,
+                phases: input_phases,
+            },
+            output: OutputBuffers {
+                phases: output_phases,
+                deep,
+                channel,
+            },
+        }
+    }
+}
+
+/// The number of values to which buffers are aligned: a cache line of `f32`.
+const CACHE_LINE: usize = MAX_LANES;
+
+#[cfg(test)]
+mod tests {
+    use ndarray::{Array3, Array4, s};
+
+    use super::*;
+    use crate::sensing::mirror_index;
+
+    /// Return pseudorandom values in \[−0.5, 0.6\] from a linear congruential generator.
+    fn random(length: usize) -> Vec<f32> {
+        let next = |state: &u32| Some(state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+        let states = std::iter::successors(Some(1u32), next);
+        states
+            .map(|state| state as f32 / 4e9 - 0.5)
+            .take(length)
+            .collect()
+    }
+
+    fn convolved(
+        winograd: &Winograd<f32>,
+        planes: &[f32],
+        size: (usize, usize),
+        output: &Region,
+    ) -> Vec<f32> {
+        let source = StripedPlanes::single(planes, Region::whole(size), size);
+        let mut out = vec![f32::NAN; winograd.filters.outputs * output.pixels()];
+        let finish = Finish {
+            upsampling: 1,
+            skip: None,
+            splines: &[],
+            region: output,
+        };
+        winograd.convolve(&source, output, &finish, &mut Vec::new(), &mut out);
+        out
+    }
+
+    /// Return the sum of products at one pixel of an output.
+    fn sum_of_products(
+        planes: &[f32],
+        (height, width): (usize, usize),
+        filters: &Array4<f32>,
+        (output, row, column): (usize, usize, usize),
+    ) -> f64 {
+        let (_, inputs, rows, columns) = filters.dim();
+        let mut sum = 0.0;
+        for input in 0..inputs {
+            for tap_row in 0..rows {
+                for tap_column in 0..columns {
+                    let y = mirror_index((row + tap_row) as isize - 1, height);
+                    let x = mirror_index((column + tap_column) as isize - 1, width);
+                    let value = planes[(input * height + y) * width + x];
+                    let tap = [output, input, rows - 1 - tap_row, columns - 1 - tap_column];
+                    sum += f64::from(value) * f64::from(filters[tap]);
+                }
+            }
+        }
+        sum
+    }
+
+    #[test]
+    fn results_are_sums_of_products_and_do_not_depend_on_the_region()
+    -> Result<(), Box<dyn std::error::Error>> {
+        for (height, width) in [(1, 1), (2, 17), (3, 5), (9, 40), (13, 230)] {
+            for (outputs, inputs) in [(4, 12), (5, 16), (24, 17), (26, 24)] {
+                let planes = random(inputs * height * width);
+                let shape = (outputs, inputs, FILTER_SIZE, FILTER_SIZE);
+                // Outputs of order 1, as in trained networks.
+                let scale = 2.0 / (inputs as f32).sqrt() / FILTER_SIZE as f32;
+                let filters = random(outputs * inputs * FILTER_SIZE * FILTER_SIZE);
+                let filters = filters.into_iter().map(|tap| scale * tap).collect();
+                let filters = Array4::from_shape_vec(shape, filters)?;
+                let winograd = Winograd::new(filters.view(), 1).ok_or("expected Winograd")?;
+                let size = (height, width);
+                let all = convolved(&winograd, &planes, size, &Region::whole(size));
+                let all = Array3::from_shape_vec((outputs, height, width), all)?;
+
+                for (index, &value) in all.indexed_iter() {
+                    let expected = sum_of_products(&planes, size, &filters, index);
+                    assert!((f64::from(value) - expected).abs() < 1e-5);
+                }
+
+                let aligned = |index: usize| index / TILE * TILE;
+                let end = aligned(width.div_ceil(2)).max(aligned(width / 3) + TILE);
+                let part = Region {
+                    rows: aligned(height / 2)..height,
+                    columns: aligned(width / 3)..end.min(width),
+                };
+                let found = convolved(&winograd, &planes, size, &part);
+                let expected = all.slice(s![.., part.rows.clone(), part.columns.clone()]);
+                assert!(expected.iter().eq(found.iter()));
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn unsuitable_filters_have_no_winograd_transform() {
+        for (outputs, inputs, rows, columns, stride) in [
+            (MIN_OUTPUTS, MIN_INPUTS, 5, 3, 1),
+            (MIN_OUTPUTS, MIN_INPUTS, 3, 1, 1),
+            (MIN_OUTPUTS, MIN_INPUTS - 1, 3, 3, 1),
+            (MIN_OUTPUTS - 1, MIN_INPUTS, 3, 3, 1),
+            (MIN_OUTPUTS, MIN_INPUTS, 3, 3, 2),
+        ] {
+            let filters = Array4::<f32>::zeros((outputs, inputs, rows, columns));
+            assert!(Winograd::new(filters.view(), stride).is_none());
+        }
+    }
+}
