@@ -27,8 +27,11 @@ class Parameters:
 
     def maps(self) -> dict[str, npt.NDArray[Any]]:
         """Return the parameters that are maps over the jots, by name."""
-        values = {name: getattr(self, name) for name in MAPS}
-        return {name: value for name, value in values.items() if np.ndim(value) == 2}
+        # PyTorch's compiler does not know numpy.ndim.
+        arrays = {
+            name: value for name in MAPS if isinstance(value := getattr(self, name), np.ndarray)
+        }
+        return {name: value for name, value in arrays.items() if value.ndim == 2}
 
     def without_maps(self) -> Self:
         """Return the sensor without a mask, and with the means of the other maps."""

@@ -208,7 +208,9 @@ def refuse_different_readings(sensor: GroupedSensor) -> None:
       ...
     ValueError: sensor: expected one gain and one threshold for all readings, got ...
     """
-    names = [name for name in ("gain", "threshold") if np.ndim(getattr(sensor, name))]
+    names = [
+        name for name in ("gain", "threshold") if isinstance(getattr(sensor, name), np.ndarray)
+    ]
     if names:
         each = " and ".join(
             f"a {name} for each {'frame' if np.ndim(getattr(sensor, name)) == 1 else 'jot'}"

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -133,7 +133,7 @@ class Sensor(Parameters):
 
         With a gain for each frame, this is an error.
         """
-        if np.ndim(self.gain):
+        if isinstance(cast(Any, self.gain), np.ndarray):
             readings.refuse_different_readings(self)
         return self.gain / self.trials
 
