@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 import jotlight as jl
+from chromium import chromium
 from jotlight.cli import app, console
 
 hypothesis.settings.register_profile("quick", max_examples=30, deadline=None, derandomize=True)
@@ -29,6 +30,13 @@ def data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no data in {folder}: set JOTLIGHT_DATA to the folder that holds bsds300/")
     return folder
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Return a Chromium, for the tests of pages."""
+    with chromium() as running:
+        yield running
 
 
 @pytest.fixture

@@ -12,8 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from chromium import chromium
-
 axe = pytest.importorskip(
     "axe_playwright_python.sync_playwright", reason="no axe: pip install 'jotlight[browser]'"
 )
@@ -48,12 +46,6 @@ def address():
         yield f"http://127.0.0.1:{server.server_port}/"
         server.shutdown()
         thread.join()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture(params=["light", "dark"])

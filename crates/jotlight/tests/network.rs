@@ -1,6 +1,8 @@
 //! Comparisons of the network with a forward pass in plain loops, and of its gradients with central
 //! differences.
 
+mod random;
+
 use jotlight::bits::PackedBits;
 use jotlight::error::{Error, Result};
 use jotlight::likelihood::Threshold;
@@ -9,20 +11,13 @@ use jotlight::network::{
 };
 use jotlight::sensing::{Kernel, PerJot, Sensor};
 use ndarray::{Array1, Array2, Array3, Array4, ArrayView3, Axis};
+use random::Random;
 
 const START: f64 = -5.0;
 const COEFFICIENTS: usize = 9;
 const SPACING: f64 = 10.0 / (COEFFICIENTS - 3) as f64;
 
-/// A linear congruential generator of values in [−0.5, 0.5].
-struct Random(u32);
-
 impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f64::from(self.0) / f64::from(u32::MAX) - 0.5
-    }
-
     fn layer(&mut self, shape: (usize, usize, usize, usize), wiring: Wiring) -> Result<Layer<f64>> {
         let scale = 2.0 / ((shape.1 * shape.2 * shape.3) as f64).sqrt();
         let filters = Array4::from_shape_simple_fn(shape, || scale * self.next());

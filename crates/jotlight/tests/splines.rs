@@ -1,22 +1,15 @@
 //! Comparison of the gradients of splines with central differences.
 
+mod random;
+
 use jotlight::error::Result;
 use jotlight::network::Splines;
 use ndarray::{Array2, Array3};
+use random::Random;
 
 const START: f64 = -5.0;
 const COEFFICIENTS: usize = 9;
 const SPACING: f64 = 10.0 / (COEFFICIENTS - 3) as f64;
-
-/// A linear congruential generator of values in [−0.5, 0.5].
-struct Random(u32);
-
-impl Random {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f64::from(self.0) / f64::from(u32::MAX) - 0.5
-    }
-}
 
 #[test]
 fn gradients_of_splines_agree_with_central_differences() -> Result<()> {

@@ -4,7 +4,6 @@ import itertools
 
 import pytest
 
-from chromium import chromium
 from jotlight.experiments.report.page import render_page
 from reference.reports import realistic_report
 
@@ -18,12 +17,6 @@ def address(tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "report.html"
     path.write_text(render_page(realistic_report()), "utf-8")
     return path.as_uri()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 import pytest
 
 import jotlight as jl
-from chromium import chromium
 from jotlight.sensing.provenance import Provenance
 from jotlight.view.viewed import Opening, Viewed
 from painted import EVIL, RECORD, final
@@ -24,12 +23,6 @@ def server():
     viewed = Viewed(EVIL, bits, bits.sensor, True, Opening("a capture.npy"))
     with serving(viewed) as running:
         running.bits = bits
-        yield running
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
         yield running
 
 
