@@ -198,6 +198,13 @@ def napari(session: nox.Session) -> None:
 
 
 @nox.session(tags=["release"])
+def exhaustive(session: nox.Session) -> None:
+    """Run the tests that check all cases where those of the gate check some."""
+    install_wheel(session, extra="test")
+    session.run("pytest", "-m", "exhaustive", *session.posargs, env={"JOTLIGHT_DATA": str(DATA)})
+
+
+@nox.session(tags=["release"])
 def fuzz(session: nox.Session) -> None:
     """Fuzz every file reader for a few seconds; arguments go to fuzz/readers.py."""
     try:
