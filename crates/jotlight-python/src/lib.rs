@@ -10,6 +10,7 @@ mod cpu;
 mod likelihood;
 mod mle;
 mod motion;
+mod multibit;
 mod network;
 mod sensing;
 mod tv;
@@ -46,6 +47,11 @@ mod _engine {
         FilteredTemplate, add_shifted_counts, add_shifted_values, blur, chi_squared, disagreement,
         displacement_equations, fit_affine, peak_of_shifted_scores, solve_field, undo_remainders,
         velocity_scores,
+    };
+    #[pymodule_export]
+    use super::multibit::{
+        draw_readings, readings_gradient_and_curvature, readings_information,
+        readings_log_likelihood, readings_log_probability, readings_moments,
     };
     #[pymodule_export]
     use super::network::{

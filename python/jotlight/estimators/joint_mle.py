@@ -8,6 +8,7 @@ import numpy.typing as npt
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.layout import join
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
+from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.pixel_counts import Estimate, GrayImages
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import Array, inverse_detection_probability
@@ -149,10 +150,12 @@ def _start(joint: JointLikelihood, offset: float) -> Array:
         cells, are_pixels = term.cells, term.side == 1
         # Jots of a pixel estimate its intensity together. Pixels without readings are left out.
         pool = np.asarray if are_pixels else term.sum_pixels
-        ones = pool(cells.ones.astype(np.float64))
-        trials = pool(np.broadcast_to(np.asarray(cells.trials, np.float64), cells.shape))
-        fraction = (ones + 0.5) / (trials + 1)
-        rate = inverse_detection_probability(cells.threshold, fraction, 1 - fraction)
+        trials = pool(term.trials)
+        if isinstance(cells, ReadingLikelihood):
+            rate = pool(cells.trials * cells.likely_rate()) / np.maximum(trials, 1)
+        else:
+            fraction = (pool(term.total) + 0.5) / (trials + 1)
+            rate = inverse_detection_probability(cells.threshold, fraction, 1 - fraction)
         own = np.clip((rate - dark_counts) / (efficiency * term.light), 1e-9 * highest, highest)
         light = term.light * own if are_pixels else term.spread(own)
         information = term.light**2 * pool(cells.information(light))
@@ -178,17 +181,19 @@ def regular_maximum(joint: JointLikelihood) -> Array:
     >>> regular_maximum(joint).round(4), maximize(joint)  # 2 - exp(-x/2) - exp(-3x/2) = 1/2
     (array([[0.2988]]), array([[0.]]))
     """
-    ones, trials = joint.ones, joint.trials
+    total, largest = joint.total, joint.max_total
     result = maximize(joint)
-    for extreme, count in ((ones == 0, 0.5), (ones == trials, trials - 0.5)):
-        is_moved = extreme & (trials > 0)
+    for extreme, count in ((total == 0, 0.5), (total == largest, largest - 0.5)):
+        is_moved = extreme & (largest > 0)
         if is_moved.any():
-            result = np.where(is_moved, solve_expected_ones(joint, count), result)
+            result = np.where(is_moved, solve_expected_total(joint, count), result)
     return result
 
 
-def solve_expected_ones(joint: JointLikelihood, ones: npt.ArrayLike) -> Array:
-    """Return the intensity in [0, S] at which a number of ones is expected, (H, W).
+def solve_expected_total(joint: JointLikelihood, total: npt.ArrayLike) -> Array:
+    """Return the intensity in [0, S] at which a sum of the readings is expected, (H, W).
+
+    For bits, it is a number of ones.
 
     Examples
     --------
@@ -196,10 +201,10 @@ def solve_expected_ones(joint: JointLikelihood, ones: npt.ArrayLike) -> Array:
     >>> joint = joint_likelihood(
     ...     Bits.from_array([[[1]], [[0]]]), Sensor(frames=2, threshold=[1, 2]), None
     ... )
-    >>> solve_expected_ones(joint, 0.5).round(4)
+    >>> solve_expected_total(joint, 0.5).round(4)
     array([[0.518]])
     """
-    wanted = np.asarray(ones, np.float64)
+    wanted = np.asarray(total, np.float64)
     uniform = joint.uniform
     if uniform:
         # All pixels with the same count have the same solution.
@@ -210,15 +215,15 @@ def solve_expected_ones(joint: JointLikelihood, ones: npt.ArrayLike) -> Array:
     highest, offset = joint.sensor.max_intensity, dark_intensity(joint.sensor)
 
     def evaluate(intensity: Array) -> tuple[Array, Array]:
-        expected, slope = joint.expected_ones(intensity)
+        expected, slope, _ = joint.expected_total(intensity)
         return wanted - expected, (intensity + offset) * slope
 
-    at_zero = joint.expected_ones(np.zeros(wanted.shape))[0] >= wanted
-    at_highest = joint.expected_ones(np.full(wanted.shape, highest))[0] <= wanted
+    at_zero = joint.expected_total(np.zeros(wanted.shape))[0] >= wanted
+    at_highest = joint.expected_total(np.full(wanted.shape, highest))[0] <= wanted
     inside = ~(at_zero | at_highest)
     # The light of the mean reading, if it is the only one.
-    total = float(np.max(joint.trials))
+    number = float(np.max(joint.trials))
     mean = np.mean([term.light for term in joint.terms])
-    x = _find_root(evaluate, (wanted + 0.5) / (total * mean), inside, highest, offset)
+    x = _find_root(evaluate, (wanted + 0.5) / (number * mean), inside, highest, offset)
     solution = np.where(at_zero, 0.0, np.where(at_highest, highest, x))
     return solution[places].reshape(joint.shape) if uniform else solution

@@ -13,13 +13,20 @@ import numpy.typing as npt
 from jotlight.estimators.joint_mle import regular_maximum
 from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
+from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.pixel_counts import Data, GrayImages, gray_images, prepare_data
 from jotlight.sensing.response import Array, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
 _MAX_TRIALS = 2.0**30
 """Maximum number of equivalent trials. Counts are 32-bit integers."""
+
+
+_MAX_RATE = 1.0
+"""Light of a jot of the reference sensor at the largest intensity, if that of the readings is
+larger, and they have several bits."""
 
 
 def merge_readings(
@@ -100,24 +107,56 @@ def reference_sensor(sensor: Sensor) -> Sensor:
     >>> reference_sensor(Sensor(frames=4, gain=[2.0, 2.0, 16.0, 16.0])).gain
     8.0
     """
-    if not sensor.readings_differ and sensor.threshold == 1:
+    if sensor.has_plain_bits and sensor.threshold == 1:
         return sensor
     half = float(inverse_detection_probability(1, 0.5, 0.5))
     per_frame = []
     for group in sensor.groups():
         own = group.sensor
-        rate = float(inverse_detection_probability(own.threshold, 0.5, 0.5))
-        per_frame.append(own.gain / own.frames * half / rate)
-    return sensor.replace(threshold=1, gain=min(per_frame) * sensor.frames)
+        # The light at which half of the readings are the largest one.
+        photons = own.threshold - 1 + own.max_reading
+        rate = float(inverse_detection_probability(photons, 0.5, 0.5))
+        share = half / rate
+        if own.bit_depth > 1:
+            brightest = own.light_per_intensity * own.max_intensity
+            share = max(share, min(1.0, _MAX_RATE / brightest))
+        per_frame.append(own.gain / own.frames * share)
+    reference = sensor.replace(
+        threshold=1, gain=min(per_frame) * sensor.frames, bit_depth=1, read_noise=0.0
+    )
+    if sensor.read_noise == 0:
+        return reference
+    return reference.replace(dark_counts=_noise_floor(sensor, reference))
+
+
+def _noise_floor(sensor: Sensor, reference: Sensor) -> float | npt.NDArray[np.float32]:
+    """Return the dark counts with which bits tell as much about darkness as noisy readings.
+
+    With dark counts d, T bits have the information T (α/K)² / (exp(d) - 1) about intensity 0.
+    """
+    dark = np.asarray(sensor.dark_counts, np.float64)
+    distinct, places = np.unique(dark, return_inverse=True)
+    information = np.zeros(len(distinct))
+    for group in sensor.groups():
+        own, light = group.sensor, group.sensor.light_per_intensity
+        cells = ReadingLikelihood(
+            own.engine_response(), np.zeros((len(distinct), 0), np.int32), False, 1.0, distinct
+        )
+        share = 1.0 if own.mask is None else float(1 - own.mask.mean())
+        information += len(group.frames) * share * light**2 * cells.information_per_reading(0.0)
+    floor = np.log1p(sensor.frames * reference.light_per_intensity**2 / information)
+    floors = floor[places].reshape(dark.shape)
+    return float(floors) if floors.ndim == 0 else floors.astype(np.float32)
 
 
 def _merge(joint: JointLikelihood) -> Merged:
     """Return the equivalent counts of a gray image."""
-    efficiency, dark_counts = joint.pixel_means()
-    if not joint.sensor.readings_differ and all(term.side == 1 for term in joint.terms):
-        counts = joint.ones.astype(np.int32)
+    if joint.sensor.has_plain_bits and all(term.side == 1 for term in joint.terms):
+        counts = joint.total.astype(np.int32)
+        efficiency, dark_counts = mean_response(joint.sensor)
         return Merged(counts, joint.trials, joint.sensor, dark_counts, efficiency)
     reference = reference_sensor(joint.sensor)
+    efficiency, dark_counts = mean_response(reference)
     ones, trials = equivalent_counts(joint, reference)
     return Merged(*_round_ones(ones, trials), reference, dark_counts, efficiency)
 
@@ -130,7 +169,7 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     joint : JointLikelihood
         The likelihood of the readings.
     reference : Sensor
-        A sensor with one gain, threshold 1, and the efficiency and the dark counts of the readings.
+        The :func:`reference_sensor` of the readings.
 
     Examples
     --------
@@ -141,25 +180,34 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     >>> ones.round(4), trials.round(4), (ones / trials).round(4)  # 1/4 at x = log(4/3)
     (array([[0.7973]]), array([[3.1892]]), array([[0.25]]))
     """
-    efficiency, dark_counts = joint.pixel_means()
+    efficiency, dark_counts = mean_response(reference)
     intensity = regular_maximum(joint)
     gradient = joint.gradient_and_curvature(intensity)[0]
     slope = efficiency * reference.light_per_intensity
     rate = slope * intensity + dark_counts
     one, zero = -np.expm1(-rate), np.exp(-rate)
-    total, all_trials = joint.ones, joint.trials
+    total, all_trials, largest = joint.total, joint.trials, joint.max_total
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # p' = slope * zero, so p (1 - p) / p' = one / slope.
         trials = joint.information(intensity) * one / (zero * slope**2)
         ones = trials * one + gradient * one / slope
         dark = total == 0
         trials = np.where(dark, -gradient / slope, trials)
-        saturated = (total == all_trials) & ~dark
+        saturated = (total == largest) & ~dark
         trials = np.where(saturated, gradient * one / (slope * zero), trials)
     trials = np.where((all_trials > 0) & (trials > 0), trials, 0.0)
     trials = np.minimum(trials, _MAX_TRIALS)
     ones = np.where(dark, 0.0, np.where(saturated, trials, ones))
     return np.clip(ones, 0, trials), trials
+
+
+def mean_response(sensor: Sensor) -> tuple[float | Array, float | Array]:
+    """Return the mean efficiency and the mean dark counts of the live jots of each pixel."""
+    efficiency, dark_counts = (
+        pixel_means(value, sensor.mask, sensor.oversampling)[0]
+        for value in (sensor.efficiency, sensor.dark_counts)
+    )
+    return efficiency, dark_counts
 
 
 def _round_ones(ones: Array, trials: Array) -> tuple[npt.NDArray[np.int32], Any]:

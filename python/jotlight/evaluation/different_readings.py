@@ -7,7 +7,7 @@ from jotlight.estimators.merge_readings import merge_images, reference_sensor
 from jotlight.evaluation.methods import LARGE_METHOD, find_method
 from jotlight.networks.network import Network
 from jotlight.sensing.pixel_counts import GrayImages
-from jotlight.sensing.readings import refuse_different_readings
+from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.sensor import Sensor
 
 
@@ -55,5 +55,5 @@ def with_one_response(
     else:
         is_served = method is None
     if not is_served:
-        refuse_different_readings(sensor)
+        require_plain_bits(sensor)
     return merge_images(images, sensor, threads), reference_sensor(sensor)

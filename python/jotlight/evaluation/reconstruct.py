@@ -213,7 +213,7 @@ def _run(
         raise ValueError(f"{extra}: is not an option of a network; leave it out")
     requested = None if isinstance(method, Network) else _named(method, quality, options)
     start = time.perf_counter()
-    readings_differ = sensor.readings_differ
+    readings_differ = not sensor.has_plain_bits
     if readings_differ and requested != "mle":
         images, sensor = with_one_response(images, sensor, network or requested, quality, threads)
     choice = choose_method(sensor, requested=requested, network=network)

@@ -1,11 +1,13 @@
-"""The likelihood of readings with different gains and thresholds, as a function of the intensity.
+"""The likelihood of readings that a count of ones does not describe, as a function of the intensity.
 
-Readings with the same gain and threshold are a group, whose counts have the likelihood of
-:mod:`jotlight.sensing.likelihood`. All readings of a pixel see the same intensity, so the joint
+Readings with the same gain and threshold are a group. The counts of its bits have the likelihood of
+:mod:`jotlight.sensing.likelihood`, and readings of several bits or with read noise that of
+:mod:`jotlight.sensing.multibit`. All readings of a pixel see the same intensity, so the joint
 log-likelihood is the sum of those of the groups.
 """
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,8 +21,11 @@ from jotlight.sensing.frames import read_in_chunks
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.multibit import ReadingLikelihood
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import GrayData, count_pixels, describe_pixels
 from jotlight.sensing.readings import ReadingGroup, frames_differ
+from jotlight.sensing.reading_samples import Sample, require_readings, sample_readings
 from jotlight.sensing.response import Array, detection_density, detection_probability
 from jotlight.sensing.sensor import Sensor
 
@@ -31,7 +36,7 @@ Counts = npt.NDArray[np.int32]
 class Term:
     """The likelihood of one group. Its cells are the pixels, or the jots where these differ."""
 
-    cells: Likelihood
+    cells: Likelihood | ReadingLikelihood
     """The likelihood of the cells, (H·side, W·side), or of the live ones among them, (n,)."""
     light: float
     """The light of a jot per frame at intensity 1."""
@@ -48,9 +53,29 @@ class Term:
     @property
     def uniform(self) -> bool:
         """Whether all cells have the same trials, efficiency, and dark counts."""
-        cells = self.cells
-        parameters = cells.trials, cells.efficiency, cells.dark_counts, self.live
+        cells, trials = self.cells, self.cells.trials
+        if isinstance(cells, ReadingLikelihood) and (trials == trials.flat[0]).all():
+            trials = 1.0
+        parameters = trials, cells.efficiency, cells.dark_counts, self.live
         return not any(isinstance(value, np.ndarray) for value in parameters)
+
+    @property
+    def max_reading(self) -> int:
+        """The largest reading, 2^b - 1."""
+        return self.cells.max_reading if isinstance(self.cells, ReadingLikelihood) else 1
+
+    @property
+    def trials(self) -> Array:
+        """The number of readings of each cell."""
+        return np.broadcast_to(np.asarray(self.cells.trials, np.float64), self.cells.shape)
+
+    @property
+    def total(self) -> Array:
+        """The sum of the readings of each cell."""
+        cells = self.cells
+        if isinstance(cells, ReadingLikelihood):
+            return cells.total
+        return np.asarray(cells.ones.astype(np.float64))
 
     def spread(self, intensity: Array) -> Array:
         """Return the light of each cell of the likelihood."""
@@ -71,16 +96,27 @@ class Term:
         blocks = values.reshape(height, self.side, width, self.side)
         return np.asarray(blocks.sum(axis=(1, 3)))
 
-    def expected_ones(self, intensity: Array) -> tuple[Array, Array]:
-        """Return n P(q, η s + d) of each pixel, and its derivative about the intensity.
+    def expected_total(self, intensity: Array) -> tuple[Array, Array, Array]:
+        """Return the expected sum of the readings of each pixel, its derivative, and its variance.
 
-        Where cells are uniform, any shape is allowed.
+        For bits, it is n P(q, η s + d). The derivative is that about the intensity. Where cells
+        are uniform, any shape is allowed.
         """
         cells = self.cells
-        rate = cells.efficiency * self.spread(intensity) + cells.dark_counts
-        slope = cells.trials * cells.efficiency * detection_density(cells.threshold, rate)
-        ones = cells.trials * detection_probability(cells.threshold, rate)
-        return self.sum_pixels(ones), self.light * self.sum_pixels(slope)
+        if isinstance(cells, ReadingLikelihood):
+            trials = cells.trials.flat[0] if self.uniform else cells.trials
+            mean, variance, slope = cells.moments(self.spread(intensity))
+        else:
+            trials = cells.trials
+            rate = cells.efficiency * self.spread(intensity) + cells.dark_counts
+            slope = cells.efficiency * detection_density(cells.threshold, rate)
+            mean = detection_probability(cells.threshold, rate)
+            variance = mean * (1 - mean)
+        return (
+            self.sum_pixels(trials * mean),
+            self.light * self.sum_pixels(trials * slope),
+            self.sum_pixels(trials * variance),
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,17 +142,20 @@ class JointLikelihood:
         """Whether all pixels have the same trials, efficiency, and dark counts."""
         return all(term.uniform for term in self.terms)
 
-    @property
-    def ones(self) -> Array:
-        """The number of ones of each pixel, in all groups."""
-        return self._sum(lambda term: term.cells.ones.astype(np.float64))
+    @functools.cached_property
+    def total(self) -> Array:
+        """The sum of all readings of each pixel; for bits, the number of ones."""
+        return self._sum(lambda term: term.total)
 
-    @property
+    @functools.cached_property
     def trials(self) -> Array:
         """The number of readings of each pixel, in all groups."""
-        return self._sum(
-            lambda term: np.broadcast_to(np.asarray(term.cells.trials), term.cells.shape)
-        )
+        return self._sum(lambda term: term.trials)
+
+    @functools.cached_property
+    def max_total(self) -> Array:
+        """The largest possible sum of the readings of each pixel; for bits, their number."""
+        return self._sum(lambda term: term.max_reading * term.trials)
 
     def value(self, intensity: npt.ArrayLike) -> float:
         """Return the log-likelihood in nats, summed over all pixels."""
@@ -149,22 +188,14 @@ class JointLikelihood:
         values = self._intensity(intensity)
         return self._sum(lambda term: term.light**2 * term.cells.information(term.spread(values)))
 
-    def expected_ones(self, intensity: Array) -> tuple[Array, Array]:
-        """Return the expected number of ones of each pixel, and its derivative.
+    def expected_total(self, intensity: Array) -> tuple[Array, Array, Array]:
+        """Return the expected sum of the readings of each pixel, its derivative, and its variance.
 
         In a uniform image, any shape is allowed.
         """
-        ones, slopes = zip(*(term.expected_ones(intensity) for term in self.terms), strict=True)
-        return np.asarray(sum(ones)), np.asarray(sum(slopes))
-
-    def pixel_means(self) -> tuple[float | Array, float | Array]:
-        """Return the mean efficiency and the mean dark counts of the live jots of each pixel."""
-        sensor = self.sensor
-        efficiency, dark_counts = (
-            pixel_means(value, sensor.mask, sensor.oversampling)[0]
-            for value in (sensor.efficiency, sensor.dark_counts)
-        )
-        return efficiency, dark_counts
+        each = [term.expected_total(intensity) for term in self.terms]
+        total, slope, variance = (np.asarray(sum(values)) for values in zip(*each, strict=True))
+        return total, slope, variance
 
     def _sum(self, function: Any) -> Array:
         total = np.zeros(self.shape)
@@ -181,8 +212,9 @@ def joint_likelihood(data: GrayData, sensor: Sensor, threads: int | None) -> Joi
 
     Parameters
     ----------
-    data : Bits of shape (T, H·K̂, W·K̂), or ndarray of int32 (H, W)
-        Bits; or counts, if every jot has the same readings in all frames and is a pixel.
+    data : Bits or Readings of shape (T, H·K̂, W·K̂), or ndarray of int32 (H, W)
+        Bits, or readings of several bits; or counts, if every jot has the same readings in all
+        frames and is a pixel.
     sensor : Sensor
         The sensor of the data. A smooth kernel is treated as the box kernel.
     threads : int, optional
@@ -205,6 +237,14 @@ def joint_likelihood(data: GrayData, sensor: Sensor, threads: int | None) -> Joi
         for value in (sensor.efficiency, sensor.dark_counts)
     )
     side = sensor.oversampling if varies else 1
+    if isinstance(data, Readings) or sensor.bit_depth > 1:
+        readings = require_readings(data, sensor)
+        samples = sample_readings(readings, groups, sensor.oversampling // side)
+        terms = zip(samples, groups, strict=True)
+        return JointLikelihood(
+            sensor,
+            tuple(reading_term(one, group.sensor, side, threads) for one, group in terms),
+        )
     if isinstance(data, Bits):
         check_fits(data.shape, sensor)
         counts: Sequence[Counts] = _count_groups(data, groups, sensor.oversampling // side, threads)
@@ -231,6 +271,17 @@ def _term(ones: Counts, sensor: Sensor, side: int, threads: int | None) -> Term:
         value[live] if live is not None and isinstance(value, np.ndarray) else value
         for value in (pixels.counts, pixels.trials, pixels.efficiency, pixels.dark_counts)
     )
+    if sensor.read_noise:
+        zeros = np.asarray(trials - counts, np.int32)
+        noisy = ReadingLikelihood(
+            sensor.engine_response(),
+            np.stack([zeros, counts], axis=-1),
+            True,
+            efficiency,
+            dark_counts,
+            threads,
+        )
+        return Term(noisy, light, side, live)
     cells = Likelihood(
         counts,
         trials,
@@ -238,6 +289,24 @@ def _term(ones: Counts, sensor: Sensor, side: int, threads: int | None) -> Term:
         efficiency=efficiency,
         dark_counts=dark_counts,
         threads=threads,
+    )
+    return Term(cells, light, side, live)
+
+
+def reading_term(sample: Sample, sensor: Sensor, side: int, threads: int | None) -> Term:
+    """Return the term of a group of readings of several bits."""
+    light = sensor.light_per_intensity
+    if side > 1:
+        sensor = sensor.replace(oversampling=1)
+    shape = sample.values.shape[:-1]
+    pixels = describe_pixels(np.zeros(shape, np.int32), sensor)
+    live = None if pixels.dead_pixels is None or pixels.dead_pixels.all() else ~pixels.dead_pixels
+    values, efficiency, dark_counts = (
+        value[live] if live is not None and isinstance(value, np.ndarray) else value
+        for value in (sample.values, pixels.efficiency, pixels.dark_counts)
+    )
+    cells = ReadingLikelihood(
+        sensor.engine_response(), values, sample.is_histogram, efficiency, dark_counts, threads
     )
     return Term(cells, light, side, live)
 

@@ -27,7 +27,7 @@ def reference_jot(sensor: Sensor) -> Jot:
 
 
 def saturation_intensity(sensor: Sensor) -> float:
-    """Return a maximum intensity S that clips only pixels whose bits are all 1.
+    """Return a maximum intensity S that clips only pixels whose readings are all the largest one.
 
     At S, a pixel whose jots are the least sensitive ones is expected to show K - 1/2 ones. The
     estimate from K - 1 ones is therefore below S. A pixel with K ones is saturated: without a
@@ -47,7 +47,13 @@ def saturation_intensity(sensor: Sensor) -> float:
         for value in (sensor.dark_counts, sensor.efficiency)
     )
     half = 0.5 / sensor.trials
-    rate = float(inverse_detection_probability(sensor.threshold, 1 - half, half))
+    # The photons at which a reading is the largest one.
+    photons = sensor.threshold - 1 + sensor.max_reading
+    rate = float(inverse_detection_probability(photons, 1 - half, half))
+    if sensor.read_noise:
+        from scipy.special import ndtri
+
+        rate += sensor.read_noise * float(-ndtri(half))
     light = max(rate - dark, 0.0) / efficiency
     intensity = light / sensor.light_per_intensity or 1.0
     return min(max(intensity, LIMITS[0]), LIMITS[1])
