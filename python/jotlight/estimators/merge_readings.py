@@ -65,7 +65,8 @@ def merge_readings(
     With the derivative g of the log-likelihood and the information I at its maximum in [0, S], and
     with the probability p of a one at the reference sensor and its derivative p', the equivalent
     trials are ``n = I p (1 - p) / p'²``, and the ones are ``n p + g p (1 - p) / p'``. Inside of
-    [0, S], g is 0. Where all readings are 0 or all are 1, the ones are 0 or n, and n has the
+    [0, S], g is 0. With read noise, I is that at the intensity of half a photon where the maximum is
+    lower, because rare readings have much information about exact darkness. Where all readings are 0 or all are the largest one, the ones are 0 or n, and n has the
     same derivative at the intensity at which half a one or half a zero is expected. Ones are
     rounded to whole numbers. Trials are then scaled such that the maximum stays the same.
 
@@ -130,18 +131,20 @@ def reference_sensor(sensor: Sensor) -> Sensor:
 
 
 def _noise_floor(sensor: Sensor, reference: Sensor) -> float | npt.NDArray[np.float32]:
-    """Return the dark counts with which bits tell as much about darkness as noisy readings.
+    """Return the dark counts with which bits tell as much about darkness as noisy bits.
 
     With dark counts d, T bits have the information T (α/K)² / (exp(d) - 1) about intensity 0.
+    Readings of several bits count as whether they are 0: the information of larger ones, which are
+    rare in the dark, vanishes with the least light.
     """
     dark = np.asarray(sensor.dark_counts, np.float64)
     distinct, places = np.unique(dark, return_inverse=True)
     information = np.zeros(len(distinct))
     for group in sensor.groups():
         own, light = group.sensor, group.sensor.light_per_intensity
-        cells = ReadingLikelihood(
-            own.engine_response(), np.zeros((len(distinct), 0), np.int32), False, 1.0, distinct
-        )
+        response = 1, own.read_noise, own.threshold
+        none = np.zeros((len(distinct), 0), np.int32)
+        cells = ReadingLikelihood(response, none, False, 1.0, distinct)
         share = 1.0 if own.mask is None else float(1 - own.mask.mean())
         information += len(group.frames) * share * light**2 * cells.information_per_reading(0.0)
     floor = np.log1p(sensor.frames * reference.light_per_intensity**2 / information)
@@ -183,13 +186,14 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     efficiency, dark_counts = mean_response(reference)
     intensity = regular_maximum(joint)
     gradient = joint.gradient_and_curvature(intensity)[0]
+    information = joint.information(np.maximum(intensity, _least_light(joint)))
     slope = efficiency * reference.light_per_intensity
     rate = slope * intensity + dark_counts
     one, zero = -np.expm1(-rate), np.exp(-rate)
     total, all_trials, largest = joint.total, joint.trials, joint.max_total
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # p' = slope * zero, so p (1 - p) / p' = one / slope.
-        trials = joint.information(intensity) * one / (zero * slope**2)
+        trials = information * one / (zero * slope**2)
         ones = trials * one + gradient * one / slope
         dark = total == 0
         trials = np.where(dark, -gradient / slope, trials)
@@ -199,6 +203,14 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     trials = np.minimum(trials, _MAX_TRIALS)
     ones = np.where(dark, 0.0, np.where(saturated, trials, ones))
     return np.clip(ones, 0, trials), trials
+
+
+def _least_light(joint: JointLikelihood) -> float | Array:
+    """Return the intensity of half a photon in all readings of a pixel, 0 without read noise."""
+    if joint.sensor.read_noise == 0:
+        return 0.0
+    photons = sum(term.light * term.sum_pixels(term.trials) for term in joint.terms)
+    return np.minimum(0.5 / np.maximum(photons, 1e-12), joint.sensor.max_intensity)
 
 
 def mean_response(sensor: Sensor) -> tuple[float | Array, float | Array]:

@@ -123,7 +123,7 @@ def uncertainty(
     if not sensor.has_plain_bits:
         if estimate is None:
             estimate = reconstruct(images, sensor, method=method, quality=quality, threads=threads)
-        images, sensor = with_one_response(images, sensor, method, quality, threads)
+        images, sensor = with_one_response(images, sensor, method, threads)
     if method == EXACT_METHOD:
         return exact_uncertainty(images, sensor, confidence_level, threads).scaled(scale)
     network, is_own = _reference(method, quality, images, sensor)
