@@ -38,7 +38,6 @@ def test_info_shows_the_values(run, files):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["reconstruct", "bracket.npy", "--method", "admm-tv"], "expected one gain and one thresh"),
         (["film", "bracket.npy", "--window", 4], "the sensor has a gain for each frame"),
         (["reconstruct", "map.npy", "--find-hot-jots"], "find-hot-jots: expected one threshold"),
         (["view", "bracket.npy"], "expected one gain and one threshold"),

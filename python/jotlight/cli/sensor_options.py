@@ -83,6 +83,20 @@ class SensorOptions:
         ),
     ] = None
 
+    bit_depth: Annotated[
+        int | None,
+        Parameter(
+            help="b: bits of a reading. With 2 to 16 bits, a reading is a number of photons. "
+            "Default: 1."
+        ),
+    ] = None
+    read_noise: Annotated[
+        float | None,
+        Parameter(
+            help="σ: standard deviation of the read noise, in photons (electrons). Default: 0."
+        ),
+    ] = None
+
     def _set(self) -> dict[str, Any]:
         fields = (field.name for field in dataclasses.fields(SensorOptions))
         values = {name: getattr(self, name) for name in fields}

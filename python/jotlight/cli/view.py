@@ -117,7 +117,9 @@ def view(
 
 def _open(path: str, capture: CaptureOptions, sensor: CapturedSensorOptions) -> Viewed:
     """Return a complete capture with its sensor."""
-    opened = capture.open(path if is_url(path) else Path(path), sensor.stated_trials())
+    opened = capture.open(
+        path if is_url(path) else Path(path), sensor.stated_trials(), sensor.bit_depth
+    )
     if isinstance(opened, Bits) and sensor.frames is not None:
         raise ValueError("frames: the page selects them; --frame-range leaves some of them out")
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)

@@ -14,7 +14,7 @@ from jotlight.estimators import vst
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.pixel_counts import Estimate, GrayImages
-from jotlight.sensing.readings import require_plain_bits
+from jotlight.sensing.readings import refuse_different_readings
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
@@ -119,8 +119,7 @@ def denoise_readings(
     at the largest reading, back to the rate (Makitalo and Foi 2013). Bits with read noise have the
     transform of bits, and the probability of a one is mapped back to the rate.
     """
-    if sensor.readings_differ:
-        require_plain_bits(sensor)
+    refuse_different_readings(sensor)
     each = [joint_likelihood(one, sensor, threads) for one in images.data]
     if not all(joint.uniform for joint in each):
         raise ValueError(

@@ -7,7 +7,8 @@ import numpy.typing as npt
 
 from jotlight.estimators.joint_mle import maximize, regular_maximum, solve_expected_total
 from jotlight.estimators.uncertainty import Uncertainty, clopper_pearson
-from jotlight.sensing.joint_likelihood import JointLikelihood, Term, joint_likelihood
+from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
+from jotlight.sensing.joint_term import Term
 from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.response import Array, detection_probability, silence_probability

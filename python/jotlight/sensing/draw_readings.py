@@ -82,9 +82,7 @@ def _draw(
                 (frames.start + f.start, frames.start + f.stop),
                 (rows.start + r.start, rows.start + r.stop),
                 (columns.start, columns.stop),
-                out[
-                    :, channel, f.start : f.stop, r.start * oversampling : r.stop * oversampling
-                ],
+                out[:, channel, f.start : f.stop, r.start * oversampling : r.stop * oversampling],
                 threads,
             )
 

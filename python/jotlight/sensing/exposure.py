@@ -185,7 +185,6 @@ class Exposure(Parameters):
         # The type of the result cannot tell images from stacks. Most callers have images.
         return bits if layout.is_stack else bits[0]  # type: ignore[return-value]
 
-
     def _draw(
         self,
         pixels: npt.NDArray[Any],

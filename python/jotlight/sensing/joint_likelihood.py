@@ -1,4 +1,4 @@
-"""The likelihood of readings that a count of ones does not describe, as a function of the intensity.
+"""The likelihood of readings that a count of ones does not describe, about the intensity.
 
 Readings with the same gain and threshold are a group. The counts of its bits have the likelihood of
 :mod:`jotlight.sensing.likelihood`, and readings of several bits or with read noise that of
@@ -18,105 +18,24 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.counting import count_ones
 from jotlight.sensing.frames import read_in_chunks
+from jotlight.sensing.joint_term import Term
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.photon_readings import Readings
-from jotlight.sensing.pixel_counts import GrayData, count_pixels, describe_pixels
-from jotlight.sensing.readings import ReadingGroup, frames_differ
+from jotlight.sensing.pixel_counts import (
+    GrayData,
+    PixelCounts,
+    count_pixels,
+    describe_pixels,
+)
 from jotlight.sensing.reading_samples import Sample, require_readings, sample_readings
-from jotlight.sensing.response import Array, detection_density, detection_probability
+from jotlight.sensing.readings import ReadingGroup, frames_differ
+from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
 Counts = npt.NDArray[np.int32]
-
-
-@dataclasses.dataclass(frozen=True)
-class Term:
-    """The likelihood of one group. Its cells are the pixels, or the jots where these differ."""
-
-    cells: Likelihood | ReadingLikelihood
-    """The likelihood of the cells, (H·side, W·side), or of the live ones among them, (n,)."""
-    light: float
-    """The light of a jot per frame at intensity 1."""
-    side: int
-    """The number of cells per pixel and dimension."""
-    live: npt.NDArray[np.bool_] | None
-    """The cells with readings of this group, (H·side, W·side), or None for all."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """(H·side, W·side)."""
-        return self.cells.shape if self.live is None else self.live.shape
-
-    @property
-    def uniform(self) -> bool:
-        """Whether all cells have the same trials, efficiency, and dark counts."""
-        cells, trials = self.cells, self.cells.trials
-        if isinstance(cells, ReadingLikelihood) and (trials == trials.flat[0]).all():
-            trials = 1.0
-        parameters = trials, cells.efficiency, cells.dark_counts, self.live
-        return not any(isinstance(value, np.ndarray) for value in parameters)
-
-    @property
-    def max_reading(self) -> int:
-        """The largest reading, 2^b - 1."""
-        return self.cells.max_reading if isinstance(self.cells, ReadingLikelihood) else 1
-
-    @property
-    def trials(self) -> Array:
-        """The number of readings of each cell."""
-        return np.broadcast_to(np.asarray(self.cells.trials, np.float64), self.cells.shape)
-
-    @property
-    def total(self) -> Array:
-        """The sum of the readings of each cell."""
-        cells = self.cells
-        if isinstance(cells, ReadingLikelihood):
-            return cells.total
-        return np.asarray(cells.ones.astype(np.float64))
-
-    def spread(self, intensity: Array) -> Array:
-        """Return the light of each cell of the likelihood."""
-        light = self.light * intensity
-        if self.side > 1:
-            light = light.repeat(self.side, 0).repeat(self.side, 1)
-        return light if self.live is None else light[self.live]
-
-    def sum_pixels(self, values: Array) -> Array:
-        """Return the sums over the cells of each pixel."""
-        if self.live is not None:
-            everywhere = np.zeros(self.live.shape)
-            everywhere[self.live] = values
-            values = everywhere
-        if self.side == 1:
-            return values
-        height, width = (size // self.side for size in values.shape)
-        blocks = values.reshape(height, self.side, width, self.side)
-        return np.asarray(blocks.sum(axis=(1, 3)))
-
-    def expected_total(self, intensity: Array) -> tuple[Array, Array, Array]:
-        """Return the expected sum of the readings of each pixel, its derivative, and its variance.
-
-        For bits, it is n P(q, η s + d). The derivative is that about the intensity. Where cells
-        are uniform, any shape is allowed.
-        """
-        cells = self.cells
-        if isinstance(cells, ReadingLikelihood):
-            trials = cells.trials.flat[0] if self.uniform else cells.trials
-            mean, variance, slope = cells.moments(self.spread(intensity))
-        else:
-            trials = cells.trials
-            rate = cells.efficiency * self.spread(intensity) + cells.dark_counts
-            slope = cells.efficiency * detection_density(cells.threshold, rate)
-            mean = detection_probability(cells.threshold, rate)
-            variance = mean * (1 - mean)
-        return (
-            self.sum_pixels(trials * mean),
-            self.light * self.sum_pixels(trials * slope),
-            self.sum_pixels(trials * variance),
-        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -243,7 +162,7 @@ def joint_likelihood(data: GrayData, sensor: Sensor, threads: int | None) -> Joi
         terms = zip(samples, groups, strict=True)
         return JointLikelihood(
             sensor,
-            tuple(reading_term(one, group.sensor, side, threads) for one, group in terms),
+            tuple(_reading_term(one, group.sensor, side, threads) for one, group in terms),
         )
     if isinstance(data, Bits):
         check_fits(data.shape, sensor)
@@ -261,26 +180,20 @@ def joint_likelihood(data: GrayData, sensor: Sensor, threads: int | None) -> Joi
 
 
 def _term(ones: Counts, sensor: Sensor, side: int, threads: int | None) -> Term:
-    """Return the term of a group, whose sensor has one gain and one threshold."""
+    """Return the term of a group of bits, whose sensor has one gain and one threshold."""
     light = sensor.light_per_intensity
     if side > 1:
         sensor = sensor.replace(oversampling=1)
     pixels = describe_pixels(ones, sensor)
-    live = None if pixels.dead_pixels is None or pixels.dead_pixels.all() else ~pixels.dead_pixels
+    live = _live_cells(pixels)
     counts, trials, efficiency, dark_counts = (
-        value[live] if live is not None and isinstance(value, np.ndarray) else value
+        _select_live(value, live)
         for value in (pixels.counts, pixels.trials, pixels.efficiency, pixels.dark_counts)
     )
     if sensor.read_noise:
-        zeros = np.asarray(trials - counts, np.int32)
-        noisy = ReadingLikelihood(
-            sensor.engine_response(),
-            np.stack([zeros, counts], axis=-1),
-            True,
-            efficiency,
-            dark_counts,
-            threads,
-        )
+        sample = np.stack([np.asarray(trials - counts, np.int32), counts], axis=-1)
+        response = sensor.engine_response()
+        noisy = ReadingLikelihood(response, sample, True, efficiency, dark_counts, threads)
         return Term(noisy, light, side, live)
     cells = Likelihood(
         counts,
@@ -293,22 +206,32 @@ def _term(ones: Counts, sensor: Sensor, side: int, threads: int | None) -> Term:
     return Term(cells, light, side, live)
 
 
-def reading_term(sample: Sample, sensor: Sensor, side: int, threads: int | None) -> Term:
+def _reading_term(sample: Sample, sensor: Sensor, side: int, threads: int | None) -> Term:
     """Return the term of a group of readings of several bits."""
     light = sensor.light_per_intensity
     if side > 1:
         sensor = sensor.replace(oversampling=1)
-    shape = sample.values.shape[:-1]
-    pixels = describe_pixels(np.zeros(shape, np.int32), sensor)
-    live = None if pixels.dead_pixels is None or pixels.dead_pixels.all() else ~pixels.dead_pixels
+    pixels = describe_pixels(np.zeros(sample.values.shape[:-1], np.int32), sensor)
+    live = _live_cells(pixels)
     values, efficiency, dark_counts = (
-        value[live] if live is not None and isinstance(value, np.ndarray) else value
+        _select_live(value, live)
         for value in (sample.values, pixels.efficiency, pixels.dark_counts)
     )
     cells = ReadingLikelihood(
         sensor.engine_response(), values, sample.is_histogram, efficiency, dark_counts, threads
     )
     return Term(cells, light, side, live)
+
+
+def _live_cells(pixels: PixelCounts) -> npt.NDArray[np.bool_] | None:
+    """Return the cells with readings, or None if all or none have some."""
+    dead = pixels.dead_pixels
+    return None if dead is None or dead.all() else ~dead
+
+
+def _select_live(value: Any, live: npt.NDArray[np.bool_] | None) -> Any:
+    """Return the values of live cells. A number is that of all cells."""
+    return value[live] if live is not None and isinstance(value, np.ndarray) else value
 
 
 def _count_groups(

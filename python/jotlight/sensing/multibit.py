@@ -87,7 +87,7 @@ class ReadingLikelihood:
 
     Examples
     --------
-    >>> cells = ReadingLikelihood((3, 0.0, 1), np.array([[2, 0, 1, 0]], np.int32), is_histogram=True)
+    >>> cells = ReadingLikelihood((3, 0.0, 1), np.array([[2, 0, 1, 0]], np.int32), True)
     >>> gradient, curvature = cells.gradient_and_curvature(np.array([2 / 3]))  # 0, 0, and 2
     >>> gradient.round(4).tolist(), curvature.round(4).tolist()
     ([0.0], [4.5])
@@ -164,10 +164,14 @@ class ReadingLikelihood:
 
     def distribution(self, light: Array) -> Array:
         """Return the probabilities of all readings at each light, if cells are alike, (n, 2^b)."""
+        return self.probability(np.arange(self.max_reading + 1), light[:, None])
+
+    def probability(self, reading: npt.ArrayLike, light: Array) -> Array:
+        """Return the probability of a reading at each light, if cells are alike."""
         highest, noise, threshold = self.response
         return reading_probability(
-            np.arange(highest + 1),
-            self._rate(light)[:, None],
+            reading,
+            self._rate(light),
             bit_depth=(highest + 1).bit_length() - 1,
             read_noise=noise,
             threshold=threshold,
@@ -180,7 +184,7 @@ class ReadingLikelihood:
         It is exact without read noise for readings of several bits, none of which is the largest.
         Otherwise it is near the maximum.
         """
-        highest, noise, threshold = self.response
+        highest, _, threshold = self.response
         number = np.maximum(self.trials, 1)
         mean = self.total / number
         if highest == 1:

@@ -104,7 +104,7 @@ class Readings:
         if not -len(self) <= index < len(self):
             raise IndexError(f"readings: expected a frame from 0 to {len(self) - 1}, got {index}")
         index %= len(self)
-        return self.read(index, index + 1)[0]
+        return np.asarray(self.read(index, index + 1)[0])
 
     def read(self, start: int, stop: int) -> npt.NDArray[np.uint16]:
         """Return the readings of some frames as an array.
@@ -169,3 +169,16 @@ class Readings:
             f"<Readings: {frames} frame{'s' * (frames != 1)} of {height} x {width} jots{color}, "
             f"{self.sensor.bit_depth} bits each, {self.sensor!r}>"
         )
+
+
+def image_of_readings(
+    data: Any, sensor: SensorLike, trials: object, channel_axis: int | None
+) -> Readings:
+    """Return an image (H, W) of a sensor with one frame as readings of several bits."""
+    if trials is not None or channel_axis is not None or sensor.trials > 1 or np.ndim(data) != 2:
+        raise ValueError(
+            f"data: expected jotlight.Readings, because the sensor has {sensor.bit_depth} bits per "
+            f"reading, got an array of shape {np.shape(data)}; a sum of frames does not say which "
+            "readings were the largest, so pass all frames: jotlight.Readings(frames, sensor)"
+        )
+    return Readings(data, sensor)

@@ -15,8 +15,8 @@ from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.counting import count_ones
 from jotlight.sensing.maps import constant_or_map, pixel_means, stack_maps
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.periodic_rates import warn_about_periods
+from jotlight.sensing.photon_readings import Readings, image_of_readings
 from jotlight.sensing.scaled_counts import check_range, check_whole, warn_about_frames
 from jotlight.sensing.sensor import Sensor, require_sensor
 from jotlight.sensing.values import checked_trials
@@ -26,7 +26,6 @@ Estimate = npt.NDArray[np.float32]
 
 GrayData = Bits | Readings | Merged | npt.NDArray[np.int32]
 """The data of one gray image: bits or readings (T, H·K̂, W·K̂), or counts (H, W)."""
-
 
 MAX_PIXELS = 1 << 18
 """Maximum number of pixels of the images that a method processes at once, if they are several."""
@@ -152,11 +151,9 @@ def _check_sizes(shapes: Iterable[tuple[int, ...]]) -> None:
 
 
 PreparedData = Bits | Readings | Merged | npt.NDArray[np.int32] | GrayImages
-"""Bits, readings of several bits, merged counts, or counts (H, W) of one image, or several gray images."""
+"""Bits, readings, merged counts, or counts (H, W) of one image, or several gray images."""
 
-Data = (
-    PreparedData | Sequence[Bits] | Sequence[Readings] | Sequence[Merged] | npt.ArrayLike
-)
+Data = PreparedData | Sequence[Bits] | Sequence[Readings] | Sequence[Merged] | npt.ArrayLike
 """Bits, readings of several bits, merged counts, or a list of them; or counts (..., H, W)."""
 
 
@@ -241,7 +238,7 @@ def prepare_data(
         return _gray_images_of_list(several), sensor
     check_whole(data, sensor.trials)
     if sensor.bit_depth > 1:
-        return _image_of_readings(data, sensor, trials, channel_axis), sensor
+        return image_of_readings(data, sensor, trials, channel_axis), sensor
     counts = as_counts(cast(npt.ArrayLike, data))
     layout = Layout.of("counts", counts, channel_axis)
     images: Any = np.ascontiguousarray(layout.split(counts))
@@ -276,19 +273,6 @@ def _gray_images_of_list(data: Sequence[Bits | Readings | Merged]) -> GrayImages
     for images in each:
         channels += images.data
     return GrayImages(channels, Layout((len(data), *layout.shape), layout.channel_axis))
-
-
-def _image_of_readings(
-    data: Any, sensor: Sensor, trials: object, channel_axis: int | None
-) -> Readings:
-    """Return an image (H, W) of a sensor with one frame as readings of several bits."""
-    if trials is not None or channel_axis is not None or sensor.trials > 1 or np.ndim(data) != 2:
-        raise ValueError(
-            f"data: expected jotlight.Readings, because the sensor has {sensor.bit_depth} bits per "
-            f"reading, got an array of shape {np.shape(data)}; a sum of frames does not say which "
-            "readings were the largest, so pass all frames: jotlight.Readings(frames, sensor)"
-        )
-    return Readings(data, sensor)
 
 
 def _merge_counts(counts: npt.NDArray[np.int32], trials: Any, sensor: Sensor) -> Merged:

@@ -3,8 +3,10 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.maps import LIMITS
-from jotlight.sensing.response import inverse_detection_probability
+from jotlight.sensing.multibit import ReadingLikelihood
+from jotlight.sensing.response import Array, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
 Jot = tuple[float, float]
@@ -24,6 +26,30 @@ def reference_jot(sensor: Sensor) -> Jot:
         for value in (sensor.efficiency, sensor.dark_counts)
     ]
     return medians[0], medians[1]
+
+
+def reading_information(sensor: Sensor, light: npt.ArrayLike) -> Array:
+    """Return the Fisher information of one reading of the reference jot about each light.
+
+    Examples
+    --------
+    >>> several = Sensor(bit_depth=4)
+    >>> reading_information(several, [1.0]).round(4)  # nearly that of a Poisson count, 1 / light
+    array([1.])
+    """
+    levels = np.asarray(light, np.float64)
+    efficiency, dark_counts = reference_jot(sensor)
+    if sensor.has_plain_bits:
+        bit = Likelihood(
+            np.zeros(levels.shape, np.int32),
+            threshold=sensor.threshold,
+            efficiency=efficiency,
+            dark_counts=dark_counts,
+        )
+        return bit.information(levels)
+    none = np.zeros((1, 0), np.int32)
+    jot = ReadingLikelihood(sensor.engine_response(), none, False, efficiency, dark_counts)
+    return jot.information_per_reading(levels)
 
 
 def saturation_intensity(sensor: Sensor) -> float:

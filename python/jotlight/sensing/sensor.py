@@ -187,7 +187,11 @@ class Sensor(Exposure):
         6.0
         """
         changes = readings.replaced_gain(self, changes)
-        new = dataclasses.replace(self, **{"gain": None, **changes})
+        # Read noise that does not change is not warned about again.
+        same = {} if "read_noise" in changes else {"read_noise": 0.0}
+        new = dataclasses.replace(self, **{"gain": None, **same, **changes})
+        if same:
+            object.__setattr__(new, "read_noise", self.read_noise)
         if "gain" not in changes:
             gain = self.light_per_intensity * new.trials
             object.__setattr__(new, "gain", number_in_range("gain", gain, *LIMITS))

@@ -202,7 +202,9 @@ def draw_parts(
     jots = len(seeds) * out.shape[3] * out.shape[4] * 8
     length = max(1, _MAX_JOTS // jots)
     runs = [
-        (run, sensor) for frames, sensor in parts for run in frame_runs(frames, window.frames, length)
+        (run, sensor)
+        for frames, sensor in parts
+        for run in frame_runs(frames, window.frames, length)
     ]
     for index, (run, sensor) in enumerate(runs):
         drawn = np.empty((*out.shape[:2], len(run), *out.shape[3:]), np.uint8)
