@@ -37,6 +37,8 @@ __all__ = [
     "inverse_anscombe_algebraic",
     "inverse_anscombe_exact",
     "inverse_detection_probability",
+    "joint_maximum",
+    "joint_solution",
     "kernel_taps",
     "likelihood_admm_update",
     "likelihood_gradient_and_curvature",
@@ -101,6 +103,10 @@ _Readings: TypeAlias = tuple[
 _Response: TypeAlias = tuple[int, float, int]
 # Whether the numbers are histograms, numbers, efficiency, and dark counts.
 _Cells: TypeAlias = tuple[bool, npt.NDArray[np.int32], _ValueOrArray, _ValueOrArray]
+# The cells of a term (readings, or response, cells, and their number), the light at intensity 1,
+# the cells per pixel and dimension, and the places of the cells.
+_TermCells: TypeAlias = _Readings | tuple[_Response, _Cells, int]
+_Term: TypeAlias = tuple[_TermCells, float, int, npt.NDArray[np.int32] | None]
 # Penalty of each image, and relaxation.
 _AdmmStep: TypeAlias = tuple[npt.NDArray[np.float64], float]
 # Vertical kernel and horizontal kernel, each as (degree, oversampling), and gain.
@@ -337,6 +343,23 @@ def normal_equations(
     npt.NDArray[np.float64],
     npt.NDArray[np.float64],
 ]: ...
+def joint_maximum(
+    terms: list[_Term],
+    shape: tuple[int, int],
+    highest: float,
+    offset: float,
+    intensity: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
+def joint_solution(
+    terms: list[_Term],
+    shape: tuple[int, int],
+    total: npt.NDArray[np.float64],
+    highest: float,
+    offset: float,
+    intensity: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
 def draw_readings(
     sensor: dict[str, Any],
     response: _Response,

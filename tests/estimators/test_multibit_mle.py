@@ -240,8 +240,10 @@ def test_the_plan_agrees_with_simulated_estimates(sensor):
 
 
 def test_plans_find_frames_and_saturation():
-    plan = jl.plan(jl.Sensor(bit_depth=4, read_noise=0.2), (0.05, 4.0), target_psnr=15.0)
-    one_bit = jl.plan(jl.Sensor(), (0.05, 4.0), target_psnr=15.0)
+    light, frames = (0.05, 4.0), [1, 16]
+    noisy = jl.Sensor(bit_depth=4, read_noise=0.2)
+    plan = jl.plan(noisy, light, frames=frames, target_psnr=15.0)
+    one_bit = jl.plan(jl.Sensor(), light, frames=frames, target_psnr=15.0)
     assert plan.required_frames < one_bit.required_frames
     assert plan.saturation_light[0] > one_bit.saturation_light[0]
     bracket = jl.plan_brackets(jl.Sensor(frames=24, bit_depth=3, read_noise=0.2), (0.05, 500.0))

@@ -7,6 +7,7 @@
 mod arguments;
 mod bits;
 mod cpu;
+mod joint;
 mod likelihood;
 mod mle;
 mod motion;
@@ -34,6 +35,8 @@ mod _engine {
     };
     #[pymodule_export]
     use super::cpu::{choose_cpu_level, cpu_level, cpu_levels, multiply_adds, read_words};
+    #[pymodule_export]
+    use super::joint::{joint_maximum, joint_solution};
     #[pymodule_export]
     use super::likelihood::{
         detection_probability, inverse_detection_probability, likelihood_admm_update,

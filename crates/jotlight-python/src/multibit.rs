@@ -33,7 +33,7 @@ pub struct PyCells<'py>(
 );
 
 impl PyCells<'_> {
-    fn to_engine<'a>(&'a self, response: &'a Response, number: usize) -> PyResult<Cells<'a>> {
+    pub fn to_engine<'a>(&'a self, response: &'a Response, number: usize) -> PyResult<Cells<'a>> {
         let values = self.1.as_slice()?;
         let sample = if self.0 {
             Sample::Histograms(values)

@@ -21,12 +21,14 @@ from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate, read_frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.scaled_counts import recognize_trials
 
 _FILE_NAME = "transforms.json"
 
 _MAX_JSON_BYTES = 1 << 27
 """Maximum size of `transforms.json` in bytes. The pose of each frame takes about 100 bytes."""
+
+_MAX_PLANES = 127
+"""Maximum number of single bits in a value that is recognized. Of more, values are ambiguous."""
 
 _MAX_OFFSET = 2**48
 """Upper limit of the index of a frame in its file."""
@@ -121,8 +123,26 @@ def _open_sums(images: npt.NDArray[Any] | Frames, path: Path, options: OpenOptio
         images = images[..., 0]
     provenance = Provenance("visionsim", path.parent.name or path.name)
     stack = as_count_stack(images, provenance, means=options.means)
-    trials = None if options.means else recognize_trials(read_frames(stack.images, 0, 1), 255)
+    trials = None if options.means else _number_of_planes(read_frames(stack.images, 0, 1))
     return stack if trials is None else unscale(stack, 255, trials)
+
+
+def _number_of_planes(values: npt.NDArray[Any]) -> int | None:
+    """Return how many single bits explain values k · 255 / number, rounded down, or None.
+
+    Numbers 2^b - 1, of sensors of b bits, are tried first.
+
+    Examples
+    --------
+    >>> _number_of_planes(np.array([0, 36, 145, 255])), _number_of_planes(np.arange(9))
+    (7, None)
+    """
+    levels = set(np.unique(values).tolist())
+    depths = [2**depth - 1 for depth in range(2, 8)]
+    for number in [*depths, *(n for n in range(2, _MAX_PLANES + 1) if n not in depths)]:
+        if levels <= {255 * k // number for k in range(number + 1)}:
+            return number
+    return None
 
 
 def _list_runs(content: dict[str, Any]) -> list[_Run]:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.counting import count_ones
@@ -48,6 +49,7 @@ class JointLikelihood:
 
     sensor: Sensor
     terms: tuple[Term, ...]
+    threads: int | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -101,6 +103,30 @@ class JointLikelihood:
                 gradient += term.light * term.sum_pixels(first)
                 curvature += term.light**2 * term.sum_pixels(second)
         return gradient, curvature
+
+    def maximum(self, start: Array, offset: float) -> Array:
+        """Return the intensities in [0, S] with the highest likelihood, (H, W).
+
+        `start` is a first guess, and `offset` the intensity that equals the dark counts. Pixels
+        without readings are 0.
+        """
+        found = np.array(start, np.float64).reshape(-1)
+        highest = self.sensor.max_intensity
+        engine.joint_maximum(self._terms(), self.shape, highest, offset, found, self.threads)
+        return found.reshape(self.shape)
+
+    def solve_expected_total(self, total: Array, start: Array, offset: float) -> Array:
+        """Return the intensities in [0, S] at which sums of readings are expected, (H, W)."""
+        found = np.array(start, np.float64).reshape(-1)
+        wanted = np.ascontiguousarray(total, np.float64).reshape(-1)
+        highest = self.sensor.max_intensity
+        engine.joint_solution(
+            self._terms(), self.shape, wanted, highest, offset, found, self.threads
+        )
+        return found.reshape(self.shape)
+
+    def _terms(self) -> list[Any]:
+        return [term.engine_argument() for term in self.terms]
 
     def information(self, intensity: npt.ArrayLike) -> Array:
         """Return the Fisher information of the readings of each pixel about its intensity."""
@@ -163,6 +189,7 @@ def joint_likelihood(data: GrayData, sensor: Sensor, threads: int | None) -> Joi
         return JointLikelihood(
             sensor,
             tuple(_reading_term(one, group.sensor, side, threads) for one, group in terms),
+            threads,
         )
     if isinstance(data, Bits):
         check_fits(data.shape, sensor)
@@ -176,6 +203,7 @@ def joint_likelihood(data: GrayData, sensor: Sensor, threads: int | None) -> Joi
             _term(ones, group.sensor, side, threads)
             for ones, group in zip(counts, groups, strict=True)
         ),
+        threads,
     )
 
 

@@ -1,6 +1,7 @@
 """The likelihood of one group of readings, whose sum is the joint likelihood of all."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -54,6 +55,14 @@ class Term:
         if isinstance(cells, ReadingLikelihood):
             return cells.total
         return np.asarray(cells.ones.astype(np.float64))
+
+    def engine_argument(self) -> tuple[Any, float, int, npt.NDArray[np.int32] | None]:
+        """Return the term as the engine's functions of joint likelihoods expect it."""
+        places = None
+        if self.live is not None:
+            places = np.where(self.live, self.live.cumsum().reshape(self.live.shape) - 1, -1)
+            places = places.reshape(-1).astype(np.int32)
+        return self.cells.engine_argument(), self.light, self.side, places
 
     def spread(self, intensity: Array) -> Array:
         """Return the light of each cell of the likelihood."""

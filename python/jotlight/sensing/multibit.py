@@ -194,6 +194,10 @@ class ReadingLikelihood:
         nearly_all = np.maximum(highest - mean, 0.1) < 1
         return np.asarray(np.where(nearly_all, mean + np.sqrt(mean), mean))
 
+    def engine_argument(self) -> tuple[EngineResponse, Any, int]:
+        """Return the cells as the engine's functions of joint likelihoods expect them."""
+        return self.response, self._cells(), int(np.prod(self.shape, dtype=int))
+
     def _rate(self, light: npt.ArrayLike) -> Array:
         rates = self.efficiency * np.asarray(light, np.float64) + self.dark_counts
         return np.ascontiguousarray(rates)

@@ -50,29 +50,32 @@ pub fn draw(
     }
     let exposure = Exposure { sensor, image };
     let columns = window.columns.start * oversampling..window.columns.end * oversampling;
-    out.axis_iter_mut(Axis(1)).into_par_iter().enumerate().for_each_init(
-        || RowDrawer::new(seed, response),
-        |drawer, (row, mut out)| {
-            let row = window.rows.start * oversampling + row;
-            for start in columns.clone().step_by(JOTS_PER_SEGMENT) {
-                let stop = (start + JOTS_PER_SEGMENT).min(columns.end);
-                exposure.jot_rates(row, start..stop, &mut drawer.rates);
-                for (column, rate) in (start..stop).zip(&mut drawer.rates) {
-                    if sensor.is_dead(row, column) {
-                        *rate = f64::NAN;
+    out.axis_iter_mut(Axis(1))
+        .into_par_iter()
+        .enumerate()
+        .for_each_init(
+            || RowDrawer::new(seed, response),
+            |drawer, (row, mut out)| {
+                let row = window.rows.start * oversampling + row;
+                for start in columns.clone().step_by(JOTS_PER_SEGMENT) {
+                    let stop = (start + JOTS_PER_SEGMENT).min(columns.end);
+                    exposure.jot_rates(row, start..stop, &mut drawer.rates);
+                    for (column, rate) in (start..stop).zip(&mut drawer.rates) {
+                        if sensor.is_dead(row, column) {
+                            *rate = f64::NAN;
+                        }
+                    }
+                    for (frame, mut out) in window.frames.clone().zip(out.outer_iter_mut()) {
+                        if interrupt::is_requested() {
+                            return;
+                        }
+                        let stream = RowStream::new(channel, frame, row);
+                        let place = start - columns.start..stop - columns.start;
+                        drawer.draw(stream, start, &mut out.slice_mut(ndarray::s![place]));
                     }
                 }
-                for (frame, mut out) in window.frames.clone().zip(out.outer_iter_mut()) {
-                    if interrupt::is_requested() {
-                        return;
-                    }
-                    let stream = RowStream::new(channel, frame, row);
-                    let place = start - columns.start..stop - columns.start;
-                    drawer.draw(stream, start, &mut out.slice_mut(ndarray::s![place]));
-                }
-            }
-        },
-    );
+            },
+        );
     Ok(())
 }
 

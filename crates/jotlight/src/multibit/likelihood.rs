@@ -160,6 +160,15 @@ impl<'a> Cells<'a> {
         (efficiency * first, efficiency * efficiency * second)
     }
 
+    /// Return the expected sum of the readings of one cell, and its derivative about the light.
+    #[must_use]
+    pub fn expected_total(&self, cell: usize, light: f64) -> (f64, f64) {
+        let mut number = 0.0;
+        self.for_each(cell, |_, times| number += times);
+        let (mean, _, slope) = self.response.moments(self.rate(cell, light));
+        (number * mean, number * self.efficiency.get(cell) * slope)
+    }
+
     /// Call a function with the readings of a cell, and with how often each occurs.
     fn for_each(&self, cell: usize, mut function: impl FnMut(u32, f64)) {
         let entries = cell * self.entries..(cell + 1) * self.entries;

@@ -102,7 +102,8 @@ impl Response {
             return match level {
                 Level::Exactly(l) => (l as f64 / s - 1.0, l as f64 / s / s),
                 Level::AtMost(_) => {
-                    let (score, curvature) = self.thresholds[0].non_detection_score_and_curvature(s);
+                    let (score, curvature) =
+                        self.thresholds[0].non_detection_score_and_curvature(s);
                     (-score, curvature)
                 }
                 Level::AtLeast(_) => self.thresholds[1].detection_score_and_curvature(s),

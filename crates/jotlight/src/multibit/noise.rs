@@ -8,7 +8,8 @@ fn ln_normal(x: f64) -> f64 {
         return (0.5 * libm::erfc(-x / SQRT_2)).ln();
     }
     let inverse = 1.0 / (x * x);
-    let series = 1.0 - inverse * (1.0 - 3.0 * inverse * (1.0 - 5.0 * inverse * (1.0 - 7.0 * inverse)));
+    let series =
+        1.0 - inverse * (1.0 - 3.0 * inverse * (1.0 - 5.0 * inverse * (1.0 - 7.0 * inverse)));
     -0.5 * x * x - (-x * (2.0 * PI).sqrt()).ln() + series.ln()
 }
 
@@ -77,7 +78,9 @@ impl Noise {
         if z >= middle {
             return Some(1.0);
         }
-        self.upper_ratios.get(usize::try_from(z + middle).ok()?).copied()
+        self.upper_ratios
+            .get(usize::try_from(z + middle).ok()?)
+            .copied()
     }
 
     /// Return the logarithm of the weight of y photons in a level.

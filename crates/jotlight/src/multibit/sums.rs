@@ -38,10 +38,7 @@ pub(super) fn sum_level(noise: &Noise, level: Level, s: f64) -> LevelSum {
     while mode > 0 && ratio(mode - 1) < 1.0 {
         mode -= 1;
     }
-    let mut sums = Sums {
-        s,
-        sums: [0.0; 3],
-    };
+    let mut sums = Sums { s, sums: [0.0; 3] };
     sums.add(mode, 1.0);
     let (mut y, mut term) = (mode, 1.0);
     loop {
