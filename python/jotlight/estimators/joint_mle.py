@@ -12,6 +12,7 @@ from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import Array, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
+
 def joint_mle(images: GrayImages, sensor: Sensor, threads: int | None) -> Estimate:
     """Return the most likely intensity of each pixel, from readings that may differ.
 
@@ -50,8 +51,8 @@ def maximize(joint: JointLikelihood) -> Array:
 
     Notes
     -----
-    The engine computes it. The log-likelihood is concave. Newton's method solves for the zero of its derivative about
-    v = log(x + δ), where δ is the intensity whose detections equal the dark counts: without dark
+    The engine computes it. The log-likelihood is concave. Newton's method solves for the zero of
+    its derivative about v = log(x + δ), where δ is the intensity whose detections equal the dark counts: without dark
     counts, the log-likelihood is concave in v too, and nearly quadratic. Steps that leave the known
     bounds of the maximum are replaced by a bisection of v. A pixel without a valid bit is 0.
 

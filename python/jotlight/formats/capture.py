@@ -235,6 +235,9 @@ def stack_of_readings(
     """
     if len(images.shape) == 2 or (len(images.shape) == 3 and sensor.frames == 1 != len(images)):
         images = np.asarray(images)[None]
-    Readings(images, sensor)
+    try:
+        Readings(images, sensor)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{provenance.name}: {error}") from error
     note = f"readings of {sensor.bit_depth} bits, as the file states"
     return CountStack(images, provenance.with_notes(note), None, sensor)

@@ -114,10 +114,7 @@ def _open_readings(
     if sensor is None:
         raise ValueError(f"{description.path}: expected the sensor of the readings, got none")
     provenance = Provenance(name, path.name).converted_from(origin)
-    try:
-        return stack_of_readings(array, provenance, sensor)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{path}: {error}") from error
+    return stack_of_readings(array, provenance, sensor)
 
 
 def _refuse_photograph(shape: tuple[int, ...], path: Path) -> None:

@@ -138,7 +138,7 @@ def _number_of_planes(values: npt.NDArray[Any]) -> int | None:
     (7, None)
     """
     levels = set(np.unique(values).tolist())
-    depths = [2**depth - 1 for depth in range(2, 8)]
+    depths = [3, 7, 15, 31, 63, 127]
     for number in [*depths, *(n for n in range(2, _MAX_PLANES + 1) if n not in depths)]:
         if levels <= {255 * k // number for k in range(number + 1)}:
             return number

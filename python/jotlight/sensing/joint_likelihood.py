@@ -52,7 +52,7 @@ class JointLikelihood:
     threads: int | None = None
 
     @property
-    def shape(self) -> tuple[int, ...]:
+    def shape(self) -> tuple[int, int]:
         """(H, W), in pixels."""
         term = self.terms[0]
         height, width = term.shape

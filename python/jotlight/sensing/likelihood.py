@@ -186,7 +186,9 @@ class Likelihood:
         if np.isnan(flat).any():
             raise ValueError("point: expected numbers, got NaN")
         start = flat.copy() if guess is None else self._light(guess, "guess").reshape(-1)
-        engine.likelihood_proximal(self.engine_argument(), penalty, max_light, start, flat, self._threads)
+        engine.likelihood_proximal(
+            self.engine_argument(), penalty, max_light, start, flat, self._threads
+        )
         return flat.reshape(self.shape)
 
     def admm_update(
@@ -198,9 +200,8 @@ class Likelihood:
         """
         cells = (self.shape[0], -1)
         arrays = light.reshape(cells), x.reshape(cells), dual.reshape(cells)
-        return np.array(
-            engine.likelihood_admm_update(self.engine_argument(), step, max_light, *arrays, self._threads)
-        )
+        own = self.engine_argument()
+        return np.array(engine.likelihood_admm_update(own, step, max_light, *arrays, self._threads))
 
     def _with_cells(self, change: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> "Likelihood":
         """Return a copy, with a changed array of cells in each of its maps."""
