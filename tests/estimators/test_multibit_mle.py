@@ -131,8 +131,8 @@ def test_equivalent_counts_have_the_same_maximum_and_information(name):
 
 def test_the_gain_of_the_reference_sensor_leaves_bright_pixels_unsaturated():
     sensor = jl.Sensor(frames=2, gain=400.0, bit_depth=12)
-    assert reference_sensor(sensor).gain == pytest.approx(2.0)
-    assert reference_sensor(sensor.replace(gain=1.0)).gain == pytest.approx(1.0)
+    assert reference_sensor(sensor).gain == pytest.approx(0.5)
+    assert reference_sensor(sensor.replace(gain=0.1)).gain == pytest.approx(0.1)
 
 
 def test_merged_readings_serve_every_method():

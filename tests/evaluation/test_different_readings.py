@@ -115,3 +115,13 @@ def test_many_readings_are_blended_on_held_out_bits():
     assert info.method == "held-out"
     assert sum(info.shares.values()) == pytest.approx(1)
     assert error(estimate, truth) < error(jl.mle(bits), truth)
+
+
+def test_networks_serve_maps_whose_neighbors_say_very_different_amounts():
+    truth = jl.datasets.photograph("camera")[::4, ::4].astype(float)
+    board = np.where(np.indices(truth.shape).sum(axis=0) % 2, 1, 8)
+    sensor = jl.Sensor(frames=16, gain=16 * 8, threshold=board)
+    bits = sensor.expose(truth, rng=0)
+    network = jl.metrics.psnr(truth, jl.reconstruct(bits))
+    classical = jl.metrics.psnr(truth, jl.reconstruct(bits, method="admm-tv"))
+    assert network > classical > 20

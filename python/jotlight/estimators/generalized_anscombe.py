@@ -59,7 +59,7 @@ def generalized_anscombe(
     Examples
     --------
     >>> generalized_anscombe([0, 10], 4, 0.3).round(3)
-    array([0.857, 3.277], dtype=float32)
+    array([0.857, 3.276], dtype=float32)
     """
     sums = np.asarray(total, np.float64)
     return np.asarray(np.sqrt(sums + 0.375 + trials * read_noise**2), np.float32)

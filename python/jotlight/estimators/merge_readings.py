@@ -24,9 +24,9 @@ _MAX_TRIALS = 2.0**30
 """Maximum number of equivalent trials. Counts are 32-bit integers."""
 
 
-_MAX_RATE = 1.0
-"""Light of a jot of the reference sensor at the largest intensity, if that of the readings is
-larger, and they have several bits."""
+_MAX_RATE = 0.25
+"""Light of a jot of the reference sensor at the largest intensity, for readings of several bits, if
+theirs is larger. With dim light, trials depend little on the estimate, which is noisy itself."""
 
 
 def merge_readings(
@@ -102,7 +102,8 @@ def reference_sensor(sensor: Sensor) -> Sensor:
 
     At the light at which half of the least sensitive readings are ones, half of its bits are ones.
     So it is not saturated where the readings are not, and its trials are at least about as many as
-    those of the least sensitive readings.
+    those of the least sensitive readings. For readings of several bits, it has a light of at most
+    1/4 at the largest intensity, as far as that is above the first condition.
 
     Examples
     --------
@@ -162,7 +163,7 @@ def _merge(joint: JointLikelihood) -> Merged:
     reference = reference_sensor(joint.sensor)
     efficiency, dark_counts = mean_response(reference)
     ones, trials = equivalent_counts(joint, reference)
-    return Merged(*_round_ones(ones, trials), reference, dark_counts, efficiency)
+    return Merged(*round_ones(ones, trials), reference, dark_counts, efficiency)
 
 
 def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array, Array]:
@@ -187,14 +188,15 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     efficiency, dark_counts = mean_response(reference)
     intensity = regular_maximum(joint)
     gradient = joint.gradient_and_curvature(intensity)[0]
-    information = joint.information(np.maximum(intensity, _least_light(joint)))
+    least = np.maximum(intensity, _least_light(joint))
+    information = joint.information(least)
     slope = efficiency * reference.light_per_intensity
     rate = slope * intensity + dark_counts
     one, zero = -np.expm1(-rate), np.exp(-rate)
     total, all_trials, largest = joint.total, joint.trials, joint.max_total
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # p' = slope * zero, so p (1 - p) / p' = one / slope.
-        trials = information * one / (zero * slope**2)
+        trials = information * np.expm1(slope * least + dark_counts) / slope**2
         ones = trials * one + gradient * one / slope
         dark = total == 0
         trials = np.where(dark, -gradient / slope, trials)
@@ -223,7 +225,7 @@ def mean_response(sensor: Sensor) -> tuple[float | Array, float | Array]:
     return efficiency, dark_counts
 
 
-def _round_ones(ones: Array, trials: Array) -> tuple[npt.NDArray[np.int32], Any]:
+def round_ones(ones: Array, trials: Array) -> tuple[npt.NDArray[np.int32], Any]:
     """Return whole numbers of ones, and trials with the same fraction of ones."""
     fraction = np.divide(ones, trials, out=np.zeros(ones.shape), where=trials > 0)
     whole = np.rint(ones)

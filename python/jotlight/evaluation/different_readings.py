@@ -1,13 +1,21 @@
 """Readings that a count of ones does not describe, for methods that take counts."""
 
+import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
-from jotlight.estimators.merge_readings import merge_images, reference_sensor
+import numpy as np
+
+from jotlight.estimators.merge_readings import merge_images, reference_sensor, round_ones
+from jotlight.evaluation.methods import LARGE_METHOD, find_method
 from jotlight.networks.network import Network
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.sensor import Sensor
+
+_SIGMA = 0.5
+"""Standard deviation of the average over neighbors, in pixels, for maps of thresholds."""
 
 
 def with_one_response(
@@ -46,7 +54,39 @@ def with_one_response(
     """
     if isinstance(method, Network) and method.trials_range is None:
         require_plain_bits(sensor)
-    return merge_images(images, sensor, threads), reference_sensor(sensor)
+    merged = merge_images(images, sensor, threads)
+    if np.ndim(sensor.threshold) == 2 and _is_network(method):
+        each = [_average_neighbors(cast(Merged, one)) for one in merged.data]
+        merged = GrayImages(each, merged.layout)
+    return merged, reference_sensor(sensor)
+
+
+def _is_network(method: object) -> bool:
+    """Return whether a method is a network or the name of one, or the recommended method."""
+    if isinstance(method, str) and method != LARGE_METHOD:
+        return find_method(method).quality is not None
+    return method is None or isinstance(method, Network)
+
+
+def _average_neighbors(merged: Merged) -> Merged:
+    """Return counts whose trials differ little between neighbors, by a narrow Gaussian average.
+
+    With a map of thresholds, some pixels say much and their neighbors little, such as a saturated
+    pixel with two trials. Networks take their fractions for equally good.
+
+    Examples
+    --------
+    >>> merged = Merged([[2, 30]], [[2.0, 60.0]], Sensor(frames=60))
+    >>> averaged = _average_neighbors(merged)
+    >>> (averaged.ones / averaged.trials).round(2)
+    array([[0.57, 0.5 ]])
+    """
+    from scipy.ndimage import gaussian_filter
+
+    trials = gaussian_filter(np.broadcast_to(np.asarray(merged.trials), merged.shape), _SIGMA)
+    ones = np.minimum(gaussian_filter(merged.ones.astype(np.float64), _SIGMA), trials)
+    whole, scaled = round_ones(ones, trials)
+    return dataclasses.replace(merged, ones=whole, trials=scaled)
 
 
 def takes_readings(method: str | None, sensor: Sensor) -> bool:

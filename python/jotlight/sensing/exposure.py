@@ -70,6 +70,7 @@ class Exposure(Parameters):
 
         Examples
         --------
+        >>> from jotlight.sensing.sensor import Sensor
         >>> Sensor(oversampling=2, gain=2.0, dark_counts=0.125).rate(np.full((1, 1), 0.5))
         array([[0.375, 0.375],
                [0.375, 0.375]], dtype=float32)
@@ -93,6 +94,7 @@ class Exposure(Parameters):
 
         Examples
         --------
+        >>> from jotlight.sensing.sensor import Sensor
         >>> np.allclose(Sensor().probability(np.ones((1, 1))), 1 - np.exp(-1))
         True
         """
@@ -165,6 +167,7 @@ class Exposure(Parameters):
 
         Examples
         --------
+        >>> from jotlight.sensing.sensor import Sensor
         >>> image = np.linspace(0, 1, 16).reshape(4, 4)
         >>> sensor = Sensor(oversampling=8, frames=2)
         >>> whole = sensor.expose(image, rng=1)
