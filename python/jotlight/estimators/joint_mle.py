@@ -54,7 +54,8 @@ def maximize(joint: JointLikelihood) -> Array:
     The engine computes it. The log-likelihood is concave. Newton's method solves for the zero of
     its derivative about v = log(x + δ), where δ is the intensity whose detections equal the dark
     counts: without dark counts, the log-likelihood is concave in v too, and nearly quadratic.
-    Steps that leave the known bounds of the maximum are replaced by a bisection of v. A pixel without a valid bit is 0.
+    Steps that leave the known bounds of the maximum are replaced by a bisection of v. A pixel
+    without a valid bit is 0.
 
     Examples
     --------

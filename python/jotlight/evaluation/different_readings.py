@@ -79,7 +79,7 @@ def _average_neighbors(merged: Merged) -> Merged:
     >>> merged = Merged([[2, 30]], [[2.0, 60.0]], Sensor(frames=60))
     >>> averaged = _average_neighbors(merged)
     >>> (averaged.ones / averaged.trials).round(2)
-    array([[0.57, 0.5 ]])
+    array([[0.61, 0.5 ]])
     """
     from scipy.ndimage import gaussian_filter
 
