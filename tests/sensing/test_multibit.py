@@ -64,11 +64,11 @@ def test_derivatives_agree_with_those_of_mpmath(response, rate):
 
         with mp.workdps(50):
             s, step = mp.mpf(rate), mp.mpf(rate) * mp.mpf("1e-12")
-            below, middle, above = value(s - step), value(s), value(s + step)
-            slope, bend = (above - below) / (2 * step), (above - 2 * middle + below) / step**2
+            low, middle, high = value(s - step), value(s), value(s + step)
+            slope, fall = (high - low) / (2 * step), (high - 2 * middle + low) / step**2
         gradient, curvature = cells(response, reading).gradient_and_curvature([rate])
         assert gradient[0] == pytest.approx(float(slope), rel=1e-9, abs=1e-12)
-        assert curvature[0] == pytest.approx(float(-bend), rel=1e-7, abs=1e-9)
+        assert curvature[0] == pytest.approx(float(-fall), rel=1e-7, abs=1e-9)
 
 
 @pytest.mark.parametrize("response", [*RESPONSES, (16, 0.3, 1), (12, 0.0, 1)])
