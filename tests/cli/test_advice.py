@@ -143,7 +143,7 @@ def test_a_network_can_be_trained_for_every_capture(run, camera, arguments):
     assert np.load("out.npy").max() <= own.sensor.max_intensity
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_network_trained_with_the_calibration_has_the_highest_psnr(run, camera):
     training = ("--steps", 8, "--batch", 128)
     calibrated = ("--calibration", "my camera.safetensors")

@@ -43,7 +43,10 @@ def test_compare_prints_a_table_and_writes_one_figure(run, photo, tmp_path):
         assert min(figure.size) > 300
 
 
-@pytest.mark.parametrize("ending", ["png", "jpg", "pdf", "svg"])
+@pytest.mark.parametrize(
+    "ending",
+    ["png", *(pytest.param(each, marks=pytest.mark.slow) for each in ("jpg", "pdf", "svg"))],
+)
 def test_compare_writes_every_kind_of_figure(run, color, tmp_path, ending):
     assert run("compare", color, "-m", "mle", "-o", f"figure.{ending}")[0] == 0
     assert (tmp_path / f"figure.{ending}").stat().st_size > 5000

@@ -169,9 +169,14 @@ def test_no_capture_is_an_error(run):
     assert run("gather")[0] == 1
 
 
-@pytest.mark.parametrize("ending", [".tif", ".png", ".jpg"])
-def test_a_single_image_states_its_origin(run, captures, ending):
-    run("reconstruct", captures[0], "-o", f"one{ending}", "--quality", "medium")
+@pytest.mark.parametrize(
+    ("ending", "depth"), [(".tif", 8), (".png", 8), (".png", 16), (".jpg", 8), (".exr", 8)]
+)
+def test_a_single_image_states_its_origin(run, captures, ending, depth):
+    if ending == ".exr":
+        pytest.importorskip("OpenEXR")
+    options = ("--quality", "medium", "--depth", depth)
+    run("reconstruct", captures[0], "-o", f"one{ending}", *options)
     code, out = run("info", f"one{ending}")
     assert code == 0
     packed = np.asarray(jl.open(captures[0]).packed).tobytes()

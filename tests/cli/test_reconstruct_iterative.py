@@ -52,7 +52,7 @@ def assert_written(path, estimate):
     np.testing.assert_allclose(np.load(path), estimate, atol=1e-5)
 
 
-@pytest.mark.parametrize("kernel", ["box", "cubic"])
+@pytest.mark.parametrize("kernel", ["box", pytest.param("cubic", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("method", ITERATIVE)
 def test_reconstruct_writes_the_python_result_and_prints_the_iterations(
     run, bits, tmp_path, method, kernel

@@ -62,7 +62,7 @@ def test_a_function_is_refused_where_no_methods_are_compared(run, own_module):
 @pytest.mark.slow
 def test_a_function_of_the_user_is_a_row_of_each_table(run, data, own_module, tmp_path):
     arguments = ["--quick", "--data", data, "-m", f"{own_module}:mean", "-o", "out"]
-    for experiment in ("fig7", "timing", "gain"):
+    for experiment in ("fig7", "gain"):
         status, output = run("reproduce", experiment, *arguments)
         assert status == 0, output
         assert f"{own_module}:mean" in (tmp_path / f"out/results/{experiment}.csv").read_text()

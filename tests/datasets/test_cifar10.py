@@ -207,6 +207,7 @@ class TestArchive:
 
 
 class TestPickle:
+    @pytest.mark.slow
     def test_one_of_the_original_size_is_read(self, tmp_path):
         content = np.zeros((10_000, 3072), np.uint8)
         content[1, 1024] = 255  # the first pixel's green

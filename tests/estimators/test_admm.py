@@ -268,7 +268,7 @@ def photographs(data):
     return [read_image(file, gray=True) for file in files]
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_photographs_at_16_trials_reach_the_documented_psnr(photographs):
     decibels = []
     for index, photograph in enumerate(photographs):

@@ -83,6 +83,7 @@ def read_one_frame(path):
     return jl.open(path, frames=slice(1, 2)).counts(1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STREAMS)
 def test_no_flipped_bit_of_a_foreign_stream_changes_what_is_read(tmp_path, name):
     content, expected = STREAMS[name], None

@@ -73,7 +73,7 @@ def test_some_flips_are_refused(tmp_path, case):
     check_flips(tmp_path, case, SAMPLE)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("case", CASES)
 def test_all_flips_are_refused(tmp_path, case):
     check_flips(tmp_path, case)

@@ -77,7 +77,7 @@ def undetected_flips(path, file, step):
     return unnoticed
 
 
-@pytest.mark.parametrize("step", [67, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("step", [67, pytest.param(3, marks=pytest.mark.exhaustive)])
 @pytest.mark.parametrize("name", ["a.npy", "a.npy.gz", "a.npz", "a.tif"])
 def test_flipped_bits_in_every_file_are_detected(tmp_path, name, step):
     bits = random_bits((2, 3, 9), MAPPED)

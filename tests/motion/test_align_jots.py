@@ -71,6 +71,7 @@ def test_the_merged_image_is_nearly_that_of_equal_jots(name):
     assert psnr > of_others - 1
 
 
+@pytest.mark.slow
 def test_hot_jots_are_left_out_of_scenes_that_move():
     dark = np.zeros(SIZE)
     dark[::9, ::9] = 1.5

@@ -69,7 +69,7 @@ def test_a_filter_of_a_wrong_width_or_shape_is_refused():
         engine.blur(images, 1.0, images[:1].copy(), None)
 
 
-@settings(max_examples=60)
+@settings(max_examples=20)
 @given(cases())
 def test_the_equations_are_those_of_the_twin(case):
     sums, template, sigma = case

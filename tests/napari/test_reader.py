@@ -36,6 +36,11 @@ def path(tmp_path):
     return path
 
 
+@pytest.fixture(scope="module")
+def moving():
+    return moving_scene()
+
+
 def test_a_layer_has_an_image_of_each_window(path):
     [(data, arguments, kind)] = reader.get_reader(str(path))(str(path))
     assert kind == "image"
@@ -220,19 +225,16 @@ def test_channels_that_are_no_colors_get_a_slider():
 
 
 @pytest.mark.slow
-def test_sample_data_are_simulated():
-    for [(data, arguments, _)], shape in (
-        (static_scene(), (512, 512)),
-        (moving_scene(), (256, 256)),
-    ):
+def test_sample_data_are_simulated(moving):
+    for [(data, arguments, _)], shape in ((static_scene(), (512, 512)), (moving, (256, 256))):
         assert data.shape == (4, *shape)
         bits = arguments["metadata"][KEY].viewed.data
         assert bits.shape == (256, *shape)
 
 
 @pytest.mark.slow
-def test_a_window_is_aligned():
-    [(_, arguments, _)] = moving_scene()
+def test_a_window_is_aligned(moving):
+    [(_, arguments, _)] = moving
     source = arguments["metadata"][KEY]
     with pytest.raises(ValueError, match=r"expected one of the .* windows of this layer"):
         align_window(source, len(source.spans))

@@ -140,7 +140,7 @@ def test_the_page_shows_every_row_and_violation():
         assert line in page.splitlines(), line
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("part", ["kills", "disks", "flips"])
 def test_a_quick_run_finds_nothing(part, tmp_path):
     command = [sys.executable, str(SCRIPT), part, "--quick", "--output", str(tmp_path)]

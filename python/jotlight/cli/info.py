@@ -188,7 +188,7 @@ def _is_image(file: Path) -> bool:
     try:
         return detect_format(file) == "png"
     except ValueError:
-        return ending in PHOTOGRAPH_EXTENSIONS
+        return ending in (*PHOTOGRAPH_EXTENSIONS, ".exr")
 
 
 def _capture_facts(capture: Capture) -> list[tuple[str, str]]:

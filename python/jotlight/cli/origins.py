@@ -6,7 +6,7 @@ from typing import Any
 from jotlight.dask.store import PART, open_unfinished, read_json, read_record
 from jotlight.images.io import read_note
 
-_NOTED = (".tif", ".tiff", ".png", ".jpg", ".jpeg")
+_NOTED = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
 """Endings of images that contain a note."""
 
 Facts = list[tuple[str, str]]

@@ -56,6 +56,14 @@ def read_exr(path: Path) -> npt.NDArray[np.float32]:
     return np.stack([np.asarray(channels[name], np.float32) for name in "RGB"], axis=-1)
 
 
+def read_exr_comments(path: Path) -> str:
+    """Return the `comments` in the header of a file; empty if there are none."""
+    import OpenEXR
+
+    with OpenEXR.File(str(path), header_only=True) as file:
+        return str(file.header().get("comments", ""))
+
+
 def write_exr(path: Path, image: npt.NDArray[Any], note: Mapping[str, Any] | None) -> None:
     """Write an image (H, W) or (H, W, 3) as float32, with `note` as JSON in `comments`."""
     import OpenEXR

@@ -1,6 +1,7 @@
 """Read photographs as intensities, and write images."""
 
 import contextlib
+import io
 import json
 import math
 import os
@@ -19,7 +20,7 @@ from jotlight.formats.images.tiff_directories import open_checked_tiff
 from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.limits import check_claimed_size
 from jotlight.images.color import FloatImage, luma
-from jotlight.images.exr import check_exr, read_exr, write_exr
+from jotlight.images.exr import check_exr, read_exr, read_exr_comments, write_exr
 from jotlight.output_files import OutputFile, open_output
 
 DISPLAYED = (".png", ".jpg", ".jpeg")
@@ -220,7 +221,7 @@ def image_writer(
         The intensity that becomes white in PNG and JPEG. Brighter pixels are white, too.
     note : mapping, optional
         Values that JSON can hold, for the ImageDescription of a TIFF, the `comments` of an EXR, the
-        text `Description` of an 8-bit PNG, and the comment of a JPEG.
+        text `Description` of a PNG, and the comment of a JPEG. A `.npy` has no place for it.
 
     Returns
     -------
@@ -269,7 +270,7 @@ def image_writer(
                 handle, image.astype(np.float32), photometric=photometric, **description
             )
         elif depth == 16:
-            _write_png16(handle, display_levels(image, white, 65535).astype(np.uint16))
+            _write_png16(handle, display_levels(image, white, 65535).astype(np.uint16), note)
         else:
             from PIL import Image as PillowImage
 
@@ -294,7 +295,7 @@ def _embedded(kind: str, text: str) -> dict[str, Any]:
 
 
 def read_note(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the note that :func:`image_writer` embedded in a PNG, JPEG, or TIFF; {} without one.
+    """Return the note that :func:`image_writer` embedded in an image; {} without one.
 
     Examples
     --------
@@ -309,6 +310,8 @@ def read_note(path: str | os.PathLike[str]) -> dict[str, Any]:
         if path.suffix.lower() in (".tif", ".tiff"):
             with open_checked_tiff(path) as file:
                 text = file.pages[0].description
+        elif path.suffix.lower() == ".exr":
+            text = read_exr_comments(path)
         else:
             from PIL import Image as PillowImage
 
@@ -330,9 +333,15 @@ def display_levels(image: FloatImage, white: float, max_level: int) -> FloatImag
     return np.rint(levels, out=levels)
 
 
-def _write_png16(file: OutputFile, values: npt.NDArray[np.uint16]) -> None:
+def _write_png16(
+    file: OutputFile, values: npt.NDArray[np.uint16], note: Mapping[str, Any] | None
+) -> None:
     # Pillow has no 16-bit color.
     import png
 
     rows = values.reshape(len(values), -1)
-    png.from_array(rows, "L;16" if values.ndim == 2 else "RGB;16").write(file)
+    stream = io.BytesIO()
+    png.from_array(rows, "L;16" if values.ndim == 2 else "RGB;16").write(stream)
+    header, *chunks = png.Reader(bytes=stream.getvalue()).chunks()
+    text = [(b"tEXt", b"Description\0" + json.dumps(dict(note)).encode())] if note else []
+    png.write_chunks(file, [header, *text, *chunks])

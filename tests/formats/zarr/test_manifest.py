@@ -53,7 +53,7 @@ def test_some_flipped_bits_are_refused(folder):
     assert flips_are_refused(folder, 997) > 8
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("data", "step"), [(COUNTS[:1, :1], 3), (BITS_WITH_MAPS, 19)])
 def test_more_flipped_bits_are_refused(tmp_path, data, step):
     # Without maps, a folder has about 10,000 bits; with maps, 27,000.
