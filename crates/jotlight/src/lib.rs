@@ -30,7 +30,7 @@
 //! 9. [`tv`] computes the total variation, its proximal map, and its ADMM update.
 //! 10. [`admm`] holds the parameters that the ADMM updates of `likelihood` and `tv` share.
 //! 11. [`vst`] computes the Anscombe transform and its inverses (section 2.2.2, equations (6) and
-//!    (7)).
+//!     (7)).
 //!
 //! The learned network:
 //!

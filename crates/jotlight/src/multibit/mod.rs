@@ -86,7 +86,7 @@ impl Response {
                 _ => f64::NEG_INFINITY,
             },
             (Some(noise), _) if s <= 0.0 => noise.ln_weight(level, 0),
-            (Some(noise), _) => self.ln_with_noise(noise, level, s),
+            (Some(noise), _) => ln_with_noise(noise, level, s),
             (None, Level::Exactly(l)) => ln_poisson(l as f64, s),
             (None, Level::AtMost(_)) => self.thresholds[0].log_non_detection_probability(s),
             (None, Level::AtLeast(_)) => self.thresholds[1].log_detection_probability(s),
@@ -120,7 +120,7 @@ impl Response {
             Level::AtMost(l) => (l, -1.0),
             Level::AtLeast(l) => (l - 1, 1.0),
         };
-        let whole = self.ln_with_noise(noise, level, s);
+        let whole = ln_with_noise(noise, level, s);
         let [edge, next] = [l, l - 1].map(|l| {
             let sum = sum_level(noise, Level::Exactly(l), s);
             (sum.ln_probability - whole).exp()
@@ -217,18 +217,19 @@ impl Response {
             None => ln_poisson(l as f64, s).exp(),
         }
     }
-
-    fn ln_with_noise(&self, noise: &Noise, level: Level, s: f64) -> f64 {
-        if let Level::AtLeast(l) = level
-            && s - 40.0 * s.sqrt() - 40.0 * noise.sigma() > l as f64
-        {
-            return 0.0;
-        }
-        sum_level(noise, level, s).ln_probability
-    }
 }
 
 /// Return a²/b, and 0 where b is 0.
 fn ratio_of_squares(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b * a } else { 0.0 }
+}
+
+/// Return log P(level) with read noise.
+fn ln_with_noise(noise: &Noise, level: Level, s: f64) -> f64 {
+    if let Level::AtLeast(l) = level
+        && s - 40.0 * s.sqrt() - 40.0 * noise.sigma() > l as f64
+    {
+        return 0.0;
+    }
+    sum_level(noise, level, s).ln_probability
 }

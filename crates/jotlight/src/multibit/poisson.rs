@@ -25,15 +25,12 @@ fn deviance(y: f64, s: f64) -> f64 {
     let mut term = 2.0 * y * ratio;
     let square = ratio * ratio;
     let mut odd = 1.0;
-    loop {
+    while term.abs() > f64::EPSILON * 0.1 * sum.abs() {
         term *= square;
         odd += 2.0;
-        let next = sum + term / odd;
-        if next == sum {
-            return sum;
-        }
-        sum = next;
+        sum += term / odd;
     }
+    sum
 }
 
 /// Return log P(Y = y) for Y ~ Poisson(s), with a whole number y of 0 or more, and s > 0.
