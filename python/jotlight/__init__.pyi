@@ -17,11 +17,13 @@ from .errors import JotlightWarning as JotlightWarning
 from .errors import MissingExtraError as MissingExtraError
 from .errors import PeriodicRatesWarning as PeriodicRatesWarning
 from .estimators import denoise as denoise
+from .estimators import gates as gates
 from .estimators import tv as tv
 from .estimators import vst as vst
 from .estimators.admm import admm_tv as admm_tv
 from .estimators.bracketing import BracketPlan as BracketPlan
 from .estimators.bracketing import plan_brackets as plan_brackets
+from .estimators.dead_time import FreeRunning as FreeRunning
 from .estimators.merge_readings import merge_readings as merge_readings
 from .estimators.mle import mle as mle
 from .estimators.mle_iterative import mle_iterative as mle_iterative
@@ -49,6 +51,7 @@ from .sensing.bits import Bits as Bits
 from .sensing.likelihood import Likelihood as Likelihood
 from .sensing.likelihood import Problem as Problem
 from .sensing.merged import Merged as Merged
+from .sensing.photon_readings import Readings as Readings
 from .sensing.sensor import Sensor as Sensor
 from .training import train as train
 

@@ -25,6 +25,7 @@ __all__ = [
     "differences_adjoint",
     "disagreement",
     "displacement_equations",
+    "draw_readings",
     "equivalent_counts",
     "expose",
     "fit_affine",
@@ -36,6 +37,8 @@ __all__ = [
     "inverse_anscombe_algebraic",
     "inverse_anscombe_exact",
     "inverse_detection_probability",
+    "joint_maximum",
+    "joint_solution",
     "kernel_taps",
     "likelihood_admm_update",
     "likelihood_gradient_and_curvature",
@@ -52,6 +55,11 @@ __all__ = [
     "probability",
     "rate",
     "read_words",
+    "readings_gradient_and_curvature",
+    "readings_information",
+    "readings_log_likelihood",
+    "readings_log_probability",
+    "readings_moments",
     "reverse_bytes",
     "set_positions",
     "shrink",
@@ -91,6 +99,14 @@ _JotResponses: TypeAlias = tuple[_ValueOrArray, _ValueOrArray]
 _Readings: TypeAlias = tuple[
     int, npt.NDArray[np.int32], _ValueOrArray, _ValueOrArray, _ValueOrArray
 ]
+# Highest reading, read noise, and threshold.
+_Response: TypeAlias = tuple[int, float, int]
+# Whether the numbers are histograms, numbers, efficiency, and dark counts.
+_Cells: TypeAlias = tuple[bool, npt.NDArray[np.int32], _ValueOrArray, _ValueOrArray]
+# The cells of a term (readings, or response, cells, and their number), the light at intensity 1,
+# the cells per pixel and dimension, and the places of the cells.
+_TermCells: TypeAlias = _Readings | tuple[_Response, _Cells, int]
+_Term: TypeAlias = tuple[_TermCells, float, int, npt.NDArray[np.int32] | None]
 # Penalty of each image, and relaxation.
 _AdmmStep: TypeAlias = tuple[npt.NDArray[np.float64], float]
 # Vertical kernel and horizontal kernel, each as (degree, oversampling), and gain.
@@ -327,6 +343,64 @@ def normal_equations(
     npt.NDArray[np.float64],
     npt.NDArray[np.float64],
 ]: ...
+def joint_maximum(
+    terms: list[_Term],
+    shape: tuple[int, int],
+    highest: float,
+    offset: float,
+    intensity: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
+def joint_solution(
+    terms: list[_Term],
+    shape: tuple[int, int],
+    total: npt.NDArray[np.float64],
+    highest: float,
+    offset: float,
+    intensity: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
+def draw_readings(
+    sensor: dict[str, Any],
+    response: _Response,
+    images: _Image,
+    streams: list[tuple[bytes, int]],
+    frames: _Span,
+    rows: _Span,
+    columns: _Span,
+    out: npt.NDArray[np.uint16],
+    threads: int | None,
+) -> None: ...
+def readings_log_likelihood(
+    response: _Response, cells: _Cells, light: npt.NDArray[np.float64], threads: int | None
+) -> float: ...
+def readings_gradient_and_curvature(
+    response: _Response,
+    cells: _Cells,
+    light: npt.NDArray[np.float64],
+    gradient: npt.NDArray[np.float64],
+    curvature: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
+def readings_log_probability(
+    response: _Response,
+    readings: npt.NDArray[np.int32],
+    rates: npt.NDArray[np.float64],
+    out: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
+def readings_information(
+    response: _Response,
+    rates: npt.NDArray[np.float64],
+    information: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
+def readings_moments(
+    response: _Response,
+    rates: npt.NDArray[np.float64],
+    moments: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
 def forward(
     layers: list[Layer], sums: list[npt.NDArray[np.float32]], threads: int | None
 ) -> list[npt.NDArray[np.float32]]: ...

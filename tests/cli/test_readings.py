@@ -38,7 +38,6 @@ def test_info_shows_the_values(run, files):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["reconstruct", "bracket.npy", "--method", "admm-tv"], "expected one gain and one thresh"),
         (["film", "bracket.npy", "--window", 4], "the sensor has a gain for each frame"),
         (["reconstruct", "map.npy", "--find-hot-jots"], "find-hot-jots: expected one threshold"),
         (["view", "bracket.npy"], "expected one gain and one threshold"),
@@ -49,3 +48,41 @@ def test_what_needs_one_gain_and_threshold_says_so(run, files, arguments, messag
     status, text = run(*arguments, *output)
     assert status == 1
     assert message in " ".join(text.split())
+
+
+def test_brackets_are_stated_on_the_command_line(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    jl.save_image("p.png", jl.datasets.photograph("camera")[::8, ::8])
+    common = ["simulate", "p.png", "-o", "b.npy", "-k", 1]
+    assert run(*common, "-t", 6, "--gain", "8,1,0.125")[0] == 0
+    assert jl.open("b.npy").sensor == jl.Sensor(frames=6, gain=np.repeat([8, 1, 1 / 8], 2))
+    assert run("reconstruct", "b.npy", "-o", "e.tif")[0] == 0
+    # The same bits without a description need the option again.
+    np.save("plain.npy", np.load("b.npy"))
+    options = ["-t", 6, "--gain", "8,1,0.125", "--max-intensity", 1, "--method", "mle"]
+    assert run("reconstruct", "plain.npy", "-o", "e.npy", *options)[0] == 0
+    np.testing.assert_array_equal(np.load("e.npy"), jl.mle(jl.open("b.npy")))
+    assert run(*common, "-t", 4, "--gain", 16, "-q", "1,4")[0] == 0
+    assert jl.open("b.npy").sensor.threshold.tolist() == [1, 1, 4, 4]
+    q = 1 + np.arange(64 * 64).reshape(64, 64) % 3
+    np.save("q.npy", q)
+    assert run(*common, "-t", 4, "--gain", 16, "-q", "q.npy")[0] == 0
+    np.testing.assert_array_equal(jl.open("b.npy").sensor.threshold, q)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["-t", 5, "--gain", "8,1"], "expected a multiple of 2 frames in --frames, got --frames 5"),
+        (["-t", 4, "--gain", "8,x"], "gain: expected a number, or several such as 64,8,1"),
+        (["-t", 4, "-q", "1,1.5"], "threshold: expected a number, or several such as"),
+        (["-t", 4, "-q", "0"], "threshold: expected a whole number from 1 to 65535"),
+        (["-t", 4, "--gain", "8,-1"], "gain: expected a number from 1e-18"),
+    ],
+)
+def test_bad_values_of_frames_are_refused(run, tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    jl.save_image("p.png", np.full((8, 8), 0.5))
+    status, text = run("simulate", "p.png", "-o", "b.npy", "-k", 1, *arguments)
+    assert status == 1
+    assert message in text

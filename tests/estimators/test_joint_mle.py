@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import jotlight as jl
-from jotlight.estimators.joint_mle import maximize, regular_maximum, solve_expected_ones
+from jotlight.estimators.joint_mle import maximize, regular_maximum, solve_expected_total
 from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.response import detection_probability, silence_probability
 
@@ -134,10 +134,10 @@ def test_the_regular_maximum_expects_half_a_one_or_half_a_zero_at_the_ends():
     ones[2, 0, 2:] = True
     joint = joint_likelihood(jl.Bits.from_array(ones), sensor, None)
     regular, plain = regular_maximum(joint), maximize(joint)
-    expected, _ = joint.expected_ones(regular)
+    expected, *_ = joint.expected_total(regular)
     np.testing.assert_allclose(expected[0, :2], [0.5, 2.5])
     np.testing.assert_array_equal(regular[0, 2:], plain[0, 2:])
-    assert solve_expected_ones(joint, 5.0).max() == 1e3
+    assert solve_expected_total(joint, 5.0).max() == 1e3
 
 
 def test_stacks_colors_and_lists_are_estimated_image_by_image():

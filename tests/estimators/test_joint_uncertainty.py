@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 import jotlight as jl
-from jotlight.estimators.joint_uncertainty import distribution_of_ones
+from jotlight.estimators.joint_uncertainty import distribution_of_total
 from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.response import detection_probability
 
@@ -79,7 +79,7 @@ def test_the_distribution_agrees_with_single_convolutions(sensor):
     terms = joint_likelihood(all_totals(sensor), sensor, None).terms
     levels = np.geomspace(1e-4, 1, 9) * sensor.max_intensity
     expected = [exact_distribution(sensor, level) for level in levels]
-    np.testing.assert_allclose(distribution_of_ones(terms, levels), expected, atol=1e-13)
+    np.testing.assert_allclose(distribution_of_total(terms, levels), expected, atol=1e-13)
 
 
 def test_pixels_with_different_readings_have_wider_intervals_with_the_same_coverage():

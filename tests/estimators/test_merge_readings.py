@@ -73,7 +73,7 @@ def test_the_slope_at_the_lower_end_is_that_of_all_readings(sensor):
     bits = expose(sensor)
     joint = joint_likelihood(bits, sensor, None)
     merged = jl.merge_readings(bits)
-    dark = joint.ones == 0
+    dark = joint.total == 0
     assert dark.any()
     light = merged.sensor.light_per_intensity
     slope = light * reference_likelihood(merged).gradient_and_curvature(0.0)[0]

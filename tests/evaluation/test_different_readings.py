@@ -91,11 +91,19 @@ def test_the_saturation_is_that_of_the_least_sensitive_readings():
 
 
 @pytest.mark.parametrize("method", ["noniterative-tv", "network-initial", "mle-iterative"])
-def test_other_methods_refuse_and_say_what_to_do(captured, method):
+def test_other_methods_run_on_equivalent_counts(captured, method):
+    merged = jl.merge_readings(captured[1])
+    np.testing.assert_array_equal(
+        jl.reconstruct(captured[1], method=method), jl.reconstruct(merged, method=method)
+    )
+    of_readings = jl.uncertainty(captured[1], method=method)
+    np.testing.assert_array_equal(of_readings.low, jl.uncertainty(merged, method=method).low)
+
+
+def test_a_network_for_one_number_of_trials_refuses_and_says_what_to_do(captured):
+    network = jl.Network.initial(jl.Sensor(frames=16))
     with pytest.raises(ValueError, match=r"sensor: .*pass jotlight.merge_readings\(bits\)"):
-        jl.reconstruct(captured[1], method=method)
-    with pytest.raises(ValueError, match=r"sensor: .*pass jotlight.merge_readings\(bits\)"):
-        jl.uncertainty(captured[1], method=method)
+        jl.reconstruct(captured[1], method=network)
 
 
 @pytest.mark.slow
@@ -107,3 +115,13 @@ def test_many_readings_are_blended_on_held_out_bits():
     assert info.method == "held-out"
     assert sum(info.shares.values()) == pytest.approx(1)
     assert error(estimate, truth) < error(jl.mle(bits), truth)
+
+
+def test_networks_serve_maps_whose_neighbors_say_very_different_amounts():
+    truth = jl.datasets.photograph("camera")[::4, ::4].astype(float)
+    board = np.where(np.indices(truth.shape).sum(axis=0) % 2, 1, 8)
+    sensor = jl.Sensor(frames=16, gain=16 * 8, threshold=board)
+    bits = sensor.expose(truth, rng=0)
+    network = jl.metrics.psnr(truth, jl.reconstruct(bits))
+    classical = jl.metrics.psnr(truth, jl.reconstruct(bits, method="admm-tv"))
+    assert network > classical > 20

@@ -105,7 +105,7 @@ def test_windows_are_bits_whose_sensor_has_as_many_frames():
 class OtherSensor:
     """An object with the interface that bits require of a sensor."""
 
-    oversampling, frames, trials, kernel = 3, 2, 18, "box"
+    oversampling, frames, trials, kernel, bit_depth = 3, 2, 18, "box", 1
 
     def replace(self, **changes):
         other = OtherSensor()

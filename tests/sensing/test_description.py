@@ -50,5 +50,5 @@ def test_numpy_numbers_become_python_numbers():
     sensor = jl.Sensor(**of_numpy)
     assert sensor == jl.Sensor(**numbers)
     assert [type(value) for value in sensor.scalars().values()] == [
-        int, int, float, int, str, float, float, float,
+        int, int, float, int, str, float, float, float, int, float,
     ]  # fmt: skip

@@ -104,7 +104,7 @@ def test_counts_of_single_jots_suffice_if_only_their_thresholds_differ():
     one, other = joint_likelihood(bits, sensor, None), joint_likelihood(bits.counts(), sensor, None)
     assert one.value(0.5) == other.value(0.5)
     np.testing.assert_array_equal(one.trials, 9)
-    np.testing.assert_array_equal(one.ones, bits.counts())
+    np.testing.assert_array_equal(one.total, bits.counts())
 
 
 def test_frames_are_read_from_files_in_parts(tmp_path, monkeypatch):

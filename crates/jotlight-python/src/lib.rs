@@ -7,9 +7,11 @@
 mod arguments;
 mod bits;
 mod cpu;
+mod joint;
 mod likelihood;
 mod mle;
 mod motion;
+mod multibit;
 mod network;
 mod sensing;
 mod tv;
@@ -34,6 +36,8 @@ mod _engine {
     #[pymodule_export]
     use super::cpu::{choose_cpu_level, cpu_level, cpu_levels, multiply_adds, read_words};
     #[pymodule_export]
+    use super::joint::{joint_maximum, joint_solution};
+    #[pymodule_export]
     use super::likelihood::{
         detection_probability, inverse_detection_probability, likelihood_admm_update,
         likelihood_gradient_and_curvature, likelihood_information, likelihood_proximal,
@@ -46,6 +50,11 @@ mod _engine {
         FilteredTemplate, add_shifted_counts, add_shifted_values, blur, chi_squared, disagreement,
         displacement_equations, fit_affine, peak_of_shifted_scores, solve_field, undo_remainders,
         velocity_scores,
+    };
+    #[pymodule_export]
+    use super::multibit::{
+        draw_readings, readings_gradient_and_curvature, readings_information,
+        readings_log_likelihood, readings_log_probability, readings_moments,
     };
     #[pymodule_export]
     use super::network::{

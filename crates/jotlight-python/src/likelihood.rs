@@ -21,7 +21,7 @@ pub struct PyReadings<'py>(
 );
 
 impl PyReadings<'_> {
-    fn to_engine(&self) -> PyResult<Readings<'_>> {
+    pub fn to_engine(&self) -> PyResult<Readings<'_>> {
         let Self(threshold, ones, trials, efficiency, dark_counts) = self;
         Readings::new(
             Threshold::new(*threshold).map_err(to_python)?,

@@ -13,6 +13,9 @@ use crate::error::{Error, Result};
 /// The divisor of the first column of a row of draws. The bits of 64 columns fill one word.
 pub const ALIGNMENT: usize = 64;
 
+/// The number of random bytes for the read noise of a jot.
+pub const NOISE_BYTES: usize = 16;
+
 const MAX_ROWS: usize = 1 << 24;
 const MAX_FRAMES: usize = 1 << 32;
 const MAX_CHANNELS: usize = 1 << 7;
@@ -49,6 +52,22 @@ impl JotRandom {
         self.generator.set_stream(stream.number | 1 << 63);
         self.generator.set_word_pos(column as u128);
         self.generator.next_u32()
+    }
+
+    /// Fill `bytes` with the [`Self::refinement`] of each jot of a row from `column` on.
+    pub fn fill_refinements(&mut self, stream: RowStream, column: usize, bytes: &mut [u8]) {
+        self.generator.set_stream(stream.number | 1 << 63);
+        self.generator.set_word_pos(column as u128);
+        self.generator.fill_bytes(bytes);
+    }
+
+    /// Fill `bytes` with [`NOISE_BYTES`] for each jot of a row from `column` on.
+    pub fn fill_noise(&mut self, stream: RowStream, column: usize, bytes: &mut [u8]) {
+        self.generator.set_stream(stream.number | 1 << 63);
+        // Refinements are before this position, because a row has fewer than 2³² jots.
+        self.generator
+            .set_word_pos((1 << 32) + (column * NOISE_BYTES / 4) as u128);
+        self.generator.fill_bytes(bytes);
     }
 }
 

@@ -10,7 +10,7 @@ from jotlight.interrupts import interruptible
 from jotlight.layout import image_channels
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
-from jotlight.sensing.readings import refuse_different_readings
+from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.response import detection_probability, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
@@ -110,7 +110,7 @@ def find_hot_jots(
         counts, number = data.counts(1, threads=threads, progress=progress), len(data)
         if isinstance(data.sensor, Sensor):
             if threshold is None:
-                refuse_different_readings(data.sensor)
+                require_plain_bits(data.sensor)
             threshold = data.sensor.threshold if threshold is None else threshold
             mask = data.sensor.mask if mask is None else mask
         channel_axis = last_channel_axis(counts)

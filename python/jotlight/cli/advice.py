@@ -55,7 +55,7 @@ def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int 
     threads : int, optional
         Number of threads. Default: all.
     """
-    if sensor.readings_differ:
+    if not sensor.has_plain_bits:
         return  # their ones change without motion
     for part in parts:
         trials = max(1, sensor.trials // len(part))

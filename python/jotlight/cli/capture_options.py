@@ -92,7 +92,9 @@ class CaptureOptions:
         ),
     ] = None
 
-    def open(self, path: Path | str, total_trials: int | None = None) -> Capture:
+    def open(
+        self, path: Path | str, total_trials: int | None = None, bit_depth: int | None = None
+    ) -> Capture:
         """Return the bits or the counts of a capture. A stack of counts is not yet summed.
 
         Parameters
@@ -101,7 +103,12 @@ class CaptureOptions:
             Capture, or its URL.
         total_trials : int, optional
             Number of trials of the whole capture, for scaled counts of an unstated number.
+        bit_depth : int, optional
+            The bits of a reading, if they are stated. Numbers are then readings.
         """
+        if (bit_depth or 1) > 1:
+            counts = True if self.counts is None else self.counts
+            return dataclasses.replace(self, counts=counts)._open(path, readings=True)
         capture = self._open(path)
         if self.counts_scale is None:
             if self.trials is not None:
@@ -120,7 +127,7 @@ class CaptureOptions:
                 )
         return unscale(capture, self.counts_scale, trials)
 
-    def _open(self, path: Path | str) -> Capture:
+    def _open(self, path: Path | str, *, readings: bool = False) -> Capture:
         scaled = self.counts_scale is not None
         return open_capture(
             path,
@@ -134,6 +141,7 @@ class CaptureOptions:
             unpacked=self.unpacked,
             isolate=self.isolate,
             means=scaled,
+            readings=readings,
         )
 
     def to_argv(self, key_option: str = "--key") -> list[str]:

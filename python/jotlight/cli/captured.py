@@ -13,6 +13,7 @@ from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.description import companion_files
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import read_frames
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.scaled_counts import scaled_counts_hint
@@ -31,10 +32,12 @@ class Captured:
     hot_jots: int | None = None
     """Number of jots that are treated as dead because they look hot in the scene, if searched."""
 
-    def summed(self) -> Bits | Counts:
-        """Return the bits, or the sum of a stack of counts."""
+    def summed(self) -> Bits | Readings | Counts:
+        """Return the bits, the readings of several bits, or the sum of a stack of counts."""
         if isinstance(self.data, Bits):
             return self.data
+        if self.sensor.bit_depth > 1:
+            return self.data.readings(self.sensor)
         with progress(1) as begin:
             return sum_counts(self.data, self.sensor, len(self.data), begin("summing"))
 
@@ -130,6 +133,8 @@ def add_sensor(
     """
     if isinstance(capture, Bits):
         return _add_sensor_to_bits(capture, sensor_kwargs, calibration)
+    if capture.sensor is not None or sensor_kwargs.get("bit_depth", 1) > 1:
+        return _add_sensor_to_readings(capture, sensor_kwargs, calibration)
     sensor_kwargs = _with_trials(capture, path, sensor_kwargs)
     if calibration is None:
         sensor = Sensor(**sensor_kwargs)
@@ -158,6 +163,21 @@ def _add_sensor_to_bits(
     else:
         sensor = stated.replace(**sensor_kwargs)
     return Captured(bits, sensor, stated is not None, bits.provenance)
+
+
+def _add_sensor_to_readings(
+    stack: CountStack, sensor_kwargs: dict[str, Any], calibration: Calibration | None
+) -> Captured:
+    if calibration is not None:
+        raise ValueError(
+            "calibration: expected none, because it is for single bits, but the capture has "
+            "readings of several bits; state --dark-counts, --efficiency, and --mask"
+        )
+    if stack.sensor is not None:
+        sensor = stack.sensor.replace(**sensor_kwargs)
+    else:
+        sensor = Sensor(**{"frames": len(stack), **sensor_kwargs})
+    return Captured(stack, sensor, stack.sensor is not None, stack.provenance)
 
 
 def _with_trials(

@@ -79,6 +79,10 @@ def _convert_one(data: Path, output: Path, to: str | None, capture: CaptureOptio
             write_capture(opened, output, name, update)
             written = f"{opened!r}" if WRITERS[name].bits else f"counts of {opened!r}"
         else:
+            if opened.sensor is not None:
+                write_capture(opened.readings(), output, name)
+                report(f"{output}: {name}, {opened.readings()!r}", *provenance_notes(provenance))
+                return
             if isinstance(opened.images, Frames):
                 opened.images.verify()
             counts = opened.sum(update)

@@ -33,6 +33,7 @@ from jotlight.motion.film import FilmImage
 from jotlight.motion.film import film as merge_windows
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -111,6 +112,7 @@ def film(
     motion.check()
     inputs.check_outputs([outputs.output])
     job = inputs.prepare(outputs.output, window=outputs.window)
+    require_plain_bits(job.captured.sensor)
     spans = windows(len(job.captured.data), outputs.window, outputs.step)
     brightness = _write(job, outputs, motion, spans, threads)
     report_assumptions(job, brightness)

@@ -121,7 +121,7 @@ def _capture(path: Path, capture: CaptureOptions, sensor: CapturedSensorOptions)
     from jotlight.torch.bit_splitting import check_kernel
 
     kwargs: dict[str, Any] = sensor.to_kwargs()
-    opened = capture.open(path, sensor.stated_trials())
+    opened = capture.open(path, sensor.stated_trials(), sensor.bit_depth)
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
     captured = add_sensor(opened, path, kwargs, calibration)
     if sensor.find_hot_jots:

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from jotlight.calibration import Calibration
 from jotlight.calibration.result import FORMAT as CALIBRATION
+from jotlight.cli.capture_facts import bits_facts, notes, readings_facts
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import out, progress
 from jotlight.cli.jot_checks import jot_remarks
@@ -30,7 +31,6 @@ from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import stored_format
 from jotlight.training import History
@@ -192,6 +192,8 @@ def _is_image(file: Path) -> bool:
 
 
 def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
+    if isinstance(capture, CountStack) and capture.sensor is not None:
+        return [*readings_facts(capture.readings()), *notes(capture)]
     if isinstance(capture, CountStack):
         number = len(capture.images)
         with progress(1) as begin:
@@ -200,43 +202,8 @@ def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
         jots = [] if trials is None else jot_remarks(counts, trials, Sensor(frames=trials))
         facts = [("kind", "counts"), ("format", capture.provenance.format)]
         facts += [("images", str(number))] if number > 1 else []
-        return [*facts, ("shape", _by(counts.shape)), *_range(counts), *_notes(capture), *jots]
-    return [*_bits_facts(capture), *_notes(capture)]
-
-
-def _notes(capture: Capture) -> list[tuple[str, str]]:
-    facts: list[tuple[str, str]] = []
-    for step in capture.provenance.lineage() if capture.provenance is not None else ():
-        if step is not capture.provenance:
-            facts.append(("from", f"{step.format}, {step.name}"))
-        facts += [("" if index else "assumed", note) for index, note in enumerate(step.notes)]
-    return facts
-
-
-def _bits_facts(bits: Bits) -> list[tuple[str, str]]:
-    with progress(1) as begin:
-        counts = bits.counts(1, progress=begin("counting"))
-    ones = int(counts.sum(dtype=np.int64))
-    frames, height, width, *channels = bits.shape
-    facts = [
-        ("kind", "bits" if not channels else f"bits of {channels[0]} channels"),
-        *([("format", bits.provenance.format)] if bits.provenance is not None else []),
-        ("frames", str(frames)),
-        ("jots", f"{height} x {width}"),
-        ("size", f"{bits.packed.nbytes / 1e6:.3g} MB packed"),
-        ("ones", f"{ones / np.prod(bits.shape, dtype=float):.3%}"),
-    ]
-    sensor = carried_sensor(bits)
-    jots = jot_remarks(counts, frames, sensor or Sensor(frames=frames))
-    if sensor is None:
-        return [*facts, ("sensor", "not stated"), *jots]
-    pixels = f"{height // sensor.oversampling} x {width // sensor.oversampling}"
-    return [
-        *facts,
-        ("sensor", repr(sensor)),
-        ("pixels", f"{pixels}, {sensor.trials} bits each"),
-        *jots,
-    ]
+        return [*facts, ("shape", _by(counts.shape)), *_range(counts), *notes(capture), *jots]
+    return [*bits_facts(capture), *notes(capture)]
 
 
 def _calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:

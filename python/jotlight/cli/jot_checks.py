@@ -124,7 +124,7 @@ def _find_hot_jots(counts: Counts, trials: int, sensor: Sensor) -> npt.NDArray[n
 def _count_jots(
     captured: Captured, threads: int | None, max_bytes: int | None = None
 ) -> tuple[Counts, int] | None:
-    """Return the counts of the jots and their trials, or None where only pixels are counted."""
+    """Return the counts of the jots and their trials, or None where there are none."""
     data = captured.data
     if isinstance(data, Bits):
         if max_bytes is not None:
@@ -132,6 +132,6 @@ def _count_jots(
             data = data[: max(1, max_bytes // frame_bytes)]
         with progress(1) as begin:
             return data.counts(1, threads=threads, progress=begin("counting jots")), len(data)
-    if captured.sensor.oversampling != 1:
+    if captured.sensor.oversampling != 1 or captured.sensor.bit_depth > 1:
         return None
     return data.sum(), captured.sensor.trials

@@ -98,7 +98,7 @@ class Inputs:
         window : int, optional
             Number of frames of the image. Default: all.
         """
-        opened = self.capture.open(self.path, self.sensor.stated_trials())
+        opened = self.capture.open(self.path, self.sensor.stated_trials(), self.sensor.bit_depth)
         return self.prepare_opened(opened, output, window=window)
 
     def prepare_opened(

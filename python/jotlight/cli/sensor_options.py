@@ -1,9 +1,11 @@
 """Options that describe a sensor."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import numpy.typing as npt
 from cyclopts import Parameter
 
@@ -35,15 +37,21 @@ class SensorOptions:
         Parameter(alias="-t", help=f"{_FRAMES} Default: those of the capture, or 1."),
     ] = None
     gain: Annotated[
-        float | None,
+        str | None,
         Parameter(
-            help="α, the exposure: photons on a pixel of intensity 1, over all jots and frames. "
+            help="α, the exposure: photons on a pixel of intensity 1, over all jots and frames. Of "
+            "a bracket: the photons of each frame, such as 64,8,1, where each value is for an "
+            "equal number of consecutive frames. "
             "Default: K, the number of bits per pixel, so one photon per jot and frame."
         ),
     ] = None
     threshold: Annotated[
-        int | None,
-        Parameter(alias="-q", help="q: number of photons that make a jot report 1. Default: 1."),
+        str | None,
+        Parameter(
+            alias="-q",
+            help="q: number of photons that make a jot report 1: a number; several for frames, as "
+            "of --gain; or a .npy map of the jots. Default: 1.",
+        ),
     ] = None
     kernel: Annotated[
         str | None,
@@ -83,6 +91,20 @@ class SensorOptions:
         ),
     ] = None
 
+    bit_depth: Annotated[
+        int | None,
+        Parameter(
+            help="b: bits of a reading. With 2 to 16 bits, a reading is a number of photons. "
+            "Default: 1."
+        ),
+    ] = None
+    read_noise: Annotated[
+        float | None,
+        Parameter(
+            help="σ: standard deviation of the read noise, in photons (electrons). Default: 0."
+        ),
+    ] = None
+
     def _set(self) -> dict[str, Any]:
         fields = (field.name for field in dataclasses.fields(SensorOptions))
         values = {name: getattr(self, name) for name in fields}
@@ -94,6 +116,10 @@ class SensorOptions:
         for name in ("dark_counts", "efficiency"):
             if name in kwargs:
                 kwargs[name] = _number_or_map(kwargs[name])
+        frames = kwargs.get("frames")
+        for name, kind in (("gain", float), ("threshold", int)):
+            if name in kwargs:
+                kwargs[name] = _values_of_frames(name, kwargs[name], kind, frames)
         if "mask" in kwargs:
             kwargs["mask"] = read_mask(Path(kwargs["mask"]))
         return kwargs
@@ -107,7 +133,9 @@ class SensorOptions:
     def map_files(self) -> list[Path]:
         """Return the files that hold maps."""
         values = self._set()
-        return [Path(values[name]) for name in _MAPS if name in values]
+        maps = [Path(values[name]) for name in _MAPS if name in values]
+        threshold = str(values.get("threshold", ""))
+        return [*maps, *([Path(threshold)] if threshold.endswith(".npy") else [])]
 
     def to_argv(self) -> list[str]:
         """Return the options as words of a command line."""
@@ -205,3 +233,33 @@ def _number_or_map(text: str) -> float | npt.NDArray[Any]:
         return float(text)
     except ValueError:
         return read_npy(text)
+
+
+def _values_of_frames(
+    name: str, text: str, kind: Callable[[str], float], frames: int | None
+) -> float | npt.NDArray[Any]:
+    """Return a number, the values of all frames, or for thresholds the map in a file.
+
+    Raises
+    ------
+    ValueError
+        When a value is no number, or the frames are no multiple of the values.
+    """
+    if name == "threshold" and text.endswith(".npy"):
+        return read_npy(text)
+    try:
+        values = [kind(part) for part in text.split(",")]
+    except ValueError:
+        some = ", or a .npy map" if name == "threshold" else ""
+        raise ValueError(
+            f"{name}: expected a number, or several such as 64,8,1{some}, got {text!r}"
+        ) from None
+    if len(values) == 1:
+        return values[0]
+    if frames is None or frames % len(values):
+        got = "none" if frames is None else f"--frames {frames}"
+        raise ValueError(
+            f"{name}: with {len(values)} values, expected a multiple of {len(values)} frames in "
+            f"--frames, got {got}"
+        )
+    return np.repeat(values, frames // len(values))

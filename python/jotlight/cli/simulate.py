@@ -128,11 +128,15 @@ def simulate(
 def _still_bits(
     image: npt.NDArray[np.floating], exposed: Sensor, seed: int, threads: int | None
 ) -> Bits:
-    """Return the bits of a photograph that does not move. They are drawn when they are read."""
+    """Return the bits of a photograph that does not move. They are drawn when they are read.
+
+    Readings of several bits are drawn at once.
+    """
+    axis = None if image.ndim == 2 else -1
+    if exposed.bit_depth > 1:
+        return exposed.expose(image, seed, channel_axis=axis, threads=threads)
     height, width = (size * exposed.oversampling for size in image.shape[:2])
     shape = (exposed.frames, height, math.ceil(width / 8), *image.shape[2:])
-
-    axis = None if image.ndim == 2 else -1
 
     def draw(start: int, stop: int) -> Packed:
         frames = slice(start, stop)

@@ -15,7 +15,7 @@ from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.formats.locations import is_url
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.readings import refuse_different_readings
+from jotlight.sensing.readings import require_plain_bits
 from jotlight.view.access import LOOPBACK, is_loopback
 from jotlight.view.extra import require_server
 from jotlight.view.live.options import LiveOptions, open_live
@@ -117,12 +117,14 @@ def view(
 
 def _open(path: str, capture: CaptureOptions, sensor: CapturedSensorOptions) -> Viewed:
     """Return a complete capture with its sensor."""
-    opened = capture.open(path if is_url(path) else Path(path), sensor.stated_trials())
+    opened = capture.open(
+        path if is_url(path) else Path(path), sensor.stated_trials(), sensor.bit_depth
+    )
     if isinstance(opened, Bits) and sensor.frames is not None:
         raise ValueError("frames: the page selects them; --frame-range leaves some of them out")
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
     captured = add_sensor(opened, path, sensor.to_kwargs(), calibration)
-    refuse_different_readings(captured.sensor)
+    require_plain_bits(captured.sensor)
     if sensor.find_hot_jots:
         captured = mask_hot_jots(captured)
     is_known = captured.has_own_sensor or sensor.max_intensity is not None

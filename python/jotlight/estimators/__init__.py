@@ -12,4 +12,4 @@ In reading order:
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, ["denoise", "tv", "vst"])
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, ["denoise", "gates", "tv", "vst"])

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.notebook import card, table_of
-from jotlight.sensing.likelihood import Likelihood
-from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.readings import refuse_different_readings
+from jotlight.sensing.reference import reading_information, reference_jot
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor, require_sensor
 from jotlight.sensing.values import numbers_from_zero
@@ -120,7 +120,8 @@ def plan_brackets(
     >>> found.sensor.readings_differ
     True
     """
-    require_sensor(sensor)
+    require_sensor(sensor, may_differ=True)
+    refuse_different_readings(sensor)
     levels = _checked_light(light)
     fractions = _checked_exposures(exposures, levels[-1] * reference_jot(sensor)[0])
     if not len(thresholds):
@@ -162,20 +163,14 @@ def snr_bound(sensor: Sensor, intensity: npt.ArrayLike) -> Array:
     array([12.7, 14.8])
     """
     values = numbers_from_zero("intensity", intensity)
-    efficiency, dark_counts = reference_jot(sensor)
     total = np.zeros(values.shape)
     for group in sensor.groups():
         own, light = group.sensor, group.sensor.light_per_intensity
         jots: float = sensor.oversampling**2
         if np.ndim(sensor.threshold) == 2:  # the pixels are mixed in equal shares
             jots *= float(np.mean(sensor.threshold == own.threshold))
-        bit = Likelihood(
-            np.zeros(values.shape, np.int32),
-            threshold=own.threshold,
-            efficiency=efficiency,
-            dark_counts=dark_counts,
-        )
-        total += own.frames * jots * (light * values) ** 2 * bit.information(light * values)
+        information = reading_information(own, light * values)
+        total += own.frames * jots * (light * values) ** 2 * information
     with np.errstate(divide="ignore"):
         return np.asarray(10 * np.log10(total))
 
@@ -207,7 +202,7 @@ def intensity_range(sensor: Sensor, snr: float) -> tuple[float, float]:
     28.9
     """
     lights = [group.sensor.light_per_intensity for group in sensor.groups()]
-    highest = float(np.max(sensor.threshold)) * 1e4 / min(lights)
+    highest = float(np.max(sensor.threshold) * sensor.max_reading) * 1e4 / min(lights)
     lowest = 1e-6 / max(lights)
     number = int(np.ceil(np.log10(highest / lowest) * _GRID))
     grid = np.geomspace(lowest, highest, number)
@@ -266,14 +261,8 @@ def best_threshold(light: float, *, max_threshold: int = 256) -> int:
 
 def _squared_snr(sensor: Sensor, light: Array, exposure: float, threshold: int) -> Array:
     """Return the squared SNR bound of one bit at each light of the longest exposure."""
-    efficiency, dark_counts = reference_jot(sensor)
-    bit = Likelihood(
-        np.zeros(light.shape, np.int32),
-        threshold=threshold,
-        efficiency=efficiency,
-        dark_counts=dark_counts,
-    )
-    return np.asarray((exposure * light) ** 2 * bit.information(exposure * light))
+    own = sensor.replace(threshold=threshold)
+    return np.asarray((exposure * light) ** 2 * reading_information(own, exposure * light))
 
 
 def _choose_numbers(squares: Array, frames: int) -> npt.NDArray[np.int64]:

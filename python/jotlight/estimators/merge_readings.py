@@ -13,13 +13,20 @@ import numpy.typing as npt
 from jotlight.estimators.joint_mle import regular_maximum
 from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
+from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.pixel_counts import Data, GrayImages, gray_images, prepare_data
 from jotlight.sensing.response import Array, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
 _MAX_TRIALS = 2.0**30
 """Maximum number of equivalent trials. Counts are 32-bit integers."""
+
+
+_MAX_RATE = 0.25
+"""Light of a jot of the reference sensor at the largest intensity, for readings of several bits, if
+theirs is larger. With dim light, trials depend little on the estimate, which is noisy itself."""
 
 
 def merge_readings(
@@ -58,7 +65,9 @@ def merge_readings(
     With the derivative g of the log-likelihood and the information I at its maximum in [0, S], and
     with the probability p of a one at the reference sensor and its derivative p', the equivalent
     trials are ``n = I p (1 - p) / p'²``, and the ones are ``n p + g p (1 - p) / p'``. Inside of
-    [0, S], g is 0. Where all readings are 0 or all are 1, the ones are 0 or n, and n has the
+    [0, S], g is 0. With read noise, I is at least that at the intensity of half a photon, because
+    rare readings have much information about exact darkness. Where all readings are 0 or all are
+    the largest one, the ones are 0 or n, and n has the
     same derivative at the intensity at which half a one or half a zero is expected. Ones are
     rounded to whole numbers. Trials are then scaled such that the maximum stays the same.
 
@@ -93,33 +102,68 @@ def reference_sensor(sensor: Sensor) -> Sensor:
 
     At the light at which half of the least sensitive readings are ones, half of its bits are ones.
     So it is not saturated where the readings are not, and its trials are at least about as many as
-    those of the least sensitive readings.
+    those of the least sensitive readings. For readings of several bits, it has a light of at most
+    1/4 at the largest intensity, as far as that is above the first condition.
 
     Examples
     --------
     >>> reference_sensor(Sensor(frames=4, gain=[2.0, 2.0, 16.0, 16.0])).gain
     8.0
     """
-    if not sensor.readings_differ and sensor.threshold == 1:
+    if sensor.has_plain_bits and sensor.threshold == 1:
         return sensor
     half = float(inverse_detection_probability(1, 0.5, 0.5))
     per_frame = []
     for group in sensor.groups():
         own = group.sensor
-        rate = float(inverse_detection_probability(own.threshold, 0.5, 0.5))
-        per_frame.append(own.gain / own.frames * half / rate)
-    return sensor.replace(threshold=1, gain=min(per_frame) * sensor.frames)
+        # The light at which half of the readings are the largest one.
+        photons = own.threshold - 1 + own.max_reading
+        rate = float(inverse_detection_probability(photons, 0.5, 0.5))
+        share = half / rate
+        if own.bit_depth > 1:
+            brightest = own.light_per_intensity * own.max_intensity
+            share = max(share, min(1.0, _MAX_RATE / brightest))
+        per_frame.append(own.gain / own.frames * share)
+    reference = sensor.replace(
+        threshold=1, gain=min(per_frame) * sensor.frames, bit_depth=1, read_noise=0.0
+    )
+    if sensor.read_noise == 0:
+        return reference
+    return reference.replace(dark_counts=_noise_floor(sensor, reference))
+
+
+def _noise_floor(sensor: Sensor, reference: Sensor) -> float | npt.NDArray[np.float32]:
+    """Return the dark counts with which bits tell as much about darkness as noisy bits.
+
+    With dark counts d, T bits have the information T (α/K)² / (exp(d) - 1) about intensity 0.
+    Readings of several bits count as whether they are 0: the information of larger ones, which are
+    rare in the dark, vanishes with the least light.
+    """
+    dark = np.asarray(sensor.dark_counts, np.float64)
+    distinct, places = np.unique(dark, return_inverse=True)
+    information = np.zeros(len(distinct))
+    for group in sensor.groups():
+        own, light = group.sensor, group.sensor.light_per_intensity
+        response = 1, own.read_noise, own.threshold
+        none = np.zeros((len(distinct), 0), np.int32)
+        cells = ReadingLikelihood(response, none, False, 1.0, distinct)
+        share = 1.0 if own.mask is None else float(1 - own.mask.mean())
+        information += len(group.frames) * share * light**2 * cells.information_per_reading(0.0)
+    floor = np.log1p(sensor.frames * reference.light_per_intensity**2 / information)
+    floors = floor[places].reshape(dark.shape)
+    return float(floors) if floors.ndim == 0 else floors.astype(np.float32)
 
 
 def _merge(joint: JointLikelihood) -> Merged:
     """Return the equivalent counts of a gray image."""
-    efficiency, dark_counts = joint.pixel_means()
-    if not joint.sensor.readings_differ and all(term.side == 1 for term in joint.terms):
-        counts = joint.ones.astype(np.int32)
+    if joint.sensor.has_plain_bits and all(term.side == 1 for term in joint.terms):
+        counts = joint.total.astype(np.int32)
+        efficiency, dark_counts = mean_response(joint.sensor)
         return Merged(counts, joint.trials, joint.sensor, dark_counts, efficiency)
     reference = reference_sensor(joint.sensor)
+    efficiency, dark_counts = mean_response(reference)
     ones, trials = equivalent_counts(joint, reference)
-    return Merged(*_round_ones(ones, trials), reference, dark_counts, efficiency)
+    return Merged(*round_ones(ones, trials), reference, dark_counts, efficiency)
 
 
 def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array, Array]:
@@ -130,7 +174,7 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     joint : JointLikelihood
         The likelihood of the readings.
     reference : Sensor
-        A sensor with one gain, threshold 1, and the efficiency and the dark counts of the readings.
+        The :func:`reference_sensor` of the readings.
 
     Examples
     --------
@@ -141,20 +185,22 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     >>> ones.round(4), trials.round(4), (ones / trials).round(4)  # 1/4 at x = log(4/3)
     (array([[0.7973]]), array([[3.1892]]), array([[0.25]]))
     """
-    efficiency, dark_counts = joint.pixel_means()
+    efficiency, dark_counts = mean_response(reference)
     intensity = regular_maximum(joint)
     gradient = joint.gradient_and_curvature(intensity)[0]
+    least = np.maximum(intensity, _least_light(joint))
+    information = joint.information(least)
     slope = efficiency * reference.light_per_intensity
     rate = slope * intensity + dark_counts
     one, zero = -np.expm1(-rate), np.exp(-rate)
-    total, all_trials = joint.ones, joint.trials
+    total, all_trials, largest = joint.total, joint.trials, joint.max_total
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # p' = slope * zero, so p (1 - p) / p' = one / slope.
-        trials = joint.information(intensity) * one / (zero * slope**2)
+        trials = information * np.expm1(slope * least + dark_counts) / slope**2
         ones = trials * one + gradient * one / slope
         dark = total == 0
         trials = np.where(dark, -gradient / slope, trials)
-        saturated = (total == all_trials) & ~dark
+        saturated = (total == largest) & ~dark
         trials = np.where(saturated, gradient * one / (slope * zero), trials)
     trials = np.where((all_trials > 0) & (trials > 0), trials, 0.0)
     trials = np.minimum(trials, _MAX_TRIALS)
@@ -162,7 +208,24 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     return np.clip(ones, 0, trials), trials
 
 
-def _round_ones(ones: Array, trials: Array) -> tuple[npt.NDArray[np.int32], Any]:
+def _least_light(joint: JointLikelihood) -> float | Array:
+    """Return the intensity of half a photon in all readings of a pixel, 0 without read noise."""
+    if joint.sensor.read_noise == 0:
+        return 0.0
+    photons = sum(term.light * term.sum_pixels(term.trials) for term in joint.terms)
+    return np.minimum(0.5 / np.maximum(photons, 1e-12), joint.sensor.max_intensity)
+
+
+def mean_response(sensor: Sensor) -> tuple[float | Array, float | Array]:
+    """Return the mean efficiency and the mean dark counts of the live jots of each pixel."""
+    efficiency, dark_counts = (
+        pixel_means(value, sensor.mask, sensor.oversampling)[0]
+        for value in (sensor.efficiency, sensor.dark_counts)
+    )
+    return efficiency, dark_counts
+
+
+def round_ones(ones: Array, trials: Array) -> tuple[npt.NDArray[np.int32], Any]:
     """Return whole numbers of ones, and trials with the same fraction of ones."""
     fraction = np.divide(ones, trials, out=np.zeros(ones.shape), where=trials > 0)
     whole = np.rint(ones)

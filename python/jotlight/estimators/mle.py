@@ -88,7 +88,7 @@ def mle(
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     warn_about_smooth_kernel(sensor)
     images = gray_images(data)
-    if sensor.readings_differ:
+    if not sensor.has_plain_bits:
         return joint_mle(images, sensor, threads)
     pixels = images.count(sensor, threads)
     out = np.empty(pixels.counts.shape, np.float32)

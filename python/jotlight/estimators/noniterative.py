@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from jotlight.estimators import vst
 from jotlight.estimators.denoise import Denoiser, resolve_denoiser
+from jotlight.estimators.generalized_anscombe import denoise_readings
 from jotlight.estimators.inverse_response import (
     equivalent_counts,
     intensity_from_probability,
@@ -88,6 +89,9 @@ def noniterative(
     the method runs at several K, whose ratios are at most 2, and pixels between two of them are
     interpolated.
 
+    Readings of several bits have the generalized Anscombe transform and its exact inverse
+    (:mod:`jotlight.estimators.generalized_anscombe`).
+
     The engine computes all images of a stack together. The denoisers are functions of libraries,
     which run on one image at a time.
 
@@ -101,10 +105,16 @@ def noniterative(
     if inverse not in vst.INVERSES:
         raise ValueError(f"inverse: expected one of {', '.join(vst.INVERSES)}, got {inverse!r}")
 
-    data, sensor = prepare_data(data, sensor, trials, channel_axis)
+    data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     warn_about_smooth_kernel(sensor)
 
     images = gray_images(data)
+    if not sensor.has_plain_bits:
+
+        def run(z: Estimate) -> Estimate:
+            return _run_denoiser(denoiser, z)
+
+        return denoise_readings(images, sensor, run, inverse, threads)
     pixels = images.count(sensor, threads)
     own_trials = count_local_trials(pixels)
     largest = np.ceil([np.max(each) for each in own_trials])

@@ -9,8 +9,10 @@ import numpy.typing as npt
 
 from jotlight.estimators.figure import draw_psnr, draw_snr
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
+from jotlight.estimators.planned_readings import PlannedReadings
 from jotlight.notebook import card, table_of
 from jotlight.sensing.likelihood import Likelihood
+from jotlight.sensing.readings import refuse_different_readings
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import Array, detection_probability, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor, require_sensor
@@ -31,7 +33,7 @@ COUNTS_PER_SIGMA = 100
 """The maximum number of counts per standard deviation in the sums."""
 
 _SATURATED_FRACTION = 0.01
-"""The fraction of pixels with only ones that defines the saturation light."""
+"""The fraction of pixels with only the largest reading that defines the saturation light."""
 
 _MAX_ROWS = 20
 """The maximum number of rows of the table in notebooks."""
@@ -158,6 +160,9 @@ def plan(
 
     Notes
     -----
+    For readings of several bits or with read noise, the estimate is the light at which the mean
+    reading is expected (:class:`jotlight.estimators.planned_readings.PlannedReadings`).
+
     Bias and error are exact sums over the binomial distribution of a pixel's count, for estimates
     clipped to [0, S]. Where few bits are 0, or few bits are 1, the estimate is biased. Its error
     may then be below the bound, which holds for unbiased estimates.
@@ -173,7 +178,8 @@ def plan(
     >>> expected.psnr.round(1).tolist(), expected.required_frames
     ([12.3, 25.3], 758)
     """
-    require_sensor(sensor)
+    require_sensor(sensor, may_differ=True)
+    refuse_different_readings(sensor)
     warn_about_smooth_kernel(sensor)
     levels = _light_levels(light)
     max_frames = _MAX_BITS // sensor.oversampling**2
@@ -182,7 +188,7 @@ def plan(
         raise ValueError(f"target_psnr: expected a PSNR in dB between 0 and 200, got {target_psnr}")
     if max_intensity is not None and not 0 < max_intensity < np.inf:
         raise ValueError(f"max_intensity: expected a number above 0, got {max_intensity}")
-    pixel = _Pixel(sensor, max_intensity)
+    pixel = (_Pixel if sensor.has_plain_bits else PlannedReadings)(sensor, max_intensity)
     scene = _Scene(pixel, levels[0], levels[-1])
     errors = [pixel.bias_and_mse(int(number), levels) for number in numbers]
     information = [pixel.information(levels) * number * pixel.jots for number in numbers]
@@ -195,7 +201,9 @@ def plan(
         rmse=np.sqrt([mse for _, mse in errors]),
         cramer_rao_bound=1 / np.sqrt(information),
         psnr=np.array([scene.psnr(int(number)) for number in numbers]),
-        saturation_light=np.array([pixel.saturation_light(int(number)) for number in numbers]),
+        saturation_light=np.array(
+            [pixel.saturation_light(int(number), _SATURATED_FRACTION) for number in numbers]
+        ),
         optimal_light=float(grid[np.argmax(grid**2 * pixel.information(grid))]),
         target_psnr=target_psnr,
         required_frames=required,
@@ -238,10 +246,10 @@ class _Pixel:
             dark_counts=self.dark_counts,
         ).information(levels)
 
-    def saturation_light(self, frames: int) -> float:
-        """Return the light at which all bits are 1 in `_SATURATED_FRACTION` of the pixels."""
+    def saturation_light(self, frames: int, fraction: float) -> float:
+        """Return the light at which all bits are 1 in a fraction of the pixels."""
         # The probability of a 1 is so close to 1 that its complement needs its own formula.
-        logarithm = np.log(_SATURATED_FRACTION) / (frames * self.jots)
+        logarithm = np.log(fraction) / (frames * self.jots)
         return float(np.maximum(self._light(np.exp(logarithm), -np.expm1(logarithm)), 0))
 
     def _light(self, probability: npt.ArrayLike, complement: npt.ArrayLike) -> Array:
@@ -252,7 +260,7 @@ class _Pixel:
 class _Scene:
     """A scene of such pixels, with light uniformly distributed between two levels."""
 
-    def __init__(self, pixel: _Pixel, min_light: float, max_light: float) -> None:
+    def __init__(self, pixel: _Pixel | PlannedReadings, min_light: float, max_light: float) -> None:
         nodes, weights = np.polynomial.legendre.leggauss(_NODES)
         self._pixel, self._max_light = pixel, max_light
         self._levels = min_light + (max_light - min_light) * (nodes + 1) / 2

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import Data, GrayImages, PreparedData
 from jotlight.sensing.sensor import Sensor
 
@@ -161,7 +162,7 @@ def run_own(
     try:
         result = np.asarray(method(*arguments, **{**keywords, **options}))
     except (TypeError, AttributeError) as error:
-        if isinstance(checked, Bits | Merged):
+        if isinstance(checked, Bits | Readings | Merged):
             error.add_note(_about(checked, name))
         raise
     if result.dtype.kind not in "biuf":
@@ -175,10 +176,12 @@ def run_own(
     return result.astype(np.float32, copy=False)
 
 
-def _about(data: Bits | Merged, name: str) -> str:
+def _about(data: Bits | Readings | Merged, name: str) -> str:
     """Return what a function of the caller received, for one that expects an array."""
     if isinstance(data, Merged):
         return f"{name} received Merged; merged.ones is an array of counts"
+    if isinstance(data, Readings):
+        return f"{name} received Readings; readings.to_array() is an array of frames"
     return f"{name} received Bits; bits.counts() is an array of counts, bits.to_array() one of bits"
 
 
@@ -213,16 +216,18 @@ def arguments_of(
 
 
 def _prepare(
-    data: Bits | Merged | npt.NDArray[np.int32], sensor: Sensor
+    data: Bits | Readings | Merged | npt.NDArray[np.int32], sensor: Sensor
 ) -> tuple[Data, tuple[int, ...]]:
     """Return data after checking them, and the shape of the image that they show."""
     if isinstance(data, Merged):
         return data, data.shape
-    if not isinstance(data, Bits):
+    if isinstance(data, np.ndarray):
         return data, data.shape
-    check_fits(data.shape, sensor)
+    check_fits(data.shape, sensor, bit_depth=sensor.bit_depth)
     _, height, width, *channels = data.shape
     shape = height // sensor.oversampling, width // sensor.oversampling, *channels
+    if isinstance(data, Readings):
+        return Readings(data.frames, sensor, data.provenance), shape
     bits = Bits(data.packed, data.width, sensor, data.provenance)
     bits.tested_for_periods = data.tested_for_periods
     return bits, shape

@@ -13,7 +13,7 @@ from jotlight.errors import warn
 from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.choice import choose_method, requested_method
-from jotlight.evaluation.different_readings import with_one_response
+from jotlight.evaluation.different_readings import takes_readings, with_one_response
 from jotlight.evaluation.held_out import blend, smooth_kernel_reason
 from jotlight.evaluation.methods import LARGE_METHOD, METHODS, OPTION_DEFAULTS, check_options
 from jotlight.evaluation.own_method import OwnMethod, run_own
@@ -213,9 +213,9 @@ def _run(
         raise ValueError(f"{extra}: is not an option of a network; leave it out")
     requested = None if isinstance(method, Network) else _named(method, quality, options)
     start = time.perf_counter()
-    readings_differ = sensor.readings_differ
-    if readings_differ and requested != "mle":
-        images, sensor = with_one_response(images, sensor, network or requested, quality, threads)
+    are_equivalent = not takes_readings(requested, sensor)
+    if are_equivalent:
+        images, sensor = with_one_response(images, sensor, network or requested, threads)
     choice = choose_method(sensor, requested=requested, network=network)
     history, shares = None, None
     if fallback or choice.method == LARGE_METHOD:
@@ -226,7 +226,7 @@ def _run(
         estimate = images.layout.arrange(blends)
     elif network is not None or choice.quality is not None:
         # Equivalent counts have different numbers of trials, which only such networks take.
-        load = pretrained_conditional if readings_differ else pretrained
+        load = pretrained_conditional if are_equivalent else pretrained
         network = network or load(sensor, str(choice.quality))
         estimate = network.reconstruct(images, sensor, threads=threads)
     elif METHODS[choice.method].iterative:

@@ -118,12 +118,12 @@ def uncertainty(
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     scale = unit_scale(sensor, units)
     images = gray_images(data)
-    if sensor.readings_differ and method == EXACT_METHOD:
+    if not sensor.has_plain_bits and method == EXACT_METHOD:
         return joint_uncertainty(images, sensor, confidence_level, threads).scaled(scale)
-    if sensor.readings_differ:
+    if not sensor.has_plain_bits:
         if estimate is None:
             estimate = reconstruct(images, sensor, method=method, quality=quality, threads=threads)
-        images, sensor = with_one_response(images, sensor, method, quality, threads)
+        images, sensor = with_one_response(images, sensor, method, threads)
     if method == EXACT_METHOD:
         return exact_uncertainty(images, sensor, confidence_level, threads).scaled(scale)
     network, is_own = _reference(method, quality, images, sensor)

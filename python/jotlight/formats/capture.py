@@ -10,11 +10,13 @@ import numpy.typing as npt
 
 from jotlight.checks import Counts
 from jotlight.errors import warn
-from jotlight.formats.labels import read_counts_label
+from jotlight.formats.labels import read_counts_label, read_readings_label
 from jotlight.notebook import card, normalize
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.sensor import Sensor
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,6 +37,9 @@ class CountStack:
     provenance: Provenance
     trials: int | None = None
     """Number of binary readings behind each count of one image, if the file states it."""
+    sensor: Sensor | None = None
+    """The sensor of readings of several bits, if the file states that the images are frames of
+    such readings."""
 
     @property
     def total_trials(self) -> int | None:
@@ -55,7 +60,8 @@ class CountStack:
         A slice reads nothing.
         """
         if isinstance(images, slice):
-            return dataclasses.replace(self, images=self.images[images])
+            sensor = self.sensor and self.sensor.select_frames(images)
+            return dataclasses.replace(self, images=self.images[images], sensor=sensor)
         index = operator.index(images)
         if not -len(self) <= index < len(self):
             raise IndexError(f"counts: expected an image from 0 to {len(self) - 1}, got {index}")
@@ -67,6 +73,30 @@ class CountStack:
         """Yield each image."""
         for _, part in read_in_chunks(self.images):
             yield from part
+
+    def readings(self, sensor: Sensor | None = None) -> Readings:
+        """Return the images as frames of readings of several bits.
+
+        Parameters
+        ----------
+        sensor : Sensor, optional
+            Their sensor. Default: the one that the file states.
+
+        Raises
+        ------
+        ValueError
+            When the file states no sensor, or the images do not fit it.
+        """
+        stated = sensor or self.sensor
+        if stated is None:
+            raise ValueError(
+                f"{self.provenance.name}: does not state that it holds readings of several bits; "
+                "pass bit_depth= (--bit-depth)"
+            )
+        try:
+            return Readings(self.images, stated, self.provenance)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{self.provenance.name}: {error}") from error
 
     def sum(self, progress: Callable[[float], object] | None = None) -> Counts:
         """Return the sum of all images, (H, W) or (H, W, C), in the memory of a few images.
@@ -179,6 +209,11 @@ def as_count_stack(
         )
     if len(shape) == 4 and shape[3] > 4:
         raise ValueError(f"expected at most 4 channels, got shape {shape}")
+    sensor, origin = read_readings_label(label)
+    if sensor is not None:
+        return stack_of_readings(
+            images, provenance.converted_from(origin), Sensor.from_parts(sensor)
+        )
     trials, origin = read_counts_label(label)
     provenance = provenance.converted_from(origin)
     if trials is not None:
@@ -186,3 +221,23 @@ def as_count_stack(
     if is_single_image(shape):
         images = np.asarray(images)[None]
     return CountStack(images, provenance, trials)
+
+
+def stack_of_readings(
+    images: npt.NDArray[Any] | Frames, provenance: Provenance, sensor: Sensor
+) -> CountStack:
+    """Return readings of several bits as a stack that states their sensor.
+
+    Raises
+    ------
+    ValueError
+        When the images do not fit the sensor.
+    """
+    if len(images.shape) == 2 or (len(images.shape) == 3 and sensor.frames == 1 != len(images)):
+        images = np.asarray(images)[None]
+    try:
+        Readings(images, sensor)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{provenance.name}: {error}") from error
+    note = f"readings of {sensor.bit_depth} bits, as the file states"
+    return CountStack(images, provenance.with_notes(note), None, sensor)

@@ -1,6 +1,7 @@
 """Descriptions: a `.json` next to a `.npy` or `.npy.gz` with its metadata and its checksum.
 
-The description of bits states their width, sensor, and provenance. The maps of the sensor are
+The description of bits states their width, sensor, and provenance, and that of readings of several
+bits their sensor and provenance. The maps of the sensor are
 `.npy` files of their own, which the description names. The description of counts is their label.
 """
 
@@ -26,7 +27,7 @@ from jotlight.formats.checksums import (
     seal,
 )
 from jotlight.formats.compressed import open_gzip
-from jotlight.formats.labels import BITS, COUNTS, MAX_LABEL_BYTES, VERSION
+from jotlight.formats.labels import BITS, COUNTS, MAX_LABEL_BYTES, READINGS, VERSION
 from jotlight.formats.safe_paths import check_inside, resolve_below
 from jotlight.output_files import open_output
 from jotlight.sensing.maps import MAPS
@@ -36,11 +37,12 @@ from jotlight.sensing.sensor import Sensor
 _KEYS = {
     BITS: {"width", "sensor", "maps"},
     COUNTS: {"trials"},
+    READINGS: {"sensor", "maps"},
 }
 """Keys of a description for each format, in addition to the common keys."""
 
 _COMMON_KEYS = {"format", "version", "provenance", "shape", "sha256"}
-"""Keys of the descriptions of both formats."""
+"""Keys of the descriptions of all formats."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,7 +55,7 @@ class Description:
 
     @property
     def format(self) -> str:
-        """Return what it describes: :data:`BITS` or :data:`COUNTS`."""
+        """Return what it describes: :data:`BITS`, :data:`COUNTS`, or :data:`READINGS`."""
         return str(self.content["format"])
 
     def map_files(self) -> dict[str, tuple[Path, object]]:
@@ -245,19 +247,33 @@ def read_bits_description(
     ValueError
         When the description is invalid, or a map differs from its checksum.
     """
-    path, content = description.path, description.content
-    width, origin = content.get("width"), content.get("provenance")
+    width = description.content.get("width")
     if type(width) is not int or width < 1:
-        raise ValueError(f"{path}: expected a width in jots, got width {width!r}")
+        raise ValueError(f"{description.path}: expected a width in jots, got width {width!r}")
+    return width, *read_sensor(description)
+
+
+def read_sensor(description: Description) -> tuple[Sensor | None, Provenance | None]:
+    """Return the sensor and the provenance from a description of bits or readings.
+
+    Raises
+    ------
+    FileNotFoundError
+        When a map is missing.
+    ValueError
+        When the description is invalid, or a map differs from its checksum.
+    """
+    path, content = description.path, description.content
+    origin = content.get("provenance")
     try:
         provenance = None if origin is None else Provenance.from_json(origin)
         if content.get("sensor") is None:
-            return width, None, provenance
+            return None, provenance
         maps = {}
         for name, (file, checksum) in description.map_files().items():
             _check_map(file, checksum)
             maps[name] = read_npy(file)
-        return width, Sensor.from_parts(content["sensor"], maps), provenance
+        return Sensor.from_parts(content["sensor"], maps), provenance
     except FileNotFoundError as error:
         raise FileNotFoundError(f"{path}: {error}") from error
     except (TypeError, ValueError) as error:

@@ -8,6 +8,7 @@ from jotlight.checks import Counts
 from jotlight.formats.capture import Capture
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Packed
+from jotlight.sensing.photon_readings import Readings
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,6 +41,9 @@ class Writer:
     """A function that writes packed bits. None: the format stores only counts, the sums of bits."""
     counts: Callable[[Counts, Path, str], None] | None = None
     """A function that writes counts and their JSON label. None: the format stores only bits."""
+    readings: Callable[[Readings, Path], None] | None = None
+    """A function that writes readings of several bits with their sensor. None: the format has no
+    place for them."""
     extensions: tuple[str, ...] = ()
     """Extensions of a file, the preferred one first. Empty: the format is always a folder."""
     folder: bool = False

@@ -12,6 +12,9 @@ BITS = "jotlight bits"
 COUNTS = "jotlight counts"
 """Value of "format" in a label of counts."""
 
+READINGS = "jotlight readings"
+"""Value of "format" in a label of readings of several bits."""
+
 VERSION = 2
 """Value of "version" in a label."""
 
@@ -60,6 +63,41 @@ def make_bits_label(
             "frames: bits[a:b]"
         )
     return label
+
+
+def make_readings_label(sensor: SensorLike, provenance: Provenance | None) -> dict[str, Any]:
+    """Return the label of readings of several bits. The caller adds the locations of maps.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> make_readings_label(Sensor(bit_depth=4), None)["sensor"]["bit_depth"]
+    4
+    """
+    label = make_bits_label(1, sensor, provenance)
+    del label["width"]
+    return {**label, "format": READINGS}
+
+
+def read_readings_label(
+    text: str | None,
+) -> tuple[dict[str, Any] | None, Provenance | None]:
+    """Return the parameters of the sensor and the provenance from a label of readings.
+
+    Both are None when the text is not such a label.
+
+    Raises
+    ------
+    ValueError
+        When the label has another version or an invalid value.
+    """
+    label = None if text is None or len(text) > MAX_LABEL_BYTES else parse_label(text, READINGS)
+    if label is None:
+        return None, None
+    sensor, provenance = label.get("sensor"), label.get("provenance")
+    if label.get("version") != VERSION or not isinstance(sensor, dict) or label.get("maps"):
+        raise ValueError(f"label: expected version {VERSION} and a sensor without maps")
+    return sensor, None if provenance is None else Provenance.from_json(provenance)
 
 
 def make_counts_label(trials: int | None, provenance: Provenance | None) -> str:

@@ -15,7 +15,7 @@ from jotlight.checks import Counts
 from jotlight.files import atomic_write
 from jotlight.formats.archives import finish_npz, read_npz_label, stream_npz, verify_npz
 from jotlight.formats.arrays import open_npy_array, write_npy
-from jotlight.formats.capture import Capture, as_count_stack
+from jotlight.formats.capture import Capture, as_count_stack, stack_of_readings
 from jotlight.formats.compressed import stream_npy_gz, write_npy_gz
 from jotlight.formats.cube import describe_bits, open_cube
 from jotlight.formats.description import (
@@ -23,24 +23,26 @@ from jotlight.formats.description import (
     check_data,
     check_shape,
     find_description,
+    read_sensor,
     verify_cube,
     write_described,
 )
 from jotlight.formats.format import Format, OpenOptions, Writer
-from jotlight.formats.labels import BITS, COUNTS
+from jotlight.formats.labels import BITS, COUNTS, READINGS, make_readings_label
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.raw import EXTENSIONS as RAW_EXTENSIONS
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
 
 
 def open_npy(path: Path, options: OpenOptions) -> Capture:
     """Return the capture in a `.npy` file."""
     description = find_description(path)
-    if description is not None and description.format == COUNTS:
+    if description is not None and description.format in (COUNTS, READINGS):
         check_data(description, path)
     return _open_array(open_npy_array(path), path, NPY.name, options, options.counts, description)
 
@@ -75,6 +77,9 @@ def _open_array(
     """Return the bits or counts in an array. If `counts` is None, its type and shape decide."""
     dimensions = len(array.shape)
     is_cube = array.dtype == np.uint8 and dimensions in (3, 4)
+    if description is not None and description.format == READINGS:
+        check_shape(description, path, array.shape)
+        return _open_readings(array, path, name, description)
     if description is not None:
         check_shape(description, path, array.shape)
         if description.format == COUNTS:
@@ -99,6 +104,17 @@ def _open_array(
             _refuse_photograph(array.shape, path)
         return open_cube(array, path, name, options.width, description, check=not options.packed)
     return as_count_stack(array, Provenance(name, path.name), label, means=options.means)
+
+
+def _open_readings(
+    array: npt.NDArray[Any] | Frames, path: Path, name: str, description: Description
+) -> Capture:
+    """Return readings of several bits with the sensor of their description."""
+    sensor, origin = read_sensor(description)
+    if sensor is None:
+        raise ValueError(f"{description.path}: expected the sensor of the readings, got none")
+    provenance = Provenance(name, path.name).converted_from(origin)
+    return stack_of_readings(array, provenance, sensor)
 
 
 def _refuse_photograph(shape: tuple[int, ...], path: Path) -> None:
@@ -145,6 +161,19 @@ def _describe_counts(
     return write_described(path, {**json.loads(label), "shape": list(counts.shape)}, {})
 
 
+def _write_npy_readings(readings: Readings, path: Path) -> None:
+    kind = np.uint8 if readings.sensor.bit_depth <= 8 else np.uint16
+    content = {
+        **make_readings_label(readings.sensor, readings.provenance),
+        "shape": list(readings.shape),
+    }
+    frames = Frames(
+        readings.shape, lambda start, stop: readings.read(start, stop).astype(kind), kind
+    )
+    with write_described(path, content, readings.sensor.maps()) as file:
+        write_npy(file, frames)
+
+
 def _write_npz_counts(counts: Counts, path: Path, label: str) -> None:
     with atomic_write(path) as temporary, open_output(temporary) as file:
         np.savez_compressed(file, counts=counts)
@@ -160,6 +189,7 @@ NPY = Format(
     writer=Writer(
         bits=_write_npy_bits,
         counts=_write_npy_counts,
+        readings=_write_npy_readings,
         extensions=(".npy",),
         keeps_sensor=True,
         keeps_label=True,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_path
+from jotlight.checks import as_path, whole_number_in_range
 from jotlight.errors import SeveralArraysError, warn
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.detect import detect_format
@@ -24,9 +24,12 @@ from jotlight.formats.scaled import unscale
 from jotlight.formats.selection import select
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
+from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import MAX_BIT_DEPTH
+from jotlight.sensing.sensor import Sensor
 
-Data = Bits | npt.NDArray[np.int32]
-"""The bits, or the image of counts, of a capture."""
+Data = Bits | Readings | npt.NDArray[np.int32]
+"""The bits, the readings of several bits, or the image of counts, of a capture."""
 
 
 def open(
@@ -43,6 +46,7 @@ def open(
     isolate: bool = False,
     counts_scale: float | None = None,
     trials: int | None = None,
+    bit_depth: int | None = None,
     storage_options: dict[str, Any] | None = None,
 ) -> Data | list[Data]:
     """Return the bits, or the image of counts, in a file or folder of any size.
@@ -86,6 +90,9 @@ def open(
         as 255, or 1 for floats. The result is the counts. Requires `trials`.
     trials : int, optional
         Number of frames of which each value is the mean. Only with `counts_scale`.
+    bit_depth : int, optional
+        For images that are frames of readings of several bits: the bits of a reading, 2 to 16.
+        Default: as the file states, and otherwise images are counts.
     storage_options : dict, optional
         Options of the file system of a URL, as in dask and pandas, such as ``{"anon": True}``.
 
@@ -95,6 +102,8 @@ def open(
         For a glob, one of the following for each capture, in the order of their names.
     Bits
         The bits. Their ``provenance`` states what was assumed.
+    Readings
+        Frames of readings of several bits, if `bit_depth` or the file states them.
     ndarray of int32, shape (H, W) or (H, W, C)
         The counts. A stack of images is summed, with a warning unless `frames` is passed.
 
@@ -137,19 +146,32 @@ def open(
         rotate=rotate,
         flip=flip,
         key=key,
-        counts=True if counts_scale is not None and counts is None else counts,
+        counts=True if (counts_scale or bit_depth) and counts is None else counts,
         unpacked=unpacked,
         isolate=isolate,
         means=counts_scale is not None,
+        readings=bit_depth is not None,
         storage_options=storage_options,
     )
     if counts_scale is not None:
         capture = unscale(capture, counts_scale, trials)
     if isinstance(capture, Bits):
         return capture
+    if bit_depth is not None or capture.sensor is not None:
+        return _readings(capture, bit_depth)
     if len(capture.images) > 1 and frames is None:
         warn(f"{path}: the result is the sum of its {len(capture.images)} images of counts")
     return capture.sum()
+
+
+def _readings(stack: CountStack, bit_depth: int | None) -> Readings:
+    """Return images as frames of readings of several bits."""
+    if bit_depth is None:
+        return stack.readings()
+    depth = whole_number_in_range("bit_depth", bit_depth, 2, MAX_BIT_DEPTH)
+    if stack.sensor is not None:
+        return stack.readings(stack.sensor.replace(bit_depth=depth))
+    return stack.readings(Sensor(frames=len(stack), bit_depth=depth))
 
 
 def open_capture(
@@ -247,6 +269,7 @@ def _open_once(
     unpacked: bool | None = None,
     isolate: bool = False,
     means: bool = False,
+    readings: bool = False,
 ) -> Capture:
     """Return a capture whose copies hold its content."""
     if format is not None and format not in FORMATS:
@@ -277,7 +300,7 @@ def _open_once(
         actual = capture.images.shape[2] if isinstance(capture, CountStack) else capture.width
         if width != actual:
             raise ValueError(f"width: expected {actual}, the width of {path}, got {width}")
-    selected = select(capture, frames, rotate, flip, key)
+    selected = select(capture, frames, rotate, flip, key, are_readings=readings)
     if entry.verify is not None:
         selected = _verifiable(selected, path, entry.verify)
     return selected

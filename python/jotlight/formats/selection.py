@@ -1,6 +1,6 @@
 """Selection of some frames of a capture, and their rotation and mirroring."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,8 @@ from jotlight.sensing.frames import Frames, format_frame_range, read_frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
 
+AnySensor = TypeVar("AnySensor", bound=SensorLike)
+
 
 def select(
     capture: Capture,
@@ -19,6 +21,8 @@ def select(
     rotate: int,
     flip: str | None,
     key: str | None = None,
+    *,
+    are_readings: bool = False,
 ) -> Capture:
     """Return some frames of a capture, rotated and then mirrored.
 
@@ -32,6 +36,8 @@ def select(
     flip : {"horizontal", "vertical"}, optional
     key : str, optional
         Name of the array from which the capture was read, for the provenance.
+    are_readings : bool
+        Whether images are frames of readings of several bits, which are not summed.
 
     Raises
     ------
@@ -50,11 +56,15 @@ def select(
 
     if isinstance(capture, CountStack):
         images, provenance = capture.images, capture.provenance
-        if len(images) > 1:
+        if len(images) > 1 and not (are_readings or capture.sensor):
             provenance = provenance.with_notes(
                 f"the sum of a stack of {len(images)} images of counts"
             )
         provenance = annotate(provenance)
+        stated = capture.sensor
+        if stated is not None:
+            stated = stated if frames is None else stated.select_frames(frames)
+            stated = _orient_sensor(stated, quarters, flip)
         if frames is not None:
             images = images[frames]
             if len(images) == 0:
@@ -63,7 +73,8 @@ def select(
             provenance = provenance.with_notes(
                 f"{len(images)} images of a stack of {len(capture.images)}"
             )
-        return CountStack(_orient_images(images, quarters, flip), provenance, capture.trials)
+        oriented = _orient_images(images, quarters, flip)
+        return CountStack(oriented, provenance, capture.trials, stated)
     if frames is not None:
         capture = capture[frames]
     if not notes:
@@ -88,6 +99,6 @@ def _orient_images(
     return Frames(shape, read, images.dtype)
 
 
-def _orient_sensor(sensor: SensorLike, quarters: int, flip: str | None) -> SensorLike:
+def _orient_sensor(sensor: AnySensor, quarters: int, flip: str | None) -> AnySensor:
     maps = {name: orient_image(map_, quarters, flip) for name, map_ in sensor.maps().items()}
     return sensor.replace(**maps)

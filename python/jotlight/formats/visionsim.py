@@ -11,19 +11,24 @@ import numpy.typing as npt
 from jotlight.errors import warn
 from jotlight.files import atomic_folder
 from jotlight.formats.arrays import open_npy_array, write_npy
+from jotlight.formats.capture import Capture, CountStack, as_count_stack
 from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.orientation import transpose_packed
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.safe_paths import check_inside, resolve_below
+from jotlight.formats.scaled import unscale
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, concatenate, read_in_chunks
+from jotlight.sensing.frames import Frames, concatenate, read_frames, read_in_chunks
 from jotlight.sensing.provenance import Provenance
 
 _FILE_NAME = "transforms.json"
 
 _MAX_JSON_BYTES = 1 << 27
 """Maximum size of `transforms.json` in bytes. The pose of each frame takes about 100 bytes."""
+
+_MAX_PLANES = 127
+"""Maximum number of single bits in a value that is recognized. Of more, values are ambiguous."""
 
 _MAX_OFFSET = 2**48
 """Upper limit of the index of a frame in its file."""
@@ -47,15 +52,15 @@ def _is_visionsim(path: Path) -> bool:
     return file.name == _FILE_NAME and file.is_file()
 
 
-def open_visionsim(path: Path, options: OpenOptions) -> Bits:
-    """Return the bits of a folder with a `transforms.json`, or of that file."""
+def open_visionsim(path: Path, options: OpenOptions) -> Capture:
+    """Return the bits or the counts of a folder with a `transforms.json`, or of that file."""
     file = path / _FILE_NAME if path.is_dir() else path
     if not file.is_file():
         raise FileNotFoundError(f"there is no file {file}")
     if path.is_dir():
         check_inside(file, path)
     try:
-        return _open_frames(file, _read_json(file))
+        return _open_frames(file, _read_json(file), options)
     except (KeyError, TypeError, ValueError, RecursionError) as error:
         message = str(error)
         raise ValueError(message if str(file) in message else f"{file}: {message}") from error
@@ -73,20 +78,25 @@ def _read_json(path: Path) -> dict[str, Any]:
     return content
 
 
-def _open_frames(path: Path, content: dict[str, Any]) -> Bits:
-    parts, widths = [], set()
+def _open_frames(path: Path, content: dict[str, Any], options: OpenOptions) -> Capture:
+    parts, widths, is_multibit = [], set(), False
     for run in _list_runs(content):
         array = open_npy_array(resolve_below(path, run.file, "file_path"))
         if run.stop is not None and run.stop > len(array):
             raise ValueError(
                 f"file_path: expected {run.stop} frames in {run.file}, got {len(array)}"
             )
-        frames, width = _pack_along_width(array[run.start : run.stop], run.packed_axis, content)
+        part = array[run.start : run.stop]
+        frames, width = _pack_along_width(part, run.packed_axis, content)
+        if run.packed_axis is None and not _has_bits(part):
+            is_multibit, frames = True, part
         parts.append(frames)
         widths.add(width)
     if len(widths) != 1 or len({part.shape[1:] for part in parts}) != 1:
         raise ValueError("frames: expected at least one, and frames of one size")
     packed = concatenate(parts)
+    if is_multibit:
+        return _open_sums(packed, path, options)
     stated = len(content["frames"])
     if len(packed) != stated:
         warn(
@@ -96,6 +106,43 @@ def _open_frames(path: Path, content: dict[str, Any]) -> Bits:
         packed = packed[: min(stated, len(packed))]
     provenance = Provenance("visionsim", path.parent.name or path.name)
     return Bits(packed, widths.pop(), provenance=provenance)
+
+
+def _has_bits(frames: npt.NDArray[Any] | Frames) -> bool:
+    """Return whether the first frame has only two values, as those of single bits."""
+    levels = set(np.unique(np.asarray(frames[:1])).tolist())
+    return frames.dtype == np.bool_ or levels <= {0, 1} or levels <= {0, 255}
+
+
+def _open_sums(images: npt.NDArray[Any] | Frames, path: Path, options: OpenOptions) -> CountStack:
+    """Return the counts of a cube of several bits, which are means of single bits, times 255.
+
+    A sensor of several bits in visionsim adds single bits, so its frames are counts.
+    """
+    if images.ndim == 4 and images.shape[3] == 1:
+        images = images[..., 0]
+    provenance = Provenance("visionsim", path.parent.name or path.name)
+    stack = as_count_stack(images, provenance, means=options.means)
+    trials = None if options.means else _number_of_planes(read_frames(stack.images, 0, 1))
+    return stack if trials is None else unscale(stack, 255, trials)
+
+
+def _number_of_planes(values: npt.NDArray[Any]) -> int | None:
+    """Return how many single bits explain values k · 255 / number, rounded down, or None.
+
+    Numbers 2^b - 1, of sensors of b bits, are tried first.
+
+    Examples
+    --------
+    >>> _number_of_planes(np.array([0, 36, 145, 255])), _number_of_planes(np.arange(9))
+    (7, None)
+    """
+    levels = set(np.unique(values).tolist())
+    depths = [3, 7, 15, 31, 63, 127]
+    for number in [*depths, *(n for n in range(2, _MAX_PLANES + 1) if n not in depths)]:
+        if levels <= {255 * k // number for k in range(number + 1)}:
+            return number
+    return None
 
 
 def _list_runs(content: dict[str, Any]) -> list[_Run]:

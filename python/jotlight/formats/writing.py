@@ -13,6 +13,7 @@ from jotlight.formats.labels import make_counts_label
 from jotlight.formats.registry import WRITERS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_frames
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -56,7 +57,9 @@ def choose_output_format(path: Path, name: str | None = None) -> str:
     return name
 
 
-def save(data: Bits | Counts, path: str | os.PathLike[str], *, format: str | None = None) -> None:
+def save(
+    data: Bits | Readings | Counts, path: str | os.PathLike[str], *, format: str | None = None
+) -> None:
     """Write bits, or an image of counts, to a file or folder that :func:`jotlight.open` reads.
 
     Either all files appear, or none. A `.npy` of bits is a photon cube: every program that reads
@@ -65,9 +68,9 @@ def save(data: Bits | Counts, path: str | os.PathLike[str], *, format: str | Non
 
     Parameters
     ----------
-    data : Bits or ndarray of int, shape (H, W) or (H, W, C)
-        Bits, which are written part by part, or counts. Bits are summed to counts if the format has
-        only counts.
+    data : Bits, Readings, or ndarray of int, shape (H, W) or (H, W, C)
+        Bits or readings of several bits, which are written part by part, or counts. Bits are summed
+        to counts if the format has only counts. `.npy` and `.tif` hold readings and their sensor.
     path : path
         A file, or for a format of many files a new folder.
     format : str, optional
@@ -98,7 +101,7 @@ def save(data: Bits | Counts, path: str | os.PathLike[str], *, format: str | Non
     <Bits: 1 frame of 10 x 10 jots>
     """
     path = as_path(path, 'jotlight.save(bits, "capture.npy")')
-    if not isinstance(data, Bits):
+    if not isinstance(data, Bits | Readings):
         if not isinstance(data, np.ndarray) or data.dtype.kind not in "iu":
             kind = getattr(data, "dtype", type(data).__name__)
             raise TypeError(f"data: expected jotlight.Bits or an array of counts, got {kind}")
@@ -119,7 +122,7 @@ def save(data: Bits | Counts, path: str | os.PathLike[str], *, format: str | Non
 
 
 def write_capture(
-    data: Bits | Counts,
+    data: Bits | Readings | Counts,
     path: Path,
     name: str,
     progress: Callable[[float], object] = lambda fraction: None,
@@ -161,7 +164,9 @@ def write_capture(
     >>> path.is_file()
     True
     """
-    if isinstance(data, Bits):
+    if isinstance(data, Readings):
+        _write_readings(data, path, name)
+    elif isinstance(data, Bits):
         if isinstance(data.packed, Frames):
             data.packed.verify()
         _write_bits(data, path, name, progress)
@@ -183,6 +188,18 @@ def _write_bits(bits: Bits, path: Path, name: str, progress: Callable[[float], o
             warn(f"{path}: {name} has no place for the sensor, which is left out")
         _warn_about_orientation(bits.provenance, path, name)
     writer.bits(_report_reading(bits, progress), path)
+
+
+def _write_readings(readings: Readings, path: Path, name: str) -> None:
+    writer = WRITERS[name]
+    if writer.readings is None:
+        names = ", ".join(each for each in WRITERS if WRITERS[each].readings)
+        raise ValueError(
+            f"{name}: has no place for readings of several bits; write to one of {names}"
+        )
+    if isinstance(readings.frames, Frames):
+        readings.frames.verify()
+    writer.readings(readings, path)
 
 
 def _write_counts(

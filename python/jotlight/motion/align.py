@@ -20,7 +20,7 @@ from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.pixel_counts import carried_sensor
-from jotlight.sensing.readings import refuse_different_readings
+from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.sensor import Sensor
 
 MIN_FRAMES = 16
@@ -142,7 +142,7 @@ def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst
             "arguments by their names, such as motion=motion"
         )
     if sensor is not None:
-        refuse_different_readings(sensor)
+        require_plain_bits(sensor)
     if isinstance(data, CountStack):
         if sensor is not None and sensor.oversampling > 1:
             raise ValueError(

@@ -126,7 +126,7 @@ def uses_conditional(sensor: Sensor, quality: str) -> bool:
     >>> uses_conditional(Sensor(frames=16), "small"), uses_conditional(Sensor(frames=20), "small")
     (False, True)
     """
-    if sensor.readings_differ:
+    if not sensor.has_plain_bits:
         return True
     efficiency, dark_counts = reference_jot(sensor)
     detections = efficiency * sensor.gain / sensor.trials

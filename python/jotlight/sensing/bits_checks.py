@@ -3,8 +3,16 @@
 from jotlight.sensing.sensor_like import SensorLike
 
 
-def check_fits(shape: tuple[int, ...], sensor: SensorLike) -> None:
-    """Raise ValueError unless bits of this shape fit the sensor."""
+def check_fits(shape: tuple[int, ...], sensor: SensorLike, *, bit_depth: int = 1) -> None:
+    """Raise ValueError unless readings of this shape and bit depth fit the sensor."""
+    if (sensor.bit_depth == 1) != (bit_depth == 1):
+        own = f"readings of {sensor.bit_depth} bits" if sensor.bit_depth > 1 else "single bits"
+        other = "single bits" if bit_depth == 1 else f"readings of {bit_depth} bits"
+        raise ValueError(
+            f"data: expected {own}, as the sensor states, got {other}; "
+            "jotlight.Readings(array, sensor) are readings of several bits, and "
+            "sensor.replace(bit_depth=1) is a sensor with single bits"
+        )
     frames, height, width = shape[:3]
     if frames != sensor.frames:
         some = f"bits[:{sensor.frames}] (--frame-range 0:{sensor.frames}), or "

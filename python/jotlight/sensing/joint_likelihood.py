@@ -1,86 +1,42 @@
-"""The likelihood of readings with different gains and thresholds, as a function of the intensity.
+"""The likelihood of readings that a count of ones does not describe, about the intensity.
 
-Readings with the same gain and threshold are a group, whose counts have the likelihood of
-:mod:`jotlight.sensing.likelihood`. All readings of a pixel see the same intensity, so the joint
+Readings with the same gain and threshold are a group. The counts of its bits have the likelihood of
+:mod:`jotlight.sensing.likelihood`, and readings of several bits or with read noise that of
+:mod:`jotlight.sensing.multibit`. All readings of a pixel see the same intensity, so the joint
 log-likelihood is the sum of those of the groups.
 """
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.counting import count_ones
 from jotlight.sensing.frames import read_in_chunks
+from jotlight.sensing.joint_term import Term
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import GrayData, count_pixels, describe_pixels
+from jotlight.sensing.multibit import ReadingLikelihood
+from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.pixel_counts import (
+    GrayData,
+    PixelCounts,
+    count_pixels,
+    describe_pixels,
+)
+from jotlight.sensing.reading_samples import Sample, require_readings, sample_readings
 from jotlight.sensing.readings import ReadingGroup, frames_differ
-from jotlight.sensing.response import Array, detection_density, detection_probability
+from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
 Counts = npt.NDArray[np.int32]
-
-
-@dataclasses.dataclass(frozen=True)
-class Term:
-    """The likelihood of one group. Its cells are the pixels, or the jots where these differ."""
-
-    cells: Likelihood
-    """The likelihood of the cells, (H·side, W·side), or of the live ones among them, (n,)."""
-    light: float
-    """The light of a jot per frame at intensity 1."""
-    side: int
-    """The number of cells per pixel and dimension."""
-    live: npt.NDArray[np.bool_] | None
-    """The cells with readings of this group, (H·side, W·side), or None for all."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """(H·side, W·side)."""
-        return self.cells.shape if self.live is None else self.live.shape
-
-    @property
-    def uniform(self) -> bool:
-        """Whether all cells have the same trials, efficiency, and dark counts."""
-        cells = self.cells
-        parameters = cells.trials, cells.efficiency, cells.dark_counts, self.live
-        return not any(isinstance(value, np.ndarray) for value in parameters)
-
-    def spread(self, intensity: Array) -> Array:
-        """Return the light of each cell of the likelihood."""
-        light = self.light * intensity
-        if self.side > 1:
-            light = light.repeat(self.side, 0).repeat(self.side, 1)
-        return light if self.live is None else light[self.live]
-
-    def sum_pixels(self, values: Array) -> Array:
-        """Return the sums over the cells of each pixel."""
-        if self.live is not None:
-            everywhere = np.zeros(self.live.shape)
-            everywhere[self.live] = values
-            values = everywhere
-        if self.side == 1:
-            return values
-        height, width = (size // self.side for size in values.shape)
-        blocks = values.reshape(height, self.side, width, self.side)
-        return np.asarray(blocks.sum(axis=(1, 3)))
-
-    def expected_ones(self, intensity: Array) -> tuple[Array, Array]:
-        """Return n P(q, η s + d) of each pixel, and its derivative about the intensity.
-
-        Where cells are uniform, any shape is allowed.
-        """
-        cells = self.cells
-        rate = cells.efficiency * self.spread(intensity) + cells.dark_counts
-        slope = cells.trials * cells.efficiency * detection_density(cells.threshold, rate)
-        ones = cells.trials * detection_probability(cells.threshold, rate)
-        return self.sum_pixels(ones), self.light * self.sum_pixels(slope)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,9 +49,10 @@ class JointLikelihood:
 
     sensor: Sensor
     terms: tuple[Term, ...]
+    threads: int | None = None
 
     @property
-    def shape(self) -> tuple[int, ...]:
+    def shape(self) -> tuple[int, int]:
         """(H, W), in pixels."""
         term = self.terms[0]
         height, width = term.shape
@@ -106,17 +63,20 @@ class JointLikelihood:
         """Whether all pixels have the same trials, efficiency, and dark counts."""
         return all(term.uniform for term in self.terms)
 
-    @property
-    def ones(self) -> Array:
-        """The number of ones of each pixel, in all groups."""
-        return self._sum(lambda term: term.cells.ones.astype(np.float64))
+    @functools.cached_property
+    def total(self) -> Array:
+        """The sum of all readings of each pixel; for bits, the number of ones."""
+        return self._sum(lambda term: term.total)
 
-    @property
+    @functools.cached_property
     def trials(self) -> Array:
         """The number of readings of each pixel, in all groups."""
-        return self._sum(
-            lambda term: np.broadcast_to(np.asarray(term.cells.trials), term.cells.shape)
-        )
+        return self._sum(lambda term: term.trials)
+
+    @functools.cached_property
+    def max_total(self) -> Array:
+        """The largest possible sum of the readings of each pixel; for bits, their number."""
+        return self._sum(lambda term: term.max_reading * term.trials)
 
     def value(self, intensity: npt.ArrayLike) -> float:
         """Return the log-likelihood in nats, summed over all pixels."""
@@ -144,27 +104,43 @@ class JointLikelihood:
                 curvature += term.light**2 * term.sum_pixels(second)
         return gradient, curvature
 
+    def maximum(self, start: Array, offset: float) -> Array:
+        """Return the intensities in [0, S] with the highest likelihood, (H, W).
+
+        `start` is a first guess, and `offset` the intensity that equals the dark counts. Pixels
+        without readings are 0.
+        """
+        found = np.array(start, np.float64).reshape(-1)
+        highest = self.sensor.max_intensity
+        engine.joint_maximum(self._terms(), self.shape, highest, offset, found, self.threads)
+        return found.reshape(self.shape)
+
+    def solve_expected_total(self, total: Array, start: Array, offset: float) -> Array:
+        """Return the intensities in [0, S] at which sums of readings are expected, (H, W)."""
+        found = np.array(start, np.float64).reshape(-1)
+        wanted = np.ascontiguousarray(total, np.float64).reshape(-1)
+        highest = self.sensor.max_intensity
+        engine.joint_solution(
+            self._terms(), self.shape, wanted, highest, offset, found, self.threads
+        )
+        return found.reshape(self.shape)
+
+    def _terms(self) -> list[Any]:
+        return [term.engine_argument() for term in self.terms]
+
     def information(self, intensity: npt.ArrayLike) -> Array:
         """Return the Fisher information of the readings of each pixel about its intensity."""
         values = self._intensity(intensity)
         return self._sum(lambda term: term.light**2 * term.cells.information(term.spread(values)))
 
-    def expected_ones(self, intensity: Array) -> tuple[Array, Array]:
-        """Return the expected number of ones of each pixel, and its derivative.
+    def expected_total(self, intensity: Array) -> tuple[Array, Array, Array]:
+        """Return the expected sum of the readings of each pixel, its derivative, and its variance.
 
         In a uniform image, any shape is allowed.
         """
-        ones, slopes = zip(*(term.expected_ones(intensity) for term in self.terms), strict=True)
-        return np.asarray(sum(ones)), np.asarray(sum(slopes))
-
-    def pixel_means(self) -> tuple[float | Array, float | Array]:
-        """Return the mean efficiency and the mean dark counts of the live jots of each pixel."""
-        sensor = self.sensor
-        efficiency, dark_counts = (
-            pixel_means(value, sensor.mask, sensor.oversampling)[0]
-            for value in (sensor.efficiency, sensor.dark_counts)
-        )
-        return efficiency, dark_counts
+        each = [term.expected_total(intensity) for term in self.terms]
+        total, slope, variance = (np.asarray(sum(values)) for values in zip(*each, strict=True))
+        return total, slope, variance
 
     def _sum(self, function: Any) -> Array:
         total = np.zeros(self.shape)
@@ -181,8 +157,9 @@ def joint_likelihood(data: GrayData, sensor: Sensor, threads: int | None) -> Joi
 
     Parameters
     ----------
-    data : Bits of shape (T, H·K̂, W·K̂), or ndarray of int32 (H, W)
-        Bits; or counts, if every jot has the same readings in all frames and is a pixel.
+    data : Bits or Readings of shape (T, H·K̂, W·K̂), or ndarray of int32 (H, W)
+        Bits, or readings of several bits; or counts, if every jot has the same readings in all
+        frames and is a pixel.
     sensor : Sensor
         The sensor of the data. A smooth kernel is treated as the box kernel.
     threads : int, optional
@@ -205,6 +182,15 @@ def joint_likelihood(data: GrayData, sensor: Sensor, threads: int | None) -> Joi
         for value in (sensor.efficiency, sensor.dark_counts)
     )
     side = sensor.oversampling if varies else 1
+    if isinstance(data, Readings) or sensor.bit_depth > 1:
+        readings = require_readings(data, sensor)
+        samples = sample_readings(readings, groups, sensor.oversampling // side)
+        terms = zip(samples, groups, strict=True)
+        return JointLikelihood(
+            sensor,
+            tuple(_reading_term(one, group.sensor, side, threads) for one, group in terms),
+            threads,
+        )
     if isinstance(data, Bits):
         check_fits(data.shape, sensor)
         counts: Sequence[Counts] = _count_groups(data, groups, sensor.oversampling // side, threads)
@@ -217,20 +203,26 @@ def joint_likelihood(data: GrayData, sensor: Sensor, threads: int | None) -> Joi
             _term(ones, group.sensor, side, threads)
             for ones, group in zip(counts, groups, strict=True)
         ),
+        threads,
     )
 
 
 def _term(ones: Counts, sensor: Sensor, side: int, threads: int | None) -> Term:
-    """Return the term of a group, whose sensor has one gain and one threshold."""
+    """Return the term of a group of bits, whose sensor has one gain and one threshold."""
     light = sensor.light_per_intensity
     if side > 1:
         sensor = sensor.replace(oversampling=1)
     pixels = describe_pixels(ones, sensor)
-    live = None if pixels.dead_pixels is None or pixels.dead_pixels.all() else ~pixels.dead_pixels
+    live = _live_cells(pixels)
     counts, trials, efficiency, dark_counts = (
-        value[live] if live is not None and isinstance(value, np.ndarray) else value
+        _select_live(value, live)
         for value in (pixels.counts, pixels.trials, pixels.efficiency, pixels.dark_counts)
     )
+    if sensor.read_noise:
+        sample = np.stack([np.asarray(trials - counts, np.int32), counts], axis=-1)
+        response = sensor.engine_response()
+        noisy = ReadingLikelihood(response, sample, True, efficiency, dark_counts, threads)
+        return Term(noisy, light, side, live)
     cells = Likelihood(
         counts,
         trials,
@@ -240,6 +232,34 @@ def _term(ones: Counts, sensor: Sensor, side: int, threads: int | None) -> Term:
         threads=threads,
     )
     return Term(cells, light, side, live)
+
+
+def _reading_term(sample: Sample, sensor: Sensor, side: int, threads: int | None) -> Term:
+    """Return the term of a group of readings of several bits."""
+    light = sensor.light_per_intensity
+    if side > 1:
+        sensor = sensor.replace(oversampling=1)
+    pixels = describe_pixels(np.zeros(sample.values.shape[:-1], np.int32), sensor)
+    live = _live_cells(pixels)
+    values, efficiency, dark_counts = (
+        _select_live(value, live)
+        for value in (sample.values, pixels.efficiency, pixels.dark_counts)
+    )
+    cells = ReadingLikelihood(
+        sensor.engine_response(), values, sample.is_histogram, efficiency, dark_counts, threads
+    )
+    return Term(cells, light, side, live)
+
+
+def _live_cells(pixels: PixelCounts) -> npt.NDArray[np.bool_] | None:
+    """Return the cells with readings, or None if all or none have some."""
+    dead = pixels.dead_pixels
+    return None if dead is None or dead.all() else ~dead
+
+
+def _select_live(value: Any, live: npt.NDArray[np.bool_] | None) -> Any:
+    """Return the values of live cells. A number is that of all cells."""
+    return value[live] if live is not None and isinstance(value, np.ndarray) else value
 
 
 def _count_groups(

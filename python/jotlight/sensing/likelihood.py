@@ -98,7 +98,7 @@ class Likelihood:
         `light` is a number or an array of the cells' shape, 0 or more, here and in other methods.
         """
         flat = self._light(light).reshape(1, -1)
-        return engine.log_likelihood(self._readings, flat, self._threads)[0]
+        return engine.log_likelihood(self.engine_argument(), flat, self._threads)[0]
 
     def values(self, light: npt.ArrayLike) -> Array:
         """Return ℓ(s) of each image of a stack, (N,), whose cells have the shape (N, ...).
@@ -109,7 +109,7 @@ class Likelihood:
         [-3.052, -9.809]
         """
         each = self._light(light).reshape(self.shape[0], -1)
-        return np.array(engine.log_likelihood(self._readings, each, self._threads))
+        return np.array(engine.log_likelihood(self.engine_argument(), each, self._threads))
 
     def stacked(self) -> "Likelihood":
         """Return the likelihood of a stack of this one image, (1, ...)."""
@@ -124,7 +124,7 @@ class Likelihood:
         flat = self._light(light).reshape(-1)
         gradient, curvature = np.empty(flat.size), np.empty(flat.size)
         engine.likelihood_gradient_and_curvature(
-            self._readings, flat, gradient, curvature, self._threads
+            self.engine_argument(), flat, gradient, curvature, self._threads
         )
         return gradient.reshape(self.shape), curvature.reshape(self.shape)
 
@@ -141,7 +141,7 @@ class Likelihood:
         """
         flat = self._light(light).reshape(-1)
         information = np.empty(flat.size)
-        engine.likelihood_information(self._readings, flat, information, self._threads)
+        engine.likelihood_information(self.engine_argument(), flat, information, self._threads)
         return information.reshape(self.shape)
 
     def proximal(
@@ -186,7 +186,9 @@ class Likelihood:
         if np.isnan(flat).any():
             raise ValueError("point: expected numbers, got NaN")
         start = flat.copy() if guess is None else self._light(guess, "guess").reshape(-1)
-        engine.likelihood_proximal(self._readings, penalty, max_light, start, flat, self._threads)
+        engine.likelihood_proximal(
+            self.engine_argument(), penalty, max_light, start, flat, self._threads
+        )
         return flat.reshape(self.shape)
 
     def admm_update(
@@ -198,9 +200,8 @@ class Likelihood:
         """
         cells = (self.shape[0], -1)
         arrays = light.reshape(cells), x.reshape(cells), dual.reshape(cells)
-        return np.array(
-            engine.likelihood_admm_update(self._readings, step, max_light, *arrays, self._threads)
-        )
+        own = self.engine_argument()
+        return np.array(engine.likelihood_admm_update(own, step, max_light, *arrays, self._threads))
 
     def _with_cells(self, change: Callable[[npt.NDArray[Any]], npt.NDArray[Any]]) -> "Likelihood":
         """Return a copy, with a changed array of cells in each of its maps."""
@@ -229,9 +230,8 @@ class Likelihood:
             ) from None
         return as_doubles(array)
 
-    @property
-    def _readings(self) -> tuple[int, Any, Any, Any, Any]:
-        """(q, L, n, η, d), as the engine expects them."""
+    def engine_argument(self) -> tuple[int, Any, Any, Any, Any]:
+        """Return (q, L, n, η, d), as the engine expects them."""
         return (
             self.threshold,
             flatten(self.ones),

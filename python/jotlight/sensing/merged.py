@@ -12,7 +12,7 @@ from jotlight.layout import Layout
 from jotlight.notebook import card, normalize
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.maps import pixel_means
-from jotlight.sensing.readings import refuse_different_readings
+from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import checked_trials, numbers_from_zero
 
@@ -75,7 +75,7 @@ class Merged:
     def __post_init__(self) -> None:
         if not isinstance(self.sensor, Sensor):
             raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(self.sensor).__name__}")
-        refuse_different_readings(self.sensor)
+        require_plain_bits(self.sensor)
         ones = as_counts(self.ones)
         layout = Layout.of("ones", ones, self.channel_axis)
         if layout.is_stack:

@@ -16,6 +16,7 @@ from jotlight.sensing.counting import count_ones
 from jotlight.sensing.maps import constant_or_map, pixel_means, stack_maps
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.periodic_rates import warn_about_periods
+from jotlight.sensing.photon_readings import Readings, image_of_readings
 from jotlight.sensing.scaled_counts import check_range, check_whole, warn_about_frames
 from jotlight.sensing.sensor import Sensor, require_sensor
 from jotlight.sensing.values import checked_trials
@@ -23,9 +24,8 @@ from jotlight.sensing.values import checked_trials
 Estimate = npt.NDArray[np.float32]
 """Intensities of an image, (H, W), or of several images or channels."""
 
-GrayData = Bits | Merged | npt.NDArray[np.int32]
-"""The data of one gray image: bits (T, H·K̂, W·K̂), or counts (H, W)."""
-
+GrayData = Bits | Readings | Merged | npt.NDArray[np.int32]
+"""The data of one gray image: bits or readings (T, H·K̂, W·K̂), or counts (H, W)."""
 
 MAX_PIXELS = 1 << 18
 """Maximum number of pixels of the images that a method processes at once, if they are several."""
@@ -89,7 +89,7 @@ class GrayImages:
     Methods estimate each of them by itself.
     """
 
-    data: Sequence[Bits | Merged] | npt.NDArray[np.int32]
+    data: Sequence[Bits | Readings | Merged] | npt.NDArray[np.int32]
     """The data of each gray image; counts are one array (N, H, W)."""
     layout: Layout
     """How the estimates of the gray images form one array."""
@@ -101,7 +101,7 @@ class GrayImages:
         """Yield parts of a stack, of one image or of at most `max_pixels` pixels."""
         first = self.data[0]
         pixels = math.prod(first.shape[-2:])
-        if isinstance(first, Bits):
+        if isinstance(first, Bits | Readings):
             pixels = max(1, pixels // sensor.oversampling**2)
         number = max(1, max_pixels // pixels)
         for start in range(0, len(self), number):
@@ -150,11 +150,11 @@ def _check_sizes(shapes: Iterable[tuple[int, ...]]) -> None:
         raise ValueError(f"data: expected images of the same size, got {sorted(sizes)}")
 
 
-PreparedData = Bits | Merged | npt.NDArray[np.int32] | GrayImages
-"""Bits, merged counts, or counts (H, W) of one image, or several gray images."""
+PreparedData = Bits | Readings | Merged | npt.NDArray[np.int32] | GrayImages
+"""Bits, readings, merged counts, or counts (H, W) of one image, or several gray images."""
 
-Data = PreparedData | Sequence[Bits] | Sequence[Merged] | npt.ArrayLike
-"""Bits, merged counts, or a list of them; or counts (..., H, W)."""
+Data = PreparedData | Sequence[Bits] | Sequence[Readings] | Sequence[Merged] | npt.ArrayLike
+"""Bits, readings of several bits, merged counts, or a list of them; or counts (..., H, W)."""
 
 
 def carried_sensor(data: Data) -> Sensor | None:
@@ -171,7 +171,7 @@ def carried_sensor(data: Data) -> Sensor | None:
         if any(each != sensors[0] for each in sensors):
             raise ValueError("data: expected bits of the same sensor, got different ones")
         return sensors[0]
-    sensor = data.sensor if isinstance(data, Bits | Merged) else None
+    sensor = data.sensor if isinstance(data, Bits | Readings | Merged) else None
     if not isinstance(sensor, Sensor | None):
         raise TypeError(f"sensor: expected jotlight.Sensor, got {type(sensor).__name__}")
     return sensor
@@ -224,7 +224,7 @@ def prepare_data(
         )
     require_sensor(sensor, may_differ=may_differ)
     several = _list_of_data(data)
-    if isinstance(data, Bits | Merged | GrayImages) or several:
+    if isinstance(data, Bits | Readings | Merged | GrayImages) or several:
         if np.ndim(sensor.threshold) < 2:  # the rates follow a map of thresholds
             warn_about_periods([data, *several])
         for name, value in (("trials", trials), ("channel_axis", channel_axis)):
@@ -233,10 +233,12 @@ def prepare_data(
                     f"{name}: expected none, because {type(data).__name__} state their own; omit "
                     f"{name}, or pass counts"
                 )
-        if isinstance(data, Bits | Merged | GrayImages):
+        if isinstance(data, Bits | Readings | Merged | GrayImages):
             return data, sensor
         return _gray_images_of_list(several), sensor
     check_whole(data, sensor.trials)
+    if sensor.bit_depth > 1:
+        return image_of_readings(data, sensor, trials, channel_axis), sensor
     counts = as_counts(cast(npt.ArrayLike, data))
     layout = Layout.of("counts", counts, channel_axis)
     images: Any = np.ascontiguousarray(layout.split(counts))
@@ -254,13 +256,13 @@ def prepare_data(
     return (images[0] if layout.is_single else GrayImages(images, layout)), sensor
 
 
-def _list_of_data(data: Data) -> list[Bits | Merged]:
-    """Return a list of bits or of merged counts. Return an empty one for other data."""
+def _list_of_data(data: Data) -> list[Bits | Readings | Merged]:
+    """Return a list of bits, readings, or merged counts. Return an empty one for other data."""
     each = list(data) if isinstance(data, list | tuple) else []
-    return each if all(isinstance(one, Bits | Merged) for one in each) else []
+    return each if all(isinstance(one, Bits | Readings | Merged) for one in each) else []
 
 
-def _gray_images_of_list(data: Sequence[Bits | Merged]) -> GrayImages:
+def _gray_images_of_list(data: Sequence[Bits | Readings | Merged]) -> GrayImages:
     """Return the gray images of a list of bits or of merged counts."""
     each: list[GrayImages] = [gray_images(one) for one in data]
     layouts = {one.layout for one in each}
@@ -284,9 +286,9 @@ def gray_images(data: PreparedData) -> GrayImages:
     """Return the gray images of data that :func:`prepare_data` returned."""
     if isinstance(data, GrayImages):
         return data
-    if isinstance(data, Bits | Merged):
+    if isinstance(data, Bits | Readings | Merged):
         channels: list[Any] = list(data.channels())
-        is_color = len(data.shape) > (3 if isinstance(data, Bits) else 2)
+        is_color = len(data.shape) > (2 if isinstance(data, Merged) else 3)
         return GrayImages(channels, Layout((len(channels),), -1) if is_color else Layout())
     return GrayImages(data[None], Layout())
 

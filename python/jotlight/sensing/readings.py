@@ -1,12 +1,14 @@
 """Readings that differ: gains and thresholds with a value for each frame, and groups of frames."""
 
 import dataclasses
+import math
 from typing import Any, Generic, Protocol, TypeGuard, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import number_in_range, whole_number_in_range
+from jotlight.errors import warn
 from jotlight.sensing.maps import LIMITS, MAX_THRESHOLD, checked_threshold_map
 
 Gain = float | npt.NDArray[np.float64]
@@ -14,6 +16,15 @@ Gain = float | npt.NDArray[np.float64]
 
 Threshold = int | npt.NDArray[np.int64] | npt.NDArray[np.uint16]
 """q: a number, one for each frame (T,), or a map with one for each jot (H·K̂, W·K̂)."""
+
+MAX_BIT_DEPTH = 16
+"""Maximum number of bits of a reading."""
+
+MAX_READ_NOISE = 100.0
+"""Maximum standard deviation of the read noise, in photons."""
+
+AMBIGUOUS_NOISE = 0.5
+"""Read noise at which a third of the readings are not the number of photons."""
 
 S = TypeVar("S", bound="GroupedSensor")
 
@@ -29,6 +40,10 @@ class GroupedSensor(Protocol):
     def threshold(self) -> Threshold: ...  # noqa: D102
     @property
     def oversampling(self) -> int: ...  # noqa: D102
+    @property
+    def bit_depth(self) -> int: ...  # noqa: D102
+    @property
+    def read_noise(self) -> float: ...  # noqa: D102
     @property
     def mask(self) -> npt.NDArray[np.bool_] | None: ...  # noqa: D102
     def replace(self: S, **changes: Any) -> S: ...  # noqa: D102
@@ -101,6 +116,42 @@ def checked_threshold(threshold: npt.ArrayLike, frames: int) -> Threshold:
             f"threshold: expected whole numbers from 1 to {MAX_THRESHOLD}, got {low:g} to {high:g}"
         )
     return int(low) if low == high else _read_only(values.astype(np.int64))
+
+
+def checked_response(bit_depth: object, read_noise: object, threshold: Threshold) -> dict[str, Any]:
+    """Return the bits of a reading and the read noise by name.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of range, or a reading of several bits has a threshold.
+
+    Warns
+    -----
+    JotlightWarning
+        When the read noise hides how many photons a jot has seen.
+
+    Examples
+    --------
+    >>> checked_response(4, 0.3, 1)
+    {'bit_depth': 4, 'read_noise': 0.3}
+    """
+    depth = whole_number_in_range("bit_depth", bit_depth, 1, MAX_BIT_DEPTH)
+    noise = number_in_range("read_noise", read_noise, 0, MAX_READ_NOISE)
+    if depth > 1 and (isinstance(threshold, np.ndarray) or threshold != 1):
+        raise ValueError(
+            f"threshold: expected 1, because readings of {depth} bits state the number of photons, "
+            f"got {threshold}; a threshold is for readings of one bit, bit_depth=1"
+        )
+    if noise >= AMBIGUOUS_NOISE:
+        wrong = math.erfc(0.5 / noise / math.sqrt(2))
+        warn(
+            f"read_noise: {noise:g} photons change {wrong:.0%} of the readings, so a reading "
+            "does not tell a number of photons from the next one, nor a dark jot from one with "
+            "dark counts; estimates need many readings, and an exact value of the read noise "
+            f"and of the dark counts; photons can be counted below {AMBIGUOUS_NOISE:g}"
+        )
+    return {"bit_depth": depth, "read_noise": noise}
 
 
 def _check_frames(name: str, values: npt.NDArray[Any], frames: int, number: str) -> None:
@@ -197,6 +248,32 @@ def replaced_gain(sensor: GroupedSensor, changes: dict[str, Any]) -> dict[str, A
     return {**changes, "gain": sensor.gain * (side / sensor.oversampling) ** 2}
 
 
+def has_plain_bits(sensor: GroupedSensor) -> bool:
+    """Return whether readings are bits with one gain and one threshold, without read noise."""
+    return not readings_differ(sensor) and sensor.bit_depth == 1 and sensor.read_noise == 0
+
+
+def require_plain_bits(sensor: GroupedSensor) -> None:
+    """Raise ValueError unless the readings are bits with one gain and threshold, without noise.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> require_plain_bits(Sensor(frames=2, bit_depth=4))
+    Traceback (most recent call last):
+      ...
+    ValueError: sensor: expected bits without read noise, got readings of 4 bits; pass ...
+    """
+    if sensor.bit_depth == 1 and sensor.read_noise == 0:
+        refuse_different_readings(sensor)
+        return
+    depth = f"readings of {sensor.bit_depth} bits" if sensor.bit_depth > 1 else "bits"
+    noise = f" with read noise {sensor.read_noise:g}" if sensor.read_noise else ""
+    raise ValueError(
+        f"sensor: expected bits without read noise, got {depth}{noise}; pass {_ADVICE}"
+    )
+
+
 def refuse_different_readings(sensor: GroupedSensor) -> None:
     """Raise ValueError when the readings of a sensor differ in their gain or their threshold.
 
@@ -218,7 +295,13 @@ def refuse_different_readings(sensor: GroupedSensor) -> None:
         )
         raise ValueError(
             f"sensor: expected one gain and one threshold for all readings, got {each}; pass "
-            "jotlight.merge_readings(bits), counts of one gain and threshold with the same "
-            "information; jotlight.mle takes such bits directly, and so do jotlight.reconstruct "
-            'and jotlight.uncertainty with "mle" or a network'
+            f"{_ADVICE}"
         )
+
+
+_ADVICE = (
+    "jotlight.merge_readings(bits), counts of one gain and threshold with the same information; "
+    "jotlight.mle takes such bits directly, and so do jotlight.reconstruct and "
+    'jotlight.uncertainty with "mle" or a network'
+)
+"""What to do with readings that a method does not take."""

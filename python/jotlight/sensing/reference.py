@@ -3,8 +3,10 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.maps import LIMITS
-from jotlight.sensing.response import inverse_detection_probability
+from jotlight.sensing.multibit import ReadingLikelihood
+from jotlight.sensing.response import Array, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
 Jot = tuple[float, float]
@@ -26,8 +28,32 @@ def reference_jot(sensor: Sensor) -> Jot:
     return medians[0], medians[1]
 
 
+def reading_information(sensor: Sensor, light: npt.ArrayLike) -> Array:
+    """Return the Fisher information of one reading of the reference jot about each light.
+
+    Examples
+    --------
+    >>> several = Sensor(bit_depth=4)
+    >>> reading_information(several, [1.0]).round(4)  # nearly that of a Poisson count, 1 / light
+    array([1.])
+    """
+    levels = np.asarray(light, np.float64)
+    efficiency, dark_counts = reference_jot(sensor)
+    if sensor.has_plain_bits:
+        bit = Likelihood(
+            np.zeros(levels.shape, np.int32),
+            threshold=sensor.threshold,
+            efficiency=efficiency,
+            dark_counts=dark_counts,
+        )
+        return bit.information(levels)
+    none = np.zeros((1, 0), np.int32)
+    jot = ReadingLikelihood(sensor.engine_response(), none, False, efficiency, dark_counts)
+    return jot.information_per_reading(levels)
+
+
 def saturation_intensity(sensor: Sensor) -> float:
-    """Return a maximum intensity S that clips only pixels whose bits are all 1.
+    """Return a maximum intensity S that clips only pixels whose readings are all the largest one.
 
     At S, a pixel whose jots are the least sensitive ones is expected to show K - 1/2 ones. The
     estimate from K - 1 ones is therefore below S. A pixel with K ones is saturated: without a
@@ -47,7 +73,13 @@ def saturation_intensity(sensor: Sensor) -> float:
         for value in (sensor.dark_counts, sensor.efficiency)
     )
     half = 0.5 / sensor.trials
-    rate = float(inverse_detection_probability(sensor.threshold, 1 - half, half))
+    # The photons at which a reading is the largest one.
+    photons = sensor.threshold - 1 + sensor.max_reading
+    rate = float(inverse_detection_probability(photons, 1 - half, half))
+    if sensor.read_noise:
+        from scipy.special import ndtri
+
+        rate += sensor.read_noise * float(-ndtri(half))
     light = max(rate - dark, 0.0) / efficiency
     intensity = light / sensor.light_per_intensity or 1.0
     return min(max(intensity, LIMITS[0]), LIMITS[1])

@@ -1,29 +1,17 @@
 """The sensor: its parameters, and the physics that leads from an image to bits."""
 
 import dataclasses
-from collections.abc import Callable
 from typing import Any, Self, cast
 
 import numpy as np
 import numpy.typing as npt
 
-import jotlight._engine as engine
 from jotlight.checks import number_in_range, require_names, whole_number_in_range
-from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing import readings
-from jotlight.sensing.bits import Bits
+from jotlight.sensing.exposure import Exposure
 from jotlight.sensing.maps import LIMITS, checked_maps
-from jotlight.sensing.parameters import Parameters
 from jotlight.sensing.readings import ReadingGroup
-from jotlight.sensing.simulate import (
-    EnginePart,
-    Window,
-    checked_images,
-    crop,
-    draw_stack,
-    evaluate_parts,
-)
-from jotlight.sensing.simulated_bits import simulated_bits
+from jotlight.sensing.simulate import EnginePart
 
 KERNELS = ("box", "linear", "quadratic", "cubic")
 """The B-spline kernels of the light field, in the order of their degree."""
@@ -31,8 +19,10 @@ KERNELS = ("box", "linear", "quadratic", "cubic")
 
 @require_names("Sensor(frames=16)")
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Sensor(Parameters):
+class Sensor(Exposure):
     """A quanta image sensor: each jot reports 1 when at least `threshold` photons arrive.
+
+    Readings of several bits state the number of photons (`bit_depth`).
 
     The jots receive the *light* ``s = (gain / frames) * (G c)`` of an image c: the expected number
     of photons per jot and frame. G spreads the light of each pixel over the jots, with the kernel
@@ -66,6 +56,13 @@ class Sensor(Parameters):
         S: the largest intensity that an estimate may have, 1e-18 to 1e18.
     exposure_time : float, optional
         The exposure time of a frame in seconds, which photons per second need. Default: unknown.
+    bit_depth : int
+        b: the bits of a reading, 1 to 16. With several bits, a reading is the number of photons, at
+        most 2^b - 1, and `threshold` must be 1.
+    read_noise : float
+        σ: the standard deviation of the noise that is added to the number of photons before
+        rounding, in photons, 0 to 100. A reading is round(Y + σ N), clipped to 0 ... 2^b - 1; one
+        of one bit is whether round(Y + σ N) is at least `threshold`.
 
     Raises
     ------
@@ -99,6 +96,8 @@ class Sensor(Parameters):
     mask: npt.NDArray[np.bool_] | None = None
     max_intensity: float = 1.0
     exposure_time: float | None = None
+    bit_depth: int = 1
+    read_noise: float = 0.0
 
     def __post_init__(self) -> None:
         for name, maximum in (("oversampling", 4096), ("frames", 2**31 - 1)):
@@ -118,6 +117,7 @@ class Sensor(Parameters):
         }
         for name in ("max_intensity", *(["exposure_time"] * (self.exposure_time is not None))):
             checked[name] = number_in_range(name, getattr(self, name), *LIMITS)
+        checked |= readings.checked_response(self.bit_depth, self.read_noise, checked["threshold"])
         checked |= checked_maps(self.dark_counts, self.efficiency, self.mask, checked["threshold"])
         for name, value in checked.items():
             object.__setattr__(self, name, value)
@@ -141,6 +141,19 @@ class Sensor(Parameters):
     def readings_differ(self) -> bool:
         """Whether the gain or the threshold has a value for each frame, or for each jot."""
         return readings.readings_differ(self)
+
+    @property
+    def max_reading(self) -> int:
+        """The largest reading, 2^b - 1."""
+        return int(2**self.bit_depth - 1)
+
+    @property
+    def has_plain_bits(self) -> bool:
+        """Whether readings are bits with one gain and one threshold, without read noise.
+
+        The count of the ones of a pixel then says as much as its bits.
+        """
+        return readings.has_plain_bits(self)
 
     def groups(self) -> list[ReadingGroup[Self]]:
         """Return the readings with equal gain and threshold: their frames and their sensor.
@@ -174,146 +187,21 @@ class Sensor(Parameters):
         6.0
         """
         changes = readings.replaced_gain(self, changes)
-        new = dataclasses.replace(self, **{"gain": None, **changes})
+        # Read noise that does not change is not warned about again.
+        same = {} if "read_noise" in changes else {"read_noise": 0.0}
+        new = dataclasses.replace(self, **{"gain": None, **same, **changes})
+        if same:
+            object.__setattr__(new, "read_noise", self.read_noise)
         if "gain" not in changes:
             gain = self.light_per_intensity * new.trials
             object.__setattr__(new, "gain", number_in_range("gain", gain, *LIMITS))
         return new
 
-    def rate(
-        self,
-        image: npt.ArrayLike,
-        *,
-        channel_axis: int | None = None,
-        threads: int | None = None,
-    ) -> npt.NDArray[np.float32]:
-        """Return the expected detections per jot and frame, η s + d.
-
-        Parameters
-        ----------
-        image : array_like of float, shape (..., H, W)
-            Intensities, finite and not negative.
-        channel_axis : int, optional
-            The axis of color channels. Default: none.
-        threads : int, optional
-            The number of threads. Default: all.
-
-        Returns
-        -------
-        ndarray of float32, shape (..., H * K̂, W * K̂)
-            The rates of all jots. Dead jots are treated as if they were alive. With a gain for each
-            frame, the first axis is that of the frames, (T, ..., H * K̂, W * K̂).
-
-        Examples
-        --------
-        >>> Sensor(oversampling=2, gain=2.0, dark_counts=0.125).rate(np.full((1, 1), 0.5))
-        array([[0.375, 0.375],
-               [0.375, 0.375]], dtype=float32)
-        """
-        images = checked_images(self, image, channel_axis)
-        # Rates do not depend on thresholds, of which maps make groups.
-        sensor = self.replace(threshold=1) if self.readings_differ else self
-        return evaluate_parts(engine.rate, sensor.engine_parts(), *images, threads)
-
-    def probability(
-        self,
-        image: npt.ArrayLike,
-        *,
-        channel_axis: int | None = None,
-        threads: int | None = None,
-    ) -> npt.NDArray[np.float32]:
-        """Return P(b = 1) of each jot: equation (3). It is 0 for a dead jot.
-
-        The parameters are those of :meth:`rate`. With a gain or a threshold for each frame, the
-        first axis of the result is that of the frames.
-
-        Examples
-        --------
-        >>> np.allclose(Sensor().probability(np.ones((1, 1))), 1 - np.exp(-1))
-        True
-        """
-        images = checked_images(self, image, channel_axis)
-        return evaluate_parts(engine.probability, self.engine_parts(), *images, threads)
-
-    def expose(
-        self,
-        image: npt.ArrayLike,
-        rng: SeedLike = None,
-        *,
-        channel_axis: int | None = None,
-        tile: tuple[slice, slice] | None = None,
-        frames: slice | None = None,
-        out: npt.NDArray[np.uint8] | None = None,
-        threads: int | None = None,
-        progress: Callable[[float], object] | None = None,
-    ) -> Bits:
-        """Return random bits of an image, or a list of those of each image of a stack.
-
-        Each bit depends only on the seed and on its own position. A `tile` or a range of `frames`
-        therefore equals that part of the whole exposure exactly, with any number of threads.
-
-        Parameters
-        ----------
-        image : array_like of float, shape (..., H, W)
-            Intensities, finite and not negative. Arrays of float32 and float64 are not copied.
-        rng : int, numpy.random.Generator, numpy.random.SeedSequence or None
-            The seed. A generator yields a new seed each time; None takes fresh entropy.
-        channel_axis : int, optional
-            The axis of color channels, which are independent. In bits they are the last axis.
-            Default: none, and axes before the last two are those of a stack.
-        tile : (slice, slice), optional
-            Rows and columns of pixels. Default: all.
-        frames : slice, optional
-            A range of frames. Default: all.
-        out : ndarray of uint8, optional
-            The array for the packed bits, of the shape of ``Bits.packed``, after that of a stack.
-        threads : int, optional
-            The number of threads. Default: all.
-        progress : callable, optional
-            A function that is called repeatedly with the completed fraction, from 0 to 1.
-
-        Returns
-        -------
-        Bits
-            The packed bits. Their sensor is this sensor, cropped to the tile and the frames. For a
-            stack, a flat list with the bits of each image, which have different seeds.
-
-        Raises
-        ------
-        TypeError
-            For an image of integers, because its scale is unknown.
-        ValueError
-            When an image is empty, negative, or not finite, or its axes are not clear.
-
-        Notes
-        -----
-        The generator is ChaCha with 8 rounds. The seed is its key, and the bit's position is its
-        counter. A bit is [U < P(b = 1)], where U is a uniform random number of 48 bits.
-
-        Examples
-        --------
-        >>> image = np.linspace(0, 1, 16).reshape(4, 4)
-        >>> sensor = Sensor(oversampling=8, frames=2)
-        >>> whole = sensor.expose(image, rng=1)
-        >>> part = sensor.expose(image, rng=1, tile=(slice(1, 3), slice(2, 4)), frames=slice(1, 2))
-        >>> bool((part.to_array() == whole.to_array()[1:2, 8:24, 16:32]).all())
-        True
-        """
-        pixels, layout = checked_images(self, image, channel_axis)
-        height, width = layout.moved(pixels).shape[-2:]
-        window = Window.from_slices((height, width), self.frames, tile, frames)
-        sensor = crop(self, window, (height, width))
-        packed = draw_stack(
-            self.engine_parts(), pixels, layout, seed_bytes(rng), window, out, threads, progress
-        )
-        bits = simulated_bits(packed, len(window.columns) * self.oversampling, sensor)
-        # The type of the result cannot tell images from stacks. Most callers have images.
-        return bits if layout.is_stack else bits[0]  # type: ignore[return-value]
-
     def engine_arguments(self) -> dict[str, Any]:
         """Return the sensor as the engine's simulation expects it."""
         readings.refuse_different_readings(self)
         return {
+            "response": self.engine_response(),
             "oversampling": self.oversampling,
             "kernel_degree": KERNELS.index(self.kernel),
             "gain_per_frame": self.gain / self.frames,
@@ -333,18 +221,23 @@ class Sensor(Parameters):
             for group in self.groups()
         ]
 
+    def engine_response(self) -> tuple[int, float, int]:
+        """Return (2^b - 1, σ, q): how a jot turns photons into a reading, for the engine."""
+        readings.refuse_different_readings(self)
+        return self.max_reading, self.read_noise, self.threshold
+
     def pixel_response(self) -> tuple[int, float, float]:
         """Return (q, α/K, S): a pixel's response with the box kernel, for the engine."""
-        readings.refuse_different_readings(self)
+        readings.require_plain_bits(self)
         return self.threshold, self.light_per_intensity, self.max_intensity
 
 
 def require_sensor(sensor: object, *, may_differ: bool = False) -> None:
-    """Raise TypeError unless the argument is a sensor, and ValueError if its readings differ."""
+    """Raise TypeError unless the argument is a sensor, and ValueError unless it has plain bits."""
     if not isinstance(sensor, Sensor):
         raise TypeError(
             "sensor: expected a jotlight.Sensor, such as Sensor(frames=16) for 16 trials per "
             f"pixel, got {sensor!r}"
         )
     if not may_differ:
-        readings.refuse_different_readings(sensor)
+        readings.require_plain_bits(sensor)

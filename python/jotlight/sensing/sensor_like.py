@@ -17,6 +17,8 @@ class SensorLike(Protocol):
     @property
     def max_intensity(self) -> float: ...  # noqa: D102
     @property
+    def bit_depth(self) -> int: ...  # noqa: D102
+    @property
     def kernel(self) -> str: ...  # noqa: D102
 
     def replace(self, **changes: Any) -> Self: ...  # noqa: D102

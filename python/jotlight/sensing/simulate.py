@@ -202,7 +202,9 @@ def draw_parts(
     jots = len(seeds) * out.shape[3] * out.shape[4] * 8
     length = max(1, _MAX_JOTS // jots)
     runs = [
-        (run, sensor) for frames, sensor in parts for run in _runs(frames, window.frames, length)
+        (run, sensor)
+        for frames, sensor in parts
+        for run in frame_runs(frames, window.frames, length)
     ]
     for index, (run, sensor) in enumerate(runs):
         drawn = np.empty((*out.shape[:2], len(run), *out.shape[3:]), np.uint8)
@@ -214,7 +216,7 @@ def draw_parts(
             progress((index + 1) / len(runs))
 
 
-def _runs(frames: npt.NDArray[np.intp] | None, window: range, length: int) -> list[range]:
+def frame_runs(frames: npt.NDArray[np.intp] | None, window: range, length: int) -> list[range]:
     """Return the frames of a part in a window, as ranges of at most `length` frames."""
     if frames is None:
         inside = np.arange(window.start, window.stop)

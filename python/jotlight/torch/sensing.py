@@ -5,7 +5,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 import jotlight._engine as engine
-from jotlight.sensing.readings import refuse_different_readings
+from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.sensor import KERNELS, Sensor
 from jotlight.torch.padding import mirror_pad
 from jotlight.torch.response import detection_probability, log_probabilities
@@ -60,7 +60,7 @@ class Sensing(nn.Module):
         ):
             if value not in choices:
                 raise ValueError(f"{name}: expected one of {', '.join(choices)}, got {value!r}")
-        refuse_different_readings(sensor)
+        require_plain_bits(sensor)
         self.sensor, self.output, self.gradient = sensor, output, gradient
         self._degree = KERNELS.index(sensor.kernel)
         self._taps = engine.kernel_taps(self._degree, sensor.oversampling)

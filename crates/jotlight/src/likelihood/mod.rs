@@ -189,6 +189,19 @@ impl<'a> Readings<'a> {
             * self.threshold.non_detection_score(rate)
     }
 
+    /// Return ∂ℓ/∂s and −∂²ℓ/∂s² of one element.
+    pub(crate) fn derivatives(&self, index: usize, light: f64) -> (f64, f64) {
+        self.element_derivatives(&self.element(index), light)
+    }
+
+    /// Return the expected number of ones of an element, and its derivative about the light.
+    pub(crate) fn expected_ones(&self, index: usize, light: f64) -> (f64, f64) {
+        let (efficiency, trials) = (self.efficiency.get(index), self.trials.get(index));
+        let rate = efficiency * light + self.dark_counts.get(index);
+        let slope = trials * efficiency * self.threshold.detection_derivative(rate);
+        (trials * self.threshold.detection_probability(rate), slope)
+    }
+
     fn element(&self, index: usize) -> Element {
         let ones = f64::from(self.ones[index]);
         Element {

@@ -11,6 +11,7 @@ mod rate;
 mod spread;
 
 pub(crate) use kernel::mirror_index;
+pub(crate) use rate::Exposure;
 
 use std::ops::Range;
 
@@ -81,7 +82,7 @@ pub struct Sensor<'a> {
 }
 
 impl Sensor<'_> {
-    fn check(&self, image: &Image<'_>) -> Result<()> {
+    pub(crate) fn check(&self, image: &Image<'_>) -> Result<()> {
         let (height, width) = image.shape();
         if height == 0 || width == 0 {
             return Err(Error::range(
@@ -102,7 +103,7 @@ impl Sensor<'_> {
     }
 
     /// Return the numbers of rows and of columns of jots.
-    fn jots(&self, image: &Image<'_>) -> Result<(usize, usize)> {
+    pub(crate) fn jots(&self, image: &Image<'_>) -> Result<(usize, usize)> {
         jots_of_pixels(image.shape(), &self.kernel, &self.kernel)
     }
 
@@ -118,7 +119,7 @@ impl Sensor<'_> {
         }
     }
 
-    fn is_dead(&self, row: usize, column: usize) -> bool {
+    pub(crate) fn is_dead(&self, row: usize, column: usize) -> bool {
         self.dead.is_some_and(|dead| dead[[row, column]])
     }
 }
@@ -149,7 +150,7 @@ pub struct Window {
 }
 
 impl Window {
-    fn check(&self, (height, width): (usize, usize)) -> Result<()> {
+    pub(crate) fn check(&self, (height, width): (usize, usize)) -> Result<()> {
         for (what, range, size) in [
             ("window rows", &self.rows, height),
             ("window columns", &self.columns, width),

@@ -94,7 +94,7 @@ fn for_each_jot(
 }
 
 /// A sensor, and the image that it records.
-pub(super) struct Exposure<'l, 's, 'i> {
+pub(crate) struct Exposure<'l, 's, 'i> {
     pub sensor: &'l Sensor<'s>,
     pub image: Image<'i>,
 }

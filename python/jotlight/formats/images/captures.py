@@ -1,6 +1,7 @@
 """Counts in TIFF or grayscale PNG files, or in folders of them, and masks of dead jots."""
 
 import io
+import json
 import math
 import warnings
 from collections.abc import Callable
@@ -22,13 +23,14 @@ from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.images.png_chunks import GRAYSCALE, PALETTE, check_png
 from jotlight.formats.images.tiff_directories import open_checked_tiff
 from jotlight.formats.images.tiff_segments import check_segments
-from jotlight.formats.labels import COUNTS, parse_label
+from jotlight.formats.labels import COUNTS, READINGS, make_readings_label, parse_label
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
 
 _TIFF_EXTENSIONS = (".tif", ".tiff")
@@ -99,7 +101,8 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
             check_claimed_size("the header", size, file.size, frame_bytes=frame_bytes)
     except Exception as error:  # tifffile may raise any exception for a damaged file
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
-    if not verified and parse_label(description, COUNTS) is not None:
+    is_own = any(parse_label(description, kind) for kind in (COUNTS, READINGS))
+    if not verified and is_own:
         raise missing_error(path)
     if len(shape) not in (2, 3, 4) or dtype.kind not in "biuf":
         raise ValueError(
@@ -246,6 +249,28 @@ def _write_tiff(counts: Counts, path: Path, label: str | None) -> None:
         append_checksum(file)
 
 
+def _write_tiff_readings(readings: Readings, path: Path) -> None:
+    import tifffile
+
+    if readings.sensor.maps():
+        raise ValueError(
+            "tiff: has no place for the maps of a sensor; write to a name in .npy to keep them"
+        )
+    kind = np.uint8 if readings.sensor.bit_depth <= 8 else np.uint16
+    label = json.dumps(make_readings_label(readings.sensor, readings.provenance))
+    with atomic_write(path) as temporary, open_output(temporary) as file:
+        tifffile.imwrite(
+            file,
+            (readings[index].astype(kind) for index in range(len(readings))),
+            shape=readings.shape,
+            dtype=kind,
+            photometric="minisblack" if len(readings.shape) == 3 else "rgb",
+            metadata=None,
+            description=label,
+        )
+        append_checksum(file)
+
+
 def _write_png(counts: Counts, path: Path, label: str | None) -> None:
     from PIL import Image
 
@@ -273,6 +298,11 @@ TIFF = Format(
     open=open_tiff,
     matches=lambda path: _matches(path, "tiff", _TIFF_EXTENSIONS),
     extensions=_TIFF_EXTENSIONS,
-    writer=Writer(counts=_write_tiff, extensions=_TIFF_EXTENSIONS, keeps_label=True),
+    writer=Writer(
+        counts=_write_tiff,
+        readings=_write_tiff_readings,
+        extensions=_TIFF_EXTENSIONS,
+        keeps_label=True,
+    ),
     verify=_verify_tiff,
 )

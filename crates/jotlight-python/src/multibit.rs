@@ -1,0 +1,194 @@
+//! Readings of several bits, and read noise.
+
+use jotlight::multibit::{self, Cells, Response, Sample};
+use jotlight::sensing::Window;
+use ndarray::Axis;
+use numpy::{PyReadonlyArray1, PyReadwriteArray1, PyReadwriteArray2, PyReadwriteArray4};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::arguments::{PyImages, PyValues, check_length, to_engine_images};
+use crate::sensing::PySensor;
+use crate::{run, to_python};
+
+/// A response, as the tuple (highest reading, read noise, threshold).
+#[derive(FromPyObject)]
+pub struct PyResponse(u32, f64, u32);
+
+impl PyResponse {
+    pub fn to_engine(&self) -> PyResult<Response> {
+        Response::new(self.0, self.1, self.2).map_err(to_python)
+    }
+}
+
+/// The readings of cells, as the tuple (whether they are histograms, numbers, efficiency, dark
+/// counts).
+#[derive(FromPyObject)]
+pub struct PyCells<'py>(
+    bool,
+    PyReadonlyArray1<'py, i32>,
+    PyValues<'py, f64>,
+    PyValues<'py, f64>,
+);
+
+impl PyCells<'_> {
+    pub fn to_engine<'a>(&'a self, response: &'a Response, number: usize) -> PyResult<Cells<'a>> {
+        let values = self.1.as_slice()?;
+        let sample = if self.0 {
+            Sample::Histograms(values)
+        } else {
+            Sample::Readings(values)
+        };
+        let (efficiency, dark_counts) = (self.2.to_engine()?, self.3.to_engine()?);
+        Cells::new(response, sample, number, efficiency, dark_counts).map_err(to_python)
+    }
+}
+
+/// Draw the readings of a window of frames, rows, and columns of the images `(N, H, W)` into `out`
+/// `(N, frames, rows, columns)`. Each image has its seed and channel.
+#[pyfunction]
+#[pyo3(signature = (sensor, response, images, streams, frames, rows, columns, out, threads))]
+// Many parameters: separate arguments have names in `_engine.pyi`, a tuple has none.
+#[allow(clippy::too_many_arguments)]
+pub fn draw_readings(
+    py: Python<'_>,
+    sensor: PySensor<'_>,
+    response: PyResponse,
+    images: PyImages<'_>,
+    streams: Vec<([u8; 32], usize)>,
+    frames: (usize, usize),
+    rows: (usize, usize),
+    columns: (usize, usize),
+    mut out: PyReadwriteArray4<'_, u16>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (sensor, response) = (sensor.to_engine()?, response.to_engine()?);
+    let mut out = out.as_array_mut();
+    let images = to_engine_images(&images);
+    if images.len() != streams.len() || images.len() != out.dim().0 {
+        let received = (images.len(), streams.len(), out.dim().0);
+        return Err(PyValueError::new_err(format!(
+            "images, streams, and out: expected equal numbers, got {received:?}"
+        )));
+    }
+    let window = Window {
+        frames: frames.0..frames.1,
+        rows: rows.0..rows.1,
+        columns: columns.0..columns.1,
+    };
+    run(py, threads, || {
+        let places = out.axis_iter_mut(Axis(0)).into_par_iter();
+        let streams = streams.into_par_iter();
+        places
+            .zip(images)
+            .zip(streams)
+            .try_for_each(|((out, image), (seed, channel))| {
+                multibit::draw(&sensor, &response, image, seed, channel, &window, out)
+            })
+    })
+}
+
+/// Return the log-likelihood of cells, where `light` is the light of each.
+#[pyfunction]
+#[pyo3(signature = (response, cells, light, threads))]
+pub fn readings_log_likelihood(
+    py: Python<'_>,
+    response: PyResponse,
+    cells: PyCells<'_>,
+    light: PyReadonlyArray1<'_, f64>,
+    threads: Option<isize>,
+) -> PyResult<f64> {
+    let (response, light) = (response.to_engine()?, light.as_slice()?);
+    let cells = cells.to_engine(&response, light.len())?;
+    run(py, threads, || cells.value(light))
+}
+
+/// Write the derivative of the log-likelihood of each cell about its light into `gradient`, and
+/// minus the second one into `curvature`.
+#[pyfunction]
+#[pyo3(signature = (response, cells, light, gradient, curvature, threads))]
+pub fn readings_gradient_and_curvature(
+    py: Python<'_>,
+    response: PyResponse,
+    cells: PyCells<'_>,
+    light: PyReadonlyArray1<'_, f64>,
+    mut gradient: PyReadwriteArray1<'_, f64>,
+    mut curvature: PyReadwriteArray1<'_, f64>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (response, light) = (response.to_engine()?, light.as_slice()?);
+    let cells = cells.to_engine(&response, light.len())?;
+    let (gradient, curvature) = (gradient.as_slice_mut()?, curvature.as_slice_mut()?);
+    run(py, threads, || {
+        cells.gradient_and_curvature(light, gradient, curvature)
+    })
+}
+
+/// Write log P(R = reading) at each rate into `out`.
+#[pyfunction]
+#[pyo3(signature = (response, readings, rates, out, threads))]
+pub fn readings_log_probability(
+    py: Python<'_>,
+    response: PyResponse,
+    readings: PyReadonlyArray1<'_, i32>,
+    rates: PyReadonlyArray1<'_, f64>,
+    mut out: PyReadwriteArray1<'_, f64>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (response, rates) = (response.to_engine()?, rates.as_slice()?);
+    let (readings, out) = (readings.as_slice()?, out.as_slice_mut()?);
+    check_length("rates", readings.len(), rates.len())?;
+    check_length("out", readings.len(), out.len())?;
+    run(py, threads, || {
+        let pairs = readings.par_iter().zip(rates);
+        pairs.zip(out).for_each(|((&reading, &rate), out)| {
+            *out = response.ln_probability(reading.max(0).cast_unsigned(), rate);
+        });
+        Ok(())
+    })
+}
+
+/// Write the Fisher information of a reading about each rate into `information`.
+#[pyfunction]
+#[pyo3(signature = (response, rates, information, threads))]
+pub fn readings_information(
+    py: Python<'_>,
+    response: PyResponse,
+    rates: PyReadonlyArray1<'_, f64>,
+    mut information: PyReadwriteArray1<'_, f64>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (response, rates) = (response.to_engine()?, rates.as_slice()?);
+    let information = information.as_slice_mut()?;
+    check_length("rates", information.len(), rates.len())?;
+    run(py, threads, || {
+        let pairs = information.par_iter_mut().zip(rates);
+        pairs.for_each(|(information, &rate)| *information = response.information(rate));
+        Ok(())
+    })
+}
+
+/// Write the mean of a reading, its variance, and the derivative of the mean at each rate into
+/// `moments` `(rates, 3)`.
+#[pyfunction]
+#[pyo3(signature = (response, rates, moments, threads))]
+pub fn readings_moments(
+    py: Python<'_>,
+    response: PyResponse,
+    rates: PyReadonlyArray1<'_, f64>,
+    mut moments: PyReadwriteArray2<'_, f64>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (response, rates) = (response.to_engine()?, rates.as_slice()?);
+    let moments = moments.as_slice_mut()?;
+    check_length("moments", 3 * rates.len(), moments.len())?;
+    run(py, threads, || {
+        let pairs = moments.as_chunks_mut().0.par_iter_mut().zip(rates);
+        pairs.for_each(|(out, &rate): (&mut [f64; 3], _)| {
+            let (mean, variance, slope) = response.moments(rate);
+            *out = [mean, variance, slope];
+        });
+        Ok(())
+    })
+}

@@ -1,0 +1,149 @@
+//! Random readings of several bits.
+
+use ndarray::{ArrayViewMut1, ArrayViewMut3, Axis};
+use num_integer::Integer;
+use rayon::prelude::*;
+
+use super::Response;
+use super::poisson::poisson_quantile;
+use crate::error::{Error, Result};
+use crate::interrupt;
+use crate::rng::{ALIGNMENT, JotRandom, NOISE_BYTES, RowStream, check_size};
+use crate::sensing::{Exposure, Image, Sensor, Window};
+
+/// The number of jots of a row that are drawn together. It bounds the memory of a thread.
+const JOTS_PER_SEGMENT: usize = 2048;
+
+/// Draw the readings of a window of frames and pixels into `out` `(frames, rows·K̂, columns·K̂)`.
+///
+/// The numbers of photons come from the random numbers of the bits of [`crate::sensing::expose`]:
+/// without read noise, a reading is at least q where the bit of a sensor with threshold q is 1.
+/// Read noise has random numbers of its own. A dead jot reports 0. The threshold of `sensor` is not
+/// used.
+///
+/// # Errors
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the window
+/// exceeds the image, or if there are too many frames, rows, or channels for the random streams.
+pub fn draw(
+    sensor: &Sensor<'_>,
+    response: &Response,
+    image: Image<'_>,
+    seed: [u8; 32],
+    channel: usize,
+    window: &Window,
+    mut out: ArrayViewMut3<'_, u16>,
+) -> Result<()> {
+    sensor.check(&image)?;
+    window.check(image.shape())?;
+    let oversampling = sensor.kernel.oversampling();
+    check_size(channel, window.frames.end, sensor.jots(&image)?.0)?;
+    let expected = (
+        window.frames.len(),
+        window.rows.len() * oversampling,
+        window.columns.len() * oversampling,
+    );
+    if out.dim() != expected {
+        return Err(Error::shape("out", expected, out.dim()));
+    }
+    if out.is_empty() {
+        return Ok(());
+    }
+    let exposure = Exposure { sensor, image };
+    let columns = window.columns.start * oversampling..window.columns.end * oversampling;
+    out.axis_iter_mut(Axis(1))
+        .into_par_iter()
+        .enumerate()
+        .for_each_init(
+            || RowDrawer::new(seed, response),
+            |drawer, (row, mut out)| {
+                let row = window.rows.start * oversampling + row;
+                for start in columns.clone().step_by(JOTS_PER_SEGMENT) {
+                    let stop = (start + JOTS_PER_SEGMENT).min(columns.end);
+                    exposure.jot_rates(row, start..stop, &mut drawer.rates);
+                    for (column, rate) in (start..stop).zip(&mut drawer.rates) {
+                        if sensor.is_dead(row, column) {
+                            *rate = f64::NAN;
+                        }
+                    }
+                    for (frame, mut out) in window.frames.clone().zip(out.outer_iter_mut()) {
+                        if interrupt::is_requested() {
+                            return;
+                        }
+                        let stream = RowStream::new(channel, frame, row);
+                        let place = start - columns.start..stop - columns.start;
+                        drawer.draw(stream, start, &mut out.slice_mut(ndarray::s![place]));
+                    }
+                }
+            },
+        );
+    Ok(())
+}
+
+/// The random numbers and the buffers of a thread.
+struct RowDrawer<'r> {
+    random: JotRandom,
+    response: &'r Response,
+    /// The rates of the jots of a segment, NaN for dead jots.
+    rates: Vec<f64>,
+    high: Vec<u8>,
+    low: Vec<u8>,
+    noise: Vec<u8>,
+}
+
+impl<'r> RowDrawer<'r> {
+    fn new(seed: [u8; 32], response: &'r Response) -> Self {
+        Self {
+            random: JotRandom::new(seed),
+            response,
+            rates: Vec::new(),
+            high: Vec::new(),
+            low: Vec::new(),
+            noise: Vec::new(),
+        }
+    }
+
+    /// Draw the readings of a segment of a row, which starts at `column`.
+    fn draw(&mut self, stream: RowStream, column: usize, out: &mut ArrayViewMut1<'_, u16>) {
+        let first = column.prev_multiple_of(&ALIGNMENT);
+        let offset = column - first;
+        let length = offset + self.rates.len();
+        self.high.resize(length.next_multiple_of(2) * 2, 0);
+        self.low.resize(self.rates.len() * 4, 0);
+        self.random.fill_draws(stream, first, &mut self.high);
+        self.random.fill_refinements(stream, column, &mut self.low);
+        let sigma = self.response.noise.as_ref().map(super::Noise::sigma);
+        if sigma.is_some() {
+            self.noise.resize(self.rates.len() * NOISE_BYTES, 0);
+            self.random.fill_noise(stream, column, &mut self.noise);
+        }
+        let high = self.high.as_chunks::<2>().0;
+        let low = self.low.as_chunks::<4>().0;
+        let noise = self.noise.as_chunks::<NOISE_BYTES>().0;
+        for (index, (&rate, out)) in self.rates.iter().zip(out).enumerate() {
+            if rate.is_nan() {
+                *out = 0;
+                continue;
+            }
+            let bits = u64::from(u16::from_le_bytes(high[offset + index])) << 32
+                | u64::from(u32::from_le_bytes(low[index]));
+            // One half makes [u < P] the same as that of bits, whose P is rounded to 48 bits.
+            let u = (bits as f64 + 0.5) / 48f64.exp2();
+            let reach = sigma.map_or(0.0, |sigma| 10.0 * sigma + 2.0);
+            let highest = self.response.highest as f64 + reach;
+            let mut level = poisson_quantile(u, rate, highest);
+            if let Some(sigma) = sigma {
+                level = (level + sigma * normal(noise[index])).round();
+            }
+            let reading = level.clamp(self.response.lowest as f64, self.response.highest as f64);
+            *out = (reading - self.response.lowest as f64) as u16;
+        }
+    }
+}
+
+/// Return a standard normal number from random bytes (Box and Muller).
+fn normal(bytes: [u8; NOISE_BYTES]) -> f64 {
+    let word = u128::from_le_bytes(bytes);
+    let uniform = |word: u64| ((word >> 12) as f64 + 0.5) / 52f64.exp2();
+    let (u, v) = (uniform(word as u64), uniform((word >> 64) as u64));
+    (-2.0 * u.ln()).sqrt() * (2.0 * std::f64::consts::PI * v).cos()
+}

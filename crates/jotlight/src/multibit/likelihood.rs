@@ -1,0 +1,202 @@
+//! The log-likelihood of readings of several bits, its derivatives, and the Fisher information.
+
+use rayon::prelude::*;
+
+use super::Response;
+use crate::error::{Error, Result};
+use crate::interrupt;
+use crate::values::Values;
+
+/// The number of cells per task. Each task has its own sum, so that results are the same for any
+/// number of threads.
+const CELLS_PER_TASK: usize = 256;
+
+/// The readings of all cells, with the same number of entries for each.
+#[derive(Clone, Copy, Debug)]
+pub enum Sample<'a> {
+    /// How often each reading 0, 1, … occurs.
+    Histograms(&'a [i32]),
+    /// The readings themselves. Negative numbers are left out.
+    Readings(&'a [i32]),
+}
+
+/// The readings and the response of cells: of jots, or of pixels whose jots are alike.
+#[derive(Clone, Copy, Debug)]
+pub struct Cells<'a> {
+    response: &'a Response,
+    sample: Sample<'a>,
+    number: usize,
+    entries: usize,
+    efficiency: Values<'a, f64>,
+    dark_counts: Values<'a, f64>,
+}
+
+impl<'a> Cells<'a> {
+    /// Return `number` cells with their sample, η = `efficiency`, and d = `dark_counts`.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if the lengths do not match. [`Error::Range`] for a reading above the
+    /// highest one, or a negative number in a histogram.
+    pub fn new(
+        response: &'a Response,
+        sample: Sample<'a>,
+        number: usize,
+        efficiency: Values<'a, f64>,
+        dark_counts: Values<'a, f64>,
+    ) -> Result<Self> {
+        efficiency.check_length("efficiency", number)?;
+        dark_counts.check_length("dark counts", number)?;
+        let (values, top) = match sample {
+            Sample::Histograms(values) => (values, i32::MAX),
+            Sample::Readings(values) => (values, response.max_reading() as i32),
+        };
+        if number == 0 || values.len() % number != 0 {
+            return Err(Error::shape("sample", number, values.len()));
+        }
+        let entries = values.len() / number;
+        if let Sample::Histograms(values) = sample {
+            if entries > response.max_reading() as usize + 1 {
+                let expected = response.max_reading() as usize + 1;
+                return Err(Error::shape("histograms", expected, entries));
+            }
+            if let Some(&negative) = values.iter().find(|&&value| value < 0) {
+                return Err(Error::range("histograms", "numbers of 0 or more", negative));
+            }
+        }
+        if let Some(&high) = values.iter().find(|&&value| value > top) {
+            return Err(Error::range("readings", format!("at most {top}"), high));
+        }
+        Ok(Self {
+            response,
+            sample,
+            number,
+            entries,
+            efficiency,
+            dark_counts,
+        })
+    }
+
+    /// Return the number of cells.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.number
+    }
+
+    /// Return whether there are no cells.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.number == 0
+    }
+
+    /// Return the log-likelihood, where `light` is the light of each cell.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if the lengths do not match.
+    pub fn value(&self, light: &[f64]) -> Result<f64> {
+        self.check_length(light.len())?;
+        let sums: Vec<f64> = light
+            .par_chunks(CELLS_PER_TASK)
+            .enumerate()
+            .map(|(task, light)| {
+                if interrupt::is_requested() {
+                    return 0.0;
+                }
+                let cells = light.iter().zip(task * CELLS_PER_TASK..);
+                cells
+                    .map(|(&light, cell)| {
+                        let rate = self.rate(cell, light);
+                        let mut sum = 0.0;
+                        self.for_each(cell, |reading, number| {
+                            sum += number * self.response.ln_probability(reading, rate);
+                        });
+                        sum
+                    })
+                    .sum()
+            })
+            .collect();
+        Ok(sums.iter().sum())
+    }
+
+    /// Write the derivative of each cell about its light, and minus the second one.
+    ///
+    /// # Errors
+    /// [`Error::Shape`] if the lengths do not match.
+    pub fn gradient_and_curvature(
+        &self,
+        light: &[f64],
+        gradient: &mut [f64],
+        curvature: &mut [f64],
+    ) -> Result<()> {
+        for length in [light.len(), gradient.len(), curvature.len()] {
+            self.check_length(length)?;
+        }
+        gradient
+            .par_chunks_mut(CELLS_PER_TASK)
+            .zip(curvature.par_chunks_mut(CELLS_PER_TASK))
+            .zip(light.par_chunks(CELLS_PER_TASK))
+            .enumerate()
+            .for_each(|(task, ((gradient, curvature), light))| {
+                if interrupt::is_requested() {
+                    return;
+                }
+                let cells = light.iter().zip(task * CELLS_PER_TASK..);
+                for ((&light, cell), out) in cells.zip(gradient.iter_mut().zip(curvature)) {
+                    (*out.0, *out.1) = self.derivatives(cell, light);
+                }
+            });
+        Ok(())
+    }
+
+    /// Return the derivative of one cell about its light, and minus the second one.
+    #[must_use]
+    pub fn derivatives(&self, cell: usize, light: f64) -> (f64, f64) {
+        let (efficiency, rate) = (self.efficiency.get(cell), self.rate(cell, light));
+        let (mut first, mut second) = (0.0, 0.0);
+        self.for_each(cell, |reading, number| {
+            let (score, curvature) = self.response.score_and_curvature(reading, rate);
+            first += number * score;
+            second += number * curvature;
+        });
+        (efficiency * first, efficiency * efficiency * second)
+    }
+
+    /// Return the expected sum of the readings of one cell, and its derivative about the light.
+    #[must_use]
+    pub fn expected_total(&self, cell: usize, light: f64) -> (f64, f64) {
+        let mut number = 0.0;
+        self.for_each(cell, |_, times| number += times);
+        let (mean, _, slope) = self.response.moments(self.rate(cell, light));
+        (number * mean, number * self.efficiency.get(cell) * slope)
+    }
+
+    /// Call a function with the readings of a cell, and with how often each occurs.
+    fn for_each(&self, cell: usize, mut function: impl FnMut(u32, f64)) {
+        let entries = cell * self.entries..(cell + 1) * self.entries;
+        match self.sample {
+            Sample::Histograms(values) => {
+                for (reading, &number) in values[entries].iter().enumerate() {
+                    if number > 0 {
+                        function(reading as u32, f64::from(number));
+                    }
+                }
+            }
+            Sample::Readings(values) => {
+                for &reading in values[entries].iter().filter(|&&reading| reading >= 0) {
+                    function(reading as u32, 1.0);
+                }
+            }
+        }
+    }
+
+    fn rate(&self, cell: usize, light: f64) -> f64 {
+        self.efficiency.get(cell) * light + self.dark_counts.get(cell)
+    }
+
+    fn check_length(&self, length: usize) -> Result<()> {
+        if length == self.number {
+            Ok(())
+        } else {
+            Err(Error::shape("light", self.number, length))
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Sums over the numbers of photons that may be behind a reading.
+
+use super::noise::{Level, Noise};
+use super::poisson::ln_poisson;
+
+/// Terms below this fraction of a sum are left out.
+const NEGLIGIBLE: f64 = 1e-18;
+
+/// The probability of a level at a rate s, and two ratios of probabilities.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LevelSum {
+    /// log P(level).
+    pub ln_probability: f64,
+    /// E[Y | level] / s, which is P(level | one more photon) / P(level).
+    pub first: f64,
+    /// E[Y(Y − 1) | level] / s².
+    pub second: f64,
+}
+
+/// Return the sum over y of P(Y = y) P(level | y), Y ~ Poisson(s), and its first two moments.
+///
+/// The terms rise to one maximum and fall, because both factors are log-concave. So the sum starts
+/// at the maximum, and ends where terms are negligible.
+pub(super) fn sum_level(noise: &Noise, level: Level, s: f64) -> LevelSum {
+    let (Level::Exactly(l) | Level::AtMost(l) | Level::AtLeast(l)) = level;
+    let rate = s.min(1e15).floor() as i64;
+    let near = match level {
+        Level::Exactly(_) => l,
+        Level::AtMost(_) => l.min(rate),
+        Level::AtLeast(_) => l.max(rate),
+    };
+    // Ratios of successive terms, t(y + 1) / t(y).
+    let ratio = |y: i64| s / (y + 1) as f64 * noise.weight_ratio(level, y);
+    let mut mode = near.max(0);
+    while ratio(mode) > 1.0 {
+        mode += 1;
+    }
+    while mode > 0 && ratio(mode - 1) < 1.0 {
+        mode -= 1;
+    }
+    let mut sums = Sums { s, sums: [0.0; 3] };
+    sums.add(mode, 1.0);
+    let (mut y, mut term) = (mode, 1.0);
+    loop {
+        term *= ratio(y);
+        y += 1;
+        if sums.add(y, term) && y >= 2 {
+            break;
+        }
+    }
+    (y, term) = (mode, 1.0);
+    while y > 0 {
+        term /= ratio(y - 1);
+        y -= 1;
+        if sums.add(y, term) {
+            break;
+        }
+    }
+    let [zeroth, first, second] = sums.sums;
+    LevelSum {
+        ln_probability: ln_poisson(mode as f64, s) + noise.ln_weight(level, mode) + zeroth.ln(),
+        first: first / zeroth,
+        second: second / zeroth,
+    }
+}
+
+/// The sums of t(y), t(y) y/s, and t(y) y(y − 1)/s².
+struct Sums {
+    s: f64,
+    sums: [f64; 3],
+}
+
+impl Sums {
+    /// Add a term, and return whether it was negligible in all sums.
+    fn add(&mut self, y: i64, term: f64) -> bool {
+        let y = y as f64;
+        let first = term * y / self.s;
+        let mut negligible = true;
+        let terms = [term, first, first * (y - 1.0) / self.s];
+        for (sum, term) in self.sums.iter_mut().zip(terms) {
+            negligible &= term <= NEGLIGIBLE * *sum;
+            *sum += term;
+        }
+        negligible
+    }
+}

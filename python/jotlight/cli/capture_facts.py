@@ -1,0 +1,69 @@
+"""Facts about captures, as rows of a table."""
+
+import numpy as np
+
+from jotlight.cli.console import progress
+from jotlight.cli.jot_checks import jot_remarks
+from jotlight.formats.capture import Capture
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.pixel_counts import carried_sensor
+from jotlight.sensing.sensor import Sensor
+
+
+def notes(capture: Capture) -> list[tuple[str, str]]:
+    """Return the assumptions about a file, and the files from which it was converted."""
+    facts: list[tuple[str, str]] = []
+    for step in capture.provenance.lineage() if capture.provenance is not None else ():
+        if step is not capture.provenance:
+            facts.append(("from", f"{step.format}, {step.name}"))
+        facts += [("" if index else "assumed", note) for index, note in enumerate(step.notes)]
+    return facts
+
+
+def bits_facts(bits: Bits) -> list[tuple[str, str]]:
+    """Return the facts about bits."""
+    with progress(1) as begin:
+        counts = bits.counts(1, progress=begin("counting"))
+    ones = int(counts.sum(dtype=np.int64))
+    frames, height, width, *channels = bits.shape
+    facts = [
+        ("kind", "bits" if not channels else f"bits of {channels[0]} channels"),
+        *([("format", bits.provenance.format)] if bits.provenance is not None else []),
+        ("frames", str(frames)),
+        ("jots", f"{height} x {width}"),
+        ("size", f"{bits.packed.nbytes / 1e6:.3g} MB packed"),
+        ("ones", f"{ones / np.prod(bits.shape, dtype=float):.3%}"),
+    ]
+    sensor = carried_sensor(bits)
+    jots = jot_remarks(counts, frames, sensor or Sensor(frames=frames))
+    if sensor is None:
+        return [*facts, ("sensor", "not stated"), *jots]
+    pixels = f"{height // sensor.oversampling} x {width // sensor.oversampling}"
+    return [
+        *facts,
+        ("sensor", repr(sensor)),
+        ("pixels", f"{pixels}, {sensor.trials} bits each"),
+        *jots,
+    ]
+
+
+def readings_facts(readings: Readings) -> list[tuple[str, str]]:
+    """Return the facts about readings of several bits."""
+    sensor, highest = readings.sensor, 2**readings.sensor.bit_depth - 1
+    total, largest = 0, 0
+    for start in range(len(readings)):
+        frame = readings[start]
+        total += int(frame.sum(dtype=np.int64))
+        largest += int((frame == highest).sum())
+    frames, height, width, *_ = readings.shape
+    number = np.prod(readings.shape, dtype=float)
+    return [
+        ("kind", f"readings of {sensor.bit_depth} bits"),
+        *([] if readings.provenance is None else [("format", readings.provenance.format)]),
+        ("frames", str(frames)),
+        ("jots", f"{height} x {width}"),
+        ("mean", f"{total / number:.4g} of {highest}"),
+        ("largest", f"{largest / number:.3%} of the readings are {highest}"),
+        ("sensor", repr(sensor)),
+    ]

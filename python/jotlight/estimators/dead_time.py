@@ -1,0 +1,216 @@
+"""Counts of free-running pixels, which are blind for a dead time after each detection."""
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.checks import number_in_range
+from jotlight.interrupts import interruptible
+from jotlight.seeds import SeedLike, seed_bytes
+from jotlight.sensing.response import Array
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FreeRunning:
+    """A pixel that counts photons, and is blind for a dead time after each detection.
+
+    The pixel is live at the beginning of an exposure. Photons during the dead time are lost and do
+    not prolong it. Light is in photons per exposure.
+
+    Parameters
+    ----------
+    dead_time : float
+        τ: the dead time as a fraction of the exposure time, 1e-6 to 1; a dead time of 50 ns and an
+        exposure of 10 µs make 0.005.
+    efficiency : float
+        η: the fraction of the photons that are detected, above 0 to 1.
+    dark_counts : float
+        d: the expected detections per exposure without light, if there were no dead time.
+
+    Raises
+    ------
+    ValueError
+        When a number is out of range.
+
+    Notes
+    -----
+    The times between detections are independent, so n or more detections take n exponential times
+    and n - 1 dead times. With the rate r = η s + d and the remaining time u(n) = 1 - (n - 1) τ, it
+    is P(N ≥ n) = P(n, r u(n)), the regularized lower incomplete gamma function. The number of
+    detections therefore saturates at the smallest whole number that is 1/τ or more.
+
+    Examples
+    --------
+    >>> pixel = FreeRunning(dead_time=0.01)
+    >>> pixel.max_count, pixel.mean(100.0).round(1).tolist()  # about r / (1 + r τ)
+    (100, 50.1)
+    >>> pixel.mle([0, 50, 99]).round(1).tolist()
+    [0.0, 99.5, 6898.3]
+    """
+
+    dead_time: float
+    efficiency: float = 1.0
+    dark_counts: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, low, high in (
+            ("dead_time", 1e-6, 1.0),
+            ("efficiency", 1e-18, 1.0),
+            ("dark_counts", 0.0, 1e18),
+        ):
+            object.__setattr__(self, name, number_in_range(name, getattr(self, name), low, high))
+
+    @property
+    def max_count(self) -> int:
+        """The largest number of detections in an exposure."""
+        return int(np.ceil(1 / self.dead_time - 1e-9))
+
+    def at_least(self, count: npt.ArrayLike, light: npt.ArrayLike) -> Array:
+        """Return P(N ≥ n), the probability of a number of detections or more."""
+        from scipy.special import gammainc
+
+        n, rate = np.broadcast_arrays(self._checked(count, 1), self._rate(light))
+        argument = rate * np.maximum(self._rest(n), 0)
+        probability = interruptible(gammainc)(np.maximum(n, 1), argument)
+        return np.asarray(np.where(n == 0, 1.0, np.where(self._rest(n) > 0, probability, 0.0)))
+
+    def probability(self, count: npt.ArrayLike, light: npt.ArrayLike) -> Array:
+        """Return P(N = n), the probability of a number of detections.
+
+        Examples
+        --------
+        >>> pixel = FreeRunning(dead_time=0.3)
+        >>> pixel.probability([0, 1, 2, 3, 4], 2.0).round(4).tolist()
+        [0.1353, 0.4565, 0.3607, 0.0474, 0.0001]
+        """
+        n = self._checked(count)
+        return self.at_least(n, light) - self.at_least(n + 1, light)
+
+    def mean(self, light: npt.ArrayLike) -> Array:
+        """Return the expected number of detections, the sum of P(N ≥ n)."""
+        levels = np.asarray(light, np.float64)
+        total = np.zeros(levels.shape)
+        for count in range(1, self.max_count + 1):
+            own = self.at_least(count, levels)
+            total += own
+            if own.max(initial=0.0) < 1e-17:
+                break
+        return total
+
+    def draw(self, light: npt.ArrayLike, rng: SeedLike = None) -> npt.NDArray[np.int64]:
+        """Return random counts, one for each light.
+
+        Examples
+        --------
+        >>> FreeRunning(dead_time=0.01).draw(np.full(3, 1e9), rng=0).tolist()
+        [100, 100, 100]
+        """
+        levels = np.asarray(light, np.float64)
+        seed = np.frombuffer(seed_bytes(rng), np.uint32)
+        uniform = np.random.default_rng(seed).random(levels.shape)
+        counts = np.zeros(levels.shape, np.int64)
+        for count in range(1, self.max_count + 1):
+            more = uniform < self.at_least(count, levels)
+            counts += more
+            if not more.any():
+                break
+        return counts
+
+    def mle(self, counts: npt.ArrayLike) -> Array:
+        """Return the most likely light of each count.
+
+        A count at saturation has no largest likelihood, and is infinite.
+
+        Notes
+        -----
+        With u = u(n) and w = u(n + 1) = u - τ, the likelihood is highest at the rate r with
+        r τ exp(r τ) = n τ uⁿ / wⁿ⁺¹. So r = W(n τ uⁿ / wⁿ⁺¹)/τ, where W is Lambert's function.
+        """
+        from scipy.special import wrightomega
+
+        n, tau = self._checked(counts).astype(np.float64), self.dead_time
+        used, rest = self._rest(n), self._rest(n + 1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            logarithm = np.log(n * tau) + n * np.log(used) - (n + 1) * np.log(rest)
+            rate = np.where(n > 0, interruptible(wrightomega)(logarithm) / tau, 0.0)
+        rate = np.where(rest > 0, rate, np.inf)
+        return np.asarray(np.maximum(rate - self.dark_counts, 0) / self.efficiency)
+
+    def interval(
+        self, counts: npt.ArrayLike, confidence_level: float = 0.95
+    ) -> tuple[Array, Array]:
+        """Return the ends of the exact interval of the light of each count.
+
+        The probability of the count or more at the lower end is (1 - `confidence_level`)/2, and so
+        is that of the count or less at the upper end. So the coverage is at least
+        `confidence_level`. At saturation, the upper end is infinite.
+
+        Examples
+        --------
+        >>> low, high = FreeRunning(dead_time=0.01).interval([0, 50, 100])
+        >>> low.round(1).tolist(), high.round(1).tolist()
+        ([0.0, 72.8, 8136.4], [3.7, 131.8, inf])
+        """
+        from scipy.special import gammaincinv
+
+        level = number_in_range("confidence_level", confidence_level, 0.5, 1 - 1e-12)
+        n, tail = self._checked(counts).astype(np.float64), (1 - level) / 2
+        used, rest = self._rest(n), self._rest(n + 1)
+        invert = interruptible(gammaincinv)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            low = np.where(n > 0, invert(np.maximum(n, 1), tail) / used, 0.0)
+            high = np.where(rest > 0, invert(n + 1, 1 - tail) / np.maximum(rest, 0), np.inf)
+        lower, upper = (
+            np.maximum(rate - self.dark_counts, 0) / self.efficiency for rate in (low, high)
+        )
+        return lower, upper
+
+    def information(self, light: npt.ArrayLike) -> Array:
+        """Return the Fisher information of a count about the light.
+
+        Examples
+        --------
+        >>> FreeRunning(dead_time=1e-4).information(10.0).round(4).tolist()  # 1/10 without τ
+        0.0999
+        """
+        from scipy.special import gammaln, xlogy
+
+        levels = np.asarray(light, np.float64)
+        rate = self._rate(levels)
+        information = np.zeros(levels.shape)
+        before = np.zeros(levels.shape)  # the derivative of P(N ≥ 0)
+        for count in range(self.max_count + 1):
+            rest = self._rest(count + 1)
+            after = np.zeros(levels.shape)
+            if rest > 0:
+                # The derivative of P(n + 1, r w) is w times a Poisson probability.
+                after = rest * np.exp(xlogy(count, rate * rest) - rate * rest - gammaln(count + 1))
+            probability = self.probability(count, levels)
+            slope = self.efficiency * (before - after)
+            information += np.divide(
+                slope**2, probability, out=np.zeros(levels.shape), where=probability > 1e-300
+            )
+            before = after
+        return information
+
+    def _rate(self, light: npt.ArrayLike) -> Array:
+        levels = np.asarray(light, np.float64)
+        if not (levels >= 0).all():
+            raise ValueError(f"light: expected photons per exposure, 0 or more, got {light!r}")
+        return self.efficiency * levels + self.dark_counts
+
+    def _rest(self, count: npt.ArrayLike) -> Array:
+        """Return u(n): the exposure without the dead times before the last of n detections."""
+        rest = 1 - (np.asarray(count, np.float64) - 1) * self.dead_time
+        return np.asarray(np.where(rest > 1e-9, rest, 0.0))
+
+    def _checked(self, counts: npt.ArrayLike, beyond: int = 0) -> npt.NDArray[np.int64]:
+        values = np.asarray(counts)
+        highest = self.max_count + beyond
+        if values.dtype.kind not in "iu" or not ((values >= 0) & (values <= highest)).all():
+            raise ValueError(
+                f"counts: expected whole numbers from 0 to {self.max_count}, the largest count "
+                f"with a dead time of {self.dead_time:g} exposures, got {counts!r}"
+            )
+        return values.astype(np.int64)

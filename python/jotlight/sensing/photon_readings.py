@@ -1,0 +1,184 @@
+"""Readings of several bits, which state how many photons each jot has seen."""
+
+import operator
+from typing import Any, Self, SupportsIndex, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.checks import refuse_masked
+from jotlight.layout import MAX_CHANNELS
+from jotlight.notebook import card, normalize
+from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.channels import channel_views
+from jotlight.sensing.frames import Frames, format_frame_range, read_in_chunks
+from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.sensor_like import SensorLike
+
+
+class Readings:
+    """Readings of several bits: numbers from 0 to 2^b - 1, one for each jot and frame.
+
+    Parameters
+    ----------
+    array : array_like of int or Frames, shape (T, H, W), (H, W), or (T, H, W, C)
+        The readings. :class:`jotlight.sensing.frames.Frames` are read from files when they are
+        needed.
+    sensor : Sensor
+        The sensor that recorded them. Its `bit_depth` is 2 or more.
+    provenance : jotlight.sensing.provenance.Provenance, optional
+        The file that the readings come from.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the array and the sensor do not fit together, or a reading is out of range.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> readings = Readings([[[0, 3]], [[1, 2]]], Sensor(frames=2, bit_depth=2))
+    >>> readings
+    <Readings: 2 frames of 1 x 2 jots, 2 bits each, Sensor(frames=2, bit_depth=2)>
+    >>> readings.sum().tolist()
+    [[1, 5]]
+    """
+
+    def __init__(
+        self,
+        array: npt.ArrayLike | Frames,
+        sensor: SensorLike,
+        provenance: Provenance | None = None,
+    ) -> None:
+        if not hasattr(sensor, "bit_depth"):
+            raise TypeError(
+                "sensor: expected a jotlight.Sensor, such as Sensor(frames=16, bit_depth=4), got "
+                f"{type(sensor).__name__}"
+            )
+        refuse_masked("readings", array)
+        values: Any = array if isinstance(array, Frames) else np.asarray(array)
+        if values.dtype.kind not in "iu":
+            raise TypeError(f"readings: expected whole numbers, got {values.dtype}")
+        if values.ndim == 2:
+            values = values[None]
+        if values.ndim not in (3, 4) or values.size == 0:
+            raise ValueError(
+                "readings: expected shape (T, H, W), (H, W), or (T, H, W, C), without a dimension "
+                f"of 0, got {values.shape}"
+            )
+        if values.ndim == 4 and values.shape[3] > MAX_CHANNELS:
+            raise ValueError(
+                f"readings: expected at most {MAX_CHANNELS} channels, got shape {values.shape}"
+            )
+        self.frames = values
+        self.sensor = sensor
+        self.provenance = provenance
+        check_fits(self.shape, sensor, bit_depth=max(2, sensor.bit_depth))
+        if isinstance(values, np.ndarray):
+            self._check_range(values)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(T, H, W) or (T, H, W, C), in jots."""
+        return tuple(self.frames.shape)
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return int(self.shape[0])
+
+    @overload
+    def __getitem__(self, frames: SupportsIndex) -> npt.NDArray[np.uint16]: ...
+    @overload
+    def __getitem__(self, frames: slice) -> Self: ...
+
+    def __getitem__(self, frames: SupportsIndex | slice) -> npt.NDArray[np.uint16] | Self:
+        """Return one frame as an array, or a view of several, whose sensor has as many frames."""
+        if isinstance(frames, slice):
+            part = self.frames[frames]
+            if len(part) == 0:
+                raise ValueError(
+                    f"readings: no frames in {format_frame_range(frames)} of {len(self)}"
+                )
+            return type(self)(part, self.sensor.select_frames(frames), self.provenance)
+        index = operator.index(frames)
+        if not -len(self) <= index < len(self):
+            raise IndexError(f"readings: expected a frame from 0 to {len(self) - 1}, got {index}")
+        index %= len(self)
+        return np.asarray(self.read(index, index + 1)[0])
+
+    def read(self, start: int, stop: int) -> npt.NDArray[np.uint16]:
+        """Return the readings of some frames as an array.
+
+        Raises
+        ------
+        ValueError
+            When the file holds a reading that the sensor cannot report.
+        """
+        part = np.asarray(self.frames[start:stop])
+        if isinstance(self.frames, Frames):
+            self._check_range(part)
+        return part.astype(np.uint16, copy=False)
+
+    def to_array(self) -> npt.NDArray[np.uint16]:
+        """Return all readings as an array, (T, H, W) or (T, H, W, C)."""
+        return self.read(0, len(self))
+
+    def __array__(
+        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
+    ) -> npt.NDArray[Any]:
+        """Return :meth:`to_array`, for ``numpy.asarray``."""
+        return np.array(self.to_array(), dtype, copy=copy)
+
+    def sum(self) -> npt.NDArray[np.int64]:
+        """Return the sum of all frames, (H, W) or (H, W, C), in the memory of a few frames."""
+        total = np.zeros(self.shape[1:], np.int64)
+        for place, _ in read_in_chunks(self.frames):
+            total += self.read(place.start, place.stop).sum(axis=0, dtype=np.int64)
+        return total
+
+    def channels(self) -> list["Readings"]:
+        """Return the readings of each channel, (T, H, W)."""
+        if len(self.shape) == 3:
+            return [self]
+        return [Readings(view, self.sensor) for view in channel_views(self.frames, 3)]
+
+    def _check_range(self, values: npt.NDArray[Any]) -> None:
+        highest = 2**self.sensor.bit_depth - 1
+        if values.min() < 0 or values.max() > highest:
+            raise ValueError(
+                f"readings: expected 0 to {highest} for {self.sensor.bit_depth} bits, got "
+                f"{values.min()} to {values.max()}; sensor.replace(bit_depth=...) (--bit-depth) "
+                "states another number of bits"
+            )
+
+    def _repr_html_(self) -> str:
+        frames, height, width, *_ = self.shape
+        facts: dict[str, object] = {
+            "frames": frames,
+            "jots": f"{height} x {width}",
+            "sensor": self.sensor,
+            "image": "the mean reading of the first frames",
+        }
+        part = self.read(0, min(frames, 64))
+        return card("Readings", facts, normalize(part.mean(axis=0)))
+
+    def __repr__(self) -> str:
+        frames, height, width, *channels = self.shape
+        color = f" x {channels[0]} channels" if channels else ""
+        return (
+            f"<Readings: {frames} frame{'s' * (frames != 1)} of {height} x {width} jots{color}, "
+            f"{self.sensor.bit_depth} bits each, {self.sensor!r}>"
+        )
+
+
+def image_of_readings(
+    data: Any, sensor: SensorLike, trials: object, channel_axis: int | None
+) -> Readings:
+    """Return an image (H, W) of a sensor with one frame as readings of several bits."""
+    if trials is not None or channel_axis is not None or sensor.trials > 1 or np.ndim(data) != 2:
+        raise ValueError(
+            f"data: expected jotlight.Readings, because the sensor has {sensor.bit_depth} bits per "
+            f"reading, got an array of shape {np.shape(data)}; a sum of frames does not say which "
+            "readings were the largest, so pass all frames: jotlight.Readings(frames, sensor)"
+        )
+    return Readings(data, sensor)

@@ -1,0 +1,77 @@
+"""Commands for readings of several bits and read noise."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+
+
+@pytest.fixture
+def photo(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    jl.save_image("photo.png", jl.datasets.photograph("camera")[::16, ::16])
+    return "photo.png"
+
+
+OPTIONS = ["-k", 1, "-t", 8, "--bit-depth", 4, "--read-noise", 0.3, "--gain", 16]
+
+
+def test_captures_are_simulated_described_reconstructed_and_converted(run, photo):
+    status, text = run("simulate", photo, "-o", "r.npy", *OPTIONS)
+    assert status == 0
+    assert "Readings: 8 frames of 32 x 32 jots, 4 bits each" in text
+    sensor = jl.Sensor(frames=8, gain=16.0, bit_depth=4, read_noise=0.3)
+    assert jl.open("r.npy").sensor == sensor
+    status, text = run("info", "r.npy")
+    assert "readings of 4 bits" in text
+    assert "of 15" in text
+    for method in ("mle", "noniterative-tv", "network-small", "admm-tv"):
+        status, text = run("reconstruct", "r.npy", "-o", "e.npy", "--method", method)
+        assert status == 0
+        np.testing.assert_array_equal(
+            np.load("e.npy"), jl.reconstruct(jl.open("r.npy"), method=method)
+        )
+    assert run("convert", "r.npy", "-o", "r.tif")[0] == 0
+    np.testing.assert_array_equal(jl.open("r.tif").to_array(), jl.open("r.npy").to_array())
+
+
+def test_plain_stacks_need_the_options(run, photo):
+    run("simulate", photo, "-o", "r.npy", *OPTIONS)
+    np.save("plain.npy", np.load("r.npy"))
+    common = ["reconstruct", "plain.npy", "-o", "e.npy", "--method", "mle", "--max-intensity", 1]
+    status, text = run(*common, *OPTIONS[4:])
+    assert status == 0
+    assert "4 bits" not in text
+    np.testing.assert_array_equal(np.load("e.npy"), jl.mle(jl.open("r.npy")))
+    status, text = run(*common, "--bit-depth", 2)
+    assert status == 1
+    assert "expected 0 to 3 for 2 bits" in text
+    assert "--bit-depth" in text
+
+
+def test_noisy_bits_are_simulated_and_reconstructed(run, photo):
+    assert run("simulate", photo, "-o", "b.npy", "-k", 1, "-t", 8, "--read-noise", 0.3)[0] == 0
+    assert jl.open("b.npy").sensor.read_noise == 0.3
+    assert run("reconstruct", "b.npy", "-o", "e.npy")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["simulate", "photo.png", "-o", "x.npy", "--bit-depth", 4, "-q", 3], "threshold: expec"),
+        (["simulate", "photo.png", "-o", "x.npy", "--bit-depth", 40], "bit_depth: expected"),
+        (["film", "r.npy", "-o", "x.gif", "--window", 4], "expected bits without read noise"),
+        (["reconstruct", "r.npy", "-o", "e.npy", "--motion"], "expected bits without read noise"),
+    ],
+)
+def test_what_needs_single_bits_says_so(run, photo, arguments, message):
+    run("simulate", photo, "-o", "r.npy", *OPTIONS)
+    status, text = run(*arguments)
+    assert status == 1
+    assert message in text
+
+
+def test_plans_take_bits_and_read_noise(run):
+    status, text = run("plan", "0.1:2", "-t", 4, "--bit-depth", 3, "--read-noise", 0.3)
+    assert status == 0
+    assert "PSNR" in text

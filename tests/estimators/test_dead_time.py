@@ -1,0 +1,133 @@
+"""Free-running pixels with a dead time: counts, maximum likelihood, and intervals."""
+
+import mpmath as mp
+import numpy as np
+import pytest
+from scipy import optimize, stats
+
+import jotlight as jl
+
+PIXELS = [
+    jl.FreeRunning(dead_time=0.3),
+    jl.FreeRunning(dead_time=0.02, efficiency=0.5, dark_counts=2.0),
+    jl.FreeRunning(dead_time=1.0),
+]
+
+
+def at_least(pixel, count, light):
+    """Return P(N ≥ n) with 30 digits, as an integral of the density of n exponential times."""
+    rate = mp.mpf(pixel.efficiency) * light + mp.mpf(pixel.dark_counts)
+    rest = 1 - (count - 1) * mp.mpf(str(pixel.dead_time))
+    if count == 0:
+        return mp.mpf(1)
+    return mp.gammainc(count, 0, rate * rest, regularized=True) if rest > 0 else mp.mpf(0)
+
+
+@pytest.mark.parametrize("pixel", PIXELS)
+@pytest.mark.parametrize("light", [0.01, 1.0, 30.0])
+def test_probabilities_agree_with_mpmath(pixel, light):
+    for count in range(min(pixel.max_count, 20) + 1):
+        expected = at_least(pixel, count, light) - at_least(pixel, count + 1, light)
+        own = float(pixel.probability(count, light))
+        assert own == pytest.approx(float(expected), rel=1e-10, abs=1e-16)
+
+
+@pytest.mark.parametrize("pixel", PIXELS)
+def test_probabilities_sum_to_one_and_the_mean_is_theirs(pixel):
+    counts = np.arange(pixel.max_count + 1)
+    for light in (0.0, 0.5, 20.0, 1e4):
+        weights = pixel.probability(counts, light)
+        assert weights.sum() == pytest.approx(1)
+        assert pixel.mean(light) == pytest.approx(weights @ counts)
+
+
+def test_counts_are_those_of_a_process_of_photons():
+    # Photons one after another: a false alarm of the exact tests once in 10^6 seeds.
+    pixel, light, number = jl.FreeRunning(dead_time=0.15, dark_counts=1.0), 6.0, 40000
+    rng = np.random.default_rng(0)
+    counts = np.zeros(number, int)
+    for index in range(number):
+        time = rng.exponential(1 / 7.0)
+        while time < 1:
+            counts[index] += 1
+            time += 0.15 + rng.exponential(1 / 7.0)
+    for drawn in (counts, pixel.draw(np.full(number, light), rng=1)):
+        found = np.bincount(drawn, minlength=pixel.max_count + 1)
+        weights = pixel.probability(np.arange(pixel.max_count + 1), light)
+        low = stats.binom.cdf(found, number, weights)
+        high = stats.binom.sf(found - 1, number, weights)
+        assert np.minimum(low, high).min() > 1e-6 / 2 / len(found) / 2
+
+
+@pytest.mark.parametrize("pixel", PIXELS[:2])
+def test_the_maximum_is_that_of_brute_force(pixel):
+    for count in range(1, min(pixel.max_count - 1, 30)):
+        own = float(pixel.mle(count))
+        if own == 0:  # darker than the dark counts
+            assert pixel.probability(count, 0.0) > pixel.probability(count, 0.1)
+            continue
+
+        def cost(v, count=count):
+            return -np.log(pixel.probability(count, np.exp(v)))
+
+        middle = np.log(own)
+        found = optimize.minimize_scalar(
+            cost, bounds=(middle - 2, middle + 2), method="bounded", options={"xatol": 1e-10}
+        )
+        assert own == pytest.approx(np.exp(found.x), rel=1e-4)
+
+
+def test_saturation_and_no_counts_are_the_ends():
+    pixel = jl.FreeRunning(dead_time=0.3)
+    assert pixel.max_count == 4
+    assert pixel.mle([0, 4]).tolist() == [0, np.inf]
+    low, high = pixel.interval([0, 4])
+    assert low[0] == 0
+    assert high[1] == np.inf
+    assert pixel.draw(np.full(5, 1e12), rng=0).tolist() == [4] * 5
+    short = jl.FreeRunning(dead_time=1e-6)
+    np.testing.assert_allclose(short.mle([1, 100]), [1, 100], rtol=1e-3)
+
+
+@pytest.mark.parametrize("pixel", PIXELS)
+def test_the_coverage_of_the_interval_is_exact(pixel):
+    counts = np.arange(pixel.max_count + 1)
+    low, high = pixel.interval(counts, 0.9)
+    for light in np.geomspace(0.05, 200, 60):
+        covered = (low <= light) & (light <= high)
+        assert pixel.probability(counts, light) @ covered >= 0.9 - 1e-9
+
+
+@pytest.mark.parametrize("pixel", PIXELS[:2])
+def test_the_information_is_the_mean_of_the_squared_slope(pixel):
+    counts, step = np.arange(pixel.max_count + 1), 1e-5
+    for light in (0.5, 5.0, 40.0):
+        weights = pixel.probability(counts, light)
+        above, below = (pixel.probability(counts, light + way) for way in (step, -step))
+        usable = weights > 1e-9
+        expected = np.sum(((above - below) / 2 / step)[usable] ** 2 / weights[usable])
+        assert pixel.information(light) == pytest.approx(expected, rel=1e-3)
+
+
+def test_corrected_counts_have_little_bias_where_uncorrected_ones_are_far_off():
+    pixel = jl.FreeRunning(dead_time=0.01)
+    counts = pixel.draw(np.full(20000, 60.0), rng=0)
+    assert counts.mean() < 40
+    assert pixel.mle(counts).mean() == pytest.approx(60.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: jl.FreeRunning(dead_time=0.0), "dead_time: expected a number from 1e-06 to 1"),
+        (lambda: jl.FreeRunning(dead_time=2.0), "dead_time: expected a number from 1e-06 to 1"),
+        (lambda: jl.FreeRunning(dead_time=0.1, efficiency=0), "efficiency: expected a number"),
+        (lambda: PIXELS[0].mle([5]), "counts: expected whole numbers from 0 to 4"),
+        (lambda: PIXELS[0].mle([0.5]), "counts: expected whole numbers"),
+        (lambda: PIXELS[0].mean(-1.0), "light: expected photons per exposure, 0 or more"),
+        (lambda: PIXELS[0].interval([1], 0.2), "confidence_level: expected a number from 0.5"),
+    ],
+)
+def test_bad_input_is_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

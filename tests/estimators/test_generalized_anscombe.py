@@ -1,0 +1,77 @@
+"""The generalized Anscombe transform, its exact inverse, and the non-iterative method with it."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.estimators.generalized_anscombe import generalized_anscombe, transformed_mean
+from jotlight.sensing.multibit import ReadingLikelihood, reading_probability
+
+NONE = np.zeros((1, 0), np.int32)
+
+
+@pytest.mark.parametrize(("bit_depth", "noise"), [(8, 0.0), (8, 0.3), (8, 2.0)])
+def test_the_noise_is_one_half(bit_depth, noise):
+    # Well above 0 and below the largest reading, as for the transform of Poisson counts.
+    for rate in (10.0, 30.0):
+        readings = np.arange(2**bit_depth)
+        weights = reading_probability(readings, rate, bit_depth=bit_depth, read_noise=noise)
+        values = generalized_anscombe(readings, 1, noise).astype(float)
+        deviation = np.sqrt(weights @ values**2 - (weights @ values) ** 2)
+        assert deviation == pytest.approx(0.5, rel=0.02)
+
+
+@pytest.mark.parametrize(("bit_depth", "noise", "trials"), [(2, 0.3, 3), (4, 0.0, 2), (3, 0.5, 1)])
+def test_the_mean_is_that_of_all_outcomes(bit_depth, noise, trials):
+    jot = ReadingLikelihood((2**bit_depth - 1, noise, 1), NONE, False)
+    rates = np.array([0.0, 0.3, 2.0, 9.0])
+    readings = np.arange(2**bit_depth)
+    for rate, mean in zip(rates, transformed_mean(jot, trials, rates), strict=True):
+        weights = reading_probability(readings, rate, bit_depth=bit_depth, read_noise=noise)
+        expected = 0.0
+        for outcome in np.ndindex(*(2**bit_depth,) * trials):
+            probability = np.prod(weights[list(outcome)])
+            expected += probability * generalized_anscombe(sum(outcome), trials, noise)
+        assert mean == pytest.approx(expected, rel=1e-6)
+
+
+def test_long_totals_are_taken_as_normal():
+    jot = ReadingLikelihood((255, 0.3, 1), NONE, False)
+    rates = np.array([0.5, 20.0])
+    exact, normal = (transformed_mean(jot, trials, rates) for trials in (16, 17))
+    # One more reading changes little beyond the factor √(17/16).
+    np.testing.assert_allclose(normal / np.sqrt(17 / 16), exact, rtol=1e-2)
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        jl.Sensor(frames=4, gain=12.0, bit_depth=2, read_noise=0.3, max_intensity=2.0),
+        jl.Sensor(frames=4, gain=12.0, bit_depth=4, max_intensity=2.0),
+        jl.Sensor(frames=16, read_noise=0.3, max_intensity=2.0),
+    ],
+)
+def test_the_exact_inverse_has_no_bias(sensor):
+    # The mean of the transform over many pixels of the same intensity is inverted.
+    for intensity in (0.1, 0.7, 1.4):
+        data = sensor.expose(np.full((400, 400), intensity), rng=0)
+
+        def mean(z):
+            return np.full(z.shape, z.mean())
+
+        exact = jl.noniterative(data, denoiser=lambda z: mean(z))
+        assert exact.mean() == pytest.approx(intensity, rel=0.02)
+    algebraic = jl.noniterative(data, denoiser=lambda z: mean(z), inverse="algebraic")
+    assert abs(algebraic.mean() - intensity) > abs(exact.mean() - intensity)
+
+
+def test_pixels_that_differ_are_refused_and_merged():
+    dark = np.linspace(0, 0.5, 64).reshape(8, 8)
+    sensor = jl.Sensor(frames=4, bit_depth=3, dark_counts=dark)
+    readings = sensor.expose(np.full((8, 8), 0.5), rng=0)
+    with pytest.raises(ValueError, match=r"pixels that are alike.*merge_readings"):
+        jl.noniterative(readings)
+    assert jl.noniterative(jl.merge_readings(readings)).shape == (8, 8)
+    bracket = jl.Sensor(frames=2, gain=[1.0, 4.0], bit_depth=3)
+    with pytest.raises(ValueError, match="expected one gain and one threshold"):
+        jl.noniterative(bracket.expose(np.full((8, 8), 0.5), rng=0))
