@@ -150,7 +150,7 @@ def merge_along(
     if consistent is None:
         consistent = find_consistent(paths, is_still=motion.model == "none")
     accepted, threads = consistent.accepted, paths.blocks.threads
-    halves = without_saturation(consistent.before, consistent.after)
+    halves = without_saturation(consistent.before, consistent.after, threads)
     disagreements = disagreement(*halves, threads)
     flags = find_flags(consistent, disagreements, motion.labels)
     channels = [None] if burst.channels == 1 else list(range(burst.channels))

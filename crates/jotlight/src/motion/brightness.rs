@@ -6,12 +6,30 @@ use ndarray::ArrayView2;
 
 use super::count::Count;
 use super::filter::values;
+use super::sums::check_counts;
+use crate::error::Result;
 
 /// The number of sums that are computed together.
 const LANES: usize = 16;
 
 /// The range of the brightness.
 pub(super) const LIMITS: (f64, f64) = (0.1, 10.0);
+
+/// Return the ratio of the ones N to the number D p that a template `(H, W)` predicts, in sums over
+/// all pixels, from 0.1 to 10.
+///
+/// # Errors
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if counts are not
+/// possible.
+pub fn brightness_of<C: Count>(
+    ones: ArrayView2<'_, C>,
+    trials: ArrayView2<'_, C>,
+    probability: ArrayView2<'_, f32>,
+) -> Result<f32> {
+    check_counts(ones, trials, probability.dim())?;
+    let row = |row| values(probability.row(row));
+    Ok(brightness(ones, trials, row))
+}
 
 /// Return the ratio of the ones N to the number D p that a template predicts, in sums over all
 /// pixels.

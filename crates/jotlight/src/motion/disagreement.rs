@@ -58,7 +58,7 @@ pub fn disagreement<'a, C: Count>(
     if out.dim() != shape {
         return Err(Error::shape("output", shape, out.dim()));
     }
-    let brightness = relative_brightness(first, second);
+    let brightness = ratio_of_ones(first, second);
     let (disagreements, numbers) = out.view_mut().split_at(Axis(0), 1);
     let outs = [disagreements, numbers].map(|out| out.remove_axis(Axis(0)));
     let [mut disagreements, mut numbers] = outs;
@@ -75,8 +75,20 @@ pub fn disagreement<'a, C: Count>(
 }
 
 /// Return the ratio of the brightness of the first part to that of the second, where both have
-/// trials.
-fn relative_brightness<C: Count>(first: &Counts<'_, C>, second: &Counts<'_, C>) -> f32 {
+/// trials, from 0.1 to 10.
+///
+/// # Errors
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if counts are not
+/// possible.
+pub fn relative_brightness<C: Count>(first: &Counts<'_, C>, second: &Counts<'_, C>) -> Result<f32> {
+    let size = first.ones.dim();
+    check_counts(first.ones, first.trials, size)?;
+    check_counts(second.ones, second.trials, size)?;
+    Ok(ratio_of_ones(first, second))
+}
+
+/// Return what [`relative_brightness`] returns.
+fn ratio_of_ones<C: Count>(first: &Counts<'_, C>, second: &Counts<'_, C>) -> f32 {
     let sums: Vec<[f64; 2]> = (0..first.ones.nrows())
         .into_par_iter()
         .map(|row| {
