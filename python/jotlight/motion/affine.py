@@ -179,7 +179,7 @@ def against_others(equations: Equations, sums: Sums, template: Template) -> Equa
 
     The block itself is a share of the template, which makes its apparent error smaller.
     """
-    share = float(sums.trials.mean() / max(template.trials.mean(), 1e-9))
+    share = float(sums.trials.mean() / max(template.mean_trials, 1e-9))
     right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
     return Equations(equations.information, right)
 

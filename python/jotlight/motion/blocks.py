@@ -263,7 +263,7 @@ class Blocks:
         """Add the counts of some frames to sums, as :meth:`count` counts them."""
         fields = np.ascontiguousarray(fields, np.float32)
         if not fields.any():
-            self._add_unmoved(sums, frames)
+            self.add_unmoved(sums, frames)
             return
         for part, planes in self.burst.parts(frames, self.channel):
             index, fraction = locate(part, times)
@@ -289,7 +289,7 @@ class Blocks:
                         sums.remainders += target.remainders
         sums.frames += len(frames)
 
-    def _add_unmoved(self, sums: Sums, frames: range) -> None:
+    def add_unmoved(self, sums: Sums, frames: range) -> None:
         """Add the counts of frames that stand still."""
         for _, planes in self.burst.parts(frames, self.channel):
             for weight, packed in planes:

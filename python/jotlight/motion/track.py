@@ -19,7 +19,7 @@ _MAX_KEPT_BYTES = 1 << 28
 _BYTES_OF_SUMS, _BYTES_OF_JOTS = 8, 8
 """Bytes of the ones and trials of a pixel, and of what it has seen of jots that differ."""
 
-_NEAR = 0.3
+_NEAR = 0.5
 """Change of the displacements in pixels, up to which counts are corrected to first order."""
 
 
