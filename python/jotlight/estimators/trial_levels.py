@@ -26,12 +26,6 @@ From there on, the share of the next level rises. A denoiser that expects 10 % f
 there are is as good as the right one, but for 10 % more trials it loses up to 0.6 dB.
 """
 
-_WHOLE = 0.9
-"""Fraction of this way from which on the next level alone serves the trials: 3 % fewer than its own.
-
-So it alone serves the middle of a merged image, where few bits were left out.
-"""
-
 _NEIGHBORHOOD = 3.0
 """Standard deviation of the neighborhood in which noise is averaged, in pixels."""
 
@@ -70,8 +64,8 @@ def level_weights(
     --------
     >>> for level, weights in level_weights(np.array([8, 9, 10, 11])):
     ...     print(level, weights.round(2))
-    8 [1.  1.  0.5 0. ]
-    11 [0.  0.  0.5 1. ]
+    8 [1.  1.  0.6 0. ]
+    11 [0.  0.  0.4 1. ]
     """
     levels = level_range(float(trials.min()), float(trials.max()))
     if len(levels) == 1:
@@ -79,8 +73,7 @@ def level_weights(
         return
     logarithms = np.log2(levels)
     starts = logarithms[:-1] + _PLATEAU * np.diff(logarithms)
-    wholes = logarithms[:-1] + _WHOLE * np.diff(logarithms)
-    ends = np.stack([starts, wholes], axis=1)
+    ends = np.stack([starts, logarithms[1:]], axis=1)
     places = np.repeat(np.arange(len(levels)), 2)[1:-1]
     place = np.interp(np.log2(trials), ends.ravel(), places)
     for index, level in enumerate(levels):
