@@ -56,7 +56,7 @@ pub fn brightness(
     trials: PyCounts<'_>,
     probability: PyReadonlyArray2<'_, f32>,
     threads: Option<isize>,
-) -> PyResult<f32> {
+) -> PyResult<f64> {
     let probability = probability.as_array();
     for_counts!(ones, trials => {
         let (ones, trials) = (ones.as_array(), trials.as_array());
@@ -74,7 +74,7 @@ pub fn relative_brightness(
     other_ones: PyCounts<'_>,
     other_trials: PyCounts<'_>,
     threads: Option<isize>,
-) -> PyResult<f32> {
+) -> PyResult<f64> {
     for_counts!(ones, trials, other_ones, other_trials => {
         let (first, second) = (
             Counts {

@@ -245,10 +245,12 @@ def divide_by_steps(frames: int, step: int) -> npt.NDArray[np.intp]:
     >>> divide_by_steps(256, 32).tolist() == list(range(0, 257, 16))
     True
     """
-    number = min(len(divide(frames)) - 1, max(_MIN_BLOCKS, frames // _FRAMES_OF_BLOCK))
-    length = frames / number
+    most = len(divide(frames)) - 1
+    length = frames / min(most, max(_MIN_BLOCKS, frames // _FRAMES_OF_BLOCK))
     if step >= length:
         length = step / round(step / length)
+    elif step >= frames / most:
+        length = step
     # Unlike np.round, this rounds all halves upward, so that edges have the same distances.
     edges = np.floor(np.arange(0, frames - length / 2, length) + 0.5).astype(np.intp)
     return np.append(edges, frames)

@@ -237,6 +237,8 @@ def _sum_pixels(values: npt.NDArray[np.int32], side: int) -> npt.NDArray[np.int3
 
 def _mean_of_pixels(values: npt.NDArray[np.floating], weights: Map, side: int) -> Map:
     """Return the weighted means over the jots of each pixel, or the plain mean without weights."""
+    if side == 1:
+        return values.astype(np.float64)
     height, width = values.shape
     shape = height // side, side, width // side, side
     blocks, known = values.astype(np.float64).reshape(shape), weights.reshape(shape)
