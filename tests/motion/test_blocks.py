@@ -297,7 +297,7 @@ def test_sums_of_other_shapes_are_refused():
     with pytest.raises(ValueError, match="counts: expected"):
         small.add_accepted(large, test, 1, mask)
     with pytest.raises(ValueError, match="packed mask: expected"):
-        small.add_accepted(small, test, 1, mask[:, :1])
+        small.add_accepted(Sums.zeros((4, 9)), test, 1, mask[:, :1].copy())
 
 
 @pytest.mark.parametrize("channels", [None, 3])

@@ -31,7 +31,6 @@ def test_the_true_motion_gains_much_and_the_wrong_one_loses(photons):
     scene, bits = record("shake", photons=photons)
     blocks = blocks_of(bits)
     shifts = np.stack([scene.motion(time)[:, 0, 0] for time in blocks.centers])
-    none = still(blocks, scene.reference)
     gain = likelihood_gain(paths_of(blocks, shifts, scene.reference))
     # Most photons show the texture at places that differ by some pixels from those without motion.
     assert gain > 0.02 * bits.counts().sum()

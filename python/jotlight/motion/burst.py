@@ -51,8 +51,11 @@ class Burst:
             if part.step == 1:
                 yield part, self.read(part.start, part.stop, channel)
             elif self.is_in_memory:
-                all_planes = self.read(part[0], part[-1] + 1, channel)
-                yield part, [(weight, np.ascontiguousarray(packed[:: part.step])) for weight, packed in all_planes]
+                planes = self.read(part[0], part[-1] + 1, channel)
+                yield (
+                    part,
+                    [(weight, np.ascontiguousarray(each[:: part.step])) for weight, each in planes],
+                )
             else:
                 each = [self.read(frame, frame + 1, channel) for frame in part]
                 yield part, _join(each)

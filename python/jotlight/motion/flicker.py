@@ -40,9 +40,7 @@ def at_brightness(template: Template, sums: Sums) -> Template:
     return Template(changed, template.trials, template.threads)
 
 
-def without_saturation(
-    first: Sums, second: Sums, threads: int | None = None
-) -> tuple[Sums, Sums]:
+def without_saturation(first: Sums, second: Sums, threads: int | None = None) -> tuple[Sums, Sums]:
     """Return two sums whose ones have the same ratio in bright and in dark pixels.
 
     Only the sums with fewer ones are changed, to those that the light of the others predicts. The

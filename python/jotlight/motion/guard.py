@@ -1,6 +1,7 @@
 """A guard: where the motion is wrong, a short window without alignment may be better."""
 
 import dataclasses
+import math
 from typing import Self
 
 import numpy as np
@@ -84,9 +85,7 @@ def _halves(center: Sums) -> list[tuple[Numbers, Numbers]]:
     """Return the ones and trials of two random halves of the bits."""
     trials = (center.trials // 2).astype(np.int64)
     # The seed is fixed, so that results repeat.
-    ones = np.random.default_rng(0).hypergeometric(
-        center.ones, center.trials - center.ones, trials
-    )
+    ones = np.random.default_rng(0).hypergeometric(center.ones, center.trials - center.ones, trials)
     return [(ones, trials), (center.ones - ones, center.trials - trials)]
 
 
@@ -115,7 +114,7 @@ class _Fold:
 def _gain_of(window: Sums, folds: list[_Fold]) -> tuple[float, float]:
     """Return by how many nats a window is better than the merged counts, and the error."""
     gains = [_gain(fold.estimate_from(window), fold.merged, fold.held) for fold in folds]
-    return sum(gain for gain, _ in gains), float(np.hypot(*(error for _, error in gains)))
+    return sum(gain for gain, _ in gains), math.hypot(*(error for _, error in gains))
 
 
 def _longest_step(paths: Paths) -> float:

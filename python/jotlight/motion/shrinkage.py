@@ -45,7 +45,7 @@ def _inverse(matrix: Array) -> Array:
     determinant = a * c - b * b
     if determinant <= _SINGULAR * (a + c) ** 2:
         return np.asarray(np.linalg.pinv(matrix))
-    return np.array([[c, -b], [-b, a]]) / determinant
+    return np.asarray(np.array([[c, -b], [-b, a]]) / determinant)
 
 
 def shrinkage_factor(chi_squared: float, freedom: float) -> float:

@@ -26,6 +26,7 @@ The first one hardly changes counts: rounding displaces a bit by 0.3 pixels on a
 second one, equations about displacements account for the change to first order.
 """
 
+
 class Counted(Protocol):
     """A motion along which blocks can be counted."""
 
