@@ -131,15 +131,14 @@ fn test_band_inlined<C: Count>(
             .each_ref()
             .map(|large| [0, 3, 6].map(|k| large.row(index + k)));
         let mut out = out.row_mut(index);
-        match out.as_slice_mut() {
-            Some(out) => average(ratios, numbers, out),
-            None => {
-                let mut row = vec![0.0; width];
-                average(ratios, numbers, &mut row);
-                out.iter_mut()
-                    .zip(row)
-                    .for_each(|(out, value)| *out = value);
-            }
+        if let Some(out) = out.as_slice_mut() {
+            average(ratios, numbers, out);
+        } else {
+            let mut row = vec![0.0; width];
+            average(ratios, numbers, &mut row);
+            out.iter_mut()
+                .zip(row)
+                .for_each(|(out, value)| *out = value);
         }
     }
 }
