@@ -1,22 +1,24 @@
 """Compare the time of aligned images with that of the network that estimates them.
 
-    python benchmarks/speed/motion.py [--frames 1000 10000] [--rounds 3]
+    python benchmarks/speed/motion.py [--frames 1000 10000] [--rounds 3] [--processor]
 
 The frames have 256 x 512 jots, with 0.2 photons per jot and frame on average, and come from a
 camera that shakes. The table shows the best time of several rounds, and its ratio to that of the
 network "medium" for an image of this size: of the whole path from bits to an image, for bursts of
 different lengths, and of an image of a film with a window of 256 frames and a step of 16, whose
-motion is carried from the image before.
+motion is carried from the image before. With --processor, times are those of the processor for one
+thread, which depend less on other programs.
 """
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import partial
 
 import numpy as np
 
 import jotlight as jl
-from jotlight.motion.film import film
+from jotlight.motion.film import FilmImage, film
 
 SIZE = 256, 512
 WINDOW, STEP = 256, 16
@@ -28,20 +30,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--frames", nargs="+", type=int, default=[1000, 10_000])
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--processor", action="store_true")
     options = parser.parse_args()
+    clock, threads = (time.process_time, 1) if options.processor else (time.perf_counter, None)
     network = jl.pretrained(jl.Sensor())
+    reconstruct = partial(network.reconstruct, threads=threads)
     bursts = {frames: record(frames) for frames in options.frames}
     first = bursts[options.frames[0]]
     counts, sensor = first[:WINDOW].counts(), jl.Sensor(frames=WINDOW)
     jl.merge(first[:64])  # imports, and the file of the network
-    of_network = best(lambda: network.reconstruct(counts, sensor), 3 * options.rounds)
+    of_network = best(lambda: reconstruct(counts, sensor), 3 * options.rounds, clock)
     print("| case | s | ratio |")
     print("| --- | ---: | ---: |")
     print(f"| network | {of_network:.4f} | 1 |", flush=True)
     for frames, bits in bursts.items():
-        seconds = best(lambda bits=bits: network.reconstruct(jl.merge(bits)), options.rounds)
+        run = partial(lambda bits: reconstruct(jl.merge(bits, threads=threads)), bits)
+        seconds = best(run, options.rounds, clock)
         print(f"| {frames:,} frames | {seconds:.3f} | {seconds / of_network:.0f} |", flush=True)
-    seconds = time_of_film(first, network)
+    images = film(first[: WINDOW + FILM_IMAGES * STEP], window=WINDOW, step=STEP, threads=threads)
+    seconds = time_of_film(images, reconstruct, clock)
     print(f"| image of a film | {seconds:.3f} | {seconds / of_network:.0f} |")
 
 
@@ -58,24 +65,27 @@ def record(frames: int) -> jl.Bits:
     return jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
 
 
-def best(run: Callable[[], object], rounds: int) -> float:
+def best(run: Callable[[], object], rounds: int, clock: Callable[[], float]) -> float:
     """Return the best time in seconds."""
     times = []
     for _ in range(rounds):
-        start = time.perf_counter()
+        start = clock()
         run()
-        times.append(time.perf_counter() - start)
+        times.append(clock() - start)
     return min(times)
 
 
-def time_of_film(bits: jl.Bits, network: jl.Network) -> float:
+def time_of_film(
+    images: Iterable[FilmImage],
+    reconstruct: Callable[[jl.Merged], object],
+    clock: Callable[[], float],
+) -> float:
     """Return the best time of an image whose motion is carried, in seconds."""
-    images = film(bits[: WINDOW + FILM_IMAGES * STEP], window=WINDOW, step=STEP)
     times = []
-    start = time.perf_counter()
+    start = clock()
     for image in images:
-        network.reconstruct(image.merged)
-        now = time.perf_counter()
+        reconstruct(image.merged)
+        now = clock()
         if image.is_carried:
             times.append(now - start)
         start = now

@@ -10,14 +10,18 @@ __all__ = [
     "__version__",
     "activate",
     "activate_backward",
+    "add_accepted",
     "add_block_counts",
+    "add_counts",
     "add_counts_of_blocks",
     "add_shifted_counts",
     "add_shifted_values",
     "anscombe",
     "blur",
+    "brightness",
     "chi_squared",
     "choose_cpu_level",
+    "cost_of_curve",
     "cpu_level",
     "cpu_levels",
     "detection_probability",
@@ -60,9 +64,11 @@ __all__ = [
     "readings_log_likelihood",
     "readings_log_probability",
     "readings_moments",
+    "relative_brightness",
     "reverse_bytes",
     "set_positions",
     "shrink",
+    "smooth_curve",
     "solve_field",
     "spread_adjoint",
     "spread_forward",
@@ -190,6 +196,40 @@ def chi_squared(
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
+def add_counts(
+    parts: list[npt.NDArray[np.int32]], out: npt.NDArray[np.int32], threads: int | None
+) -> None: ...
+def add_accepted(
+    test: npt.NDArray[np.float32],
+    limit: float,
+    ones: npt.NDArray[np.int32],
+    trials: npt.NDArray[np.int32],
+    total_ones: npt.NDArray[np.int32],
+    total_trials: npt.NDArray[np.int32],
+    mask: npt.NDArray[np.uint8],
+    threads: int | None,
+) -> None: ...
+def brightness(
+    ones: _Counts, trials: _Counts, probability: npt.NDArray[np.float32], threads: int | None
+) -> float: ...
+def relative_brightness(
+    ones: _Counts,
+    trials: _Counts,
+    other_ones: _Counts,
+    other_trials: _Counts,
+    threads: int | None,
+) -> float: ...
+def smooth_curve(
+    estimates: npt.NDArray[np.float64],
+    information: npt.NDArray[np.float64],
+    ratios: npt.NDArray[np.float64],
+) -> npt.NDArray[np.float64]: ...
+def cost_of_curve(
+    estimates: npt.NDArray[np.float64],
+    information: npt.NDArray[np.float64],
+    ratios: npt.NDArray[np.float64],
+    weights: list[float],
+) -> tuple[float, npt.NDArray[np.float64]]: ...
 def blur(
     images: npt.NDArray[np.float32],
     sigma: float,

@@ -2,7 +2,7 @@
 
 import sys
 import threading
-import time
+import zlib
 
 import numpy as np
 import pytest
@@ -23,14 +23,18 @@ CALLS = {
 
 @pytest.fixture
 def ticks():
-    """Count how often another thread gets the GIL, which nothing but the engine may release."""
+    """Count how often another thread gets the GIL, which nothing but the engine may release.
+
+    The checksum of a buffer of this size offers the GIL, and takes a few microseconds. Sleep would
+    take at least 50.
+    """
     interval = sys.getswitchinterval()
-    count, stop = [0], threading.Event()
+    count, stop, buffer = [0], threading.Event(), bytes(8192)
 
     def tick():
         while not stop.is_set():
             count[0] += 1
-            time.sleep(1e-4)
+            zlib.crc32(buffer)
 
     thread = threading.Thread(target=tick)
     sys.setswitchinterval(1000)

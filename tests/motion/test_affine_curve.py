@@ -2,10 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
-from jotlight.motion.affine_curve import _MODES, _TERMS, _Problem, smooth_affine
+from jotlight import _engine as engine
+from jotlight.motion.affine_curve import _MODES, ratios_of_differences, smooth_affine
 
 NUMBER = 12
+
+TERMS = (slice(0, 2), 3), (slice(2, 4), 1), (slice(2, 4), 3), (slice(4, 6), 1)
+"""Modes and orders of their differences: translations, zoom and rotation, and shears."""
 
 
 def matrices(rng, number=NUMBER):
@@ -19,7 +24,7 @@ def dense_matrices(information, weights):
     full = np.zeros((number, 6, number, 6))
     full[range(number), :, range(number)] = information
     prior = np.zeros_like(full)
-    for weight, (modes, order) in zip(weights, _TERMS, strict=True):
+    for weight, (modes, order) in zip(weights, TERMS, strict=True):
         differences = np.diff(np.eye(number), order, axis=0)
         for mode in range(6)[modes]:
             prior[:, mode, :, mode] += np.exp(weight) * differences.T @ differences
@@ -31,10 +36,10 @@ def dense_matrices(information, weights):
 def test_curves_and_their_costs_are_those_of_full_matrices(seed):
     rng = np.random.default_rng(seed)
     information, estimates = matrices(rng), rng.normal(size=(NUMBER, 6))
-    problem = _Problem.of(estimates, information)
+    ratios = ratios_of_differences(NUMBER)
     costs, expected = [], []
-    for weights in rng.uniform(-4, 4, (3, len(_TERMS))):
-        cost, curve = problem.solve(tuple(weights))
+    for weights in rng.uniform(-4, 4, (3, len(TERMS))):
+        cost, curve = engine.cost_of_curve(estimates, information, ratios, weights.tolist())
         full, prior = dense_matrices(information, weights)
         slow = np.linalg.solve(full + prior, full @ estimates.ravel())
         np.testing.assert_allclose(curve.ravel(), slow, atol=1e-4)
@@ -47,6 +52,43 @@ def test_curves_and_their_costs_are_those_of_full_matrices(seed):
         squared = estimates.ravel() @ np.linalg.solve(covariance, estimates.ravel())
         expected.append(squared + np.linalg.slogdet(covariance)[1])
     np.testing.assert_allclose(np.diff(costs), np.diff(expected), rtol=1e-3, atol=1e-2)
+
+
+@pytest.mark.parametrize("number", [5, 9])
+def test_weights_are_those_that_make_the_estimates_most_probable(number):
+    """A search in smaller steps finds hardly better weights."""
+    rng = np.random.default_rng(number)
+    information = 4 * matrices(rng, number)
+    estimates = np.cumsum(rng.normal(size=(number, 6)), axis=0)
+    ratios = ratios_of_differences(number)
+
+    def cost(weights):
+        return engine.cost_of_curve(estimates, information, ratios, list(weights))
+
+    curve = engine.smooth_curve(estimates, information, ratios)
+    found = minimize(lambda w: cost(np.clip(w, -16, 16))[0], np.zeros(4), method="Nelder-Mead")
+    near = np.clip(np.rint(2 * found.x) / 2, -16, 16)
+    candidates = [near + 0.5 * np.array(step) for step in np.ndindex(3, 3, 3, 3)]
+    curves = [cost(np.clip(each - 0.5, -16, 16)) for each in candidates]
+    chosen = min(curves, key=lambda pair: abs(pair[1] - curve).max())
+    np.testing.assert_allclose(curve, chosen[1], atol=1e-4)
+    assert chosen[0] <= found.fun + 0.5
+
+
+@pytest.mark.parametrize(
+    ("estimates", "information", "ratios", "message"),
+    [
+        (np.zeros((3, 6)), np.zeros((3, 6, 6)), np.zeros(2), "blocks: expected more than three"),
+        (np.zeros((5, 5)), np.zeros((5, 6, 6)), np.zeros(4), "estimates: expected"),
+        (np.zeros((5, 6)), np.zeros((5, 6, 5)), np.zeros(4), "information: expected"),
+        (np.zeros((5, 6)), np.zeros((5, 6, 6)), np.zeros(5), "ratios: expected"),
+        (np.full((5, 6), np.nan), np.zeros((5, 6, 6)), np.zeros(4), "finite numbers"),
+        (np.zeros((5, 6)), np.full((5, 6, 6), -1.0), np.zeros(4), "positive matrices"),
+    ],
+)
+def test_bad_input_is_refused(estimates, information, ratios, message):
+    with pytest.raises(ValueError, match=message):
+        engine.smooth_curve(estimates, information, ratios)
 
 
 def test_modes_are_translations_zoom_rotation_and_shears():

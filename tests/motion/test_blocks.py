@@ -265,6 +265,41 @@ def test_masked_sums_have_no_trials_elsewhere():
     np.testing.assert_array_equal(sums.masked(kept).trials, np.where(kept, 6, 0))
 
 
+@pytest.mark.parametrize("threads", [1, None])
+@pytest.mark.parametrize("size", [(1, 1), (20, 30), (70, 129)])
+def test_accepted_pixels_are_added(size, threads):
+    rng = np.random.default_rng(10)
+    parts = [Sums.zeros(size) for _ in range(3)]
+    for part in parts:
+        part.trials = rng.integers(0, 100, size, np.int32)
+        part.ones = rng.integers(0, part.trials + 1).astype(np.int32)
+        part.remainders += rng.normal(size=part.remainders.shape).astype(np.float32)
+        part.frames = 100
+    total = Sums.total(iter(parts))
+    for name in ("ones", "trials", "frames"):
+        expected = sum(getattr(part, name) for part in parts)
+        np.testing.assert_array_equal(getattr(total, name), expected)
+    before, test = parts[0] + parts[1], rng.random(size).astype(np.float32)
+    mask = np.full((size[0], -(-size[1] // 8)), 7, np.uint8)
+    total.add_accepted(before, test, 0.4, mask, threads)
+    kept = before.masked(test < np.float32(0.4))
+    np.testing.assert_array_equal(mask, np.packbits(test < np.float32(0.4), axis=1))
+    np.testing.assert_array_equal(total.ones, sum(part.ones for part in parts) + kept.ones)
+    np.testing.assert_array_equal(total.trials, sum(part.trials for part in parts) + kept.trials)
+    assert total.frames == 500
+
+
+def test_sums_of_other_shapes_are_refused():
+    small, large = Sums.zeros((4, 9)), Sums.zeros((4, 10))
+    test, mask = np.zeros((4, 9), np.float32), np.zeros((4, 2), np.uint8)
+    with pytest.raises(ValueError, match="counts: expected"):
+        engine.add_counts([large.ones], small.ones, None)
+    with pytest.raises(ValueError, match="counts: expected"):
+        small.add_accepted(large, test, 1, mask)
+    with pytest.raises(ValueError, match="packed mask: expected"):
+        small.add_accepted(Sums.zeros((4, 9)), test, 1, mask[:, :1].copy())
+
+
 @pytest.mark.parametrize("channels", [None, 3])
 def test_counts_and_colors_have_the_sums_of_their_binary_readings(channels):
     """A count of n out of 255 is a pixel of 255 binary frames with n ones."""

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from jotlight import _engine as engine
 from jotlight.motion.blocks import Sums
 from jotlight.motion.consistency import chi_squared, disagreement
 from jotlight.motion.flicker import at_brightness, light_factor, without_saturation
@@ -84,3 +85,41 @@ def test_factors_are_finite_for_all_ratios(ratio):
     p = template().probability
     for trials in (np.zeros(SIZE, np.int32), np.full(SIZE, 7, np.int32)):
         assert np.isfinite(light_factor(p, trials, ratio))
+
+
+def counts_of(seed, trials, size=(37, 45)):
+    """Return random counts, of which some pixels have no trials."""
+    rng = np.random.default_rng(seed)
+    number = (trials * (rng.random(size) < 0.8)).astype(np.int32)
+    return rng.binomial(number, 0.3).astype(np.int32), number
+
+
+@pytest.mark.parametrize("dtype", [np.int32, np.float32])
+def test_brightness_is_the_ratio_of_the_ones(dtype):
+    ones, trials = (each.astype(dtype) for each in counts_of(0, 9))
+    p = np.random.default_rng(1).uniform(0.1, 0.9, ones.shape).astype(np.float32)
+    expected = ones.sum() / (trials * p.astype(float)).sum()
+    assert engine.brightness(ones, trials, p, None) == pytest.approx(expected, rel=1e-6)
+    nothing = np.zeros_like(ones)
+    assert engine.brightness(nothing, nothing, p, 1) == 1
+    assert engine.brightness(nothing, trials, p, 1) == 0.1
+
+
+@pytest.mark.parametrize("dtype", [np.int32, np.float32])
+def test_relative_brightness_is_that_where_both_parts_have_trials(dtype):
+    first, second = counts_of(2, 20), counts_of(3, 7)
+    both = (first[1] > 0) & (second[1] > 0)
+    ones = (first[0] / np.maximum(first[1], 1) * second[1])[both].sum()
+    found = engine.relative_brightness(*(each.astype(dtype) for each in (*first, *second)), None)
+    assert found == pytest.approx(ones / second[0][both].sum(), rel=1e-9)
+
+
+def test_counts_that_are_not_possible_are_refused():
+    ones, trials = counts_of(4, 5)
+    p = np.full(ones.shape, 0.5, np.float32)
+    with pytest.raises(ValueError, match="numbers of ones"):
+        engine.brightness(trials + 1, trials, p, None)
+    with pytest.raises(ValueError, match="numbers of ones"):
+        engine.relative_brightness(ones, trials, trials + 1, trials, None)
+    with pytest.raises(TypeError, match="all int32 or all float32"):
+        engine.brightness(ones, trials.astype(np.float32), p, None)

@@ -97,7 +97,7 @@ def test_the_division_that_gains_most_is_chosen_unless_the_first_is_clear(
 
     monkeypatch.setattr(model, "find_segments", lambda *_: [0, 1])
     monkeypatch.setattr(model, "_explain", explain)
-    monkeypatch.setattr(model, "_gain_over", lambda _, found: gains[explained[-1]])
+    monkeypatch.setattr(model, "_gain_over_rest", lambda found: gains[explained[-1]])
     found = find_paths(blocks, 8, "auto", lambda _: None)
     assert len(explained) == tried
     assert found.model == ("none" if chosen is None else "affine")

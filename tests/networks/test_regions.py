@@ -32,11 +32,18 @@ def test_a_border_has_four_regions():
     needed = np.zeros((320, 320), bool)
     needed[:5] = needed[-5:] = needed[:, :5] = needed[:, -5:] = True
     assert cover(needed, 8) == [
-        (slice(0, 32), slice(0, 320)),
-        (slice(32, 288), slice(0, 32)),
-        (slice(32, 288), slice(288, 320)),
-        (slice(288, 320), slice(0, 320)),
+        (slice(0, 8), slice(0, 320)),
+        (slice(8, 312), slice(0, 8)),
+        (slice(8, 312), slice(312, 320)),
+        (slice(312, 320), slice(0, 320)),
     ]
+
+
+def test_scattered_pixels_share_large_cells():
+    """Small cells would have more halos."""
+    needed = np.zeros((320, 320), bool)
+    needed[:64:16, :64:16] = True
+    assert cover(needed, 8) == [(slice(0, 64), slice(0, 64))]
 
 
 def test_a_halo_ends_at_the_border_of_the_image():

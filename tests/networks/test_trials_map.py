@@ -63,14 +63,17 @@ def test_a_level_that_only_a_corner_needs_runs_there(monkeypatch):
 
     monkeypatch.setattr(NETWORK, "denoise_probabilities", spy)
     found = denoise_map(NETWORK, ones, trials_map)
-    assert areas[8] == 56 * 56
+    # The corner is 24 pixels wide, with half of the receptive field around it.
+    assert areas[8] == (24 + NETWORK.halo // 2) ** 2
     assert areas[64] == IMAGE.size
     monkeypatch.undo()
-    # The result is the same as if each level ran everywhere.
+    # The result is nearly the same as if each level ran everywhere.
     weights = level_weights(local_trials(trials_map))
     fraction = ones / trials_map
     expected = sum(w * NETWORK.denoise_probability(fraction, level) for level, w in weights)
-    np.testing.assert_allclose(found, np.clip(expected, 0, 1), atol=1e-6)
+    difference = found - np.clip(expected, 0, 1)
+    assert abs(difference).max() < 2e-3
+    assert np.sqrt(np.mean(difference**2)) < 1e-4
 
 
 def test_pixels_without_trials_get_the_value_of_their_neighbors():

@@ -11,6 +11,7 @@ mod joint;
 mod likelihood;
 mod mle;
 mod motion;
+mod motion_sums;
 mod multibit;
 mod network;
 mod sensing;
@@ -50,6 +51,10 @@ mod _engine {
         FilteredTemplate, add_shifted_counts, add_shifted_values, blur, chi_squared, disagreement,
         displacement_equations, fit_affine, peak_of_shifted_scores, solve_field, undo_remainders,
         velocity_scores,
+    };
+    #[pymodule_export]
+    use super::motion_sums::{
+        add_accepted, add_counts, brightness, cost_of_curve, relative_brightness, smooth_curve,
     };
     #[pymodule_export]
     use super::multibit::{

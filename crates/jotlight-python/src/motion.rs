@@ -33,6 +33,8 @@ macro_rules! for_counts {
     };
 }
 
+pub(crate) use for_counts;
+
 /// Add values of the jots along a motion to `out`. The motion is that of [`add_shifted_counts`].
 #[pyfunction]
 #[pyo3(signature = (values, fields, tile, times, out, threads))]

@@ -65,7 +65,7 @@ def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
         total = total + track.nearby_sums(block)
         if is_renewed(number) and number < len(order):
             template = make_template(total, blocks.threads)
-            weights = segment.weights * agreement(track, template)
+            weights = segment.weights * agreement(sums_of_groups(track), template)
     _align_together(track, segment.weights)
     return track
 
@@ -75,8 +75,8 @@ def _align_together(track: Track, weights: Array) -> None:
 
     def step(sigma: float) -> float:
         # Wide filters do not show the details that the larger network adds.
-        template = template_of(track, PRECISE if sigma <= SIGMAS[-1] else FAST)
-        return improve_together(track, weights, sigma, template)
+        size = PRECISE if sigma <= SIGMAS[-1] else FAST
+        return improve_together(track, weights, sigma, size=size)
 
     first, *others = _JOINT_SIGMAS
     if step(first) > _LONG:
@@ -136,16 +136,22 @@ def improve(track: Track, block: int, template: Template, sigma: float, weights:
 
 
 def improve_together(
-    track: Track, weights: Array, sigma: float = 1.0, template: Template | None = None
+    track: Track,
+    weights: Array,
+    sigma: float = 1.0,
+    template: Template | None = None,
+    size: str = PRECISE,
 ) -> float:
-    """Update all blocks against a template, that of all of them, as a smooth curve in time.
+    """Update all blocks against a template as a smooth curve in time.
 
-    Return the root-mean-square length of the steps.
+    Without a template, a network of a size makes that of all known blocks. Return the
+    root-mean-square length of the steps.
     """
     number = len(track.nodes)
+    groups = sums_of_groups(track)
     if template is None:
-        template = template_of(track, PRECISE)
-    weights = weights * agreement(track, template)
+        template = make_template(Sums.total(groups), track.blocks.threads, size)
+    weights = weights * agreement(groups, template)
     shape = tile_counts(track.blocks.size)
     basis, to_parameters = affine_basis(shape), affine_inverse(shape)
     parameters, matrices = np.empty((number, 6)), np.empty((number, 6, 6))
@@ -173,24 +179,28 @@ def against_others(equations: Equations, sums: Sums, template: Template) -> Equa
 
     The block itself is a share of the template, which makes its apparent error smaller.
     """
-    share = float(sums.trials.mean() / max(template.trials.mean(), 1e-9))
+    share = float(sums.trials.mean() / max(template.mean_trials, 1e-9))
     right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
     return Equations(equations.information, right)
 
 
-def agreement(track: Track, template: Template) -> Array:
-    """Return weights of tiles, (rows, columns): 1 where the blocks agree with the template.
-
-    Objects that hide parts of a segment for some time would draw its motion away. So the weight
-    tends to 0 where χ² is large.
-    """
+def sums_of_groups(track: Track) -> list[Sums]:
+    """Return the sums of groups of successive blocks that are known."""
     groups = np.array_split(np.flatnonzero(track.known), _GROUPS)
-    sums = [
+    return [
         Sums.total(track.nearby_sums(int(block)) for block in group)
         for group in groups
         if len(group)
     ]
-    excess = np.mean([mean_tiles(chi_squared(each, template)) - 1 for each in sums], axis=0)
+
+
+def agreement(groups: list[Sums], template: Template) -> Array:
+    """Return weights of tiles, (rows, columns): 1 where groups of blocks agree with the template.
+
+    Objects that hide parts of a segment for some time would draw its motion away. So the weight
+    tends to 0 where χ² is large.
+    """
+    excess = np.mean([mean_tiles(chi_squared(each, template)) - 1 for each in groups], axis=0)
     usual = max(_MAX_EXCESS, float(np.median(excess)))
     return np.asarray(1 / (1 + (np.maximum(excess, 0) / usual) ** 2))
 

@@ -25,6 +25,9 @@ Times = Sequence[float] | npt.NDArray[np.float64]
 _REMAINDER_PIXELS = 16
 """Number of pixels of a row for which the engine returns one remainder."""
 
+_BYTES_AT_ONCE = 1 << 23
+"""Number of bytes of sums that are added together. They fit into the cache."""
+
 _SAMPLES_PER_PIXEL = 4
 """Number of frames, per pixel of a motion, in which it is looked up which jots pixels see."""
 
@@ -60,12 +63,22 @@ class Sums:
 
     @classmethod
     def total(cls, parts: Iterable["Sums"]) -> "Sums":
-        """Return the sum of one or more sums. A generator of them holds only one at a time."""
+        """Return the sum of one or more sums.
+
+        A generator of them holds only a few at a time.
+        """
         parts = iter(parts)
         first = next(parts)
         total = cls.zeros((first.ones.shape[0], first.ones.shape[1]))
-        for part in itertools.chain([first], parts):
-            total += part
+        number = max(1, _BYTES_AT_ONCE // max(1, first.ones.nbytes + first.trials.nbytes))
+        parts = itertools.chain([first], parts)
+        while few := list(itertools.islice(parts, number)):
+            engine.add_counts([part.ones for part in few], total.ones, 1)
+            engine.add_counts([part.trials for part in few], total.trials, 1)
+            for part in few:
+                total.remainders += part.remainders
+                total.frames += part.frames
+                total.jots = _add(total.jots, part.jots)
         return total
 
     @classmethod
@@ -122,6 +135,26 @@ class Sums:
         rest = self.trials - trials
         jots = None if self.jots is None else self.jots * (rest / np.maximum(self.trials, 1))
         return dataclasses.replace(self, ones=self.ones - ones, trials=rest, jots=jots)
+
+    def add_accepted(
+        self,
+        other: "Sums",
+        test: npt.NDArray[np.float32],
+        limit: float,
+        mask: npt.NDArray[np.uint8],
+        threads: int | None = None,
+    ) -> None:
+        """Add the counts of pixels whose value in a test (H, W) is below a limit.
+
+        These pixels are written into the packed mask, (H, ceil(W / 8)).
+        """
+        engine.add_accepted(
+            test, limit, other.ones, other.trials, self.ones, self.trials, mask, threads
+        )
+        self.remainders += other.remainders
+        self.frames += other.frames
+        if other.jots is not None:
+            self.jots = _add(self.jots, other.jots * (test < limit))
 
     def masked(self, pixels: npt.NDArray[np.bool_]) -> "Sums":
         """Return the sums of some pixels (H, W), and 0 for the others."""
@@ -230,7 +263,7 @@ class Blocks:
         """Add the counts of some frames to sums, as :meth:`count` counts them."""
         fields = np.ascontiguousarray(fields, np.float32)
         if not fields.any():
-            self._add_unmoved(sums, frames)
+            self.add_unmoved(sums, frames)
             return
         for part, planes in self.burst.parts(frames, self.channel):
             index, fraction = locate(part, times)
@@ -256,7 +289,7 @@ class Blocks:
                         sums.remainders += target.remainders
         sums.frames += len(frames)
 
-    def _add_unmoved(self, sums: Sums, frames: range) -> None:
+    def add_unmoved(self, sums: Sums, frames: range) -> None:
         """Add the counts of frames that stand still."""
         for _, planes in self.burst.parts(frames, self.channel):
             for weight, packed in planes:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import channel_views
-from jotlight.sensing.frames import read_frames
+from jotlight.sensing.frames import Frames, read_frames
 
 Planes = list[tuple[int, npt.NDArray[np.uint8]]]
 """Weights, each with packed bits of weight 1 (T, H, ceil(W / 8)). Their weighted sum are counts."""
@@ -37,6 +37,8 @@ class Burst:
     """Bytes of a frame."""
     read: Callable[[int, int, int | None], Planes]
     """A function of the first frame, the end, and a channel or None. It returns their planes."""
+    is_in_memory: bool = False
+    """Whether reading all frames takes no more time than reading some."""
 
     def __len__(self) -> int:
         return self.frames
@@ -48,6 +50,12 @@ class Burst:
             part = frames[first : first + length]
             if part.step == 1:
                 yield part, self.read(part.start, part.stop, channel)
+            elif self.is_in_memory:
+                planes = self.read(part[0], part[-1] + 1, channel)
+                yield (
+                    part,
+                    [(weight, np.ascontiguousarray(each[:: part.step])) for weight, each in planes],
+                )
             else:
                 each = [self.read(frame, frame + 1, channel) for frame in part]
                 yield part, _join(each)
@@ -119,7 +127,8 @@ def _burst_of_bits(bits: Bits) -> Burst:
 
     number = channels[0] if channels else 1
     frame_bytes = max(1, bits.packed.nbytes // frames)
-    return Burst(frames, (height, width), number, number, frame_bytes, read)
+    is_in_memory = not channels and not isinstance(bits.packed, Frames)
+    return Burst(frames, (height, width), number, number, frame_bytes, read, is_in_memory)
 
 
 def _burst_of_counts(stack: CountStack, given: int | None) -> Burst:

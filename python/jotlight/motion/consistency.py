@@ -155,10 +155,10 @@ def find_consistent(
     max_chi_squared, max_disagreement = _LIMITS_IF_STILL if is_still else _LIMITS
     order = [int(block) for block in from_center(motion)]
     is_after = motion.blocks.centers > motion.reference
-    size = motion.blocks.size
+    size, threads = motion.blocks.size, motion.blocks.threads
     masks = np.packbits(np.ones((len(order), *size), bool), axis=2)
     sides = [Sums.zeros(size), Sums.zeros(size)]
-    available = np.zeros(size, np.int64)
+    available = np.zeros(size, np.int32)
     for block in order[:_FIRST_RING]:
         sums = motion.sums(block)
         available += sums.trials
@@ -168,20 +168,19 @@ def find_consistent(
         ring = order[start : 2 * start]
         nearer = sides[0] + sides[1]
         is_last = 2 * start >= len(order)
-        template = make_template(nearer, motion.blocks.threads, network if is_last else FAST)
+        template = make_template(nearer, threads, network if is_last else FAST)
         for side in (0, 1):
             blocks = [block for block in ring if is_after[block] == side]
             total = Sums.zeros(size)
             for block, sums, pooled in _pool(motion, blocks, is_after == bool(side)):
                 pooled = equivalent_sums(pooled, template.probability)
-                accepted = chi_squared(pooled, at_brightness(template, pooled)) < max_chi_squared
+                test = chi_squared(pooled, at_brightness(template, pooled))
                 available += sums.trials
-                total += sums.masked(accepted)
-                masks[block] = np.packbits(accepted, axis=1)
-            parts = without_saturation(nearer, total)
-            agrees = disagreement(*parts, motion.blocks.threads) < max_disagreement
-            sides[side] += total.masked(agrees)
-            masks[blocks] &= np.packbits(agrees, axis=1)
+                total.add_accepted(sums, test, max_chi_squared, masks[block], threads)
+            test = disagreement(*without_saturation(nearer, total, threads), threads)
+            agrees = np.empty_like(masks[0])
+            sides[side].add_accepted(total, test, max_disagreement, agrees, threads)
+            masks[blocks] &= agrees
         start *= 2
     trials = sides[0].trials + sides[1].trials
     share = np.asarray(trials / np.maximum(available, 1), np.float32)
@@ -200,4 +199,4 @@ def _pool(
             if 0 <= other < len(on_side) and on_side[other]
         ]
         counted = {other: counted.get(other) or motion.sums(other) for other in near}
-        yield block, counted[block], Sums.total(list(counted.values()))
+        yield block, counted[block], Sums.total(counted.values())

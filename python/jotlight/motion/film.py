@@ -37,6 +37,10 @@ _MIN_OVERLAP = 0.75
 _MAX_LOSS = 0.03
 """The motion is estimated afresh if the fraction of accepted bits falls by more than this."""
 
+_MIN_BLOCKS, _FRAMES_OF_BLOCK = 16, 16
+"""Windows to which a motion is carried have fewer blocks than others, because it is known already:
+16 or more, and blocks of 16 frames."""
+
 _MIN_FRACTION = 0.5
 """Minimum fraction of a tile that a segment covers, for the tile to improve its motion."""
 
@@ -228,19 +232,25 @@ def _stays_in_view(paths: Paths) -> bool:
 
 
 def divide_by_steps(frames: int, step: int) -> npt.NDArray[np.intp]:
-    """Return the edges of blocks like those of :func:`jotlight.motion.model.divide`.
+    """Return the edges of the blocks of a window.
 
-    If the step has a block or more, it has a whole number of blocks, so that successive windows
-    share blocks.
+    Blocks have 16 frames, but there are 16 blocks or more. From 512 frames on, there are as many as
+    those of :func:`jotlight.motion.model.divide`. If the step has a block or more, it has a whole
+    number of blocks, so that successive windows share blocks.
 
     Examples
     --------
     >>> divide_by_steps(64, 10).tolist()
     [0, 5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 64]
+    >>> divide_by_steps(256, 32).tolist() == list(range(0, 257, 16))
+    True
     """
-    length = frames / (len(divide(frames)) - 1)
+    most = len(divide(frames)) - 1
+    length = frames / min(most, max(_MIN_BLOCKS, frames // _FRAMES_OF_BLOCK))
     if step >= length:
         length = step / round(step / length)
+    elif step >= frames / most:
+        length = step
     # Unlike np.round, this rounds all halves upward, so that edges have the same distances.
     edges = np.floor(np.arange(0, frames - length / 2, length) + 0.5).astype(np.intp)
     return np.append(edges, frames)

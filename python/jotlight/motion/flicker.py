@@ -9,6 +9,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.motion.blocks import Sums
 from jotlight.motion.scoring import Template
 
@@ -32,33 +33,27 @@ _MIN_PROBABILITY = 1e-4
 def at_brightness(template: Template, sums: Sums) -> Template:
     """Return the template as it would be in the light of a block of frames."""
     p = template.probability
-    expected = float(np.vdot(sums.trials.astype(np.float32), p))
-    ratio = float(sums.ones.sum()) / max(expected, 1e-9)
+    ratio = engine.brightness(sums.ones, sums.trials, p, template.threads)
     if not _is_change(ratio, _MIN_CHANGE_OF_BLOCK):
         return template
     changed = _with_factor(p, light_factor(p, sums.trials, ratio))
     return Template(changed, template.trials, template.threads)
 
 
-def without_saturation(first: Sums, second: Sums) -> tuple[Sums, Sums]:
+def without_saturation(first: Sums, second: Sums, threads: int | None = None) -> tuple[Sums, Sums]:
     """Return two sums whose ones have the same ratio in bright and in dark pixels.
 
     Only the sums with fewer ones are changed, to those that the light of the others predicts. The
     numbers are rounded, so nothing changes where the pixels are far from saturation.
     """
-    ratio = _ratio(first, second)
+    ratio = engine.relative_brightness(
+        first.ones, first.trials, second.ones, second.trials, threads
+    )
     if not _is_change(ratio, _MIN_CHANGE_OF_HALF):
         return first, second
     if ratio > 1:
         return first, _proportional(second, first, ratio)
     return _proportional(first, second, 1 / ratio), second
-
-
-def _ratio(first: Sums, second: Sums) -> float:
-    """Return the ratio of the ones of two sums, where both have trials."""
-    both = (first.trials > 0) & (second.trials > 0)
-    ones = first.ones[both] / first.trials[both] * second.trials[both]
-    return float(ones.sum()) / max(float(second.ones[both].sum()), 1e-9)
 
 
 def _proportional(darker: Sums, brighter: Sums, ratio: float) -> Sums:

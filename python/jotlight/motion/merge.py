@@ -150,7 +150,7 @@ def merge_along(
     if consistent is None:
         consistent = find_consistent(paths, is_still=motion.model == "none")
     accepted, threads = consistent.accepted, paths.blocks.threads
-    halves = without_saturation(consistent.before, consistent.after)
+    halves = without_saturation(consistent.before, consistent.after, threads)
     disagreements = disagreement(*halves, threads)
     flags = find_flags(consistent, disagreements, motion.labels)
     channels = [None] if burst.channels == 1 else list(range(burst.channels))
@@ -237,6 +237,8 @@ def _sum_pixels(values: npt.NDArray[np.int32], side: int) -> npt.NDArray[np.int3
 
 def _mean_of_pixels(values: npt.NDArray[np.floating], weights: Map, side: int) -> Map:
     """Return the weighted means over the jots of each pixel, or the plain mean without weights."""
+    if side == 1:
+        return values.astype(np.float64)
     height, width = values.shape
     shape = height // side, side, width // side, side
     blocks, known = values.astype(np.float64).reshape(shape), weights.reshape(shape)

@@ -101,7 +101,7 @@ def find_paths(
         if model != "auto":
             best = found
             break
-        gain, is_clear = _gain_over(still, found.paths)
+        gain, is_clear = _gain_over_rest(found.paths)
         if gain > most:
             best, most = found, gain
         if is_clear:
@@ -189,16 +189,16 @@ def _energy_along(track: Track) -> Array:
     return energy_of(sums, track.blocks.threads)
 
 
-def _gain_over(still: Paths, paths: Paths) -> tuple[float, bool]:
+def _gain_over_rest(paths: Paths) -> tuple[float, bool]:
     """Return by how much paths explain the bits better than no motion, and whether it is clear.
 
     The gain is that of the log-likelihood in nats, without what its parameters gain by chance.
     """
     needed = _PARAMETERS * len(paths.blocks.centers) * len(np.unique(paths.labels))
-    gain = likelihood_gain(paths, still, make_blurred_template)
+    gain = likelihood_gain(paths, make_blurred_template)
     if gain > _CLEAR * needed:
         return gain - needed, True
-    return likelihood_gain(paths, still) - needed, False
+    return likelihood_gain(paths) - needed, False
 
 
 def _share_of_unknown(consistent: Consistent) -> float:

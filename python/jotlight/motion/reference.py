@@ -29,8 +29,7 @@ def move_nodes(nodes: Field, now: Field) -> Field:
     """
     centers = np.indices(now.shape[1:], np.float32) * TILE + np.float32((TILE - 1) / 2)
     origin = _origins(centers, now)
-    moved = np.stack([interpolate_at(each, origin) for each in nodes])
-    return moved - interpolate_at(now, origin)
+    return interpolate_at(nodes, origin) - interpolate_at(now, origin)
 
 
 def move_labels(labels: npt.NDArray[np.uint8], now: Field) -> npt.NDArray[np.uint8]:

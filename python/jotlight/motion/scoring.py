@@ -50,6 +50,11 @@ class Template:
         default_factory=dict, init=False, repr=False, compare=False
     )
 
+    @functools.cached_property
+    def mean_trials(self) -> float:
+        """The mean of D_R."""
+        return float(self.trials.mean())
+
     def filtered(self, sigma: float) -> engine.FilteredTemplate:
         """Return the template after a Gaussian filter. Each width is computed only once."""
         if sigma not in self._filtered:

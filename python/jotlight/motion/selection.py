@@ -17,7 +17,7 @@ _STEP = 4
 """Distance of the rows and columns at which it is tested whether a position is seen."""
 
 
-def likelihood_gain(moving: Counted, still: Counted, make: Make = make_template) -> float:
+def likelihood_gain(moving: Counted, make: Make = make_template) -> float:
     """Return the gain of the log-likelihood over that of a scene that stands still, in nats.
 
     Each block is compared with the template of other blocks: of those with odd numbers if its own
@@ -30,8 +30,8 @@ def likelihood_gain(moving: Counted, still: Counted, make: Make = make_template)
 
     Parameters
     ----------
-    moving, still : Counted
-        The motions.
+    moving : Counted
+        The motion.
     make : callable
         The function that makes a template of sums: :func:`jotlight.motion.scoring.make_template`,
         or a faster one.
@@ -42,9 +42,12 @@ def likelihood_gain(moving: Counted, still: Counted, make: Make = make_template)
     for block in range(len(blocks.centers)):
         half = block % 2
         own[half] += moving.sums(block)
-        at_rest = still.sums(block)
-        unmoved[half] += at_rest
-        seen[half] += np.float32(at_rest.frames) * _positions_seen(moving, block)
+        frames = range(*(int(edge) for edge in blocks.edges[block : block + 2]))
+        blocks.add_unmoved(unmoved[half], frames)
+        seen[half] += np.float32(len(frames)) * _positions_seen(moving, block)
+    if blocks.jots is not None:
+        for sums in unmoved:
+            sums.jots = blocks.jots.at_rest(sums.trials)
     every = equivalent_sums(Sums.total(unmoved))
     mean = float(np.clip(every.ones.sum() / max(float(every.trials.sum()), 1), 1e-9, 1 - 1e-9))
     gain, kept = _log_likelihood(own, None, mean, make, blocks.threads)

@@ -12,6 +12,9 @@ from jotlight.motion.tiles import affine_basis, affine_inverse
 
 Array = npt.NDArray[np.float64]
 
+_SINGULAR = 1e-12
+"""Determinant, relative to the squared trace, up to which a matrix is singular."""
+
 TRANSLATION, LINEAR = [0, 3], [1, 2, 4, 5]
 """Indices of the coefficients of the translation, and of the linear ones."""
 
@@ -32,8 +35,17 @@ def information_of_linear(information: Array) -> tuple[Array, Array]:
         By how much the estimated translation decreases if the linear coefficients increase.
     """
     mixed = information[np.ix_(TRANSLATION, LINEAR)]
-    effect = np.linalg.pinv(information[np.ix_(TRANSLATION, TRANSLATION)]) @ mixed
+    effect = _inverse(information[np.ix_(TRANSLATION, TRANSLATION)]) @ mixed
     return information[np.ix_(LINEAR, LINEAR)] - mixed.T @ effect, effect
+
+
+def _inverse(matrix: Array) -> Array:
+    """Return the inverse of a symmetric matrix (2, 2), or the pseudoinverse of a singular one."""
+    (a, b), (_, c) = matrix.tolist()
+    determinant = a * c - b * b
+    if determinant <= _SINGULAR * (a + c) ** 2:
+        return np.asarray(np.linalg.pinv(matrix))
+    return np.asarray(np.array([[c, -b], [-b, a]]) / determinant)
 
 
 def shrinkage_factor(chi_squared: float, freedom: float) -> float:

@@ -133,7 +133,9 @@ def _places(
 def interpolate_at(
     nodes: npt.NDArray[np.float32], places: npt.NDArray[np.float32]
 ) -> npt.NDArray[np.float32]:
-    """Return the displacements (2, ...) at places (2, ...) in pixels, as :func:`interpolate` does.
+    """Return displacements at places (2, ...) in pixels, as :func:`interpolate` does.
+
+    Those at the centers of tiles are (2, rows, columns), or several such fields.
 
     Examples
     --------
@@ -143,15 +145,15 @@ def interpolate_at(
     [0.0, 1.0]
     """
     index, fraction = [], []
-    for place, tiles in zip(places, nodes.shape[1:], strict=True):
+    for place, tiles in zip(places, nodes.shape[-2:], strict=True):
         position = (place - (TILE - 1) / 2) / TILE
         first = np.clip(np.floor(position), 0, max(0, tiles - 2)).astype(int)
         index.append((first, np.minimum(first + 1, tiles - 1)))
         fraction.append((position - first).astype(np.float32))
     (top, bottom), (left, right) = index
-    above = nodes[:, top, left] + fraction[1] * (nodes[:, top, right] - nodes[:, top, left])
-    below = nodes[:, bottom, left] + fraction[1] * (
-        nodes[:, bottom, right] - nodes[:, bottom, left]
+    above = nodes[..., top, left] + fraction[1] * (nodes[..., top, right] - nodes[..., top, left])
+    below = nodes[..., bottom, left] + fraction[1] * (
+        nodes[..., bottom, right] - nodes[..., bottom, left]
     )
     return np.asarray(above + fraction[0] * (below - above), np.float32)
 

@@ -19,8 +19,12 @@ _MAX_KEPT_BYTES = 1 << 28
 _BYTES_OF_SUMS, _BYTES_OF_JOTS = 8, 8
 """Bytes of the ones and trials of a pixel, and of what it has seen of jots that differ."""
 
-_NEAR = 0.3
-"""Change of the displacements in pixels, up to which counts are corrected to first order."""
+_SAME, _NEAR = 0.1, 0.5
+"""Changes of the displacements in pixels up to which bits are not counted again.
+
+The first one hardly changes counts: rounding displaces a bit by 0.3 pixels on average. Up to the
+second one, equations about displacements account for the change to first order.
+"""
 
 
 class Counted(Protocol):
@@ -99,8 +103,8 @@ class Track:
     def sums(self, block: int) -> Sums:
         """Return the sums of a block along the motion. Their arrays must not be changed."""
         curve = self._curve(block)
-        if block in self._kept and self._kept[block][0].distance(curve) == 0:
-            return self._kept[block][1]
+        if block in self._kept and self._kept[block][0].distance(curve) <= _SAME:
+            return self._seen_along(block, curve)
         sums = self.blocks.count(curve.frames, curve.fields, curve.times)
         jots_differ = self.blocks.jots is not None
         if keeps_sums(self.blocks.size, len(self.nodes), jots_differ=jots_differ):
@@ -115,14 +119,16 @@ class Track:
         """
         if block not in self._kept:
             return self.sums(block)
-        before, sums = self._kept[block]
         curve = self._curve(block)
-        distance = before.distance(curve)
-        if distance == 0:
-            return sums
-        if distance > _NEAR:
+        if self._kept[block][0].distance(curve) > _NEAR:
             return self.sums(block)
-        return sums.seen_along(curve.mean - before.mean)
+        return self._seen_along(block, curve)
+
+    def _seen_along(self, block: int, curve: _Curve) -> Sums:
+        """Return the sums of a block that were kept, with the remainders of another curve."""
+        before, sums = self._kept[block]
+        change = curve.mean - before.mean
+        return sums.seen_along(change) if change.any() else sums
 
     def _curve(self, block: int) -> _Curve:
         """Return the displacements of a block, which change linearly to its neighbors'."""

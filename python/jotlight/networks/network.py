@@ -1,5 +1,6 @@
 """A reconstruction network: its layers, and the sensor that it is for."""
 
+import functools
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
@@ -196,7 +197,7 @@ class Network(TorchHints):
         """Whether the first layer has one weight for all bits of a pixel and so accepts counts."""
         return self.layers[0].shape[1:] == (1, 1, 1)
 
-    @property
+    @functools.cached_property
     def halo(self) -> int:
         """Radius of the receptive field in pixels.
 

@@ -1,18 +1,21 @@
 """Parts of an image that together contain the pixels of a map."""
 
+import itertools
+
 import numpy as np
 import numpy.typing as npt
 
 Region = tuple[slice, slice]
 
-_CELL = 32
-"""Side of the cells of which regions consist, in pixels."""
+_CELLS = 8, 32
+"""Sides of the cells of which regions consist, in pixels. Large ones need fewer halos."""
 
 
 def cover(needed: npt.NDArray[np.bool_], halo: int) -> list[Region]:
     """Return disjoint rectangles of rows and columns that contain all needed pixels.
 
     They are the whole image where it has no more pixels than they have together with their halos.
+    They consist of square cells of 8 or 32 pixels, whichever have fewer pixels with their halos.
 
     Parameters
     ----------
@@ -26,23 +29,34 @@ def cover(needed: npt.NDArray[np.bool_], halo: int) -> list[Region]:
     >>> needed = np.zeros((100, 300), bool)
     >>> needed[:40, 70:80] = True
     >>> cover(needed, 4)
-    [(slice(0, 64, None), slice(64, 96, None))]
+    [(slice(0, 40, None), slice(64, 80, None))]
     >>> cover(needed, 300)
     [(slice(0, 100, None), slice(0, 300, None))]
     """
     height, width = needed.shape
-    padded = np.pad(needed, ((0, -height % _CELL), (0, -width % _CELL)))
-    squares = padded.reshape(-1, _CELL, padded.shape[1] // _CELL, _CELL)
-    cells = np.asarray(squares.any(axis=(1, 3)))
-    regions = [
-        (
-            slice(top * _CELL, min(bottom * _CELL, height)),
-            slice(left * _CELL, min(right * _CELL, width)),
-        )
-        for top, bottom, left, right in _rectangles(cells)
-    ]
-    area = sum(_size(widen(region, halo, needed.shape)) for region in regions)
-    return regions if area < needed.size else [(slice(0, height), slice(0, width))]
+    best, least = [(slice(0, height), slice(0, width))], needed.size
+    fine = _any_of_squares(needed, _CELLS[0])
+    for side in _CELLS:
+        cells = _any_of_squares(fine, side // _CELLS[0])
+        regions = [
+            (
+                slice(top * side, min(bottom * side, height)),
+                slice(left * side, min(right * side, width)),
+            )
+            for top, bottom, left, right in _rectangles(cells)
+        ]
+        area = sum(_size(widen(region, halo, needed.shape)) for region in regions)
+        if area < least:
+            best, least = regions, area
+    return best
+
+
+def _any_of_squares(needed: npt.NDArray[np.bool_], side: int) -> npt.NDArray[np.bool_]:
+    """Return whether squares have a needed pixel. The last ones may be incomplete."""
+    rows = np.logical_or.reduceat(needed, range(0, needed.shape[0], side), axis=0)
+    return np.asarray(
+        np.logical_or.reduceat(rows, range(0, needed.shape[1], side), axis=1), np.bool_
+    )
 
 
 def widen(region: Region, halo: int, shape: tuple[int, ...]) -> Region:
@@ -64,9 +78,14 @@ def _rectangles(cells: npt.NDArray[np.bool_]) -> list[tuple[int, int, int, int]]
     """Return the top, bottom, left, and right of disjoint rectangles that cover all true cells."""
     found: list[tuple[int, int, int, int]] = []
     growing: dict[tuple[int, int], int] = {}
-    for row, line in enumerate([*cells, np.zeros(cells.shape[1], bool)]):
-        edges = np.flatnonzero(np.diff(line, prepend=False, append=False))
-        runs = [(int(left), int(right)) for left, right in edges.reshape(-1, 2)]
+    padded = np.zeros((cells.shape[0] + 1, cells.shape[1] + 2), bool)
+    padded[:-1, 1:-1] = cells
+    rows, edges = np.nonzero(padded[:, 1:] != padded[:, :-1])
+    starts = np.searchsorted(rows, np.arange(len(padded) + 1)).tolist()
+    of_rows = edges.tolist()
+    for row, (first, last) in enumerate(itertools.pairwise(starts)):
+        lefts, rights = of_rows[first:last:2], of_rows[first + 1 : last : 2]
+        runs = list(zip(lefts, rights, strict=True))
         found += [(top, row, *run) for run, top in growing.items() if run not in runs]
         growing = {run: growing.get(run, row) for run in runs}
     return found

@@ -29,6 +29,14 @@ RATIO_OF_PASS = 16.0
 """Maximum ratio of K to that of the network for one more pass of the network."""
 
 
+_SHARE_OF_HALO = 2
+"""A region is widened by the halo of the network divided by this number.
+
+The outer half of the receptive field changes estimates by 1e-5 of the intensity, and the weights of
+a level tend to 0 at the border of its region.
+"""
+
+
 class ConditionalDenoiser(Protocol):
     """A K-conditioned network."""
 
@@ -140,7 +148,7 @@ def _denoise_at_levels(
     threads: int | None,
 ) -> Image:
     """Return the probabilities in [0, 1], interpolated between the levels of K."""
-    result, halo = np.zeros(fractions.shape, np.float32), network.halo
+    result, halo = np.zeros(fractions.shape, np.float32), -(-network.halo // _SHARE_OF_HALO)
     whole = slice(0, fractions.shape[1]), slice(0, fractions.shape[2])
     for level, groups in share_levels(trials):
         parts = [

@@ -6,12 +6,30 @@ use ndarray::ArrayView2;
 
 use super::count::Count;
 use super::filter::values;
+use super::sums::check_counts;
+use crate::error::Result;
 
 /// The number of sums that are computed together.
 const LANES: usize = 16;
 
 /// The range of the brightness.
 pub(super) const LIMITS: (f64, f64) = (0.1, 10.0);
+
+/// Return the ratio of the ones N to the number D p that a template `(H, W)` predicts, in sums over
+/// all pixels, from 0.1 to 10.
+///
+/// # Errors
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if counts are not
+/// possible.
+pub fn brightness_of<C: Count>(
+    ones: ArrayView2<'_, C>,
+    trials: ArrayView2<'_, C>,
+    probability: ArrayView2<'_, f32>,
+) -> Result<f64> {
+    check_counts(ones, trials, probability.dim())?;
+    let row = |row| values(probability.row(row));
+    Ok(ratio(ones, trials, row))
+}
 
 /// Return the ratio of the ones N to the number D p that a template predicts, in sums over all
 /// pixels.
@@ -23,6 +41,15 @@ pub(super) fn brightness<'a, C: Count>(
     trials: ArrayView2<'_, C>,
     row: impl Fn(usize) -> std::borrow::Cow<'a, [f32]> + Sync,
 ) -> f32 {
+    ratio(ones, trials, row) as f32
+}
+
+/// Return what [`brightness`] returns, in double precision.
+fn ratio<'a, C: Count>(
+    ones: ArrayView2<'_, C>,
+    trials: ArrayView2<'_, C>,
+    row: impl Fn(usize) -> std::borrow::Cow<'a, [f32]> + Sync,
+) -> f64 {
     let sums: Vec<[f64; 2]> = (0..ones.nrows())
         .into_par_iter()
         .map(|index| {
@@ -38,7 +65,7 @@ pub(super) fn brightness<'a, C: Count>(
     let total = |index: usize| sums.iter().map(|sums| sums[index]).sum::<f64>();
     let (counted, expected) = (total(0), total(1));
     if expected > 0.0 {
-        (counted / expected).clamp(LIMITS.0, LIMITS.1) as f32
+        (counted / expected).clamp(LIMITS.0, LIMITS.1)
     } else {
         1.0
     }

@@ -3,7 +3,7 @@
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
-use super::boxes::{add_neighbors, add_rows};
+use super::boxes::add_neighbors;
 use super::brightness::brightness;
 use super::count::Count;
 use super::filter::{reflect, reflect_margins, values};
@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::interrupt;
 
 /// The number of rows that one task computes.
-const ROWS_PER_TASK: usize = 32;
+const ROWS_PER_TASK: usize = 64;
 
 /// The number of pixels that χ² reads in each direction: 1 for the small, and 4 for the large box.
 const RADIUS: usize = 5;
@@ -85,57 +85,121 @@ fn test_band_inlined<C: Count>(
     let (rows, width) = out.dim();
     // A reflected image has the same sums as the reflected sums of the image. So it is extended
     // once, by all pixels that a square of squares reads.
-    let (near, extended) = (rows + 2 * RADIUS, width + 2 * RADIUS);
-    let mut counted = vec![0.0; near * extended];
-    let mut sums = [(); 2].map(|()| vec![0.0; near * (extended - 2)]);
+    let extended = width + 2 * RADIUS;
+    // Only the last rows are kept, which stay in the fastest cache.
     let mut terms = [(); 2].map(|()| vec![0.0; extended]);
-    for index in 0..near {
+    let mut counted = LastRows::<3>::new(extended);
+    let mut sums = [(); 2].map(|()| LastRows::<3>::new(extended - 2));
+    let mut ratios = vec![0.0; extended - 2];
+    let mut triples = vec![0.0; extended - 4];
+    let mut averages = [(); 2].map(|()| LastRows::<3>::new(width));
+    let mut large = [(); 2].map(|()| LastRows::<7>::new(width));
+    for index in 0..rows + 2 * RADIUS {
         let row = reflect(
             (first + index) as isize - RADIUS as isize,
             comparison.ones.nrows(),
         );
-        let counted = &mut counted[index * extended..][..extended];
-        compare_row(comparison, per_one, row, &mut terms, counted);
+        let known = counted.row_mut(index);
+        compare_row(comparison, per_one, row, &mut terms, known);
         for (sums, terms) in sums.iter_mut().zip(&terms) {
-            add_neighbors(
-                terms,
-                1,
-                &mut sums[index * (extended - 2)..][..extended - 2],
-            );
+            add_neighbors(terms, 1, sums.row_mut(index));
         }
-    }
-    for plane in &mut sums {
-        add_rows(plane, extended - 2, 1, near - 2);
-    }
-    let [residuals, variances] = &sums;
-    let mut averages = [(); 2].map(|()| vec![0.0; (near - 2) * width]);
-    let mut ratios = vec![0.0; extended - 2];
-    let mut triples = vec![0.0; extended - 4];
-    for index in 0..near - 2 {
-        let residuals = &residuals[index * (extended - 2)..][..extended - 2];
-        let variances = &variances[index * (extended - 2)..][..extended - 2];
-        let counted = &counted[(index + 1) * extended + 1..][..extended - 2];
-        for i in 0..extended - 2 {
-            let large = variances[i] > MIN_VARIANCE;
-            let variance = if large { variances[i] } else { MIN_VARIANCE };
-            ratios[i] = residuals[i] * residuals[i] / variance * counted[i];
-        }
-        for (source, averages) in [&ratios[..], counted].into_iter().zip(&mut averages) {
+        // Each sum ends with the newest row that it needs.
+        let Some(index) = index.checked_sub(2) else {
+            continue;
+        };
+        let known = &counted.row(index + 1)[1..][..extended - 2];
+        let [residuals, variances] = sums
+            .each_ref()
+            .map(|sums| [0, 1, 2].map(|k| sums.row(index + k)));
+        divide(residuals, variances, known, &mut ratios);
+        for (source, averages) in [&ratios[..], known].into_iter().zip(&mut averages) {
             add_neighbors(source, 1, &mut triples);
-            add_neighbors(&triples, 3, &mut averages[index * width..][..width]);
+            add_neighbors(&triples, 3, averages.row_mut(index));
+        }
+        let Some(index) = index.checked_sub(2) else {
+            continue;
+        };
+        for (averages, large) in averages.iter().zip(&mut large) {
+            let rows = [0, 1, 2].map(|k| averages.row(index + k));
+            add_three(rows, large.row_mut(index));
+        }
+        let Some(index) = index.checked_sub(6) else {
+            continue;
+        };
+        let [ratios, numbers] = large
+            .each_ref()
+            .map(|large| [0, 3, 6].map(|k| large.row(index + k)));
+        let mut out = out.row_mut(index);
+        if let Some(out) = out.as_slice_mut() {
+            average(ratios, numbers, out);
+        } else {
+            let mut row = vec![0.0; width];
+            average(ratios, numbers, &mut row);
+            out.iter_mut()
+                .zip(row)
+                .for_each(|(out, value)| *out = value);
         }
     }
-    for plane in &mut averages {
-        add_rows(plane, width, 1, near - 4);
-        add_rows(plane, width, 3, rows);
-    }
-    let [ratios, numbers] = &averages;
-    for (index, mut out) in out.rows_mut().into_iter().enumerate() {
-        let row = index * width..(index + 1) * width;
-        let pairs = ratios[row.clone()].iter().zip(&numbers[row]);
-        for (out, (ratio, number)) in out.iter_mut().zip(pairs) {
-            *out = (ratio + 1.0) / (number + 1.0);
+}
+
+/// The last `N` rows of an image.
+struct LastRows<const N: usize> {
+    values: Vec<f32>,
+    width: usize,
+}
+
+impl<const N: usize> LastRows<N> {
+    fn new(width: usize) -> Self {
+        Self {
+            values: vec![0.0; N * width],
+            width,
         }
+    }
+
+    #[inline(always)]
+    fn row(&self, index: usize) -> &[f32] {
+        &self.values[index % N * self.width..][..self.width]
+    }
+
+    #[inline(always)]
+    fn row_mut(&mut self, index: usize) -> &mut [f32] {
+        &mut self.values[index % N * self.width..][..self.width]
+    }
+}
+
+/// Divide the squared sums of three rows of residuals by those of their variances.
+#[inline(always)]
+fn divide(residuals: [&[f32]; 3], variances: [&[f32]; 3], known: &[f32], ratios: &mut [f32]) {
+    let length = ratios.len();
+    let [residuals, variances] = [residuals, variances].map(|rows| rows.map(|row| &row[..length]));
+    let known = &known[..length];
+    for i in 0..length {
+        let residual = residuals[0][i] + (residuals[1][i] + residuals[2][i]);
+        let variance = variances[0][i] + (variances[1][i] + variances[2][i]);
+        let large = variance > MIN_VARIANCE;
+        let variance = if large { variance } else { MIN_VARIANCE };
+        ratios[i] = residual * residual / variance * known[i];
+    }
+}
+
+/// Write the sum of three rows into `out`.
+#[inline(always)]
+fn add_three(rows: [&[f32]; 3], out: &mut [f32]) {
+    let rows = rows.map(|row| &row[..out.len()]);
+    for i in 0..out.len() {
+        out[i] = rows[0][i] + (rows[1][i] + rows[2][i]);
+    }
+}
+
+/// Write the averages of the ratios in three rows of sums, with one more ratio of 1, into `out`.
+#[inline(always)]
+fn average(ratios: [&[f32]; 3], numbers: [&[f32]; 3], out: &mut [f32]) {
+    let [ratios, numbers] = [ratios, numbers].map(|rows| rows.map(|row| &row[..out.len()]));
+    for i in 0..out.len() {
+        let ratio = ratios[0][i] + (ratios[1][i] + ratios[2][i]);
+        let number = numbers[0][i] + (numbers[1][i] + numbers[2][i]);
+        out[i] = (ratio + 1.0) / (number + 1.0);
     }
 }
 

@@ -1,6 +1,6 @@
 //! How much the counts of two parts of the frames disagree.
 
-use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis, Zip};
+use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 use rayon::prelude::*;
 
 use super::boxes::{add_neighbors, add_rows};
@@ -17,6 +17,9 @@ pub const SQUARE: usize = 4;
 
 /// The number of rows of squares that one task computes.
 const SQUARES_PER_TASK: usize = 8;
+
+/// The number of sums of a row that are computed together.
+const LANES: usize = 16;
 
 /// The smallest variance by which a squared difference is divided.
 const MIN_VARIANCE: f32 = 1e-3;
@@ -58,7 +61,7 @@ pub fn disagreement<'a, C: Count>(
     if out.dim() != shape {
         return Err(Error::shape("output", shape, out.dim()));
     }
-    let brightness = relative_brightness(first, second);
+    let brightness = ratio_of_ones(first, second) as f32;
     let (disagreements, numbers) = out.view_mut().split_at(Axis(0), 1);
     let outs = [disagreements, numbers].map(|out| out.remove_axis(Axis(0)));
     let [mut disagreements, mut numbers] = outs;
@@ -75,29 +78,33 @@ pub fn disagreement<'a, C: Count>(
 }
 
 /// Return the ratio of the brightness of the first part to that of the second, where both have
-/// trials.
-fn relative_brightness<C: Count>(first: &Counts<'_, C>, second: &Counts<'_, C>) -> f32 {
+/// trials, from 0.1 to 10.
+///
+/// # Errors
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if counts are not
+/// possible.
+pub fn relative_brightness<C: Count>(first: &Counts<'_, C>, second: &Counts<'_, C>) -> Result<f64> {
+    let size = first.ones.dim();
+    check_counts(first.ones, first.trials, size)?;
+    check_counts(second.ones, second.trials, size)?;
+    Ok(ratio_of_ones(first, second))
+}
+
+/// Return what [`relative_brightness`] returns.
+fn ratio_of_ones<C: Count>(first: &Counts<'_, C>, second: &Counts<'_, C>) -> f64 {
     let sums: Vec<[f64; 2]> = (0..first.ones.nrows())
         .into_par_iter()
         .map(|row| {
+            let rows = [first.ones, first.trials, second.ones, second.trials];
+            let rows = rows.map(|counts| values(counts.index_axis_move(Axis(0), row)));
             let mut sums = [0.0; 2];
-            Zip::from(first.ones.row(row))
-                .and(first.trials.row(row))
-                .and(second.ones.row(row))
-                .and(second.trials.row(row))
-                .for_each(|&ones, &trials, &others, &other_trials| {
-                    let (trials, other_trials) = (trials.to_f64(), other_trials.to_f64());
-                    if trials > 0.0 && other_trials > 0.0 {
-                        sums[0] += other_trials * ones.to_f64() / trials;
-                        sums[1] += others.to_f64();
-                    }
-                });
+            add_comparable(rows.each_ref().map(|row| &row[..]), &mut sums);
             sums
         })
         .collect();
     // The sums over the rows have a fixed order.
     let total = |index: usize| sums.iter().map(|sums| sums[index]).sum::<f64>();
-    (total(0) / total(1).max(1.0)).clamp(LIMITS.0, LIMITS.1) as f32
+    (total(0) / total(1).max(1.0)).clamp(LIMITS.0, LIMITS.1)
 }
 
 /// The sums of a row of pixels: of the ones; of the trials D₁ + D₂/β; of the differences; and of the
@@ -108,10 +115,49 @@ const TERMS: usize = 5;
 type Squares<'a> = (ArrayViewMut2<'a, f32>, ArrayViewMut2<'a, f32>);
 
 levels! {
+    /// Add the ones of a row, where both parts have trials: those of the first part in as many
+    /// trials as the second one has, and those of the second part.
+    fn add_comparable[C: Count](row: [&[C]; 4], sums: &mut [f64; 2]) = add_comparable_inlined;
     /// Compare some rows, of which `first_row` is the first.
     fn compare_band[C: Count](
         parts: [&Counts<'_, C>; 2], brightness: f32, first_row: usize, out: Squares<'_>,
     ) = compare_band_inlined;
+}
+
+#[inline(always)]
+fn add_comparable_inlined<C: Count>(row: [&[C]; 4], sums: &mut [f64; 2]) {
+    let mut lanes = [[0.0; LANES]; 2];
+    let width = row[0].len();
+    let parts = row.map(|counts| counts.as_chunks::<LANES>());
+    let terms = |[ones, trials, others, other_trials]: [C; 4]| {
+        let (trials, other_trials) = (trials.to_f64(), other_trials.to_f64());
+        let known = trials > 0.0 && other_trials > 0.0;
+        let divisor = if known { trials } else { 1.0 };
+        [
+            if known {
+                other_trials * ones.to_f64() / divisor
+            } else {
+                0.0
+            },
+            if known { others.to_f64() } else { 0.0 },
+        ]
+    };
+    for chunk in 0..width / LANES {
+        let part = parts.each_ref().map(|(chunks, _)| &chunks[chunk]);
+        for lane in 0..LANES {
+            let [first, second] = terms(part.map(|counts| counts[lane]));
+            lanes[0][lane] += first;
+            lanes[1][lane] += second;
+        }
+    }
+    for index in 0..width % LANES {
+        let [first, second] = terms(parts.each_ref().map(|(_, rest)| rest[index]));
+        lanes[0][0] += first;
+        lanes[1][0] += second;
+    }
+    for (sum, lanes) in sums.iter_mut().zip(&lanes) {
+        *sum += lanes.iter().sum::<f64>();
+    }
 }
 
 #[inline(always)]

@@ -14,12 +14,14 @@
 //! Before, [`velocity_scores`] tells how probable velocities are in windows of the scene.
 
 mod affine;
+mod block_sums;
 mod bounds;
 mod boxes;
 mod brightness;
 mod chi_squared;
 mod columns;
 mod count;
+mod curve;
 mod disagreement;
 mod equations;
 mod field;
@@ -44,9 +46,12 @@ mod tile_matrix;
 mod velocity_scores;
 
 pub use affine::{AffineFit, fit_affine};
+pub use block_sums::{Accepted, add_accepted, add_counts};
+pub use brightness::brightness_of;
 pub use chi_squared::{Comparison, chi_squared};
 pub use count::Count;
-pub use disagreement::{Counts, SQUARE, disagreement};
+pub use curve::{Curve, Logarithms, MODES};
+pub use disagreement::{Counts, SQUARE, disagreement, relative_brightness};
 pub use equations::{Equations, EquationsView, TILE, normal_equations};
 pub use field::Displacements;
 pub use filter::blur;

@@ -1,0 +1,127 @@
+//! Sums of blocks of frames that follow a moving scene, and the curve of its motion.
+
+use jotlight::motion::{self, Accepted, Counts, Curve, Logarithms};
+use numpy::PyReadwriteArray2;
+use numpy::{IntoPyArray, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+
+use crate::motion::{PyCounts, for_counts};
+use crate::run;
+
+/// Add images of counts to `out`.
+#[pyfunction]
+#[pyo3(signature = (parts, out, threads))]
+pub fn add_counts(
+    py: Python<'_>,
+    parts: Vec<PyReadonlyArray2<'_, i32>>,
+    mut out: PyReadwriteArray2<'_, i32>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let parts: Vec<_> = parts.iter().map(|part| part.as_array()).collect();
+    let out = out.as_array_mut();
+    run(py, threads, || motion::add_counts(&parts, out))
+}
+
+/// Add the counts of the pixels that pass a test to sums, and write these pixels into `mask`.
+#[pyfunction]
+#[pyo3(signature = (test, limit, ones, trials, total_ones, total_trials, mask, threads))]
+#[allow(clippy::too_many_arguments)]
+pub fn add_accepted(
+    py: Python<'_>,
+    test: PyReadonlyArray2<'_, f32>,
+    limit: f32,
+    ones: PyReadonlyArray2<'_, i32>,
+    trials: PyReadonlyArray2<'_, i32>,
+    mut total_ones: PyReadwriteArray2<'_, i32>,
+    mut total_trials: PyReadwriteArray2<'_, i32>,
+    mut mask: PyReadwriteArray2<'_, u8>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let test = test.as_array();
+    let block = Accepted {
+        counts: [ones.as_array(), trials.as_array()],
+        sums: [total_ones.as_array_mut(), total_trials.as_array_mut()],
+        mask: mask.as_array_mut(),
+    };
+    run(py, threads, || motion::add_accepted(test, limit, block))
+}
+
+/// Return the ratio of the ones to the number that a template predicts, from 0.1 to 10.
+#[pyfunction]
+#[pyo3(signature = (ones, trials, probability, threads))]
+pub fn brightness(
+    py: Python<'_>,
+    ones: PyCounts<'_>,
+    trials: PyCounts<'_>,
+    probability: PyReadonlyArray2<'_, f32>,
+    threads: Option<isize>,
+) -> PyResult<f64> {
+    let probability = probability.as_array();
+    for_counts!(ones, trials => {
+        let (ones, trials) = (ones.as_array(), trials.as_array());
+        run(py, threads, || motion::brightness_of(ones, trials, probability))
+    })
+}
+
+/// Return the ratio of the brightness of two parts of the frames, from 0.1 to 10.
+#[pyfunction]
+#[pyo3(signature = (ones, trials, other_ones, other_trials, threads))]
+pub fn relative_brightness(
+    py: Python<'_>,
+    ones: PyCounts<'_>,
+    trials: PyCounts<'_>,
+    other_ones: PyCounts<'_>,
+    other_trials: PyCounts<'_>,
+    threads: Option<isize>,
+) -> PyResult<f64> {
+    for_counts!(ones, trials, other_ones, other_trials => {
+        let (first, second) = (
+            Counts {
+                ones: ones.as_array(),
+                trials: trials.as_array(),
+            },
+            Counts {
+                ones: other_ones.as_array(),
+                trials: other_trials.as_array(),
+            },
+        );
+        run(py, threads, || motion::relative_brightness(&first, &second))
+    })
+}
+
+/// Return the most probable curve of a motion, (n, 6).
+#[pyfunction]
+#[pyo3(signature = (estimates, information, ratios))]
+pub fn smooth_curve<'py>(
+    py: Python<'py>,
+    estimates: PyReadonlyArray2<'_, f64>,
+    information: PyReadonlyArray3<'_, f64>,
+    ratios: PyReadonlyArray1<'_, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (estimates, information) = (estimates.as_array(), information.as_array());
+    let ratios = ratios.as_slice()?;
+    let curve = run(py, Some(1), || {
+        Curve::new(estimates, information, ratios)?.smooth()
+    })?;
+    Ok(curve.into_pyarray(py))
+}
+
+/// Return -2 times the logarithm of the probability of estimates under weights, without a constant,
+/// and the most probable curve, (n, 6).
+#[pyfunction]
+#[pyo3(signature = (estimates, information, ratios, weights))]
+pub fn cost_of_curve<'py>(
+    py: Python<'py>,
+    estimates: PyReadonlyArray2<'_, f64>,
+    information: PyReadonlyArray3<'_, f64>,
+    ratios: PyReadonlyArray1<'_, f64>,
+    weights: Logarithms,
+) -> PyResult<(f64, Bound<'py, PyArray2<f64>>)> {
+    let (estimates, information) = (estimates.as_array(), information.as_array());
+    let ratios = ratios.as_slice()?;
+    let (cost, curve) = run(py, Some(1), || {
+        Curve::new(estimates, information, ratios)?.cost(&weights)
+    })?;
+    Ok((cost, curve.into_pyarray(py)))
+}
