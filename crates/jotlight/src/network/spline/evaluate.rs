@@ -195,10 +195,12 @@ impl<F: Real> Spline<F> {
         }
         // The remainder is padded to a group. The same loop then evaluates all pixels, so the
         // value of a pixel does not depend on its position in the plane.
-        let mut group = [F::zero(); GROUP];
-        group[..rest.len()].copy_from_slice(rest);
-        self.apply_to_group(&mut group);
-        rest.copy_from_slice(&group[..rest.len()]);
+        if !rest.is_empty() {
+            let mut group = [F::zero(); GROUP];
+            group[..rest.len()].copy_from_slice(rest);
+            self.apply_to_group(&mut group);
+            rest.copy_from_slice(&group[..rest.len()]);
+        }
     }
 
     /// Replace each value z of a group with φ(z).

@@ -1,5 +1,7 @@
 //! The transform of the input of a block of tiles.
 
+use std::ops::Range;
+
 use super::transforms::{DEPTH, transform_input};
 use super::{BLOCK_REGISTERS, TILE};
 use crate::cpu::Simd;
@@ -23,7 +25,8 @@ pub(super) struct InputBuffers<'a, F> {
     /// Rows after the transform along columns, `(DEPTH, columns)`. The output's first column is
     /// [`MARGIN`].
     pub rows: &'a mut [F],
-    /// The columns of the tiles, `(DEPTH, DEPTH, tiles)`: its rows, then its columns.
+    /// The columns of the tiles, `(DEPTH, DEPTH, tiles)`: its rows, then its columns. After each of
+    /// them, [`MAX_LANES`] values are free.
     pub columns: &'a mut [F],
 }
 
@@ -42,7 +45,7 @@ impl<F: Real> InputBuffers<'_, F> {
     pub const fn lengths(tiles: usize) -> (usize, usize) {
         (
             DEPTH * (MARGIN + TILE * tiles + MAX_LANES),
-            DEPTH * DEPTH * tiles,
+            DEPTH * DEPTH * (tiles + MAX_LANES),
         )
     }
 }
@@ -68,7 +71,7 @@ impl<F: Real> InputBlock<'_, F> {
             for (tile_row, rows) in rows.iter().enumerate() {
                 self.transform_columns(simd, rows, input, &zeros, buffers.rows);
                 let first = tile_row * tiles;
-                separate_columns::<F>(
+                separate_columns::<S, F>(
                     buffers.rows,
                     buffers.columns,
                     N * F::lanes::<S>(),
@@ -153,28 +156,35 @@ impl<F: Real> InputBlock<'_, F> {
 /// Write each of the [`DEPTH`] columns of the tiles to a contiguous row, for each row.
 ///
 /// `capacity` is the number of tiles of a block. The tiles become the tiles `tiles` of the block.
+/// Values beyond them have no meaning. Those of the next tiles replace them.
 #[inline(always)]
-fn separate_columns<F: Real>(
+fn separate_columns<S: Simd, F: Real>(
     rows: &[F],
     columns: &mut [F],
     capacity: usize,
-    tiles: std::ops::Range<usize>,
+    tiles: Range<usize>,
 ) {
+    let lanes = F::lanes::<S>();
     let rows = rows.chunks_exact(rows.len() / DEPTH);
-    for (row, columns) in rows.zip(columns.chunks_exact_mut(DEPTH * capacity)) {
-        let (before, _) = row[MARGIN - TILE..].as_chunks::<TILE>();
-        let (inside, _) = row[MARGIN..].as_chunks::<TILE>();
-        let (after, _) = row[MARGIN + TILE..].as_chunks::<TILE>();
-        let quads = before.iter().zip(inside).zip(after);
-        let mut columns = columns.chunks_exact_mut(capacity);
-        let [a, b, c, d, e, f]: [&mut [F]; DEPTH] =
-            std::array::from_fn(|_| &mut columns.next().unwrap_or_default()[tiles.clone()]);
-        let columns = a.iter_mut().zip(b).zip(c).zip(d).zip(e).zip(f);
-        for ((((((a, b), c), d), e), f), ((before, inside), after)) in columns.zip(quads) {
-            *a = before[TILE - 1];
-            [*b, *c, *d, *e] = *inside;
-            *f = after[0];
+    for (row, columns) in rows.zip(columns.chunks_exact_mut(DEPTH * (capacity + MAX_LANES))) {
+        let mut columns = columns.chunks_exact_mut(capacity + MAX_LANES);
+        let [before, a, b, c, d, after]: [&mut [F]; DEPTH] =
+            std::array::from_fn(|_| &mut columns.next().unwrap_or_default()[tiles.start..]);
+        let (quads, _) = row[MARGIN..][..TILE * tiles.len()].as_chunks::<TILE>();
+        let values = a.iter_mut().zip(b).zip(c).zip(d.iter_mut());
+        for ((((a, b), c), d), quad) in values.zip(quads) {
+            [*a, *b, *c, *d] = *quad;
         }
+        // The column before a tile is the last one of the tile before, and the column after it is
+        // the first one of the next tile.
+        for start in (0..tiles.len()).step_by(lanes) {
+            let value = F::vectors::<S>(&d[start..start + lanes])[0];
+            F::vectors_mut::<S>(&mut before[start + 1..start + 1 + lanes])[0] = value;
+            let value = F::vectors::<S>(&a[start + 1..start + 1 + lanes])[0];
+            F::vectors_mut::<S>(&mut after[start..start + lanes])[0] = value;
+        }
+        before[0] = row[MARGIN - 1];
+        after[tiles.len() - 1] = row[MARGIN + TILE * tiles.len()];
     }
 }
 
@@ -187,11 +197,12 @@ fn transform_rows<S: Simd, F: Real, const N: usize>(
     stride: usize,
 ) {
     let columns = F::vectors::<S>(columns);
+    let length = N + MAX_LANES / F::lanes::<S>();
     for register in 0..N {
-        for (row, columns) in columns.chunks_exact(DEPTH * N).enumerate() {
+        for (row, columns) in columns.chunks_exact(DEPTH * length).enumerate() {
             let mut values = [F::splat(simd, F::zero()); DEPTH];
             for column in 0..DEPTH {
-                values[column] = columns[column * N + register];
+                values[column] = columns[column * length + register];
             }
             values = transform_input::<S, F>(simd, values);
             for column in 0..DEPTH {
