@@ -24,11 +24,20 @@ thread_local! {
     static QUESTION: Cell<Option<Question>> = const { Cell::new(None) };
 }
 
+/// The number of times that a loop that asks often does not look at the clock.
+const SKIPPED_LOOKS: u32 = 16;
+/// A loop asks often if the time since its last look at the clock is shorter.
+const SHORT_TIME: Duration = Duration::from_micros(100);
+
 /// A function that returns whether the call is interrupted, and when to call it again.
 #[derive(Clone, Copy)]
 struct Question {
     ask: fn() -> bool,
     due: Instant,
+    /// The time of the last look at the clock.
+    last: Instant,
+    /// The number of looks to skip.
+    skipped: u32,
 }
 
 /// The time during which the current thread works itself for a call.
@@ -37,8 +46,13 @@ pub(crate) struct OwnWork(());
 impl OwnWork {
     /// Begin to call `ask` from time to time.
     pub fn begin(ask: fn() -> bool) -> Self {
-        let due = Instant::now() + TIME_BETWEEN_QUESTIONS;
-        QUESTION.set(Some(Question { ask, due }));
+        let last = Instant::now();
+        QUESTION.set(Some(Question {
+            ask,
+            due: last + TIME_BETWEEN_QUESTIONS,
+            last,
+            skipped: 0,
+        }));
         CAUSES.fetch_add(1, Ordering::Relaxed);
         Self(())
     }
@@ -95,16 +109,25 @@ fn is_flag_raised() -> bool {
 /// the thread.
 #[inline(never)]
 fn is_interrupted() -> bool {
-    let Some(Question { ask, due }) = QUESTION.get() else {
+    let Some(mut question) = QUESTION.get() else {
         return false;
     };
-    let now = Instant::now();
-    if now < due {
+    if question.skipped > 0 {
+        question.skipped -= 1;
+        QUESTION.set(Some(question));
         return false;
     }
-    let due = now + TIME_BETWEEN_QUESTIONS;
-    QUESTION.set(Some(Question { ask, due }));
-    let is_interrupted = ask();
+    let now = Instant::now();
+    if now - question.last < SHORT_TIME {
+        question.skipped = SKIPPED_LOOKS;
+    }
+    question.last = now;
+    let is_due = now >= question.due;
+    if is_due {
+        question.due = now + TIME_BETWEEN_QUESTIONS;
+    }
+    QUESTION.set(Some(question));
+    let is_interrupted = is_due && (question.ask)();
     if is_interrupted {
         FLAG.with(|flag| flag.get().map(|flag| Flag(Arc::clone(flag)).raise()));
     }

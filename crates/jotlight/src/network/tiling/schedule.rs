@@ -49,8 +49,7 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
     let values = graph.values_per_pixel;
     let pixels = MAX_TILE_PIXELS.min(MAX_TILE_VALUES / values);
     let tile_width = (pixels / group).clamp(MIN_TILE_WIDTH, MAX_TILE_WIDTH);
-    let tmp_kib = std::env::var("JT_KIB").ok().and_then(|v| v.parse::<usize>().ok()).map_or(MAX_LAYER_BYTES, |k| k << 10);
-    let cached_pixels = pixels.min(tmp_kib / (values * size_of::<F>()));
+    let cached_pixels = pixels.min(MAX_LAYER_BYTES / (values * size_of::<F>()));
     let bands = image.as_slice_mut().unwrap_or_default();
     let bands = bands.par_chunks_mut(band_height * width).enumerate();
     bands.for_each_init(
@@ -100,9 +99,7 @@ fn divide_among_threads<F: Real>(graph: &Graph<'_, F>, height: usize) -> (usize,
     let receptive_field = required_regions(graph, (2 * start, 2 * start), &row)[0]
         .rows
         .len();
-    let tmp_band = std::env::var("JT_BAND").ok().and_then(|v| v.parse::<usize>().ok()).unwrap_or(2 * MIN_BAND_HEIGHT);
-    let max_bands = 2 * height / (tmp_band * receptive_field);
-    if std::env::var("JT_SHOW").is_ok() { eprintln!("rf {receptive_field} bands {max_bands}"); }
+    let max_bands = height / (MIN_BAND_HEIGHT * receptive_field);
     if max_bands < threads {
         let bands = max_bands.max(1);
         (bands, (STRIPS_PER_THREAD * threads).div_ceil(bands))

@@ -119,7 +119,11 @@ impl<F: Real> StripWorkspace<F> {
             for (out_row, row) in region.rows.clone().enumerate() {
                 let row = mirror_index(row as isize, size.0) - source_region.rows.start;
                 let source = &source[row * width..][..width];
-                for (column, out) in region.columns.clone().zip(out.row(plane, out_row)) {
+                let out = out.row(plane, out_row);
+                let first = region.columns.start - source_region.columns.start;
+                let (inside, beyond) = out.split_at_mut(width - first);
+                inside.copy_from_slice(&source[first..]);
+                for (column, out) in (source_region.columns.end..).zip(beyond) {
                     let column = mirror_index(column as isize, size.1);
                     *out = source[column - source_region.columns.start];
                 }

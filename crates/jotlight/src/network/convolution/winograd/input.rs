@@ -20,13 +20,13 @@ pub(super) struct InputBlock<'a, F> {
     pub width: usize,
 }
 
-/// The buffers for the transform of one plane.
+/// The buffers for the transform of planes.
 pub(super) struct InputBuffers<'a, F> {
     /// Rows after the transform along columns, `(DEPTH, columns)`. The output's first column is
     /// [`MARGIN`].
     pub rows: &'a mut [F],
-    /// The columns of the tiles, `(DEPTH, DEPTH, tiles)`: its rows, then its columns. After each of
-    /// them, [`MAX_LANES`] values are free.
+    /// The columns of the tiles of two planes, `(2, DEPTH, DEPTH, tiles)`: planes, rows of a tile,
+    /// and columns of a tile. After each column, [`MAX_LANES`] values are free.
     pub columns: &'a mut [F],
 }
 
@@ -45,7 +45,7 @@ impl<F: Real> InputBuffers<'_, F> {
     pub const fn lengths(tiles: usize) -> (usize, usize) {
         (
             DEPTH * (MARGIN + TILE * tiles + MAX_LANES),
-            DEPTH * DEPTH * (tiles + MAX_LANES),
+            2 * DEPTH * DEPTH * (tiles + MAX_LANES),
         )
     }
 }
@@ -67,19 +67,24 @@ impl<F: Real> InputBlock<'_, F> {
         let zeros = [F::zero(); MAX_COLUMNS];
         let tiles = self.width.div_ceil(TILE);
         let stride = stride / F::lanes::<S>();
-        for input in 0..inputs {
-            for (tile_row, rows) in rows.iter().enumerate() {
-                self.transform_columns(simd, rows, input, &zeros, buffers.rows);
-                let first = tile_row * tiles;
-                separate_columns::<S, F>(
-                    buffers.rows,
-                    buffers.columns,
-                    N * F::lanes::<S>(),
-                    first..first + tiles,
-                );
+        let half = buffers.columns.len() / 2;
+        let (mut current, mut previous) = buffers.columns.split_at_mut(half);
+        // The transform along the rows reads values across two stores. It would wait for them
+        // without another plane in between.
+        for input in 0..=inputs {
+            if input < inputs {
+                for (tile_row, rows) in rows.iter().enumerate() {
+                    self.transform_columns(simd, rows, input, &zeros, buffers.rows);
+                    let tiles = tile_row * tiles..(tile_row + 1) * tiles;
+                    let capacity = N * F::lanes::<S>();
+                    separate_columns::<S, F>(simd, buffers.rows, current, capacity, tiles);
+                }
             }
-            let vectors = F::vectors_mut::<S>(transformed);
-            transform_rows::<S, F, N>(simd, buffers.columns, &mut vectors[input * N..], stride);
+            if input > 0 {
+                let vectors = &mut F::vectors_mut::<S>(transformed)[(input - 1) * N..];
+                transform_rows::<S, F, N>(simd, previous, vectors, stride);
+            }
+            std::mem::swap(&mut current, &mut previous);
         }
     }
 
@@ -159,6 +164,7 @@ impl<F: Real> InputBlock<'_, F> {
 /// Values beyond them have no meaning. Those of the next tiles replace them.
 #[inline(always)]
 fn separate_columns<S: Simd, F: Real>(
+    _: S,
     rows: &[F],
     columns: &mut [F],
     capacity: usize,
