@@ -71,7 +71,8 @@ def readme(session: nox.Session) -> None:
 @nox.session(venv_backend="none", tags=["gate"])
 def rust(session: nox.Session) -> None:
     """Run the engine's own tests, and the examples in its documentation."""
-    session.run("cargo", "test", "--workspace", external=True)
+    # The session `readme` has compiled most of it already.
+    session.run("cargo", "test", "--release", "--workspace", external=True)
 
 
 @nox.session(tags=["gate"])
@@ -121,6 +122,12 @@ def gallery(session: nox.Session) -> None:
     notebooks = [next(SITE.glob(f"_downloads/*/{name}.ipynb")) for name in examples]
     output = ("--output-dir", session.create_tmp())
     session.run("jupyter", "nbconvert", "--to", "notebook", "--execute", *output, *notebooks)
+
+
+@nox.session(venv_backend="none", tags=["release"])
+def overflow(session: nox.Session) -> None:
+    """Run the engine's own tests with checks for overflow of integers."""
+    session.run("cargo", "test", "--workspace", external=True)
 
 
 @nox.session(tags=["release"])

@@ -1,19 +1,14 @@
 //! Comparisons of counts of packed bits with counts of one jot after the other.
 
+mod random;
+
 use jotlight::bits::{PackedBits, add_block_counts, packed_width};
 use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
 use jotlight::threads;
 use ndarray::{Array2, Array3, Axis, s};
 
-/// Return pseudorandom bytes. Their padding bits are random too.
-fn random_bytes(frames: usize, rows: usize, width: usize) -> Array3<u8> {
-    let mut state = 0x2016_u32;
-    Array3::from_shape_simple_fn((frames, rows, packed_width(width)), || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 24) as u8
-    })
-}
+use random::random_bits;
 
 fn naive_counts(
     bytes: &Array3<u8>,
@@ -42,7 +37,7 @@ fn counts_are_right_for_any_number_of_frames() -> Result<()> {
         for (oversampling, rows, width) in
             [(1, 5, 77), (1, 3, 64), (2, 4, 22), (3, 9, 33), (8, 8, 72)]
         {
-            let bytes = random_bytes(frames, rows, width);
+            let bytes = random_bits(frames, rows, width);
             let bits = PackedBits::new(bytes.view(), width)?;
             let mut counts = Array2::zeros((rows / oversampling, width / oversampling));
             add_block_counts(&bits, oversampling, None, counts.view_mut())?;
@@ -70,7 +65,7 @@ fn counts_are_right_for_any_number_of_frames() -> Result<()> {
 fn counts_are_right_for_any_oversampling_and_mask() -> Result<()> {
     for oversampling in [1, 2, 3, 7, 8, 9, 57, 58, 64, 70, 120] {
         let (rows, width) = (2 * oversampling, 3 * oversampling);
-        let bytes = random_bytes(3, rows, width);
+        let bytes = random_bits(3, rows, width);
         let bits = PackedBits::new(bytes.view(), width)?;
         let mut counts = Array2::zeros((2, 3));
         add_block_counts(&bits, oversampling, None, counts.view_mut())?;
@@ -80,7 +75,7 @@ fn counts_are_right_for_any_oversampling_and_mask() -> Result<()> {
             "oversampling {oversampling}"
         );
 
-        let mask = random_bytes(1, rows, width + 1);
+        let mask = random_bits(1, rows, width + 1);
         let mask = mask.slice(s![0, .., ..packed_width(width)]);
         let is_valid =
             |row: usize, column: usize| mask[[row, column / 8]] >> (7 - column % 8) & 1 == 1;
@@ -97,7 +92,7 @@ fn counts_are_right_for_any_oversampling_and_mask() -> Result<()> {
 
 #[test]
 fn pixels_of_many_jots_are_counted_in_parts() -> Result<()> {
-    let bytes = random_bytes(17, 96, 19_200);
+    let bytes = random_bits(17, 96, 19_200);
     let bits = PackedBits::new(bytes.view(), 19_200)?;
     let mut counts = Array2::zeros((2, 400));
     add_block_counts(&bits, 48, None, counts.view_mut())?;
@@ -109,7 +104,7 @@ fn pixels_of_many_jots_are_counted_in_parts() -> Result<()> {
 fn counts_of_parts_add_up_for_every_instruction_set() -> Result<()> {
     let frames = 3001;
     for (rows, width) in [(3, 77), (2, 64), (1, 200)] {
-        let mut bytes = random_bytes(frames, rows, width);
+        let mut bytes = random_bits(frames, rows, width);
         // The first jots are always one, so all their digits carry.
         bytes.slice_mut(s![.., .., ..2]).fill(0xff);
         let expected = naive_counts(&bytes, width, 1, |_, _| true);
@@ -146,7 +141,7 @@ fn counts_are_added_to_the_previous_ones() -> Result<()> {
 
 #[test]
 fn counts_do_not_depend_on_layout_or_threads() -> Result<()> {
-    let bytes = random_bytes(20, 66, 30);
+    let bytes = random_bits(20, 66, 30);
     let expected = [1, 6].map(|oversampling| naive_counts(&bytes, 30, oversampling, |_, _| true));
     let mut reversed = bytes.clone();
     reversed.invert_axis(ndarray::Axis(0));
@@ -179,7 +174,7 @@ fn counts_do_not_depend_on_layout_or_threads() -> Result<()> {
 
 #[test]
 fn invalid_arguments_are_errors() -> Result<()> {
-    let bytes = random_bytes(2, 6, 12);
+    let bytes = random_bits(2, 6, 12);
     let name = |error: Result<()>| match error {
         Err(Error::Shape { what, .. } | Error::Range { what, .. }) => what,
         other => {

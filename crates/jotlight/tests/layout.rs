@@ -1,5 +1,7 @@
 //! Comparisons of transposed, reversed, and listed bits with one jot after the other.
 
+mod random;
+
 use std::collections::BTreeSet;
 
 use jotlight::bits::{PackedBits, packed_width, reverse_bytes, set_positions, transpose};
@@ -8,14 +10,7 @@ use jotlight::error::{Error, Result};
 use jotlight::threads;
 use ndarray::{Array2, Array3, s};
 
-/// Return pseudorandom bytes. Their padding bits are random too.
-fn random_bytes(frames: usize, rows: usize, width: usize) -> Array3<u8> {
-    let mut state = 0x2016_u32;
-    Array3::from_shape_simple_fn((frames, rows, packed_width(width)), || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 24) as u8
-    })
-}
+use random::random_bits;
 
 fn naive_transpose(bytes: &Array3<u8>, width: usize) -> Array3<u8> {
     let (frames, rows, _) = bytes.dim();
@@ -47,7 +42,7 @@ fn bits_of_any_size_are_transposed() -> Result<()> {
             (2, 9, 0),
             (0, 3, 3),
         ] {
-            let bytes = random_bytes(frames, rows, width);
+            let bytes = random_bits(frames, rows, width);
             let bits = PackedBits::new(bytes.view(), width)?;
             // The old content does not matter.
             let mut transposed = Array3::from_elem((frames, width, packed_width(rows)), 0xa5);
@@ -64,7 +59,7 @@ fn bits_of_any_size_are_transposed() -> Result<()> {
 
 #[test]
 fn transposing_does_not_depend_on_threads_or_on_the_order_in_memory() -> Result<()> {
-    let bytes = random_bytes(10, 40, 100);
+    let bytes = random_bits(10, 40, 100);
     let strided = bytes.slice(s![..;2, ..;-1, ..]);
     let expected = naive_transpose(&strided.to_owned(), 100);
     for threads in [1, 2, 5] {
@@ -80,7 +75,7 @@ fn transposing_does_not_depend_on_threads_or_on_the_order_in_memory() -> Result<
 
 #[test]
 fn a_wrong_shape_is_refused() -> Result<()> {
-    let bytes = random_bytes(2, 5, 13);
+    let bytes = random_bits(2, 5, 13);
     let bits = PackedBits::new(bytes.view(), 13)?;
     let mut transposed = Array3::zeros((2, 13, 2));
     let result = transpose(&bits, transposed.view_mut());
@@ -90,7 +85,7 @@ fn a_wrong_shape_is_refused() -> Result<()> {
 
 #[test]
 fn the_bits_of_each_byte_are_reversed() {
-    let bytes = random_bytes(1, 3, 1 << 19).flatten().to_owned();
+    let bytes = random_bits(1, 3, 1 << 19).flatten().to_owned();
     let expected =
         bytes.map(|byte| (0..8).fold(0, |sum, bit| sum | (byte >> bit & 1) << (7 - bit)));
     let mut reversed = bytes.clone();

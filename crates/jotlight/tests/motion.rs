@@ -1,25 +1,14 @@
 //! Comparisons of counts along a motion with counts of one bit after the other.
 
+mod random;
+
 use jotlight::bits::{PackedBits, packed_width};
 use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
 use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, add_shifted_counts};
 use ndarray::{Array2, Array3, ArrayView2, Axis, stack};
 
-/// Pseudorandom numbers.
-struct Random(u32);
-
-impl Random {
-    fn next(&mut self) -> u32 {
-        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        self.0 >> 8
-    }
-
-    /// Return a number from -1 to 1.
-    fn number(&mut self) -> f32 {
-        self.next() as f32 / (1 << 23) as f32 - 1.0
-    }
-}
+use random::Random;
 
 /// The sums along a motion.
 struct Sums {
@@ -103,14 +92,12 @@ fn counts_are_those_of_single_bits_on_every_level() -> Result<()> {
         (17, 33, 130, 30.0),
         (8, 5, 257, 200.0),
     ] {
-        let bytes = Array3::from_shape_simple_fn((frames, rows, packed_width(columns)), || {
-            random.next() as u8
-        });
-        let valid =
-            Array2::from_shape_simple_fn((rows, packed_width(columns)), || random.next() as u8);
-        let smooth = [random.number(), random.number()];
+        let bytes =
+            Array3::from_shape_simple_fn((frames, rows, packed_width(columns)), || random.byte());
+        let valid = Array2::from_shape_simple_fn((rows, packed_width(columns)), || random.byte());
+        let smooth = [random.number() as f32, random.number() as f32];
         let displacements = Array3::from_shape_fn((2, rows, columns), |(direction, _, column)| {
-            scale * (smooth[direction] + 0.01 * column as f32) + 0.6 * random.number()
+            scale * (smooth[direction] + 0.01 * column as f32) + 0.6 * random.number() as f32
         });
         let times = vec![0.25; frames];
         let fields = &[&displacements; 2];
@@ -141,10 +128,9 @@ fn smooth_displacements_are_those_of_single_bits_on_every_level() -> Result<()> 
         (17, 300, 0.02),
     ] {
         let rows = 19;
-        let bytes = Array3::from_shape_simple_fn((frames, rows, packed_width(columns)), || {
-            random.next() as u8
-        });
-        let start = [random.number(), random.number()];
+        let bytes =
+            Array3::from_shape_simple_fn((frames, rows, packed_width(columns)), || random.byte());
+        let start = [random.number() as f32, random.number() as f32];
         // Rows and columns change at different pixels, and at the same ones in the last row.
         let displacements =
             Array3::from_shape_fn((2, rows, columns), |(direction, row, column)| {
@@ -187,7 +173,7 @@ fn tiles_are_interpolated_and_remainders_are_means() -> Result<()> {
         }
     });
     let mut random = Random(2);
-    let bytes = Array3::from_shape_simple_fn((10, rows, 4), || random.next() as u8);
+    let bytes = Array3::from_shape_simple_fn((10, rows, 4), || random.byte());
     let mut sums = Sums::new(rows, columns);
     sums.add(&bytes, &[&nodes; 2], Some(tile), &[0.0; 10], None)?;
     let expected = naive(&bytes, &pixels, None);

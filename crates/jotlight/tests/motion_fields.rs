@@ -1,20 +1,15 @@
 //! Affine fits and smooth fields of displacements, against exact fields and a dense solver.
 
+mod random;
+
 use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
 use jotlight::motion::{AffineFit, EquationsView, Smoothness, Start, fit_affine, solve_field};
 use ndarray::{Array1, Array2, Array3};
 
-/// Pseudorandom numbers.
-struct Random(u32);
+use random::Random;
 
 impl Random {
-    /// Return a number from -1 to 1.
-    fn number(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f64::from(self.0 >> 8) / f64::from(1 << 23) - 1.0
-    }
-
     fn vectors(&mut self, (rows, columns): (usize, usize)) -> Array3<f64> {
         Array3::from_shape_simple_fn((2, rows, columns), || self.number())
     }

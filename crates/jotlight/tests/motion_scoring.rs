@@ -1,5 +1,7 @@
 //! Normal equations and χ² of blocks of frames, against sums in `f64` of one pixel after the other.
 
+mod random;
+
 use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
 use jotlight::motion::{
@@ -9,15 +11,7 @@ use jotlight::motion::{
 use jotlight::threads::install;
 use ndarray::{Array2, Array3, s};
 
-/// Pseudorandom numbers.
-struct Random(u32);
-
-impl Random {
-    fn below(&mut self, end: u32) -> u32 {
-        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (self.0 >> 8) % end
-    }
-}
+use random::Random;
 
 /// Counts of a block, and the template to which they are compared.
 struct Case {

@@ -1,5 +1,7 @@
 //! Comparisons of sums of values of the jots along a motion with counts of equal bits.
 
+mod random;
+
 use jotlight::bits::{PackedBits, packed_width};
 use jotlight::cpu::Level;
 use jotlight::error::Result;
@@ -8,15 +10,7 @@ use jotlight::motion::{
 };
 use ndarray::{Array2, Array3, Array4};
 
-/// Pseudorandom numbers.
-struct Random(u32);
-
-impl Random {
-    fn next(&mut self) -> u32 {
-        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        self.0 >> 8
-    }
-}
+use random::Random;
 
 /// Two maps of zeros and ones, and the bits of frames that are equal to the first one.
 fn equal_bits(random: &mut Random, (frames, rows, columns): (usize, usize, usize)) -> Case {
@@ -24,7 +18,7 @@ fn equal_bits(random: &mut Random, (frames, rows, columns): (usize, usize, usize
     let mut bytes = Array3::<u8>::zeros((frames, rows, packed_width(columns)));
     for row in 0..rows {
         for column in 0..columns {
-            let bit = (random.next() >> 8) as u8 & 1;
+            let bit = random.byte() & 1;
             values[[0, row, column]] = f32::from(bit);
             for frame in 0..frames {
                 bytes[[frame, row, column / 8]] |= bit << (7 - column % 8);
@@ -52,7 +46,7 @@ fn sums_of_values_are_counts_of_equal_bits() -> Result<()> {
         let Case { values, bytes } = equal_bits(&mut random, (frames, rows, columns));
         let tiles = |length: usize| tile.map_or(length, |tile| length.div_ceil(tile));
         let fields = Array4::from_shape_simple_fn((3, 2, tiles(rows), tiles(columns)), || {
-            scale * (random.next() as f32 / (1 << 23) as f32 - 1.0)
+            scale * random.number() as f32
         });
         let motion = Displacements::new(fields.view(), tile, rows, columns)?;
         let times: Vec<f64> = (0..frames).map(|frame| 0.2 * frame as f64 - 0.1).collect();

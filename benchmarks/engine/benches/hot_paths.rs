@@ -1,5 +1,5 @@
 //! Measurements of the throughput of the hot loops on one thread, for every instruction set of the
-//! processor: `cargo bench`.
+//! processor: `cargo bench --manifest-path benchmarks/engine/Cargo.toml`.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use jotlight::bits::{PackedBits, add_block_counts};

@@ -1,8 +1,6 @@
 //! Comparisons of the network with a forward pass in plain loops, and of its gradients with central
 //! differences.
 
-mod random;
-
 use jotlight::bits::PackedBits;
 use jotlight::error::{Error, Result};
 use jotlight::likelihood::Threshold;
@@ -11,7 +9,8 @@ use jotlight::network::{
 };
 use jotlight::sensing::{Kernel, PerJot, Sensor};
 use ndarray::{Array1, Array2, Array3, Array4, ArrayView3, Axis};
-use random::Random;
+
+use crate::random::Random;
 
 const START: f64 = -5.0;
 const COEFFICIENTS: usize = 9;
@@ -20,10 +19,11 @@ const SPACING: f64 = 10.0 / (COEFFICIENTS - 3) as f64;
 impl Random {
     fn layer(&mut self, shape: (usize, usize, usize, usize), wiring: Wiring) -> Result<Layer<f64>> {
         let scale = 2.0 / ((shape.1 * shape.2 * shape.3) as f64).sqrt();
-        let filters = Array4::from_shape_simple_fn(shape, || scale * self.next());
+        let filters = Array4::from_shape_simple_fn(shape, || scale * (self.fraction() - 0.5));
         let channels = shape.0 / (wiring.upsampling * wiring.upsampling);
-        let coefficients =
-            Array2::from_shape_simple_fn((channels, COEFFICIENTS), || 4.0 * self.next());
+        let coefficients = Array2::from_shape_simple_fn((channels, COEFFICIENTS), || {
+            4.0 * (self.fraction() - 0.5)
+        });
         Layer::new(filters, Some(coefficients.view()), START, SPACING, wiring)
     }
 }
@@ -138,7 +138,9 @@ fn the_forward_pass_agrees_with_its_definition() -> Result<()> {
     ] {
         let references: Vec<&Layer<f64>> = layers.iter().collect();
         for (height, width) in [(6, 6), (24, 66), (48, 6), (12, 1098)] {
-            let sums = Array3::from_shape_simple_fn((3, height, width), || 8.0 * random.next());
+            let sums = Array3::from_shape_simple_fn((3, height, width), || {
+                8.0 * (random.fraction() - 0.5)
+            });
             let expected = naive_forward(&layers, &wiring, &sums);
             let found = forward(&references, sums.view())?;
             assert!(largest_difference(&found, &expected) < 1e-9);
@@ -153,7 +155,7 @@ fn images_of_any_size_have_a_forward_pass() -> Result<()> {
     let (layers, _) = winograd_layers(&mut random)?;
     let references: Vec<&Layer<f64>> = layers.iter().collect();
     for size in [(1, 1), (1, 9), (7, 1), (3, 5), (5, 3), (33, 131)] {
-        let sums = Array3::from_shape_simple_fn((3, size.0, size.1), || random.next());
+        let sums = Array3::from_shape_simple_fn((3, size.0, size.1), || random.fraction() - 0.5);
         let found = forward(&references, sums.view())?;
         assert_eq!(found.dim(), size);
         assert!(found.iter().all(|value| value.is_finite()));
@@ -167,9 +169,10 @@ fn counts_bits_and_sums_lead_to_the_same_image() -> Result<()> {
     for (frames, side) in [(1, 2), (2, 3), (1, 4), (3, 8)] {
         let trials = frames * side * side;
         let (height, width) = (40, 19);
-        let tap = random.next() / side as f64;
+        let tap = (random.fraction() - 0.5) / side as f64;
         let filters = Array4::from_elem((1, frames, side, side), tap);
-        let coefficients = Array2::from_shape_simple_fn((1, COEFFICIENTS), || random.next());
+        let coefficients =
+            Array2::from_shape_simple_fn((1, COEFFICIENTS), || random.fraction() - 0.5);
         let first = |filters| {
             let wiring = Wiring::default();
             Layer::new(filters, Some(coefficients.view()), START, SPACING, wiring)
@@ -180,7 +183,7 @@ fn counts_bits_and_sums_lead_to_the_same_image() -> Result<()> {
 
         let bytes = (width * side).div_ceil(8);
         let packed = Array3::from_shape_simple_fn((frames, height * side, bytes), || {
-            ((random.next() + 0.5) * 255.0) as u8
+            (random.fraction() * 255.0) as u8
         });
         let bits = PackedBits::new(packed.view(), width * side)?;
         let mut counts = Array2::zeros((height, width));
@@ -241,8 +244,8 @@ impl Parameters {
         for &(outputs, inputs, rows, columns) in &shapes {
             let taps = inputs * rows * columns;
             let scale = 2.0 / (taps as f64).sqrt();
-            values.extend((0..outputs * taps).map(|_| scale * random.next()));
-            values.extend((0..outputs * COEFFICIENTS).map(|_| 3.0 * random.next()));
+            values.extend((0..outputs * taps).map(|_| scale * (random.fraction() - 0.5)));
+            values.extend((0..outputs * COEFFICIENTS).map(|_| 3.0 * (random.fraction() - 0.5)));
         }
         let values = values.into();
         Self { shapes, values }
@@ -296,7 +299,7 @@ fn sensor<'a>() -> Result<Sensor<'a>> {
 fn gradients_agree_with_central_differences() -> Result<()> {
     let mut random = Random(6);
     let images = [(12, 13), (6, 5)]
-        .map(|shape| Array2::from_shape_simple_fn(shape, || (random.next() + 0.5) as f32));
+        .map(|shape| Array2::from_shape_simple_fn(shape, || random.fraction() as f32));
     let batch = batch(&images, sensor()?);
     for shapes in [
         vec![(1, 1, 1, 1)],

@@ -6,15 +6,15 @@ use jotlight::motion::{Peak, Windows, peak_of_shifted_scores, velocity_scores};
 use jotlight::threads::install;
 use ndarray::{Array2, Array3, ArrayView3, array};
 
+use crate::random::Random;
+
 const LINE: [f64; 9] = [-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0];
 
 /// Return images of a texture that moves down by a pixel, and left by a half, in each block.
 fn moving(blocks: usize, rows: usize, columns: usize) -> Array3<i32> {
-    let mut state = 1u32;
-    let texture = Array2::from_shape_simple_fn((2 * rows, 2 * columns), || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 16).cast_signed() % 100
-    });
+    let mut random = Random(1);
+    let texture =
+        Array2::from_shape_simple_fn((2 * rows, 2 * columns), || random.below(100).cast_signed());
     // Pixels of the texture are half as wide, and a pixel of an image is the sum of four.
     Array3::from_shape_fn((blocks, rows, columns), |(block, row, column)| {
         let texel = |down, right| {

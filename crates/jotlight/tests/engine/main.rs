@@ -1,0 +1,20 @@
+//! Tests of the engine that may run at the same time in one program.
+//!
+//! The compiler translates the engine's generic functions once for each program. Tests that choose
+//! the level of instructions of all threads are programs of their own.
+
+#[path = "../random/mod.rs"]
+mod random;
+
+mod edge_cases;
+mod interrupt;
+mod likelihood;
+mod mle;
+mod motion_velocity;
+mod network;
+mod sensing;
+mod splines;
+mod spread;
+mod threshold;
+mod tv;
+mod vst;
