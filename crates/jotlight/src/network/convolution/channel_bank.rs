@@ -214,7 +214,9 @@ impl<F: Real> BankCorrelation<'_, '_, F> {
         let lanes = F::lanes::<S>();
         let mut sums = [[F::splat(simd, F::zero()); C]; O];
         let inputs = taps.chunks_exact(rows * columns);
-        for (taps, plane) in inputs.zip(self.source.data.chunks(self.source.plane_stride)) {
+        for (input, taps) in inputs.enumerate() {
+            // The last registers of a tile may lie beyond the plane. Their sums are discarded.
+            let plane = &self.source.data[input * self.source.plane_stride..];
             for (tap_row, taps) in taps.chunks_exact(columns).enumerate() {
                 let source = &plane[(row + tap_row) * self.source.row_stride + column..];
                 let source = &source[..columns - 1 + C * lanes];

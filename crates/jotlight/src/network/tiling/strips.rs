@@ -49,8 +49,9 @@ impl RowLayout {
 
     /// Return the number of values in the memory of `rows` rows.
     pub fn length(&self, rows: usize) -> usize {
-        // The last row also has values after it, and the memory may begin within a cache line.
-        rows * self.channels * self.row_length + 3 * LINE
+        // Loops read up to three registers beyond the last row, and the memory may begin within a
+        // cache line.
+        rows * self.channels * self.row_length + 4 * LINE
     }
 
     /// Return the memory of a strip for writing. Its length must be [`RowLayout::length`].
