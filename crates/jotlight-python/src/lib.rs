@@ -18,6 +18,8 @@ mod sensing;
 mod tv;
 mod vst;
 
+use std::cell::Cell;
+
 use jotlight::error::Error;
 use jotlight::threads::install_interruptible;
 use pyo3::exceptions::{PyMemoryError, PyValueError};
@@ -92,6 +94,22 @@ fn to_python(error: Error) -> PyErr {
     }
 }
 
+thread_local! {
+    /// The exception that a signal handler has raised during the current call.
+    static EXCEPTION: Cell<Option<PyErr>> = const { Cell::new(None) };
+}
+
+/// Run Python's signal handlers, and return whether one of them has raised an exception.
+fn is_interrupted() -> bool {
+    // The method itself does not have the lifetimes that `try_attach` requires.
+    #[allow(clippy::redundant_closure_for_method_calls)]
+    let signals = Python::try_attach(|py| py.check_signals());
+    let exception = signals.and_then(Result::err);
+    let is_interrupted = exception.is_some();
+    EXCEPTION.set(exception);
+    is_interrupted
+}
+
 /// Run `work` on `threads` threads without the GIL, and return its result.
 ///
 /// Meanwhile the calling thread runs Python's signal handlers. If one of them raises an exception,
@@ -104,16 +122,8 @@ fn run<R: Send>(
 ) -> PyResult<R> {
     // A negative number becomes 0, which the engine refuses.
     let threads = threads.map(|threads| threads.max(0).cast_unsigned());
-    let mut exception = None;
-    let is_interrupted = || {
-        // The method itself does not have the lifetimes that `try_attach` requires.
-        #[allow(clippy::redundant_closure_for_method_calls)]
-        let signals = Python::try_attach(|py| py.check_signals());
-        exception = signals.and_then(Result::err);
-        exception.is_some()
-    };
     let result = py.detach(|| install_interruptible(threads, is_interrupted, work));
-    match exception {
+    match EXCEPTION.take() {
         Some(exception) => Err(exception),
         None => result.map_err(to_python),
     }

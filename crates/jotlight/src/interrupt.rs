@@ -2,19 +2,67 @@
 //!
 //! Each pool of threads has a flag. Long loops ask [`is_requested`] and skip the rest of their work
 //! if the flag of their pool is raised. The call then returns [`crate::error::Error::Interrupted`],
-//! so that nobody uses the incomplete result.
+//! so that nobody uses the incomplete result. If the calling thread works itself, these questions
+//! also reach the function that knows of interruptions.
 
-use std::cell::OnceCell;
+use std::cell::{Cell, OnceCell};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
-/// The number of raised flags. It is nearly always 0. Reading it takes less time than finding the
-/// flag of the thread, so loops may ask often.
-static RAISED_FLAGS: AtomicUsize = AtomicUsize::new(0);
+/// The time between two questions whether a call should be interrupted.
+pub(crate) const TIME_BETWEEN_QUESTIONS: Duration = Duration::from_millis(50);
+
+/// The number of raised flags, and of calling threads that work themselves. Reading it takes less
+/// time than finding the flag of the thread, so loops may ask often.
+static CAUSES: AtomicUsize = AtomicUsize::new(0);
 
 thread_local! {
     /// The flag of the pool to which the thread belongs.
     static FLAG: OnceCell<Arc<AtomicBool>> = const { OnceCell::new() };
+    /// The question of the call for which this thread works itself.
+    static QUESTION: Cell<Option<Question>> = const { Cell::new(None) };
+}
+
+/// The number of times that a loop that asks often does not look at the clock.
+const SKIPPED_LOOKS: u32 = 16;
+/// A loop asks often if the time since its last look at the clock is shorter.
+const SHORT_TIME: Duration = Duration::from_micros(100);
+
+/// A function that returns whether the call is interrupted, and when to call it again.
+#[derive(Clone, Copy)]
+struct Question {
+    ask: fn() -> bool,
+    due: Instant,
+    /// The time of the last look at the clock.
+    last: Instant,
+    /// The number of looks to skip.
+    skipped: u32,
+}
+
+/// The time during which the current thread works itself for a call.
+pub(crate) struct OwnWork(());
+
+impl OwnWork {
+    /// Begin to call `ask` from time to time.
+    pub fn begin(ask: fn() -> bool) -> Self {
+        let last = Instant::now();
+        QUESTION.set(Some(Question {
+            ask,
+            due: last + TIME_BETWEEN_QUESTIONS,
+            last,
+            skipped: 0,
+        }));
+        CAUSES.fetch_add(1, Ordering::Relaxed);
+        Self(())
+    }
+}
+
+impl Drop for OwnWork {
+    fn drop(&mut self) {
+        CAUSES.fetch_sub(1, Ordering::Relaxed);
+        QUESTION.set(None);
+    }
 }
 
 /// The flag of a pool of threads.
@@ -30,7 +78,7 @@ impl Flag {
 
     pub fn raise(&self) {
         if !self.0.swap(true, Ordering::Relaxed) {
-            RAISED_FLAGS.fetch_add(1, Ordering::Relaxed);
+            CAUSES.fetch_add(1, Ordering::Relaxed);
         }
     }
 
@@ -38,7 +86,7 @@ impl Flag {
     pub fn lower(&self) -> bool {
         let was_raised = self.0.swap(false, Ordering::Relaxed);
         if was_raised {
-            RAISED_FLAGS.fetch_sub(1, Ordering::Relaxed);
+            CAUSES.fetch_sub(1, Ordering::Relaxed);
         }
         was_raised
     }
@@ -49,10 +97,39 @@ impl Flag {
 /// Loops ask this at least every 100 milliseconds, and at most every 100 nanoseconds.
 #[inline]
 pub(crate) fn is_requested() -> bool {
-    RAISED_FLAGS.load(Ordering::Relaxed) != 0 && is_flag_raised()
+    CAUSES.load(Ordering::Relaxed) != 0 && (is_flag_raised() || is_interrupted())
 }
 
-#[cold]
+#[inline(never)]
 fn is_flag_raised() -> bool {
     FLAG.with(|flag| flag.get().is_some_and(|flag| flag.load(Ordering::Relaxed)))
+}
+
+/// Ask the question of the current call if it is due. If the call is interrupted, raise the flag of
+/// the thread.
+#[inline(never)]
+fn is_interrupted() -> bool {
+    let Some(mut question) = QUESTION.get() else {
+        return false;
+    };
+    if question.skipped > 0 {
+        question.skipped -= 1;
+        QUESTION.set(Some(question));
+        return false;
+    }
+    let now = Instant::now();
+    if now - question.last < SHORT_TIME {
+        question.skipped = SKIPPED_LOOKS;
+    }
+    question.last = now;
+    let is_due = now >= question.due;
+    if is_due {
+        question.due = now + TIME_BETWEEN_QUESTIONS;
+    }
+    QUESTION.set(Some(question));
+    let is_interrupted = is_due && (question.ask)();
+    if is_interrupted {
+        FLAG.with(|flag| flag.get().map(|flag| Flag(Arc::clone(flag)).raise()));
+    }
+    is_interrupted
 }

@@ -8,7 +8,7 @@
 //! η s + d.
 
 mod chunk;
-mod one_photon;
+pub(crate) mod one_photon;
 mod proximal;
 mod threshold;
 

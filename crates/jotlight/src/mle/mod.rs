@@ -7,8 +7,10 @@ mod jots;
 
 use rayon::prelude::*;
 
+use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::interrupt;
+use crate::likelihood::one_photon::{ELEMENTS_PER_GROUP, inverse_detection_probability};
 use crate::likelihood::{Threshold, check_counts};
 use crate::values::Values;
 
@@ -70,6 +72,11 @@ impl PixelResponse {
     #[must_use]
     pub fn intensity(&self, probability: f64, jot: JotResponse) -> f64 {
         let rate = self.threshold.inverse_detection_probability(probability);
+        self.intensity_from_rate(rate, jot)
+    }
+
+    #[inline(always)]
+    fn intensity_from_rate(&self, rate: f64, jot: JotResponse) -> f64 {
         let intensity = (rate - jot.dark_counts) / (jot.efficiency * self.light_per_intensity);
         intensity.max(0.0).min(self.max_intensity)
     }
@@ -152,10 +159,50 @@ pub fn from_probability(
         return Err(Error::shape("out", probability.len(), out.len()));
     }
     response.check()?;
-    for_each_pixel(out, |index| {
-        response.intensity(f64::from(probability[index]), jot) as f32
+    if response.threshold.photons() > 1 {
+        for_each_pixel(out, |index| {
+            response.intensity(f64::from(probability[index]), jot) as f32
+        });
+        return Ok(());
+    }
+    let chunks = out.par_chunks_mut(PIXELS_PER_CHUNK);
+    let chunks = chunks.zip(probability.par_chunks(PIXELS_PER_CHUNK));
+    chunks.for_each(|(out, probability)| {
+        if !interrupt::is_requested() {
+            one_photon_intensities(response, jot, probability, out);
+        }
     });
     Ok(())
+}
+
+levels! {
+    /// Write the intensity for each detection probability into `out`, for the threshold 1.
+    fn one_photon_intensities(
+        response: &PixelResponse, jot: JotResponse, probability: &[f32], out: &mut [f32],
+    ) = one_photon_intensities_inlined;
+}
+
+#[inline(always)]
+fn one_photon_intensities_inlined(
+    response: &PixelResponse,
+    jot: JotResponse,
+    probability: &[f32],
+    out: &mut [f32],
+) {
+    let groups = out.chunks_mut(ELEMENTS_PER_GROUP);
+    for (out, part) in groups.zip(probability.chunks(ELEMENTS_PER_GROUP)) {
+        let mut values = [0.0; ELEMENTS_PER_GROUP];
+        values[..part.len()].copy_from_slice(part);
+        let mut rates = [0.0; ELEMENTS_PER_GROUP];
+        for (rate, value) in rates.iter_mut().zip(values) {
+            *rate = f64::from(value);
+        }
+        rates = inverse_detection_probability(&rates);
+        for (value, rate) in values.iter_mut().zip(rates) {
+            *value = response.intensity_from_rate(rate, jot) as f32;
+        }
+        out.copy_from_slice(&values[..part.len()]);
+    }
 }
 
 /// Write the expected count of an equivalent pixel for each pixel into `out`. The expected counts

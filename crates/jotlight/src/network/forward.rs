@@ -11,7 +11,7 @@ use super::graph::Graph;
 use super::layer::Layer;
 use super::tiling::region::Region;
 use super::tiling::schedule::evaluate_in_tiles;
-use super::tiling::strips::contiguous_planes;
+use super::tiling::strips::{PlanesMut, contiguous_planes};
 use crate::bits::{PackedBits, check_mask};
 use crate::error::{Error, Result};
 use crate::numbers::Real;
@@ -50,10 +50,9 @@ pub fn forward<F: Real>(layers: &[&Layer<F>], sums: ArrayView3<'_, F>) -> Result
     let graph = checked_graph(layers, channels, (height, width))?;
     let sums = contiguous_planes("sums", sums)?;
     evaluate_in_tiles(&graph, (height, width), |region, out| {
-        let planes = sums.chunks_exact(height * width);
-        for (out, sums) in out.chunks_exact_mut(region.pixels()).zip(planes) {
-            for (out, sums) in rows_of_region(out, sums, region, width) {
-                out.copy_from_slice(sums);
+        for (plane, sums) in sums.chunks_exact(height * width).enumerate() {
+            for (row, sums) in rows_of_region(sums, region, width).enumerate() {
+                out.row(plane, row).copy_from_slice(sums);
             }
         }
         layers[0].activate(out);
@@ -91,12 +90,12 @@ pub fn forward_counts<F: Real>(
         ));
     }
     let mut tables = contiguous_planes("sums", sums)?.into_owned();
-    layers[0].activate(&mut tables);
+    layers[0].activate(&mut PlanesMut::contiguous(&mut tables, (1, length)));
     let tables: Vec<_> = tables.chunks_exact(length).map(CountTable::new).collect();
     evaluate_in_tiles(&graph, (height, width), |region, out| {
-        for (out, table) in out.chunks_exact_mut(region.pixels()).zip(&tables) {
-            for (out, counts) in rows_of_region(out, &counts, region, width) {
-                table.look_up(counts, out);
+        for (plane, table) in tables.iter().enumerate() {
+            for (row, counts) in rows_of_region(&counts, region, width).enumerate() {
+                table.look_up(counts, out.row(plane, row));
             }
         }
     })
@@ -122,17 +121,15 @@ pub fn forward_bits<F: Real>(layers: &[&Layer<F>], bits: &PackedBits<'_>) -> Res
     })
 }
 
-/// Return pairs of rows: each row of a region, and the same row and columns of the whole plane.
-fn rows_of_region<'a, A, B>(
-    part: &'a mut [A],
-    whole: &'a [B],
+/// Return the rows of a region of a plane.
+fn rows_of_region<'a, T>(
+    plane: &'a [T],
     region: &'a Region,
     width: usize,
-) -> impl Iterator<Item = (&'a mut [A], &'a [B])> {
-    let rows = whole.chunks_exact(width).skip(region.rows.start);
-    part.chunks_exact_mut(region.columns.len())
-        .zip(rows)
-        .map(|(part, row)| (part, &row[region.columns.clone()]))
+) -> impl Iterator<Item = &'a [T]> {
+    let rows = plane.chunks_exact(width).skip(region.rows.start);
+    rows.take(region.rows.len())
+        .map(|row| &row[region.columns.clone()])
 }
 
 /// Return the graph of the layers. Check that the first layer has `planes` output planes, and that

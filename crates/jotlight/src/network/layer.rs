@@ -9,6 +9,7 @@ use super::convolution::filter_taps::FilterTaps;
 use super::convolution::winograd::Winograd;
 use super::spline::channels::build_splines;
 use super::spline::evaluate::Spline;
+use super::tiling::strips::PlanesMut;
 use crate::error::{Error, Result};
 use crate::numbers::Real;
 
@@ -120,11 +121,12 @@ impl<F: Real> Layer<F> {
         self.filters.len() + self.splines.iter().map(Spline::len).sum::<usize>()
     }
 
-    /// Apply the splines in place to planes `(C, H, W)`: equations (8) and (10).
-    pub(super) fn activate(&self, planes: &mut [F]) {
-        let pixels = planes.len() / self.channels();
-        for (spline, plane) in self.splines.iter().zip(planes.chunks_exact_mut(pixels)) {
-            spline.apply(plane);
+    /// Apply the splines in place: equations (8) and (10).
+    pub(super) fn activate(&self, planes: &mut PlanesMut<'_, F>) {
+        for row in 0..planes.height {
+            for (plane, spline) in self.splines.iter().enumerate() {
+                spline.apply(planes.row(plane, row));
+            }
         }
     }
 

@@ -6,6 +6,7 @@ use ndarray::{Array3, ArrayView3, ArrayView4};
 use super::direct::FilterTiles;
 use super::leading_rows;
 use super::padded::Padded;
+use crate::network::tiling::strips::PlanesMut;
 use crate::numbers::Real;
 use crate::sensing::mirror_index;
 
@@ -64,7 +65,8 @@ impl<F: Real> AdjointTaps<F> {
         let mut sums = vec![F::zero(); padded_rows * padded_columns];
         for (taps, mut out) in self.inputs.iter().zip(planes.outer_iter_mut()) {
             let nonzero = rows - 1..rows - 1 + height;
-            taps.correlate(padded.view(), nonzero, padded_columns, &mut sums);
+            let mut out_planes = PlanesMut::contiguous(&mut sums, (padded_rows, padded_columns));
+            taps.correlate(padded.view(), nonzero, &mut out_planes);
             for (row, sums) in sums.chunks_exact(padded_columns).enumerate() {
                 let mut out = out.row_mut(source(row, rows, height));
                 for (&column, &sum) in source_columns.iter().zip(sums) {
@@ -130,7 +132,7 @@ mod tests {
                 let filters = FilterTaps::new(taps.view(), stride);
                 let values: Vec<f64> = planes.iter().copied().collect();
                 let size = (height, width);
-                let source = StripedPlanes::single(&values, Region::whole(size), size);
+                let source = StripedPlanes::contiguous(&values, size);
                 let output = Region::whole((height / stride, width / stride));
                 let mut padded = Padded::default();
                 padded.fill(&source, &output, &filters);

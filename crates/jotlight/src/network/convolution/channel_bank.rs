@@ -7,6 +7,7 @@ use super::PlanesView;
 use super::direct::store;
 use crate::cpu::{self, Simd, WithSimd};
 use crate::interrupt;
+use crate::network::tiling::strips::PlanesMut;
 use crate::numbers::Real;
 
 /// The number of outputs in a large group, which requires a processor with 32 vector registers or
@@ -83,18 +84,11 @@ impl<F: Real> ChannelBank<F> {
         self.outputs
     }
 
-    /// Write Σ taps · source into the planes `out` `(outputs, height, width)`.
-    pub fn correlate(
-        &self,
-        source: PlanesView<'_, F>,
-        (height, width): (usize, usize),
-        out: &mut [F],
-    ) {
+    /// Write Σ taps · source into the planes `out`.
+    pub fn correlate(&self, source: PlanesView<'_, F>, out: &mut PlanesMut<'_, F>) {
         cpu::run(BankCorrelation {
             bank: self,
             source,
-            height,
-            width,
             out,
         });
     }
@@ -131,15 +125,13 @@ impl WithSimd for RegisterCount {
 }
 
 /// The correlation of `source` with a bank.
-struct BankCorrelation<'a, F> {
+struct BankCorrelation<'a, 'b, F> {
     bank: &'a ChannelBank<F>,
     source: PlanesView<'a, F>,
-    height: usize,
-    width: usize,
-    out: &'a mut [F],
+    out: &'a mut PlanesMut<'b, F>,
 }
 
-impl<F: Real> WithSimd for BankCorrelation<'_, F> {
+impl<F: Real> WithSimd for BankCorrelation<'_, '_, F> {
     type Output = ();
 
     #[inline(always)]
@@ -147,12 +139,13 @@ impl<F: Real> WithSimd for BankCorrelation<'_, F> {
         let (bank, lanes) = (self.bank, F::lanes::<S>());
         // All outputs of a block of columns are computed while its source is in the cache.
         let block = WIDE_TILE * lanes;
-        for row in 0..self.height {
+        for row in 0..self.out.height {
             if interrupt::is_requested() {
                 return;
             }
-            for column in (0..self.width).step_by(block) {
-                let columns = column..(column + block).min(self.width);
+            let width = self.out.width;
+            for column in (0..width).step_by(block) {
+                let columns = column..(column + block).min(width);
                 let mut first = 0;
                 for group in &bank.groups {
                     let columns = columns.clone();
@@ -182,7 +175,7 @@ impl<F: Real> WithSimd for BankCorrelation<'_, F> {
     }
 }
 
-impl<F: Real> BankCorrelation<'_, F> {
+impl<F: Real> BankCorrelation<'_, '_, F> {
     /// Compute a range of columns in a row of `O` outputs, starting at the output `first`.
     #[inline(always)]
     fn block<S: Simd, const O: usize, const C: usize>(
@@ -221,7 +214,9 @@ impl<F: Real> BankCorrelation<'_, F> {
         let lanes = F::lanes::<S>();
         let mut sums = [[F::splat(simd, F::zero()); C]; O];
         let inputs = taps.chunks_exact(rows * columns);
-        for (taps, plane) in inputs.zip(self.source.data.chunks(self.source.plane_stride)) {
+        for (input, taps) in inputs.enumerate() {
+            // The last registers of a tile may lie beyond the plane. Their sums are discarded.
+            let plane = &self.source.data[input * self.source.plane_stride..];
             for (tap_row, taps) in taps.chunks_exact(columns).enumerate() {
                 let source = &plane[(row + tap_row) * self.source.row_stride + column..];
                 let source = &source[..columns - 1 + C * lanes];
@@ -238,10 +233,9 @@ impl<F: Real> BankCorrelation<'_, F> {
                 }
             }
         }
-        let length = (self.width - column).min(C * lanes);
-        let planes = self.out.chunks_exact_mut(self.height * self.width);
-        for (plane, sums) in planes.skip(first).zip(sums) {
-            store::<S, F, C>(sums, &mut plane[row * self.width + column..][..length]);
+        let length = (self.out.width - column).min(C * lanes);
+        for (plane, sums) in (first..self.bank.outputs).zip(sums) {
+            store::<S, F, C>(sums, &mut self.out.row(plane, row)[column..][..length]);
         }
         C
     }

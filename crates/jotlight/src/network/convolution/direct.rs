@@ -8,6 +8,7 @@ use std::ops::Range;
 use super::PlanesView;
 use crate::cpu::{self, Simd, WithSimd};
 use crate::interrupt;
+use crate::network::tiling::strips::PlanesMut;
 use crate::numbers::{MAX_LANES, Real};
 
 /// The maximum number of rows beyond the last one that a tile reads. Their results are discarded.
@@ -58,21 +59,19 @@ impl<F: Real> FilterTiles<F> {
         }
     }
 
-    /// Write Σ taps · source into the rows of `out`, which have `width` values.
+    /// Write Σ taps · source into the first plane of `out`.
     ///
     /// The source must be 0 outside the rows `nonzero`, which are the only ones that are read.
     pub fn correlate(
         &self,
         source: PlanesView<'_, F>,
         nonzero: Range<usize>,
-        width: usize,
-        out: &mut [F],
+        out: &mut PlanesMut<'_, F>,
     ) {
         cpu::run(DirectCorrelation {
             filter: self,
             source,
             nonzero,
-            width,
             out,
         });
     }
@@ -92,15 +91,14 @@ impl WithSimd for TileRows {
 }
 
 /// The correlation of `source` with one filter.
-struct DirectCorrelation<'a, F> {
+struct DirectCorrelation<'a, 'b, F> {
     filter: &'a FilterTiles<F>,
     source: PlanesView<'a, F>,
     nonzero: Range<usize>,
-    width: usize,
-    out: &'a mut [F],
+    out: &'a mut PlanesMut<'b, F>,
 }
 
-impl<F: Real> WithSimd for DirectCorrelation<'_, F> {
+impl<F: Real> WithSimd for DirectCorrelation<'_, '_, F> {
     type Output = ();
 
     #[inline(always)]
@@ -113,19 +111,19 @@ impl<F: Real> WithSimd for DirectCorrelation<'_, F> {
     }
 }
 
-impl<F: Real> DirectCorrelation<'_, F> {
+impl<F: Real> DirectCorrelation<'_, '_, F> {
     #[inline(always)]
     fn run<S: Simd, const R: usize, const C: usize>(mut self, simd: S) {
         let lanes = F::lanes::<S>();
-        let rows = self.out.len() / self.width;
+        let (rows, width) = (self.out.height, self.out.width);
         let block = DIRECT_BLOCK_COLUMNS.next_multiple_of(C * lanes);
-        for start in (0..self.width).step_by(block) {
+        for start in (0..width).step_by(block) {
             for row in (0..rows).step_by(R) {
                 if interrupt::is_requested() {
                     return;
                 }
                 let mut column = start;
-                let end = (start + block).min(self.width);
+                let end = (start + block).min(width);
                 while column < end {
                     let vectors = (end - column).div_ceil(lanes);
                     column += lanes
@@ -179,9 +177,9 @@ impl<F: Real> DirectCorrelation<'_, F> {
                 };
             }
         }
-        let length = (self.width - column).min(C * F::lanes::<S>());
-        for (out, sums) in self.out.chunks_exact_mut(self.width).skip(top).zip(sums) {
-            store::<S, F, C>(sums, &mut out[column..][..length]);
+        let length = (self.out.width - column).min(C * F::lanes::<S>());
+        for (row, sums) in (top..self.out.height).zip(sums) {
+            store::<S, F, C>(sums, &mut self.out.row(0, row)[column..][..length]);
         }
         C
     }

@@ -7,8 +7,9 @@ use ndarray::ArrayView4;
 
 use super::channel_bank::ChannelBank;
 use super::direct::FilterTiles;
-use super::leading_rows;
+use super::{PlanesView, leading_rows};
 use crate::network::tiling::region::Region;
+use crate::network::tiling::strips::{PlanesMut, StripedPlanes};
 use crate::numbers::Real;
 
 /// The taps of filters `(outputs, inputs, height, width)`, reversed along rows and columns.
@@ -69,6 +70,33 @@ impl<F: Real> FilterTaps<F> {
             phase_size,
             stride,
         }
+    }
+
+    /// Return whether every filter reads a single value in each phase. An output row then needs no
+    /// rows that another output row also needs.
+    pub fn is_pointwise(&self) -> bool {
+        self.phase_size == (1, 1)
+    }
+
+    /// Write the output of filters of 1 × 1 taps for one row, without a copy of their input. Return
+    /// false for other filters.
+    pub fn correlate_row(
+        &self,
+        source: &StripedPlanes<'_, F>,
+        output: &Region,
+        out: &mut PlanesMut<'_, F>,
+    ) -> bool {
+        let (TapOrder::ManyOutputs(bank), (1, 1), 1) = (&self.order, self.size, self.stride) else {
+            return false;
+        };
+        let row = source.row(output.rows.start);
+        let source = PlanesView {
+            data: &row.plane(0)[output.columns.start - source.columns.start..],
+            plane_stride: row.plane_stride,
+            row_stride: 0,
+        };
+        bank.correlate(source, out);
+        true
     }
 
     /// Return the number of output planes.

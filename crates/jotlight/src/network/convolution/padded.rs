@@ -11,7 +11,7 @@ use super::{PlanesView, leading_rows};
 use crate::cpu::levels;
 use crate::interrupt;
 use crate::network::tiling::region::Region;
-use crate::network::tiling::strips::StripedPlanes;
+use crate::network::tiling::strips::{PlanesMut, StripedPlanes};
 use crate::numbers::{MAX_LANES, Real};
 use crate::sensing::mirror_index;
 
@@ -40,12 +40,11 @@ impl<F: Real> Padded<F> {
     /// Return a copy of planes `(channels, height, width)` with the border that the filters read.
     pub fn mirrored(planes: ArrayView3<'_, F>, filters: &FilterTaps<F>) -> Self {
         let (_, height, width) = planes.dim();
-        let whole = Region::whole((height, width));
         let planes = planes.as_standard_layout();
         let planes = planes.as_slice().unwrap_or_default();
-        let source = StripedPlanes::single(planes, whole.clone(), (height, width));
+        let source = StripedPlanes::contiguous(planes, (height, width));
         let mut padded = Self::default();
-        padded.fill(&source, &whole, filters);
+        padded.fill(&source, &Region::whole((height, width)), filters);
         padded
     }
 
@@ -96,16 +95,14 @@ impl<F: Real> Padded<F> {
         }
     }
 
-    /// Write h * u, summed over the input channels, into `out` `(outputs, height, width)`.
-    pub fn convolve(&self, filters: &FilterTaps<F>, out: &mut [F]) {
+    /// Write h * u, summed over the input channels, into `out`.
+    pub fn convolve(&self, filters: &FilterTaps<F>, out: &mut PlanesMut<'_, F>) {
         match &filters.order {
             TapOrder::OneOutput(filter) => {
                 let nonzero = 0..self.height + self.taps.0 - 1;
-                filter.correlate(self.view(), nonzero, self.width, out);
+                filter.correlate(self.view(), nonzero, out);
             }
-            TapOrder::ManyOutputs(bank) => {
-                bank.correlate(self.view(), (self.height, self.width), out);
-            }
+            TapOrder::ManyOutputs(bank) => bank.correlate(self.view(), out),
         }
     }
 
@@ -113,7 +110,8 @@ impl<F: Real> Padded<F> {
     pub fn convolved(&self, filters: &FilterTaps<F>) -> Array3<F> {
         let mut out = Array3::zeros((filters.outputs(), self.height, self.width));
         if let Some(out) = out.as_slice_mut() {
-            self.convolve(filters, out);
+            let size = (self.height, self.width);
+            self.convolve(filters, &mut PlanesMut::contiguous(out, size));
         }
         out
     }

@@ -11,6 +11,7 @@ use crate::cpu::levels;
 use crate::interrupt;
 use crate::network::spline::evaluate::Spline;
 use crate::network::tiling::region::Region;
+use crate::network::tiling::strips::PlanesMut;
 use crate::numbers::Real;
 
 /// The maximum number of trials per pixel for which one table may hold the sums of all bits. The
@@ -94,28 +95,28 @@ impl<F: Real> BitTables<F> {
         true
     }
 
-    /// Write p of a region of pixels, or φ(p) after [`BitTables::activate`], into `out`
-    /// `(C, rows, columns)`.
-    pub fn filter(&self, bits: &PackedBits<'_>, region: &Region, out: &mut [F]) {
+    /// Write p of a region of pixels, or φ(p) after [`BitTables::activate`], into `out`.
+    pub fn filter(&self, bits: &PackedBits<'_>, region: &Region, out: &mut PlanesMut<'_, F>) {
         // Every eighth pixel begins with a whole byte, whatever the number of jots per pixel.
         let first = region.columns.start / 8 * 8;
         let mut indices = vec![0u32; region.columns.end - first];
-        let (skipped, width) = (region.columns.start - first, region.columns.len());
-        out.fill(F::zero());
+        let skipped = region.columns.start - first;
         for (out_row, row) in region.rows.clone().enumerate() {
             if interrupt::is_requested() {
                 return;
             }
-            for table in &self.tables {
+            for (number, table) in self.tables.iter().enumerate() {
                 indices.fill(0);
                 for run in &table.runs {
                     let jots = bits.row(run.frame, row * self.side + run.row);
                     let jots = &jots[first / 8 * self.side..];
                     append_bits(jots, self.side, run.first, run.length, &mut indices);
                 }
-                let planes = out.chunks_exact_mut(region.pixels());
-                for (plane, values) in planes.zip(&table.channels) {
-                    let sums = &mut plane[out_row * width..][..width];
+                for (plane, values) in table.channels.iter().enumerate() {
+                    let sums = out.row(plane, out_row);
+                    if number == 0 {
+                        sums.fill(F::zero());
+                    }
                     for (sum, &index) in sums.iter_mut().zip(&indices[skipped..]) {
                         *sum += values[index as usize];
                     }
@@ -134,7 +135,8 @@ pub(crate) fn filter_bits<F: Real>(
     let mut planes = Array3::zeros((filters.dim().0, height, width));
     if let Some(planes) = planes.as_slice_mut() {
         let tables = BitTables::new(filters, height * width);
-        tables.filter(bits, &Region::whole((height, width)), planes);
+        let mut planes = PlanesMut::contiguous(planes, (height, width));
+        tables.filter(bits, &Region::whole((height, width)), &mut planes);
     }
     planes
 }

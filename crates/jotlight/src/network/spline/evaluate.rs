@@ -2,7 +2,7 @@
 //! (19).
 
 #[cfg(target_arch = "x86_64")]
-use super::registers::{MAX_INTERVALS, RegisterSpline, RegisterValues};
+use super::registers::{MAX_INTERVALS, RegisterSpline, RegisterValues, SmallSpline};
 #[cfg(target_arch = "x86_64")]
 use crate::cpu;
 use crate::cpu::{Simd, WithSimd, levels};
@@ -26,6 +26,9 @@ pub struct Spline<F> {
     inverse_spacing: F,
     /// The minimum and the maximum of the spline coefficients. φ lies between them.
     bounds: (F, F),
+    /// The spline for registers, if it has few knots.
+    #[cfg(target_arch = "x86_64")]
+    small: Option<Box<SmallSpline>>,
 }
 
 /// The number of values after which a long loop asks whether the call is interrupted. It is a
@@ -53,6 +56,19 @@ impl<F: Real> Spline<F> {
             }
         }
         Self {
+            #[cfg(target_arch = "x86_64")]
+            small: (cubics.len() <= MAX_INTERVALS).then(|| {
+                let to_f32 = |x: F| x.as_f64() as f32;
+                Box::new(SmallSpline {
+                    powers: powers
+                        .each_ref()
+                        .map(|table| std::array::from_fn(|interval| to_f32(table[interval]))),
+                    intervals: cubics.len() as f32,
+                    start: to_f32(start),
+                    inverse_spacing: to_f32(F::one() / spacing),
+                    bounds: (to_f32(bounds.0), to_f32(bounds.1)),
+                })
+            }),
             cubics,
             powers,
             start,
@@ -148,30 +164,20 @@ impl<F: Real> Spline<F> {
     /// Return the evaluation with the spline in registers, if that is possible.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn values_in_registers<'a>(&self, plane: &'a mut [F]) -> Option<RegisterValues<'a>> {
+    fn values_in_registers<'a>(&'a self, plane: &'a mut [F]) -> Option<RegisterValues<'a>> {
         Some(RegisterValues {
             spline: self.in_registers()?,
-            bounds: (self.bounds.0.as_f64() as f32, self.bounds.1.as_f64() as f32),
             plane: F::as_f32_slice(plane)?,
         })
     }
 
     /// Return the spline in registers, if it has few knots and the processor has AVX-512.
     #[cfg(target_arch = "x86_64")]
-    pub(super) fn in_registers(&self) -> Option<RegisterSpline> {
-        if self.cubics.len() > MAX_INTERVALS {
-            return None;
-        }
-        let to_f32 = |x: F| x.as_f64() as f32;
+    #[inline(always)]
+    pub(super) fn in_registers(&self) -> Option<RegisterSpline<'_>> {
         Some(RegisterSpline {
+            small: self.small.as_deref()?,
             simd: cpu::v4()?,
-            powers: self
-                .powers
-                .each_ref()
-                .map(|table| std::array::from_fn(|interval| to_f32(table[interval]))),
-            intervals: self.cubics.len() as f32,
-            start: to_f32(self.start),
-            inverse_spacing: to_f32(self.inverse_spacing),
         })
     }
 
@@ -189,10 +195,12 @@ impl<F: Real> Spline<F> {
         }
         // The remainder is padded to a group. The same loop then evaluates all pixels, so the
         // value of a pixel does not depend on its position in the plane.
-        let mut group = [F::zero(); GROUP];
-        group[..rest.len()].copy_from_slice(rest);
-        self.apply_to_group(&mut group);
-        rest.copy_from_slice(&group[..rest.len()]);
+        if !rest.is_empty() {
+            let mut group = [F::zero(); GROUP];
+            group[..rest.len()].copy_from_slice(rest);
+            self.apply_to_group(&mut group);
+            rest.copy_from_slice(&group[..rest.len()]);
+        }
     }
 
     /// Replace each value z of a group with φ(z).

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use super::dependencies::required_regions;
 use super::region::Region;
+use super::strips::PlanesMut;
 use super::workspace::{CachedWorkspace, TileColumn};
 use crate::error::Result;
 use crate::network::convolution::winograd::TILE;
@@ -34,11 +35,11 @@ const STRIPS_PER_THREAD: usize = 2;
 
 /// Return the image that a network computes.
 ///
-/// `first_layer` writes a region of the first layer's output, `(C, rows, columns)`.
+/// `first_layer` writes a region of the first layer's output.
 pub(crate) fn evaluate_in_tiles<F: Real>(
     graph: &Graph<'_, F>,
     size: (usize, usize),
-    first_layer: impl Fn(&Region, &mut [F]) + Sync,
+    first_layer: impl Fn(&Region, &mut PlanesMut<'_, F>) + Sync,
 ) -> Result<Array2<F>> {
     let (height, width) = size;
     let mut image = memory::zeros("image", (height, width))?;

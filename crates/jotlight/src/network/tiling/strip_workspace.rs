@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::region::Region;
-use super::strips::StripedPlanes;
+use super::strips::{PlanesMut, StripedPlanes};
 use crate::cpu::levels;
 use crate::network::convolution::padded::Padded;
 use crate::network::convolution::winograd::Finish;
@@ -29,7 +29,7 @@ impl<F: Real> StripWorkspace<F> {
         input: &StripedPlanes<'_, F>,
         skip: Option<&StripedPlanes<'_, F>>,
         region: &Region,
-        out: &mut [F],
+        out: &mut PlanesMut<'_, F>,
     ) {
         let upsampling = layer.wiring.upsampling;
         let filtered = region.before_upsampling(upsampling);
@@ -43,35 +43,60 @@ impl<F: Real> StripWorkspace<F> {
             winograd.convolve(input, &filtered, &finish, &mut self.winograd, out);
             return;
         }
+        // The values of a single row are still in the cache when the next step reads them.
+        let is_pointwise = layer.filter_taps().is_pointwise();
+        let group = if is_pointwise { 1 } else { filtered.rows.len() };
+        for top in filtered.rows.clone().step_by(group) {
+            let part = Region {
+                rows: top..(top + group).min(filtered.rows.end),
+                columns: filtered.columns.clone(),
+            };
+            let first = (top - filtered.rows.start) * upsampling;
+            let out = &mut out.rows(first, part.rows.len() * upsampling);
+            self.convolve(layer, input, &part, out);
+            if let Some(skip) = skip {
+                let start = (region.rows.start + first, region.columns.start);
+                add_skip(skip, start, layer.channels(), out);
+            }
+            layer.activate(out);
+        }
+    }
+
+    /// Write a region of the filters' output into `out`, after its depth-to-space rearrangement.
+    fn convolve(
+        &mut self,
+        layer: &Layer<F>,
+        input: &StripedPlanes<'_, F>,
+        filtered: &Region,
+        out: &mut PlanesMut<'_, F>,
+    ) {
+        let (upsampling, taps) = (layer.wiring.upsampling, layer.filter_taps());
         let Self { padded, deep, .. } = self;
-        let mut convolve = |out: &mut [F]| {
-            padded.fill(input, &filtered, layer.filter_taps());
-            padded.convolve(layer.filter_taps(), out);
+        let mut convolve = |out: &mut PlanesMut<'_, F>| {
+            if !taps.correlate_row(input, filtered, out) {
+                padded.fill(input, filtered, taps);
+                padded.convolve(taps, out);
+            }
         };
         if upsampling == 1 {
-            convolve(out);
-        } else {
-            deep.resize(deep.len().max(out.len()), F::zero());
-            let deep = &mut deep[..out.len()];
-            convolve(deep);
-            let size = (filtered.rows.len(), filtered.columns.len());
-            depth_to_space(deep, upsampling, size, out);
+            return convolve(out);
         }
-        if let Some(skip) = skip {
-            add_skip(skip, region, out);
-        }
-        layer.activate(out);
+        let length = taps.outputs() * filtered.pixels();
+        deep.resize(deep.len().max(length), F::zero());
+        let size = (filtered.rows.len(), filtered.columns.len());
+        convolve(&mut PlanesMut::contiguous(&mut deep[..length], size));
+        depth_to_space(&deep[..length], upsampling, size, out);
     }
 
     /// Write a region of the first layer's output into `out`. The output continues symmetrically
     /// beyond the last row and the last column of the image.
     pub fn mirror_first_layer(
         &mut self,
-        first_layer: impl Fn(&Region, &mut [F]),
+        first_layer: impl Fn(&Region, &mut PlanesMut<'_, F>),
         size: (usize, usize),
         channels: usize,
         region: &Region,
-        out: &mut [F],
+        out: &mut PlanesMut<'_, F>,
     ) {
         if region.rows.end <= size.0 && region.columns.end <= size.1 {
             return first_layer(region, out);
@@ -85,17 +110,22 @@ impl<F: Real> StripWorkspace<F> {
             columns: inside(&region.columns, size.1),
         };
         let planes = self.padded.scratch(channels * source_region.pixels());
-        first_layer(&source_region, planes);
-        let width = source_region.columns.len();
-        let sources = planes.chunks_exact(source_region.pixels());
-        for (source, out) in sources.zip(out.chunks_exact_mut(region.pixels())) {
-            let rows = out.chunks_exact_mut(region.columns.len());
-            for (row, out) in region.rows.clone().zip(rows) {
+        let (height, width) = (source_region.rows.len(), source_region.columns.len());
+        first_layer(
+            &source_region,
+            &mut PlanesMut::contiguous(planes, (height, width)),
+        );
+        for (plane, source) in planes.chunks_exact(height * width).enumerate() {
+            for (out_row, row) in region.rows.clone().enumerate() {
                 let row = mirror_index(row as isize, size.0) - source_region.rows.start;
-                for (column, out) in region.columns.clone().zip(out) {
-                    let column =
-                        mirror_index(column as isize, size.1) - source_region.columns.start;
-                    *out = source[row * width + column];
+                let source = &source[row * width..][..width];
+                let out = out.row(plane, out_row);
+                let first = region.columns.start - source_region.columns.start;
+                let (inside, beyond) = out.split_at_mut(width - first);
+                inside.copy_from_slice(&source[first..]);
+                for (column, out) in (source_region.columns.end..).zip(beyond) {
+                    let column = mirror_index(column as isize, size.1);
+                    *out = source[column - source_region.columns.start];
                 }
             }
         }
@@ -108,15 +138,14 @@ fn depth_to_space<F: Real>(
     deep: &[F],
     factor: usize,
     (height, width): (usize, usize),
-    out: &mut [F],
+    out: &mut PlanesMut<'_, F>,
 ) {
-    let group = factor * factor * height * width;
-    let planes = deep.chunks_exact(group);
-    for (deep, out) in planes.zip(out.chunks_exact_mut(group)) {
-        for (row, out) in out.chunks_exact_mut(factor * width).enumerate() {
-            let phases =
-                deep[row % factor * factor * height * width..].chunks_exact(height * width);
+    let pixels = height * width;
+    for (plane, deep) in deep.chunks_exact(factor * factor * pixels).enumerate() {
+        for row in 0..factor * height {
+            let phases = deep[row % factor * factor * pixels..].chunks_exact(pixels);
             let mut phases = phases.map(|phase| &phase[row / factor * width..][..width]);
+            let out = out.row(plane, row);
             if factor == 2
                 && let (Some(even), Some(odd)) = (phases.next(), phases.next())
             {
@@ -136,6 +165,8 @@ fn depth_to_space<F: Real>(
 levels! {
     /// Write the values of two rows alternately into `out`.
     fn interleave[F: Real](even: &[F], odd: &[F], out: &mut [F]) = interleave_inlined;
+    /// Add `values` to `out`.
+    fn add[F: Real](values: &[F], out: &mut [F]) = add_inlined;
 }
 
 #[inline(always)]
@@ -146,16 +177,27 @@ fn interleave_inlined<F: Real>(even: &[F], odd: &[F], out: &mut [F]) {
     }
 }
 
-/// Add a region of the planes of a skip connection to `out`.
-fn add_skip<F: Real>(skip: &StripedPlanes<'_, F>, region: &Region, out: &mut [F]) {
-    let left = region.columns.start - skip.columns.start;
-    let width = region.columns.len();
-    for (plane, out) in out.chunks_exact_mut(region.pixels()).enumerate() {
-        for (row, out) in region.rows.clone().zip(out.chunks_exact_mut(width)) {
-            let skip = &skip.row(row).plane(plane)[left..][..width];
-            for (out, &value) in out.iter_mut().zip(skip) {
-                *out += value;
-            }
+#[inline(always)]
+fn add_inlined<F: Real>(values: &[F], out: &mut [F]) {
+    for (out, &value) in out.iter_mut().zip(values) {
+        *out += value;
+    }
+}
+
+/// Add the planes of a skip connection to `out`, whose first pixel is `(top, left)`.
+fn add_skip<F: Real>(
+    skip: &StripedPlanes<'_, F>,
+    (top, left): (usize, usize),
+    channels: usize,
+    out: &mut PlanesMut<'_, F>,
+) {
+    for row in 0..out.height {
+        let skip_row = skip.row(top + row);
+        for plane in 0..channels {
+            add(
+                &skip_row.plane(plane)[left - skip.columns.start..],
+                out.row(plane, row),
+            );
         }
     }
 }

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::dependencies::{required_regions, tile_side};
 use super::region::Region;
 use super::strip_workspace::StripWorkspace;
-use super::strips::{LayerBuffer, Strip, StripedPlanes};
+use super::strips::{LayerBuffer, PlanesMut, RowLayout, Strip, StripedPlanes};
 use crate::interrupt;
 use crate::network::graph::Graph;
 use crate::numbers::Real;
@@ -49,22 +49,21 @@ impl<F: Real> Workspace<F> {
         self.idle = self.free.len();
     }
 
-    /// Return up to `strips` strips for a region of a layer's output. Their heights are multiples
-    /// of `group`, except the last one.
+    /// Return up to `strips` strips for rows of a layer's output. Their heights are multiples of
+    /// `group`, except the last one.
     fn allocate_strips(
         &mut self,
-        channels: usize,
-        region: &Region,
+        layout: &RowLayout,
+        Range { start, end }: Range<usize>,
         strips: usize,
         group: usize,
     ) -> Vec<Strip<Vec<F>>> {
-        let Range { start, end } = region.rows;
         let height = (end - start).div_ceil(strips).next_multiple_of(group);
         let rows = (start..end)
             .step_by(height)
             .map(|top| top..(top + height).min(end));
         let strip = |rows: Range<usize>| Strip {
-            data: self.buffer(channels * rows.len() * region.columns.len()),
+            data: self.buffer(layout.length(rows.len())),
             rows,
         };
         rows.map(strip).collect()
@@ -113,7 +112,7 @@ pub(super) struct TileColumn<'a, F, D> {
     first_layer: D,
 }
 
-impl<'a, F: Real, D: Fn(&Region, &mut [F]) + Sync> TileColumn<'a, F, D> {
+impl<'a, F: Real, D: Fn(&Region, &mut PlanesMut<'_, F>) + Sync> TileColumn<'a, F, D> {
     pub fn new(
         graph: &'a Graph<'a, F>,
         image_size: (usize, usize),
@@ -153,10 +152,15 @@ impl<'a, F: Real, D: Fn(&Region, &mut [F]) + Sync> TileColumn<'a, F, D> {
             if workspace.layers.is_empty() {
                 workspace
                     .layers
-                    .extend(regions.iter().map(|region| LayerBuffer {
-                        strips: Vec::new(),
-                        columns: region.columns.clone(),
-                    }));
+                    .extend(
+                        regions
+                            .iter()
+                            .zip(&self.graph.layers)
+                            .map(|(region, layer)| LayerBuffer {
+                                strips: Vec::new(),
+                                layout: RowLayout::new(region.columns.clone(), layer.channels()),
+                            }),
+                    );
             }
             let next = tiles.peek().map(|(regions, _)| regions);
             let next_start =
@@ -182,16 +186,13 @@ impl<'a, F: Real, D: Fn(&Region, &mut [F]) + Sync> TileColumn<'a, F, D> {
         let layer = self.graph.layers[index];
         let last_strip = workspace.layers[index].strips.last();
         let computed_rows = last_strip.map_or(0, |strip| strip.rows.end);
-        let missing = Region {
-            rows: computed_rows.max(region.rows.start)..region.rows.end,
-            columns: region.columns.clone(),
-        };
-        if missing.rows.is_empty() {
+        let missing = computed_rows.max(region.rows.start)..region.rows.end;
+        if missing.is_empty() {
             return;
         }
-        let group = tile_side(layer);
+        let layout = workspace.layers[index].layout.clone();
         let mut new_strips =
-            workspace.allocate_strips(layer.channels(), &missing, self.strips, group);
+            workspace.allocate_strips(&layout, missing, self.strips, tile_side(layer));
         let view = |layer: usize| {
             workspace.layers[layer].view(self.graph.plane_size(layer, self.padded_size))
         };
@@ -209,12 +210,13 @@ impl<'a, F: Real, D: Fn(&Region, &mut [F]) + Sync> TileColumn<'a, F, D> {
                     rows: strip.rows.clone(),
                     columns: region.columns.clone(),
                 };
-                let out = &mut strip.data;
+                let mut out = layout.planes_mut(strip);
                 if index == 0 {
                     let (size, channels) = (self.image_size, layer.channels());
-                    workspace.mirror_first_layer(&self.first_layer, size, channels, &region, out);
+                    let first_layer = &self.first_layer;
+                    workspace.mirror_first_layer(first_layer, size, channels, &region, &mut out);
                 } else {
-                    workspace.compute(layer, &input, skip.as_ref(), &region, out);
+                    workspace.compute(layer, &input, skip.as_ref(), &region, &mut out);
                 }
             });
         workspace.layers[index].strips.extend(new_strips);
@@ -240,7 +242,9 @@ mod tests {
         let mut workspace = Workspace::default();
         let mut free_buffers = || {
             let tiles = [Region::whole((8, 8))].into_iter();
-            let ones = |_: &Region, out: &mut [f32]| out.fill(1.0);
+            let ones = |_: &Region, out: &mut PlanesMut<'_, f32>| {
+                (0..out.height).for_each(|row| out.row(0, row).fill(1.0));
+            };
             TileColumn::new(&graph, (8, 8), 2, ones).evaluate(&mut workspace, tiles, |_, _| ());
             workspace.free.len()
         };

@@ -8,6 +8,7 @@ use crate::interrupt;
 use crate::network::convolution::padded::Padded;
 use crate::network::first_layer::training_data::FirstLayerData;
 use crate::network::layer::Layer;
+use crate::network::tiling::strips::PlanesMut;
 use crate::numbers::Real;
 
 /// A forward pass that keeps the intermediate results for differentiation.
@@ -45,8 +46,9 @@ impl<'a, F: Real> ForwardPass<'a, F> {
                 filtered
             };
             planes.clone_from(&filtered);
+            let (_, height, width) = planes.dim();
             if let Some(planes) = planes.as_slice_mut() {
-                layer.activate(planes);
+                layer.activate(&mut PlanesMut::contiguous(planes, (height, width)));
             }
             if index == 0 {
                 planes = data.to_pixels(planes);

@@ -18,32 +18,34 @@ pub(super) struct InputBlock<'a, F> {
     /// The numbers of output rows and columns.
     pub height: usize,
     pub width: usize,
-    /// The distance between the first tiles of two rows of tiles in the registers.
-    pub spacing: usize,
 }
 
-/// The buffers for the transform of one plane.
+/// The buffers for the transform of planes.
 pub(super) struct InputBuffers<'a, F> {
-    /// Rows after the transform along columns, `(DEPTH, width)`.
+    /// Rows after the transform along columns, `(DEPTH, columns)`. The output's first column is
+    /// [`MARGIN`].
     pub rows: &'a mut [F],
-    /// The same rows with the columns in the order `(DEPTH, TILE, tiles)`.
-    pub phases: &'a mut [F],
+    /// The columns of the tiles of two planes, `(2, DEPTH, DEPTH, tiles)`: planes, rows of a tile,
+    /// and columns of a tile. After each column, [`MAX_LANES`] values are free.
+    pub columns: &'a mut [F],
 }
 
-/// The number of values that follow a row of the buffers, because some registers begin one tile to
-/// the right.
-const SPARE: usize = MAX_LANES;
-/// The maximum number of rows of tiles in a block. A row has at least one tile and a separator.
-const MAX_TILE_ROWS: usize = BLOCK_REGISTERS * MAX_LANES / 2;
-/// The maximum number of columns that a block reads.
-const MAX_COLUMNS: usize = TILE * BLOCK_REGISTERS * MAX_LANES + 2;
+/// The number of columns of the buffer of rows before the first column of the output.
+const MARGIN: usize = MAX_LANES;
+/// The maximum number of rows of tiles in a block.
+const MAX_TILE_ROWS: usize = BLOCK_REGISTERS * MAX_LANES;
+/// The maximum number of columns that the loops read.
+const MAX_COLUMNS: usize = MARGIN + TILE * BLOCK_REGISTERS * MAX_LANES + MAX_LANES;
+
+/// The rows of the input that a row of tiles reads. None is a row of zeros.
+type InputRows<'a, F> = [Option<PlaneRow<'a, F>>; DEPTH];
 
 impl<F: Real> InputBuffers<'_, F> {
     /// Return the lengths of the buffers for a block of `tiles` tiles.
     pub const fn lengths(tiles: usize) -> (usize, usize) {
         (
-            DEPTH * (TILE * tiles + SPARE),
-            DEPTH * TILE * (tiles + SPARE),
+            DEPTH * (MARGIN + TILE * tiles + MAX_LANES),
+            2 * DEPTH * DEPTH * (tiles + MAX_LANES),
         )
     }
 }
@@ -59,9 +61,39 @@ impl<F: Real> InputBlock<'_, F> {
         buffers: &mut InputBuffers<'_, F>,
         (transformed, stride): (&mut [F], usize),
     ) {
-        // The rows that the output does not depend on are 0. Then the result does not depend on
-        // the strips that are in memory.
         let mut rows = [[None; DEPTH]; MAX_TILE_ROWS];
+        let rows = &mut rows[..self.height.div_ceil(TILE)];
+        self.find_rows(rows);
+        let zeros = [F::zero(); MAX_COLUMNS];
+        let tiles = self.width.div_ceil(TILE);
+        let stride = stride / F::lanes::<S>();
+        let half = buffers.columns.len() / 2;
+        let (mut current, mut previous) = buffers.columns.split_at_mut(half);
+        // The transform along the rows reads values across two stores. It would wait for them
+        // without another plane in between.
+        for input in 0..=inputs {
+            if input < inputs {
+                for (tile_row, rows) in rows.iter().enumerate() {
+                    self.transform_columns(simd, rows, input, &zeros, buffers.rows);
+                    let tiles = tile_row * tiles..(tile_row + 1) * tiles;
+                    let capacity = N * F::lanes::<S>();
+                    separate_columns::<S, F>(simd, buffers.rows, current, capacity, tiles);
+                }
+            }
+            if input > 0 {
+                let vectors = &mut F::vectors_mut::<S>(transformed)[(input - 1) * N..];
+                transform_rows::<S, F, N>(simd, previous, vectors, stride);
+            }
+            std::mem::swap(&mut current, &mut previous);
+        }
+    }
+
+    /// Find the input of each row of tiles.
+    ///
+    /// The rows that the output does not depend on are 0. Then the result does not depend on the
+    /// strips that are in memory.
+    #[inline(always)]
+    fn find_rows<'a>(&'a self, rows: &mut [InputRows<'a, F>]) {
         for (tile_row, rows) in rows.iter_mut().enumerate() {
             for (row, source) in rows.iter_mut().enumerate() {
                 let row = TILE * tile_row + row;
@@ -71,113 +103,94 @@ impl<F: Real> InputBlock<'_, F> {
                 }
             }
         }
-        let rows = &rows[..self.height.div_ceil(TILE)];
-        let zeros = [F::zero(); MAX_COLUMNS];
-        for input in 0..inputs {
-            for (tile_row, &rows) in rows.iter().enumerate() {
-                self.transform_columns(simd, rows, input, &zeros, buffers);
-                let tiles = tile_row * self.spacing..(tile_row + 1) * self.spacing;
-                separate_phases::<F>(buffers.rows, buffers.phases, N * F::lanes::<S>(), tiles);
-            }
-            let vectors = F::vectors_mut::<S>(transformed);
-            let stride = stride / F::lanes::<S>();
-            transform_rows::<S, F, N>(simd, buffers.phases, &mut vectors[input * N..], stride);
-        }
     }
 
-    /// Transform a plane along its columns. The first column of the result is `left` − 1.
+    /// Transform a plane along its columns.
     #[inline(always)]
     fn transform_columns<S: Simd>(
         &self,
         simd: S,
-        rows: [Option<PlaneRow<'_, F>>; DEPTH],
+        rows: &InputRows<'_, F>,
         plane: usize,
         zeros: &[F],
-        buffers: &mut InputBuffers<'_, F>,
+        out: &mut [F],
     ) {
-        let columns = &self.source.columns;
-        // The columns of the buffers that lie in the source.
-        let from = (columns.start + 1).saturating_sub(self.left);
-        let to = (self.width + 2).min(columns.end + 1 - self.left);
-        let first = self.left + from - 1 - columns.start;
-        let sources = rows.map(|row| match row {
-            Some(row) => &row.plane(plane)[first..][..to - from],
-            None => &zeros[..to - from],
-        });
-        let row_length = buffers.rows.len() / DEPTH;
-        let mut outputs = buffers.rows.chunks_exact_mut(row_length);
-        let mut outputs: [&mut [F]; DEPTH] =
-            std::array::from_fn(|_| outputs.next().unwrap_or_default());
-        transform_slices(
-            simd,
-            sources,
-            outputs.each_mut().map(|row| &mut row[from..to]),
-        );
-        for row in &mut outputs {
-            for column in (0..from).chain(to..self.width + 2) {
-                let source = (self.left + column) as isize - 1;
-                row[column] = row[mirror_index(source, self.source.size.1) + 1 - self.left];
+        let lanes = F::lanes::<S>();
+        let tile_columns = self.width.next_multiple_of(TILE);
+        // The tiles read one column before the output, and one after it.
+        let before = if self.left == 0 { 0 } else { lanes };
+        let length = (before + tile_columns + 1).next_multiple_of(lanes);
+        let mut sources = [zeros; DEPTH];
+        for (source, row) in sources.iter_mut().zip(rows) {
+            if let Some(row) = row {
+                let (values, lead) = row.plane_and_lead(plane);
+                let first = lead + self.left - self.source.columns.start;
+                *source = &values[first - before..];
             }
-            // The last tile may be wider than the output.
-            row[self.width + 2..self.width.next_multiple_of(TILE) + 2].fill(F::zero());
+            *source = &source[..length];
+        }
+        let row_length = out.len() / DEPTH;
+        let mut start = 0;
+        while start < length {
+            let mut values = [F::splat(simd, F::zero()); DEPTH];
+            for row in 0..DEPTH {
+                values[row] = F::vectors::<S>(&sources[row][start..start + lanes])[0];
+            }
+            values = transform_input::<S, F>(simd, values);
+            for row in 0..DEPTH {
+                let first = row * row_length + MARGIN - before + start;
+                F::vectors_mut::<S>(&mut out[first..first + lanes])[0] = values[row];
+            }
+            start += lanes;
+        }
+        let known = (self.source.columns.end - self.left).min(tile_columns + 1);
+        for row in out.chunks_exact_mut(row_length) {
+            // The planes continue symmetrically.
+            if self.left == 0 {
+                row[MARGIN - 1] = row[MARGIN];
+            }
+            if known <= tile_columns {
+                row[MARGIN + known] = row[MARGIN + known - 1];
+                // The last tile may be wider than the output.
+                row[MARGIN + known + 1..=MARGIN + tile_columns.max(known)].fill(F::zero());
+            }
         }
     }
 }
 
-/// Transform rows along their columns.
-#[inline(always)]
-fn transform_slices<S: Simd, F: Real>(simd: S, rows: [&[F]; DEPTH], out: [&mut [F]; DEPTH]) {
-    let (lanes, length) = (F::lanes::<S>(), rows[0].len());
-    if length < lanes {
-        let mut padded = [[F::zero(); MAX_LANES]; DEPTH];
-        for (padded, row) in padded.iter_mut().zip(rows) {
-            padded[..length].copy_from_slice(row);
-        }
-        let mut values = [F::splat(simd, F::zero()); DEPTH];
-        for (value, row) in values.iter_mut().zip(&padded) {
-            *value = F::vectors::<S>(row)[0];
-        }
-        let values = transform_input::<S, F>(simd, values);
-        for ((padded, value), out) in padded.iter_mut().zip(values).zip(out) {
-            F::vectors_mut::<S>(padded)[0] = value;
-            out.copy_from_slice(&padded[..length]);
-        }
-        return;
-    }
-    let mut start = 0;
-    loop {
-        let mut values = [F::splat(simd, F::zero()); DEPTH];
-        for row in 0..DEPTH {
-            values[row] = F::vectors::<S>(&rows[row][start..start + lanes])[0];
-        }
-        values = transform_input::<S, F>(simd, values);
-        for row in 0..DEPTH {
-            F::vectors_mut::<S>(&mut out[row][start..start + lanes])[0] = values[row];
-        }
-        if start + lanes == length {
-            return;
-        }
-        // The last register overlaps the one before, so none extends beyond the end.
-        start = (start + lanes).min(length - lanes);
-    }
-}
-
-/// Write every [`TILE`]-th column of each row to a contiguous row, for each of the first columns.
+/// Write each of the [`DEPTH`] columns of the tiles to a contiguous row, for each row.
 ///
-/// `capacity` is the number of tiles of a block. The row becomes the tiles `tiles` of the block, and
-/// the last of them contains only the columns that the tile before it also reads.
+/// `capacity` is the number of tiles of a block. The tiles become the tiles `tiles` of the block.
+/// Values beyond them have no meaning. Those of the next tiles replace them.
 #[inline(always)]
-fn separate_phases<F: Real>(rows: &[F], phases: &mut [F], capacity: usize, tiles: Range<usize>) {
-    let rows = rows.chunks_exact(TILE * capacity + SPARE);
-    let phases = phases.chunks_exact_mut(TILE * (capacity + SPARE));
-    for (row, phases) in rows.zip(phases) {
-        let (quads, _) = row.as_chunks::<TILE>();
-        let mut phases = phases.chunks_exact_mut(capacity + SPARE);
-        let [a, b, c, d]: [&mut [F]; TILE] =
-            std::array::from_fn(|_| &mut phases.next().unwrap_or_default()[tiles.clone()]);
-        for ((((a, b), c), d), quad) in a.iter_mut().zip(b).zip(c).zip(d).zip(quads) {
+fn separate_columns<S: Simd, F: Real>(
+    _: S,
+    rows: &[F],
+    columns: &mut [F],
+    capacity: usize,
+    tiles: Range<usize>,
+) {
+    let lanes = F::lanes::<S>();
+    let rows = rows.chunks_exact(rows.len() / DEPTH);
+    for (row, columns) in rows.zip(columns.chunks_exact_mut(DEPTH * (capacity + MAX_LANES))) {
+        let mut columns = columns.chunks_exact_mut(capacity + MAX_LANES);
+        let [before, a, b, c, d, after]: [&mut [F]; DEPTH] =
+            std::array::from_fn(|_| &mut columns.next().unwrap_or_default()[tiles.start..]);
+        let (quads, _) = row[MARGIN..][..TILE * tiles.len()].as_chunks::<TILE>();
+        let values = a.iter_mut().zip(b).zip(c).zip(d.iter_mut());
+        for ((((a, b), c), d), quad) in values.zip(quads) {
             [*a, *b, *c, *d] = *quad;
         }
+        // The column before a tile is the last one of the tile before, and the column after it is
+        // the first one of the next tile.
+        for start in (0..tiles.len()).step_by(lanes) {
+            let value = F::vectors::<S>(&d[start..start + lanes])[0];
+            F::vectors_mut::<S>(&mut before[start + 1..start + 1 + lanes])[0] = value;
+            let value = F::vectors::<S>(&a[start + 1..start + 1 + lanes])[0];
+            F::vectors_mut::<S>(&mut after[start..start + lanes])[0] = value;
+        }
+        before[0] = row[MARGIN - 1];
+        after[tiles.len() - 1] = row[MARGIN + TILE * tiles.len()];
     }
 }
 
@@ -185,19 +198,17 @@ fn separate_phases<F: Real>(rows: &[F], phases: &mut [F], capacity: usize, tiles
 #[inline(always)]
 fn transform_rows<S: Simd, F: Real, const N: usize>(
     simd: S,
-    phases: &[F],
+    columns: &[F],
     transformed: &mut [F::Vector<S>],
     stride: usize,
 ) {
-    let lanes = F::lanes::<S>();
-    let length = N * lanes + SPARE;
+    let columns = F::vectors::<S>(columns);
+    let length = N + MAX_LANES / F::lanes::<S>();
     for register in 0..N {
-        for (row, phases) in phases.chunks_exact(TILE * length).enumerate() {
-            // The two last columns of the input of a tile are the first ones of the next tile.
+        for (row, columns) in columns.chunks_exact(DEPTH * length).enumerate() {
             let mut values = [F::splat(simd, F::zero()); DEPTH];
             for column in 0..DEPTH {
-                let start = column % TILE * length + register * lanes + column / TILE;
-                values[column] = F::vectors::<S>(&phases[start..start + lanes])[0];
+                values[column] = columns[column * length + register];
             }
             values = transform_input::<S, F>(simd, values);
             for column in 0..DEPTH {

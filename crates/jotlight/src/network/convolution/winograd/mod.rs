@@ -21,7 +21,7 @@ use self::products::{MAX_GROUP, PRODUCTS, TransformedFilters};
 use crate::cpu::{self, Simd, WithSimd};
 use crate::interrupt;
 use crate::network::tiling::region::Region;
-use crate::network::tiling::strips::StripedPlanes;
+use crate::network::tiling::strips::{PlanesMut, StripedPlanes};
 use crate::numbers::{MAX_LANES, Real};
 
 /// The number of rows and of columns of a filter.
@@ -59,17 +59,17 @@ impl<F: Real> Winograd<F> {
         })
     }
 
-    /// Convolve for a region of the filters' output, and write the output of the layer into `out`
-    /// `(channels, height, width)`.
+    /// Convolve for a region of the filters' output, and write the output of the layer into `out`.
     ///
-    /// The first row and column of the region must be multiples of [`TILE`].
+    /// The first row and column of the region must be multiples of [`TILE`]. The rows of the source
+    /// and of `out` must have the layout [`RowLayout`](crate::network::tiling::strips::RowLayout).
     pub fn convolve(
         &self,
         source: &StripedPlanes<'_, F>,
         output: &Region,
         finish: &Finish<'_, F>,
         workspace: &mut Vec<F>,
-        out: &mut [F],
+        out: &mut PlanesMut<'_, F>,
     ) {
         cpu::run(Convolution {
             filters: &self.filters,
@@ -83,61 +83,47 @@ impl<F: Real> Winograd<F> {
 }
 
 /// The convolution for a region of the output.
-struct Convolution<'a, F> {
+struct Convolution<'a, 'b, F> {
     filters: &'a TransformedFilters<F>,
     source: &'a StripedPlanes<'a, F>,
     output: &'a Region,
     finish: &'a Finish<'a, F>,
     workspace: &'a mut Vec<F>,
-    out: &'a mut [F],
+    out: &'a mut PlanesMut<'b, F>,
 }
 
-impl<F: Real> WithSimd for Convolution<'_, F> {
+impl<F: Real> WithSimd for Convolution<'_, '_, F> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
         let (height, width) = (self.output.rows.len(), self.output.columns.len());
-        let lanes = F::lanes::<S>();
-        // Several rows of tiles of a narrow output share the registers. A tile without output
-        // separates them.
-        let spacing = width.div_ceil(TILE) + 1;
-        let tile_rows = (BLOCK_REGISTERS * lanes / spacing).clamp(1, height.div_ceil(TILE));
+        let (lanes, tiles) = (F::lanes::<S>(), width.div_ceil(TILE));
+        // Several rows of tiles of a narrow output share the registers.
+        let tile_rows = (BLOCK_REGISTERS * lanes / tiles).clamp(1, height.div_ceil(TILE));
+        let max_width = BLOCK_REGISTERS * lanes * TILE;
         for row in (0..height).step_by(TILE * tile_rows) {
             if interrupt::is_requested() {
                 return;
             }
-            let mut column = 0;
-            while column < width {
-                let tiles = (width - column).div_ceil(TILE);
-                let registers = if tile_rows > 1 {
-                    (tile_rows * spacing).div_ceil(lanes)
-                } else {
-                    tiles.div_ceil(lanes).min(BLOCK_REGISTERS)
-                };
+            for column in (0..width).step_by(max_width) {
                 let block = OutputBlock {
                     row,
                     column,
                     height: (TILE * tile_rows).min(height - row),
-                    width: (width - column).min(registers * lanes * TILE),
-                    spacing: if tile_rows > 1 {
-                        spacing
-                    } else {
-                        registers * lanes + 1
-                    },
+                    width: max_width.min(width - column),
                 };
-                if registers == 1 {
+                if block.tiles() <= lanes {
                     self.block::<S, 1>(simd, block);
                 } else {
                     self.block::<S, BLOCK_REGISTERS>(simd, block);
                 }
-                column += block.width;
             }
         }
     }
 }
 
-impl<F: Real> Convolution<'_, F> {
+impl<F: Real> Convolution<'_, '_, F> {
     /// Compute a block of `N` registers of tiles.
     #[inline(always)]
     fn block<S: Simd, const N: usize>(&mut self, simd: S, block: OutputBlock) {
@@ -152,7 +138,6 @@ impl<F: Real> Convolution<'_, F> {
             left: self.output.columns.start + block.column,
             height: block.height,
             width: block.width,
-            spacing: block.spacing,
         };
         let transformed = (&mut *memory.transformed, stride);
         input.transform::<S, N>(simd, filters.inputs, &mut memory.input, transformed);
@@ -188,14 +173,14 @@ impl<'a, F: Real> Memory<'a, F> {
         tiles: usize,
         finish: &Finish<'_, F>,
     ) -> Self {
-        let (rows, input_phases) = InputBuffers::<F>::lengths(tiles);
-        let (output_phases, deep, channel) = finish.lengths(tiles);
+        let (rows, columns) = InputBuffers::<F>::lengths(tiles);
+        let (phases, deep, channel) = finish.lengths(tiles);
         let lengths = [
             PRODUCTS * stride,
             MAX_GROUP * tiles * PRODUCTS,
             rows,
-            input_phases,
-            output_phases,
+            columns,
+            phases,
             deep,
             channel,
         ];
@@ -206,15 +191,7 @@ impl<'a, F: Real> Memory<'a, F> {
         }
         let offset = workspace.as_ptr().align_offset(CACHE_LINE * size_of::<F>());
         let mut rest = &mut workspace[offset.min(CACHE_LINE)..];
-        let [
-            transformed,
-            sums,
-            rows,
-            input_phases,
-            output_phases,
-            deep,
-            channel,
-        ] = lengths.map(|length| {
+        let [transformed, sums, rows, columns, phases, deep, channel] = lengths.map(|length| {
             let (part, others) =
                 std::mem::take(&mut rest).split_at_mut(length.next_multiple_of(CACHE_LINE));
             rest = others;
@@ -223,12 +200,9 @@ impl<'a, F: Real> Memory<'a, F> {
         Self {
             transformed,
             sums,
-            input: InputBuffers {
-                rows,
-                phases: input_phases,
-            },
+            input: InputBuffers { rows, columns },
             output: OutputBuffers {
-                phases: output_phases,
+                phases,
                 deep,
                 channel,
             },
@@ -244,6 +218,7 @@ mod tests {
     use ndarray::{Array3, Array4, s};
 
     use super::*;
+    use crate::network::tiling::strips::{RowLayout, Strip};
     use crate::sensing::mirror_index;
 
     /// Return pseudorandom values in \[−0.5, 0.6\] from a linear congruential generator.
@@ -256,39 +231,50 @@ mod tests {
             .collect()
     }
 
-    fn convolved(
-        winograd: &Winograd<f32>,
-        planes: &[f32],
-        size: (usize, usize),
-        output: &Region,
-    ) -> Vec<f32> {
-        let source = StripedPlanes::single(planes, Region::whole(size), size);
-        let mut out = vec![f32::NAN; winograd.filters.outputs * output.pixels()];
+    fn convolved(winograd: &Winograd<f32>, planes: &Array3<f32>, output: &Region) -> Array3<f32> {
+        let (inputs, height, width) = planes.dim();
+        let filled = |region: &Region, channels: usize| {
+            let layout = RowLayout::new(region.columns.clone(), channels);
+            let data = vec![f32::NAN; layout.length(region.rows.len())];
+            let rows = region.rows.clone();
+            (layout, Strip { rows, data })
+        };
+        let (layout, mut strip) = filled(&Region::whole((height, width)), inputs);
+        let mut source = layout.planes_mut(&mut strip);
+        for ((plane, row, column), &value) in planes.indexed_iter() {
+            source.row(plane, row)[column] = value;
+        }
+        let strips = [strip];
+        let source = StripedPlanes::new(&strips, &layout, (height, width));
         let finish = Finish {
             upsampling: 1,
             skip: None,
             splines: &[],
             region: output,
         };
+        let outputs = winograd.filters.outputs;
+        let (layout, mut strip) = filled(output, outputs);
+        let mut out = layout.planes_mut(&mut strip);
         winograd.convolve(&source, output, &finish, &mut Vec::new(), &mut out);
-        out
+        let shape = (outputs, output.rows.len(), output.columns.len());
+        Array3::from_shape_fn(shape, |(plane, row, column)| out.row(plane, row)[column])
     }
 
     /// Return the sum of products at one pixel of an output.
     fn sum_of_products(
-        planes: &[f32],
-        (height, width): (usize, usize),
+        planes: &Array3<f32>,
         filters: &Array4<f32>,
         (output, row, column): (usize, usize, usize),
     ) -> f64 {
         let (_, inputs, rows, columns) = filters.dim();
+        let (_, height, width) = planes.dim();
         let mut sum = 0.0;
         for input in 0..inputs {
             for tap_row in 0..rows {
                 for tap_column in 0..columns {
                     let y = mirror_index((row + tap_row) as isize - 1, height);
                     let x = mirror_index((column + tap_column) as isize - 1, width);
-                    let value = planes[(input * height + y) * width + x];
+                    let value = planes[[input, y, x]];
                     let tap = [output, input, rows - 1 - tap_row, columns - 1 - tap_column];
                     sum += f64::from(value) * f64::from(filters[tap]);
                 }
@@ -303,6 +289,7 @@ mod tests {
         for (height, width) in [(1, 1), (2, 17), (3, 5), (9, 40), (13, 230)] {
             for (outputs, inputs) in [(4, 12), (5, 16), (24, 17), (26, 24)] {
                 let planes = random(inputs * height * width);
+                let planes = Array3::from_shape_vec((inputs, height, width), planes)?;
                 let shape = (outputs, inputs, FILTER_SIZE, FILTER_SIZE);
                 // Outputs of order 1, as in trained networks.
                 let scale = 2.0 / (inputs as f32).sqrt() / FILTER_SIZE as f32;
@@ -310,12 +297,10 @@ mod tests {
                 let filters = filters.into_iter().map(|tap| scale * tap).collect();
                 let filters = Array4::from_shape_vec(shape, filters)?;
                 let winograd = Winograd::new(filters.view(), 1).ok_or("expected Winograd")?;
-                let size = (height, width);
-                let all = convolved(&winograd, &planes, size, &Region::whole(size));
-                let all = Array3::from_shape_vec((outputs, height, width), all)?;
+                let all = convolved(&winograd, &planes, &Region::whole((height, width)));
 
                 for (index, &value) in all.indexed_iter() {
-                    let expected = sum_of_products(&planes, size, &filters, index);
+                    let expected = sum_of_products(&planes, &filters, index);
                     assert!((f64::from(value) - expected).abs() < 1e-5);
                 }
 
@@ -325,7 +310,7 @@ mod tests {
                     rows: aligned(height / 2)..height,
                     columns: aligned(width / 3)..end.min(width),
                 };
-                let found = convolved(&winograd, &planes, size, &part);
+                let found = convolved(&winograd, &planes, &part);
                 let expected = all.slice(s![.., part.rows.clone(), part.columns.clone()]);
                 assert!(expected.iter().eq(found.iter()));
             }

@@ -1,13 +1,15 @@
 //! The transform of sums of products into the output of a layer: depth-to-space rearrangement,
 //! skip connection, and splines included.
 
+use std::ops::Range;
+
 use super::TILE;
 use super::products::PRODUCTS;
 use super::transforms::{DEPTH, transform_output};
 use crate::cpu::Simd;
 use crate::network::spline::evaluate::Spline;
 use crate::network::tiling::region::Region;
-use crate::network::tiling::strips::StripedPlanes;
+use crate::network::tiling::strips::{PlanesMut, StripedPlanes};
 use crate::numbers::Real;
 
 /// The operations of a layer after its convolution.
@@ -29,8 +31,13 @@ pub(super) struct OutputBlock {
     pub column: usize,
     pub height: usize,
     pub width: usize,
-    /// The distance between the first tiles of two rows of tiles in the registers.
-    pub spacing: usize,
+}
+
+impl OutputBlock {
+    /// Return the number of tiles.
+    pub fn tiles(&self) -> usize {
+        self.height.div_ceil(TILE) * self.width.div_ceil(TILE)
+    }
 }
 
 /// The buffers for the output of a block of `tiles` tiles.
@@ -62,63 +69,105 @@ impl<F: Real> Finish<'_, F> {
         sums: &[F::Vector<S>],
         block: OutputBlock,
         buffers: &mut OutputBuffers<'_, F>,
-        out: &mut [F],
+        out: &mut PlanesMut<'_, F>,
     ) {
         transform_tiles::<S, F, N>(simd, sums, buffers.phases);
+        if self.upsampling == 1 {
+            return self.write_plane(simd, filter, block, buffers.phases, out);
+        }
         let planes = self.upsampling * self.upsampling;
         let plane = buffers.phases.len();
         let deep = &mut buffers.deep[filter % planes * plane..][..plane];
-        join_phases(buffers.phases, deep);
-        if filter % planes < planes - 1 {
-            return;
+        for (phases, deep) in buffers
+            .phases
+            .chunks_exact(plane / TILE)
+            .zip(deep.chunks_exact_mut(plane / TILE))
+        {
+            join_phases(phases, 0..plane / TILE / TILE, deep);
         }
-        let columns = TILE * N * F::lanes::<S>();
-        if planes > 1 {
+        if filter % planes == planes - 1 {
+            let columns = TILE * N * F::lanes::<S>();
             depth_to_space(buffers.deep, self.upsampling, columns, buffers.channel);
-            self.write_channel(simd, filter / planes, block, columns, buffers.channel, out);
-        } else {
-            self.write_channel(simd, filter, block, columns, deep, out);
+            self.write_upsampled(simd, filter / planes, block, columns, buffers.channel, out);
         }
     }
 
-    /// Add the skip connection to a channel of a block, apply the spline, and write the result to
-    /// its place. The rows of `values` belong to `columns` columns before the upsampling.
+    /// Write a plane of a block. Its columns are separated by their position in a tile.
     #[inline(always)]
-    fn write_channel<S: Simd>(
+    fn write_plane<S: Simd>(
         &self,
         simd: S,
         channel: usize,
         block: OutputBlock,
-        columns: usize,
-        values: &mut [F],
-        out: &mut [F],
+        phases: &mut [F],
+        out: &mut PlanesMut<'_, F>,
     ) {
-        let factor = self.upsampling;
-        let (top, left) = (block.row * factor, block.column * factor);
-        let (height, width) = (block.height * factor, block.width * factor);
-        let row_length = columns * factor;
-        // The index in `values` of the first value of a row of the block.
-        let start = |row: usize| {
-            let (tile_row, row) = (row / (TILE * factor), row % (TILE * factor));
-            row * row_length + tile_row * block.spacing * TILE * factor
-        };
+        let spline = self.splines.get(channel);
+        if let (Some(spline), None) = (spline, self.skip) {
+            spline.apply_with(simd, phases);
+        }
+        let row_length = phases.len() / TILE;
+        let tiles = block.width.div_ceil(TILE);
+        for row in 0..block.height {
+            let phases = &phases[row % TILE * row_length..][..row_length];
+            let first = row / TILE * tiles;
+            let out = out.row_to_end(channel, block.row + row);
+            join_phases(phases, first..first + tiles, &mut out[block.column..]);
+            if self.skip.is_some() {
+                self.add_skip(
+                    simd,
+                    channel,
+                    (block.row + row, block.column),
+                    &mut out[block.column..][..block.width],
+                );
+            }
+        }
+    }
+
+    /// Add the skip connection to a part of a row of the layer's output, and apply the spline.
+    /// The part begins at a row and a column, counted from those of the region.
+    #[inline(always)]
+    fn add_skip<S: Simd>(
+        &self,
+        simd: S,
+        channel: usize,
+        (row, column): (usize, usize),
+        values: &mut [F],
+    ) {
         if let Some(skip) = self.skip {
-            let first = self.region.columns.start + left - skip.columns.start;
-            for row in 0..height {
-                let skip = skip.row(self.region.rows.start + top + row);
-                let skip = &skip.plane(channel)[first..][..width];
-                for (value, &skip) in values[start(row)..][..width].iter_mut().zip(skip) {
-                    *value += skip;
-                }
+            let first = self.region.columns.start + column - skip.columns.start;
+            let skip = skip.row(self.region.rows.start + row);
+            for (value, &skip) in values.iter_mut().zip(&skip.plane(channel)[first..]) {
+                *value += skip;
             }
         }
         if let Some(spline) = self.splines.get(channel) {
             spline.apply_with(simd, values);
         }
-        let plane = &mut out[channel * self.region.pixels()..][..self.region.pixels()];
-        let rows = plane.chunks_exact_mut(self.region.columns.len()).skip(top);
-        for (row, out) in rows.take(height).enumerate() {
-            out[left..][..width].copy_from_slice(&values[start(row)..][..width]);
+    }
+
+    /// Write a channel of a block after its upsampling. The rows of `values` belong to `columns`
+    /// columns before the upsampling.
+    #[inline(always)]
+    fn write_upsampled<S: Simd>(
+        &self,
+        simd: S,
+        channel: usize,
+        block: OutputBlock,
+        columns: usize,
+        values: &[F],
+        out: &mut PlanesMut<'_, F>,
+    ) {
+        let factor = self.upsampling;
+        let width = block.width * factor;
+        let tile_row_width = block.width.next_multiple_of(TILE) * factor;
+        let (top, left) = (block.row * factor, block.column * factor);
+        for row in 0..block.height * factor {
+            let (tile_row, tile_row_row) = (row / (TILE * factor), row % (TILE * factor));
+            let start = tile_row_row * columns * factor + tile_row * tile_row_width;
+            let out = &mut out.row(channel, top + row)[left..][..width];
+            out.copy_from_slice(&values[start..][..width]);
+            self.add_skip(simd, channel, (top + row, left), out);
         }
     }
 }
@@ -151,20 +200,16 @@ fn transform_tiles<S: Simd, F: Real, const N: usize>(
     }
 }
 
-/// Return the columns of each row to their order.
+/// Return the columns of the tiles `tiles` of a row to their order.
 #[inline(always)]
-fn join_phases<F: Real>(phases: &[F], rows: &mut [F]) {
+fn join_phases<F: Real>(phases: &[F], tiles: Range<usize>, row: &mut [F]) {
     let length = phases.len() / TILE;
-    for (phases, row) in phases
-        .chunks_exact(length)
-        .zip(rows.chunks_exact_mut(length))
-    {
-        let mut phases = phases.chunks_exact(length / TILE);
-        let [a, b, c, d]: [&[F]; TILE] = std::array::from_fn(|_| phases.next().unwrap_or_default());
-        let values = a.iter().zip(b).zip(c).zip(d);
-        for (quad, (((a, b), c), d)) in row.as_chunks_mut::<TILE>().0.iter_mut().zip(values) {
-            *quad = [*a, *b, *c, *d];
-        }
+    let mut phases = phases.chunks_exact(length);
+    let [a, b, c, d]: [&[F]; TILE] =
+        std::array::from_fn(|_| &phases.next().unwrap_or_default()[tiles.clone()]);
+    let values = a.iter().zip(b).zip(c).zip(d);
+    for (quad, (((a, b), c), d)) in row.as_chunks_mut::<TILE>().0.iter_mut().zip(values) {
+        *quad = [*a, *b, *c, *d];
     }
 }
 
