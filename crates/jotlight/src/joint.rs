@@ -240,7 +240,7 @@ fn find_root(evaluate: impl Fn(f64) -> (f64, f64), start: f64, highest: f64, off
         let newton = scale * (value / slope).exp() - offset;
         // Rounding can move a last tiny step across a bound, where bisection would undo it.
         if slope > 0.0 && (newton - x).abs() <= TOLERANCE * scale {
-            return x;
+            return newton.clamp(low, high);
         }
         let bound = low.max(MAX_RATIO * high);
         let middle = ((bound + offset) * (high + offset)).sqrt() - offset;

@@ -158,7 +158,7 @@ impl RegisterSpline<'_> {
     /// Return φ(z) of sixteen values.
     // The methods are inlined because a call would pass registers through memory.
     #[inline(always)]
-    fn values(&self, z: [f32; LANES]) -> [f32; LANES] {
+    fn values(self, z: [f32; LANES]) -> [f32; LANES] {
         let (simd, (low, high)) = (self.simd, self.small.bounds);
         let Location { index, f, .. } = self.locate(z);
         let value = simd.mul_add_f32x16(self.look_up(3, index), f, self.look_up(2, index));
@@ -168,7 +168,7 @@ impl RegisterSpline<'_> {
     }
 
     #[inline(always)]
-    fn locate(&self, z: [f32; LANES]) -> Location {
+    fn locate(self, z: [f32; LANES]) -> Location {
         let simd = self.simd;
         let unit_ulp = simd.splat_f32x16(UNIT_ULP);
         let start = simd.splat_f32x16(self.small.start);
@@ -188,7 +188,7 @@ impl RegisterSpline<'_> {
 
     /// Return x limited to \[low, high\], and `low` for NaN.
     #[inline(always)]
-    fn clamp(&self, x: f32x16, low: f32, high: f32) -> f32x16 {
+    fn clamp(self, x: f32x16, low: f32, high: f32) -> f32x16 {
         let Self { simd, .. } = self;
         let (low, high) = (simd.splat_f32x16(low), simd.splat_f32x16(high));
         let x = simd.avx512f._mm512_max_ps(cast(x), cast(low));
@@ -198,7 +198,7 @@ impl RegisterSpline<'_> {
     /// Return the coefficients of a power for sixteen intervals. The low bits of `index` contain
     /// the intervals.
     #[inline(always)]
-    fn look_up(&self, power: usize, index: f32x16) -> f32x16 {
+    fn look_up(self, power: usize, index: f32x16) -> f32x16 {
         let table: f32x16 = cast(self.small.powers[power]);
         let avx512f = self.simd.avx512f;
         cast(avx512f._mm512_permutexvar_ps(cast(index), cast(table)))
