@@ -51,8 +51,11 @@ _MIN_SHARE_OF_OTHERS = 0.3
 
 
 def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
-    """Return the displacements of all blocks under the affine motion of a segment."""
-    track = start(blocks, reference, segment.velocity)
+    """Return the displacements of all blocks under the affine motion of a segment.
+
+    Bright blocks are aligned with a part of their frames.
+    """
+    track = start(blocks.with_enough_light(), reference, segment.velocity)
     order = track.from_center()
     total = track.sums(order[0]) + track.sums(order[1])
     template, weights = make_template(total, blocks.threads), segment.weights
@@ -67,7 +70,7 @@ def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
             template = make_template(total, blocks.threads)
             weights = segment.weights * agreement(sums_of_groups(track), template)
     _align_together(track, segment.weights)
-    return track
+    return track.over(blocks)
 
 
 def _align_together(track: Track, weights: Array) -> None:

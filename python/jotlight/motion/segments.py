@@ -5,7 +5,6 @@ of the details of this sum above that of noise, is compared with those of other 
 """
 
 import dataclasses
-import functools
 import math
 
 import numpy as np
@@ -269,13 +268,9 @@ def count_at_velocity(blocks: Blocks, frames: range, field: Array, reference: in
     return blocks.count(frames, fields, times)
 
 
-@functools.lru_cache(maxsize=4)
 def _most_counted(burst: Burst) -> int:
     """Return the number of frames that have enough light together."""
-    start = max(0, (len(burst) - _MIN_COUNTED) // 2)
-    frames = range(start, min(start + _MIN_COUNTED, len(burst)))
-    mean = float(burst.counts(frames, None).mean()) / len(frames)
-    return int(np.clip(_LIGHT / max(mean, 1e-9), _MIN_COUNTED, _MAX_COUNTED))
+    return int(np.clip(_LIGHT / max(burst.mean_count, 1e-9), _MIN_COUNTED, _MAX_COUNTED))
 
 
 def limit_length(vectors: Array, longest: float) -> Array:
