@@ -173,7 +173,7 @@ def test_counts_of_one_reading_are_bits():
     np.testing.assert_array_equal(merged.trials, expected.trials)
 
 
-@pytest.mark.filterwarnings("ignore:the motion explains the scene worse")
+@pytest.mark.filterwarnings("ignore:the motion does not explain the scene")
 @pytest.mark.parametrize(
     ("frames", "size", "limit"), [(20, 64, 2), pytest.param(48, 96, 0.3, marks=pytest.mark.slow)]
 )
