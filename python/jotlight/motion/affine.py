@@ -40,6 +40,9 @@ _TINY = 0.1
 _INTERPOLATION = 0.25
 """Error of linear interpolation between blocks, as a fraction of their second difference."""
 
+_FARTHEST = 4
+"""Largest predicted displacement, in units of the length of the image."""
+
 _GROUPS = 4
 """Number of groups of blocks that are compared with the template of all."""
 
@@ -113,7 +116,10 @@ def extrapolate(track: Track, block: int, velocity: Array) -> None:
     far = 2 * near - block
     if 0 <= far < len(centers) and track.known[far]:
         velocity = (track.nodes[near] - track.nodes[far]) / (centers[near] - centers[far])
-    track.nodes[block] = track.nodes[near] + velocity * (centers[block] - centers[near])
+    nodes = track.nodes[near] + velocity * (centers[block] - centers[near])
+    # Beyond the view, nothing corrects the prediction.
+    farthest = _FARTHEST * max(track.blocks.size)
+    track.nodes[block] = np.clip(nodes, -farthest, farthest)
 
 
 def is_renewed(number: int) -> bool:

@@ -42,8 +42,8 @@ def find_window(paths: Paths, total: Sums) -> range | None:
 
     Of some frames in the middle, every second one is held out, and then the others. A window
     predicts that these frames are alike. The merged counts without them predict each one, moved
-    along the motion. So a wrong motion is noticed although single frames have few bits. If the merged
-    counts are not clearly better, the window is chosen whose estimate makes the bits most probable.
+    along the motion. So a wrong motion is noticed although single frames have few bits. If the
+    merged counts are not clearly better, the window is chosen that predicts the bits best.
 
     Parameters
     ----------

@@ -210,6 +210,7 @@ def energy_of(sums: Sums, threads: int | None) -> Array:
 
     Counts are added in squares, which the filter for details hardly notices.
     """
+    in_view = min(1.0, float(sums.trials.max()) / max(sums.frames, 1))
     sums = equivalent_sums(sums)
     ones, trials = (add_squares(each, _SQUARE) for each in (sums.ones, sums.trials))
     known = (trials > 0).astype(np.float32)
@@ -223,7 +224,7 @@ def energy_of(sums: Sums, threads: int | None) -> Array:
     noise = blur(known / np.maximum(trials, 1), fine / math.sqrt(2), threads)
     noise /= 4 * np.pi * fine**2
     # Where few frames show the scene, the energy of noise fluctuates much, so it has less weight.
-    share = trials / max(float(trials.max()), 1.0)
+    share = trials * np.float32(in_view / max(float(trials.max()), 1.0))
     weighted = share**2 * (details**2 / variance - noise)
     return mean_tiles(blur(weighted, _ENERGY_BLUR / _SQUARE, threads), TILE // _SQUARE)
 

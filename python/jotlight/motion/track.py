@@ -202,6 +202,11 @@ class Paths:
         """Time at which displacements are 0."""
         return self.tracks[0].reference
 
+    def with_all_frames(self) -> "Paths":
+        """Return the same paths over all frames of the blocks."""
+        blocks = dataclasses.replace(self.blocks, step=1)
+        return Paths([track.over(blocks) for track in self.tracks], self.labels)
+
     def sums(self, block: int) -> Sums:
         """Return the sums of a block, of each pixel along its own track."""
         if len(self.tracks) == 1:
