@@ -84,6 +84,7 @@ def test_merged_counts_predict_frames_along_the_motion(shake):
         np.testing.assert_array_equal(moved[inner], np.roll(image, (row, column), (0, 1))[inner])
 
 
+@pytest.mark.slow
 def test_a_slow_wrong_motion_of_a_dim_scene_is_worse_than_a_window():
     for rng in range(3):
         paths = paths_that_drift(0.4, 0.05, rng)
