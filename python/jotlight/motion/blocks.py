@@ -27,7 +27,7 @@ _REMAINDER_PIXELS = 16
 """Number of pixels of a row for which the engine returns one remainder."""
 
 _LIGHT, _PIXELS = 1.5, 1 << 16
-"""Number of ones or zeros per pixel, in an image of so many pixels, that show the motion well."""
+"""Number of ones or zeros per pixel that show the motion well, in an image of 65,536 pixels."""
 
 _MIN_FRAMES = 4
 """Minimum number of frames of a block that are counted, because each is rounded to whole pixels."""
@@ -197,7 +197,7 @@ class Blocks:
     jots : Jots, optional
         The jots that are counted, if they differ.
     step : int
-        Of so many frames of a block, one is counted.
+        Distance of the frames of a block that are counted.
     """
 
     burst: Burst

@@ -23,7 +23,7 @@ _CENTRAL = 8
 """Maximum number of frames in the middle, of which every second one is held out in turn."""
 
 _MIN_LEAD, _ONES = 3.5, 25_000
-"""By so many standard deviations, merged counts must predict so many ones better than a window.
+"""By 3.5 standard deviations, merged counts must predict 25,000 ones better than each window.
 
 If there are fewer ones, the standard deviation is larger in relation to what a motion gains.
 
@@ -149,7 +149,7 @@ def _moved(image: Probability, paths: Paths, time: float) -> Probability:
             np.indices(image.shape), displacement, image.shape, strict=True
         )
     )
-    return image[rows, columns]
+    return np.asarray(image[rows, columns])
 
 
 def _window(paths: Paths, length: int) -> range:

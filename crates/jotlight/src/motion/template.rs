@@ -22,7 +22,7 @@ pub struct Template {
     pub(super) stride: usize,
     /// The taps of the filter.
     pub(super) taps: Vec<f32>,
-    /// Of so many rows, one is compared.
+    /// The distance of the rows that are compared.
     pub(super) step: usize,
     /// p.
     pub(super) probability: Vec<f32>,
