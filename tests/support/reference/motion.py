@@ -81,15 +81,17 @@ def normal_equations(sums, probability, trials_of_template, sigma, every=False):
     residual = ones - blur(sums.trials) * (p + rows * means[:, 0] + columns * means[:, 1])
     weight = (sums.trials > 0) / variance_per_trial(p, sums.trials, trials_of_template)
     if not every:
-        weight = weight * shares_of_rows(len(p), sigma)[:, None]
+        weight = weight * shares_of_rows(p.shape, sigma)[:, None]
     information = weight * sums.trials * np.stack([rows * rows, rows * columns, columns * columns])
     right = weight * residual * np.stack([rows, columns])
     return sum_tiles(information), sum_tiles(right)
 
 
-def shares_of_rows(number, sigma):
+def shares_of_rows(size, sigma):
     """Return for how many rows of its tile each row stands, or 0 if it is not compared."""
-    step = next((step for step in (4, 2) if step <= 2 * sigma), 1)
+    number = size[0]
+    is_large = size[0] * size[1] >= 1 << 16
+    step = next((step for step in (4, 2) if is_large and step <= 2 * sigma), 1)
     shares = np.zeros(number)
     for top in range(0, number, 16):
         tile = shares[top : top + 16]

@@ -88,6 +88,7 @@ impl EquationsView<'_> {
 ///
 /// Wide filters leave no details between neighboring rows. So of 2 rows, one is compared if the
 /// width of the filter is 1 or more, and of 4 rows if it is 2 or more. It stands for all of them.
+/// In images of less than 65,536 pixels, all rows are compared.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if counts are not
