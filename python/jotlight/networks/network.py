@@ -27,6 +27,7 @@ from jotlight.networks.network_files import read_network, write_network
 from jotlight.networks.onnx_export import write_onnx
 from jotlight.networks.served_sensors import check_served
 from jotlight.networks.torch_hints import TorchHints
+from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.pixel_counts import Data, carried_sensor, gray_images, prepare_data
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
@@ -213,6 +214,7 @@ class Network(TorchHints):
         *,
         trials: npt.ArrayLike | None = None,
         channel_axis: int | None = None,
+        out: npt.NDArray[np.float32] | None = None,
         threads: int | None = None,
     ) -> npt.NDArray[np.float32]:
         """Return the estimate of the image, or of each image of a stack.
@@ -231,6 +233,8 @@ class Network(TorchHints):
         channel_axis : int, optional
             Axis of counts that holds color channels. Default: none, and axes before the last two
             are those of a stack.
+        out : ndarray of float32, optional
+            Array for the result, of its shape, which is returned. Default: a new one.
         threads : int, optional
             Number of threads. Default: all.
 
@@ -243,7 +247,7 @@ class Network(TorchHints):
         Raises
         ------
         TypeError, ValueError
-            When the data, their sensor, their trials, and the network do not fit together.
+            When data, sensor, trials, network, and `out` do not fit together.
 
         Warns
         -----
@@ -256,15 +260,16 @@ class Network(TorchHints):
         data, sensor = prepare_data(data, sensor, trials, channel_axis)
         self.check_sensor(sensor)
         images = gray_images(data)
+        output = output_of(images, sensor, out)
         if self.trials_range is not None:
-            return images.layout.arrange(estimate_intensity(self, images, sensor, threads))
+            return output.finish(estimate_intensity(self, images, sensor, output, threads))
         # The check has established that both sensors detect equal light at intensity 1.
         reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
-        estimate = Inference(self.layers, sensor, reference, threads).run(images)
+        estimate = Inference(self.layers, sensor, reference, threads).run(images, output)
         (low, high), max_intensity = self._output_bounds, np.float32(sensor.max_intensity)
         if low < 0 or high > max_intensity:
             np.clip(estimate, 0, max_intensity, out=estimate)
-        return images.layout.arrange(estimate)
+        return output.finish(estimate)
 
     __call__ = reconstruct
 

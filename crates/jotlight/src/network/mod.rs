@@ -24,7 +24,7 @@ mod spline;
 mod tiling;
 mod training;
 
-pub use forward::{forward, forward_bits, forward_counts, masked_sums};
+pub use forward::{forward, forward_bits, forward_counts, forward_tied_bits, masked_sums};
 pub use layer::{Layer, Wiring};
 pub use spline::channels::Splines;
 pub use spline::evaluate::Spline;

@@ -12,6 +12,7 @@ mod likelihood;
 mod mle;
 mod motion_velocity;
 mod network;
+mod network_gradients;
 mod sensing;
 mod splines;
 mod spread;
