@@ -35,7 +35,7 @@ def quality(merged, truth):
 @pytest.mark.parametrize(
     ("motion", "window", "step"),
     [
-        ("shake", 64, 16),
+        pytest.param("shake", 64, 16, marks=pytest.mark.slow),
         pytest.param("shake", 60, 7, marks=pytest.mark.slow),
         pytest.param("rotate", 64, 16, marks=pytest.mark.slow),
         pytest.param("layers", 64, 16, marks=pytest.mark.slow),

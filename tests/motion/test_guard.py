@@ -64,6 +64,7 @@ def test_bits_of_more_frames_are_held_out_if_the_motion_is_slow(monkeypatch):
         assert asked[0] == held_out
 
 
+@pytest.mark.slow
 def test_a_slow_wrong_motion_of_a_dim_scene_is_worse_than_a_window():
     for rng in range(3):
         paths = paths_that_drift(0.4, 0.05, rng)

@@ -10,6 +10,8 @@ mod edge_cases;
 mod interrupt;
 mod likelihood;
 mod mle;
+mod model;
+mod model_data;
 mod motion_velocity;
 mod network;
 mod network_gradients;
