@@ -115,6 +115,23 @@ fn brightness(case: &Case, p: &Array2<f64>) -> f64 {
     }
 }
 
+/// Return for how many rows of its tile each row stands, which is 0 if it is not compared.
+fn shares_of_rows(rows: usize, sigma: f64) -> Vec<f64> {
+    let step = [4, 2]
+        .into_iter()
+        .find(|&step| step as f64 <= 2.0 * sigma)
+        .unwrap_or(1);
+    let mut shares = vec![0.0; rows];
+    for tile in shares.chunks_mut(TILE) {
+        let number = tile.len();
+        let first = (step.min(number) - 1) / 2;
+        let compared = (first..number).step_by(step);
+        let share = number as f64 / compared.clone().count() as f64;
+        compared.for_each(|row| tile[row] = share);
+    }
+    shares
+}
+
 /// Return the five sums of all tiles: three of A, and two of b.
 fn naive_equations(case: &Case, sigma: f64) -> Array3<f64> {
     let radius = (3.0 * sigma + 0.5) as isize;
@@ -138,6 +155,7 @@ fn naive_equations(case: &Case, sigma: f64) -> Array3<f64> {
     let variance = variance_per_trial(case, &p);
     let (rows, columns) = case.size();
     let mut sums = Array3::zeros((5, rows.div_ceil(TILE), columns.div_ceil(TILE)));
+    let shares = shares_of_rows(rows, sigma);
     for ((row, column), &number) in case
         .trials
         .indexed_iter()
@@ -158,7 +176,7 @@ fn naive_equations(case: &Case, sigma: f64) -> Array3<f64> {
             weight * residual * g[1],
         ];
         for (entry, term) in terms.into_iter().enumerate() {
-            sums[[entry, row / TILE, column / TILE]] += term;
+            sums[[entry, row / TILE, column / TILE]] += shares[row] * term;
         }
     }
     sums
