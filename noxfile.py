@@ -75,6 +75,8 @@ def rust(session: nox.Session) -> None:
     # The session `readme` has compiled most of it already.
     options = "--workspace", "--features", "jotlight/safetensors"
     session.run("cargo", "test", "--release", *options, external=True)
+    strict = {"RUSTDOCFLAGS": "-D warnings"}
+    session.run("cargo", "doc", "--no-deps", *options, env=strict, external=True)
 
 
 @nox.session(tags=["gate"])

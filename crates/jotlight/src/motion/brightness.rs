@@ -19,8 +19,8 @@ pub(super) const LIMITS: (f64, f64) = (0.1, 10.0);
 /// all pixels, from 0.1 to 10.
 ///
 /// # Errors
-/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if counts are not
-/// possible.
+/// [`Shape`](crate::error::Error::Shape) if the shapes of the arrays do not match.
+/// [`Range`](crate::error::Error::Range) if counts are not possible.
 pub fn brightness_of<C: Count>(
     ones: ArrayView2<'_, C>,
     trials: ArrayView2<'_, C>,

@@ -109,3 +109,37 @@ fn gradients_agree_with_central_differences() -> Result<()> {
     }
     Ok(())
 }
+
+/// The estimate is linear in the coefficients of the last spline. For these parameters, JᵀJ is the
+/// second derivative of the cost.
+#[test]
+fn normal_equations_agree_with_second_differences() -> Result<()> {
+    let mut random = Random(7);
+    let images = [(12, 13), (6, 5)]
+        .map(|shape| Array2::from_shape_simple_fn(shape, || random.fraction() as f32));
+    let batch = batch(&images, sensor()?);
+    let mut parameters = Parameters::random(vec![(2, 1, 1, 1), (1, 2, 3, 3)], &mut random);
+    let found = batch.normal_equations(&parameters.layers()?)?;
+    let length = parameters.values.len();
+    assert_eq!(found.matrix.dim(), (length, length));
+    let step = 0.5;
+    for (row, column) in ndarray::indices((COEFFICIENTS, COEFFICIENTS)) {
+        let (row, column) = (length - 1 - row, length - 1 - column);
+        let mut cost = |first: f64, second: f64| -> Result<f64> {
+            let values = parameters.values.clone();
+            parameters.values[row] += first * step;
+            parameters.values[column] += second * step;
+            let (errors, _) = batch.squared_errors(&parameters.layers()?)?;
+            parameters.values = values;
+            Ok(0.5 * errors.iter().sum::<f64>() / errors.len() as f64)
+        };
+        let mixed = cost(1.0, 1.0)? - cost(1.0, -1.0)? - cost(-1.0, 1.0)? + cost(-1.0, -1.0)?;
+        let expected = mixed / (4.0 * step * step);
+        let found = found.matrix[[row, column]];
+        assert!(
+            (found - expected).abs() < 1e-9 * (1.0 + expected.abs()),
+            "{found} {expected}"
+        );
+    }
+    Ok(())
+}
