@@ -330,7 +330,7 @@ def test_files_are_small():
 
 
 def test_an_unknown_quality_is_refused():
-    with pytest.raises(ValueError, match="one of two-layer, .*, extra-large, got 'best'"):
+    with pytest.raises(ValueError, match=r"one of two-layer, .*, extra-large, got 'best'"):
         pretrained(jl.Sensor(oversampling=4), "best")
 
 
