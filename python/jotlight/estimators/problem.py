@@ -10,12 +10,12 @@ from jotlight.estimators.convergence import ConvergenceHistory, ConvergenceMonit
 from jotlight.estimators.inpaint import check_any_valid
 from jotlight.estimators.mle import require_bits
 from jotlight.layout import Layout
-from jotlight.output_images import OutputImages
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.counting import count_ones
 from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.likelihood import Likelihood, Problem
 from jotlight.sensing.operators import scaling, spread
+from jotlight.sensing.output_images import OutputImages
 from jotlight.sensing.pixel_counts import (
     Data,
     Estimate,

@@ -19,7 +19,7 @@ from jotlight.networks.zeros import (
     estimates_zeros,
     zero_layers,
 )
-from jotlight.output_images import OutputImages
+from jotlight.sensing.output_images import OutputImages
 from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor

@@ -13,9 +13,9 @@ from jotlight.chunks import frame_chunks
 from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.networks.layer import Layer
-from jotlight.output_images import OutputImages
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.output_images import OutputImages
 from jotlight.sensing.pixel_counts import GrayImages, PixelCounts, describe_pixels
 from jotlight.sensing.reference import Jot
 from jotlight.sensing.sensor import Sensor

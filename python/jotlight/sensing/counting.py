@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.chunks import frame_chunks
-from jotlight.output_images import check_out
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, Packed, map_in_thread, read_chunks
+from jotlight.sensing.output_images import check_out
 
 
 class PackedBits(Protocol):

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from jotlight.output_images import OutputImages
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.output_images import OutputImages
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor

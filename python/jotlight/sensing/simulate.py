@@ -16,8 +16,8 @@ from jotlight.checks import as_image
 from jotlight.chunks import frame_chunks
 from jotlight.errors import warn
 from jotlight.layout import Layout
-from jotlight.output_images import OutputImages, check_out
 from jotlight.seeds import seed_of_image
+from jotlight.sensing.output_images import OutputImages, check_out
 from jotlight.sensing.sensor_like import SensorLike
 
 AnySensor = TypeVar("AnySensor", bound=SensorLike)
