@@ -145,6 +145,7 @@ METHODS: dict[str, Method] = {
     "network-small": _shipped_network("small", "small"),
     "network-medium": _shipped_network("medium", "medium"),
     "network-large": _shipped_network("large", "large"),
+    "network-extra-large": _shipped_network("extra-large", "extra-large"),
     "held-out": Method(
         "best blend on held-out bits",
         held_out,

@@ -18,7 +18,7 @@ from jotlight.evaluation.different_readings import takes_readings, with_one_resp
 from jotlight.evaluation.held_out import blend, smooth_kernel_reason
 from jotlight.evaluation.methods import LARGE_METHOD, METHODS, OPTION_DEFAULTS, check_options
 from jotlight.evaluation.own_method import OwnMethod, run_own
-from jotlight.networks.architectures import SIZES
+from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, pretrained_conditional
 from jotlight.sensing.gray_outputs import output_of
@@ -122,7 +122,7 @@ def reconstruct(
         ``jotlight.torch``), or a function ``f(data, sensor)`` or ``f(data)`` that returns an
         image. Default: the network "medium", or "held-out" above 1,000 trials per pixel if the
         kernel is the box.
-    quality : {"two-layer", "small", "medium", "large"}, optional
+    quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
         Size of the shipped network to use, in place of a method.
     trials : float or array_like of float, optional
         Number of binary readings behind each pixel of counts: a number, or a map of their shape.
@@ -326,7 +326,7 @@ def _named(method: object, quality: str | None, options: dict[str, Any]) -> str 
         return name
     if method is not None:
         raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
-    if quality not in SIZES:
-        raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
+    if quality not in QUALITIES:
+        raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
     check_options(f"network-{quality}", options)
     return f"network-{quality}"

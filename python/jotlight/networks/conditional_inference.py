@@ -95,9 +95,9 @@ def estimate_probability(
 
     def inference(trials: int) -> Inference:
         layers = zero_layers(network, trials) if is_zeros else network.conditioned_layers(trials)
-        return Inference(layers, sensor, reference, threads)
+        return Inference(layers, sensor, reference, threads, network.rotations)
 
-    bits = bits_alike(images, sensor)
+    bits = bits_alike(images, sensor) if network.rotations == 1 else None
     if bits is not None and smallest <= sensor.trials <= largest:
         return inference(sensor.trials).run_bits(bits, sensor.trials, output)
     pixels = images.count(sensor, threads)

@@ -12,6 +12,7 @@ import jotlight._engine as engine
 from jotlight.chunks import frame_chunks
 from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
 from jotlight.estimators.inverse_response import equivalent_counts
+from jotlight.networks.graph import size_divisor
 from jotlight.networks.layer import Layer
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
@@ -36,6 +37,8 @@ class Inference:
     reference: Jot
     """Efficiency and dark counts of the jots for which the layers were made."""
     threads: int | None
+    rotations: int = 1
+    """Over how many rotations of the data by 90 degrees a tied network averages its output."""
 
     def run(self, images: GrayImages, output: OutputImages) -> npt.NDArray[np.float32]:
         """Return the output of the last layer, shape (N, H, W), as the images of `output`.
@@ -50,7 +53,8 @@ class Inference:
         """
         if self.layers[0].shape[1:] != (1, 1, 1):
             return self._run_untied(images, output)
-        if (bits := bits_alike(images, self.sensor)) is not None:
+        bits = bits_alike(images, self.sensor) if self.rotations == 1 else None
+        if bits is not None:
             return self.run_bits(bits, self.sensor.trials, output)
         pixels = images.count(self.sensor, self.threads)
         return self.run_pixels(pixels, self.sensor.trials, output)
@@ -59,13 +63,13 @@ class Inference:
         self, pixels: PixelCounts, trials: int, output: OutputImages
     ) -> npt.NDArray[np.float32]:
         """Return the output of a tied network for K = `trials`, shape (N, H, W)."""
-        if pixels.uniform and pixels.trials < pixels.counts.size:
+        if self.rotations == 1 and pixels.uniform and pixels.trials < pixels.counts.size:
             table = self._table(pixels, trials)
             arguments = self._engine_layers, pixels.counts, table
             engine.forward_counts(*arguments, list(output.images), self.threads)
             return output.images
         counts = equivalent_counts(pixels, self.reference, trials, self.threads)
-        self._run_sums(self._tied_sums(counts), list(output.images))
+        self._run_tied(counts, list(output.images))
         return output.images
 
     def run_bits(
@@ -88,14 +92,27 @@ class Inference:
 
         Each image has the shape (H, W). They may differ in size.
         """
-        sums = self._tied_sums(counts)
-        out = [np.empty(each.shape[1:], np.float32) for each in sums]
-        self._run_sums(sums, out)
+        images = list(counts)
+        out = [np.empty(image.shape, np.float32) for image in images]
+        self._run_tied(images, out)
         return out
 
-    def _tied_sums(self, counts: Iterable[npt.NDArray[np.float32]]) -> list[Image]:
-        """Return p of each image of counts, (C, H, W)."""
-        return [self._tied_weights[:, None] * image for image in counts]
+    def _run_tied(self, counts: Iterable[Image], out: list[Image]) -> None:
+        """Write the outputs of a tied network for images of counts (H, W)."""
+        if self.rotations == 1:
+            self._run_sums([self._tied_weights[:, None] * image for image in counts], out)
+            return
+        # So strides meet the same pixels in the rotation of a part as in that of the whole image.
+        divisor = size_divisor(self.layers)
+        images = [pad_to_multiple(image, divisor) for image in counts]
+        alone, means = dataclasses.replace(self, rotations=1), [np.zeros_like(x) for x in images]
+        for turn in range(self.rotations):
+            parts = alone.run_counts(np.rot90(image, turn) for image in images)
+            for mean, part in zip(means, parts, strict=True):
+                place = np.rot90(mean, turn)  # a view
+                place += part / np.float32(self.rotations)
+        for image, mean in zip(out, means, strict=True):
+            image[:] = mean[: image.shape[0], : image.shape[1]]
 
     def _table(self, pixels: PixelCounts, trials: int) -> Image:
         """Return p for each count L of pixels alike, (C, K + 1)."""
@@ -169,6 +186,18 @@ class Inference:
     @property
     def _engine_layers(self) -> list[engine.Layer]:
         return [layer.engine_layer for layer in self.layers]
+
+
+def pad_to_multiple(image: Image, divisor: int) -> Image:
+    """Return an image (H, W) with mirrored rows and columns appended, up to multiples of a number.
+
+    Examples
+    --------
+    >>> pad_to_multiple(np.ones((3, 8), np.float32), 4).shape
+    (4, 8)
+    """
+    extra = [(0, -size % divisor) for size in image.shape]
+    return np.pad(image, extra, "symmetric")
 
 
 def bits_alike(images: GrayImages, sensor: Sensor) -> Sequence[Bits] | None:
