@@ -106,8 +106,9 @@ fn check_forward(input: &mut Input<'_>) -> Option<()> {
     let sums = Grid::floats(input, shape);
     check_network(&layers, |is_standard, layers| {
         let sums = sums.arranged(is_standard).to_f32();
-        let mut out = Array2::zeros((sums.shape()[1], sums.shape()[2]));
-        forward(layers, sums.view::<Ix3>(), out.view_mut())?;
+        let sums = sums.view::<Ix3>();
+        let mut out = Array2::zeros((sums.dim().1, sums.dim().2));
+        forward(layers, sums, out.view_mut())?;
         Ok(out.into_iter().collect())
     })
 }
