@@ -136,7 +136,7 @@ fn check_install(input: &mut Input<'_>) -> Option<()> {
         large @ 4..1025 => large % 4,
         other => other,
     };
-    let is_interrupted = input.rarely(2);
+    let is_interrupted: fn() -> bool = if input.rarely(2) { || true } else { || false };
     let fails = input.rarely(4);
     let work = || {
         if fails {
@@ -144,10 +144,10 @@ fn check_install(input: &mut Input<'_>) -> Option<()> {
         }
         Ok(())
     };
-    let result = install_interruptible(Some(threads), || is_interrupted, work);
+    let result = install_interruptible(Some(threads), is_interrupted, work);
     match result {
         Ok(()) => assert!((1..=1024).contains(&threads) && !fails),
-        Err(Error::Interrupted) => assert!(fails || is_interrupted),
+        Err(Error::Interrupted) => assert!(fails || is_interrupted()),
         Err(error) => assert!(!(1..=1024).contains(&threads), "{error}"),
     }
     Some(())

@@ -72,6 +72,10 @@ impl Network {
                 return Err(file.error(format!("expected {key} {expected}, got {received}")));
             }
         }
+        if let Some(rotations) = metadata.get("rotations").filter(|&number| number != "1") {
+            let reason = format!("expected a network with 1 rotation, got {rotations}");
+            return Err(file.error(reason));
+        }
         let layers: Vec<LayerFields> =
             serde_json::from_str(entry("layers")?).map_err(|e| file.error(e))?;
         let layers: Result<Vec<_>> = layers
