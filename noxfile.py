@@ -40,9 +40,10 @@ def lint(session: nox.Session) -> None:
     session.run("ruff", "check", ".")
     session.run("ruff", "format", "--check", ".")
     session.run("python", "tools/check_words.py")
+    features = "--workspace", "--features", "jotlight/safetensors"
     for tool, arguments in (
         ("rustfmt", ["fmt", "--all", "--check"]),
-        ("cargo-clippy", ["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]),
+        ("cargo-clippy", ["clippy", *features, "--all-targets", "--", "-D", "warnings"]),
     ):
         if shutil.which(tool):
             session.run("cargo", *arguments, external=True)
@@ -72,7 +73,8 @@ def readme(session: nox.Session) -> None:
 def rust(session: nox.Session) -> None:
     """Run the engine's own tests, and the examples in its documentation."""
     # The session `readme` has compiled most of it already.
-    session.run("cargo", "test", "--release", "--workspace", external=True)
+    options = "--workspace", "--features", "jotlight/safetensors"
+    session.run("cargo", "test", "--release", *options, external=True)
 
 
 @nox.session(tags=["gate"])
@@ -127,7 +129,8 @@ def gallery(session: nox.Session) -> None:
 @nox.session(venv_backend="none", tags=["release"])
 def overflow(session: nox.Session) -> None:
     """Run the engine's own tests with checks for overflow of integers."""
-    session.run("cargo", "test", "--workspace", external=True)
+    options = "--workspace", "--features", "jotlight/safetensors"
+    session.run("cargo", "test", *options, external=True)
 
 
 @nox.session(tags=["release"])

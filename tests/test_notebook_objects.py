@@ -153,6 +153,7 @@ def test_the_html_of_an_object_is_a_small_table_and_perhaps_a_thumbnail(objects,
     assert "array(" not in text_of(shown)
 
 
+@pytest.mark.slow
 def test_the_thumbnail_of_a_comparison_of_noise_is_small():
     noise = RANDOM.random((300, 400, 3))
     shown = jl.compare(["mle"], noise, SENSOR, channel_axis=-1)._repr_html_()

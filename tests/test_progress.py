@@ -162,6 +162,7 @@ def test_long_work_has_a_bar_in_notebooks_that_reaches_its_end(slow_notebook, ru
     assert done[-1] == 1
 
 
+@pytest.mark.slow
 def test_the_bar_of_a_training_shows_its_measurements(slow_notebook):
     records = []
     run_train(test=np.full((1, 32, 32), 0.5), callback=records.append)

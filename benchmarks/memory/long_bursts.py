@@ -37,6 +37,11 @@ SAMPLES = 200
 CHUNK = 4096
 INTERRUPTIONS = 4
 """Number of times at which a reconstruction is interrupted."""
+LAST = 0.6
+"""The last of these times, as a fraction of the time of the first run.
+
+Later runs take less time, because the file is in memory then.
+"""
 
 
 def main() -> None:
@@ -121,7 +126,7 @@ class LongBurst:
             image.unlink()
             motion.unlink()
             interrupted = max(
-                interrupt(arguments, seconds * (attempt + 1) / (INTERRUPTIONS + 1))
+                interrupt(arguments, LAST * seconds * (attempt + 1) / INTERRUPTIONS)
                 for attempt in range(INTERRUPTIONS)
             )
         reference = poses[self.frames // 2]

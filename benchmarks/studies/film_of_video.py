@@ -8,11 +8,18 @@ and seen by 16 binary frames, with 0.2 photons per pixel and frame on average. T
 each image of the film its time in frames of the video, the model of the motion, whether it was
 carried from the image before, the fraction of flagged pixels, and the PSNR in dB against the frame
 of the video at this time: of the film, and of the best window without alignment, chosen with the
-true image. The network "medium" estimates all images. With --output, comparisons are written to a
-folder: the video, the best window, the film, and the film with flags in red.
+true image.
+
+Three more columns show what limits the film: the PSNR of pixels without flags; that of the best of
+the film and all windows in each tile of 16 pixels, chosen with the true image; and that of a still
+image of the same number of binary frames, which all see the frame of the video. The network
+"medium" estimates all images. With --output, comparisons are written to a folder: the video, the
+best window, the film, and the film with flags in red.
 """
 
 import argparse
+import itertools
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +37,7 @@ PHOTONS = 0.2
 
 WINDOWS = (2, 4, 8, 16, 32, 64, 128, 256)
 INNER = (slice(8, -8),) * 2
+TILE = 16
 
 Gray = npt.NDArray[np.float32]
 
@@ -41,23 +49,31 @@ def main() -> None:
     video = np.stack([read_gray(path) for path in paths[: options.video_frames]])
     # Images show the middle of the binary frames of a frame of the video.
     bits = record(video)[PER_FRAME // 2 :]
-    print("| time | model | carried | flagged | window | film | gain |")
-    print("| ---: | --- | --- | ---: | ---: | ---: | ---: |")
+    print("| time | model | carried | flagged | window | film | gain | trusted | tiles | still |")
+    print("| ---: | --- | --- |" + " ---: |" * 7)
     rows = []
     for index, image in enumerate(film(bits, window=options.window, step=options.step)):
         middle = index * options.step + options.window // 2
         time = (middle + PER_FRAME // 2) / PER_FRAME
         truth = video[int(time)]
-        rows.append(measure(bits, middle, truth, image, options.output))
-        window, merged = rows[-1]
-        print(
-            f"| {time:.1f} | {image.motion.model} | {image.is_carried} | "
-            f"{image.merged.flags.mean():.2f} | {window:.2f} | {merged:.2f} | "
-            f"{merged - window:+.2f} |",
-            flush=True,
-        )
-    window, merged = np.mean(rows, axis=0)
-    print(f"| mean | | | | {window:.2f} | {merged:.2f} | {merged - window:+.2f} |")
+        measured = measure(bits, middle, truth, image, options.output)
+        rows.append((*measured, still(bits.sensor, options.window, truth)))
+        kind = f"{time:.1f} | {image.motion.model} | {image.is_carried}"
+        print(f"| {kind} | {image.merged.flags.mean():.2f} | {cells(rows[-1])} |", flush=True)
+    print(f"| mean | | | | {cells(np.mean(rows, axis=0))} |")
+
+
+def cells(row: Sequence[float] | npt.NDArray[np.float64]) -> str:
+    """Return the numbers of a row, with the gain of the film."""
+    window, merged, *others = row
+    numbers = [f"{window:.2f}", f"{merged:.2f}", f"{merged - window:+.2f}"]
+    return " | ".join(numbers + [f"{number:.2f}" for number in others])
+
+
+def still(sensor: jl.Sensor, window: int, truth: Gray) -> float:
+    """Return the PSNR of a window of binary frames that all see the same image."""
+    part = sensor.replace(frames=window, gain=sensor.gain / sensor.frames * window)
+    return quality(jl.pretrained(part).reconstruct(part.expose(truth, rng=0)), truth)
 
 
 def arguments() -> argparse.Namespace:
@@ -90,8 +106,11 @@ def record(video: Gray) -> jl.Bits:
 
 def measure(
     bits: jl.Bits, middle: int, truth: Gray, image: FilmImage, folder: Path | None
-) -> tuple[float, float]:
-    """Return the PSNR of the best window and of the film, and write a comparison."""
+) -> tuple[float, float, float, float]:
+    """Return the PSNR of the window, the film, its trusted pixels, and the best of each tile.
+
+    Also write a comparison.
+    """
     network = jl.pretrained(bits.sensor)
 
     def estimate(data: jl.Bits | jl.Merged) -> Gray:
@@ -111,7 +130,26 @@ def measure(
         rows = [np.concatenate(pair, axis=1) for pair in (grays[:2], [grays[2], colors])]
         pixels = np.clip(255 * np.concatenate(rows), 0, 255).astype(np.uint8)
         Image.fromarray(pixels).save(folder / f"{middle:05}.jpg", quality=90)
-    return quality(best, truth), quality(merged, truth)
+    trusted = ~image.merged.flags[INNER]
+    errors = (merged - truth)[INNER][trusted] ** 2
+    of_trusted = -10 * np.log10(errors.mean()) if trusted.any() else np.nan
+    return (
+        quality(best, truth),
+        quality(merged, truth),
+        float(of_trusted),
+        quality(choose_tiles([merged, *windows], truth), truth),
+    )
+
+
+def choose_tiles(images: list[Gray], truth: Gray) -> Gray:
+    """Return the image whose tiles are those with the smallest errors."""
+    (height, width), chosen = truth.shape, np.empty_like(truth)
+    for top, left in itertools.product(range(0, height, TILE), range(0, width, TILE)):
+        tile = slice(top, top + TILE), slice(left, left + TILE)
+        chosen[tile] = min(
+            (image[tile] for image in images), key=lambda each: ((each - truth[tile]) ** 2).sum()
+        )
+    return chosen
 
 
 def quality(image: Gray, truth: Gray) -> float:

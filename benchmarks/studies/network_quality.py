@@ -1,11 +1,13 @@
 """Measure the quality of the deep networks on Berkeley test images, for every K and exposure.
 
     python benchmarks/studies/network_quality.py path/to/data [--output docs/results]
+        [--methods extra-large]
 
 The folder holds ``bsds300/test/*.jpg``. The bits of image i have the seed i. Every K is measured on
 all images and on the first 20, other exposures on the first 20 only. `--model` adds networks to
 those of the package, where they serve the sensor. BM3D with the exact inverse is measured on the
-first 20 images for some K, if its package is installed. Each cell of the tables is a mean PSNR in
+first 20 images for some K, if its package is installed. With `--methods`, only these are measured,
+and the rows of all other methods in the output stay. Each cell of the tables is a mean PSNR in
 dB, and the mean SSIM.
 """
 
@@ -20,7 +22,7 @@ import jotlight as jl
 from jotlight.evaluation.methods import METHODS
 from jotlight.files import atomic_write
 from jotlight.images.sets import read_image_set
-from jotlight.networks.architectures import SIZES
+from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.pretrained import TRAINED_TRIALS
 
 ALL_TRIALS = 1, 4, *TRAINED_TRIALS, 256
@@ -46,6 +48,7 @@ def main() -> None:
     parser.add_argument("data", type=Path)
     parser.add_argument("--images", type=int, default=100)
     parser.add_argument("--model", type=Path, nargs="*", default=[])
+    parser.add_argument("--methods", nargs="*")
     parser.add_argument("--output", type=Path)
     options = parser.parse_args()
     _, images = read_image_set(options.data / "bsds300/test", first=options.images)
@@ -53,6 +56,8 @@ def main() -> None:
     for bits, flux in [*((bits, 1.0) for bits in ALL_TRIALS), *exposures()]:
         sensor = jl.Sensor(frames=bits, gain=flux * bits)
         for name, run in methods(sensor, options.model):
+            if options.methods and name not in options.methods:
+                continue
             tested = images if flux == 1 and name != BM3D else images[:FIRST]
             values = qualities(run, sensor, tested)
             for number in sorted({min(FIRST, len(tested)), len(tested)}):
@@ -65,12 +70,22 @@ def main() -> None:
         )
     print_table("first 20 images, other exposures", [row for row in rows if row[1] != 1])
     if options.output is not None:
-        with (
-            atomic_write(options.output / "deep.csv") as temporary,
-            temporary.open("w", newline="", encoding="utf-8") as file,
-        ):
-            csv.writer(file, lineterminator="\n").writerows([COLUMNS, *rows])
-        print(f"written: {options.output / 'deep.csv'}")
+        write(options.output / "deep.csv", rows, keep=bool(options.methods))
+
+
+def write(path: Path, rows: list[Row], *, keep: bool) -> None:
+    """Write rows to a file. If `keep` is true, rows of other methods in the file stay."""
+    old: list[list[str]] = []
+    if keep and path.exists():
+        with path.open(newline="", encoding="utf-8") as file:
+            measured = {row[2] for row in rows}
+            old = [row for row in csv.reader(file) if row[2] not in (*measured, "method")]
+    with (
+        atomic_write(path) as temporary,
+        temporary.open("w", newline="", encoding="utf-8") as file,
+    ):
+        csv.writer(file, lineterminator="\n").writerows([COLUMNS, *old, *rows])
+    print(f"written: {path}")
 
 
 def exposures() -> list[tuple[int, float]]:
@@ -87,7 +102,7 @@ def methods(sensor: jl.Sensor, models: list[Path]) -> list[tuple[str, Reconstruc
     is_measured = sensor.gain == sensor.frames and sensor.frames in BM3D_BITS
     if is_measured and METHODS["noniterative-bm3d"].available:
         found.append((BM3D, lambda bits, sensor: jl.noniterative(bits, sensor, denoiser="bm3d")))
-    found += [(quality, jl.pretrained(sensor, quality).reconstruct) for quality in SIZES]
+    found += [(quality, jl.pretrained(sensor, quality).reconstruct) for quality in QUALITIES]
     for path in models:
         network = jl.Network.load(path)
         try:

@@ -36,6 +36,7 @@ __all__ = [
     "forward",
     "forward_bits",
     "forward_counts",
+    "forward_tied_bits",
     "gradient",
     "inner_products",
     "inverse_anscombe_algebraic",
@@ -450,17 +451,34 @@ def readings_moments(
     threads: int | None,
 ) -> None: ...
 def forward(
-    layers: list[Layer], sums: list[npt.NDArray[np.float32]], threads: int | None
-) -> list[npt.NDArray[np.float32]]: ...
+    layers: list[Layer],
+    sums: list[npt.NDArray[np.float32]],
+    out: list[npt.NDArray[np.float32]],
+    threads: int | None,
+) -> None: ...
 def forward_bits(
-    layers: list[Layer], packed: list[npt.NDArray[np.uint8]], width: int, threads: int | None
-) -> list[npt.NDArray[np.float32]]: ...
+    layers: list[Layer],
+    packed: list[npt.NDArray[np.uint8]],
+    width: int,
+    out: list[npt.NDArray[np.float32]],
+    threads: int | None,
+) -> None: ...
 def forward_counts(
     layers: list[Layer],
     counts: npt.NDArray[np.int32],
     sums: npt.NDArray[np.float32],
+    out: list[npt.NDArray[np.float32]],
     threads: int | None,
-) -> list[npt.NDArray[np.float32]]: ...
+) -> None: ...
+def forward_tied_bits(
+    layers: list[Layer],
+    packed: list[npt.NDArray[np.uint8]],
+    width: int,
+    oversampling: int,
+    sums: npt.NDArray[np.float32],
+    out: list[npt.NDArray[np.float32]],
+    threads: int | None,
+) -> None: ...
 def activate(
     planes: tuple[_Floats, _Floats], start: float, spacing: float, threads: int | None
 ) -> _Floats: ...

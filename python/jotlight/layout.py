@@ -98,6 +98,20 @@ class Layout:
         """Whether there is only one gray image (H, W), without further axes."""
         return not self.shape
 
+    def shape_of(self, size: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the shape of an array of this layout, for images of a size.
+
+        Examples
+        --------
+        >>> Layout((5, 3), -1).shape_of((8, 6))
+        (5, 8, 6, 3)
+        """
+        if self.channel_axis is None:
+            return *self.shape, *size
+        shape = [*self.shape[:-1], *size]
+        shape.insert(self.channel_axis % (len(shape) + 1), self.shape[-1])
+        return tuple(shape)
+
     def moved(self, array: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Return a view of an array of this layout, with rows and columns as its last axes."""
         return array if self.channel_axis is None else np.moveaxis(array, self.channel_axis, -3)

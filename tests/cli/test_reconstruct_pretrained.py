@@ -68,7 +68,9 @@ def test_the_option_inverse_selects_the_noniterative_method(run, photo_folder):
     np.testing.assert_array_equal(np.load("out.npy"), expected)
 
 
-@pytest.mark.parametrize("quality", ["two-layer", "small", "medium"])
+@pytest.mark.parametrize(
+    "quality", ["two-layer", "small", pytest.param("medium", marks=pytest.mark.slow)]
+)
 def test_options_that_change_the_sensor_decide_which_network_serves_it(run, photo_folder, quality):
     bits = expose(photo_folder, SUPPORTED)
     arguments = ["reconstruct", "bits.npy", "-o", "out.npy", "--gain", 8, "--quality", quality]

@@ -59,15 +59,20 @@ def test_a_function_is_refused_where_no_methods_are_compared(run, own_module):
     assert "method: fig5 compares no methods; fig7, timing, and gain do" in output
 
 
-@pytest.mark.slow
-def test_a_function_of_the_user_is_a_row_of_each_table(run, data, own_module, tmp_path):
+@pytest.mark.parametrize(
+    "experiment",
+    [
+        pytest.param("fig7", marks=pytest.mark.slow),
+        pytest.param("gain", marks=pytest.mark.exhaustive),
+    ],
+)
+def test_a_function_of_the_user_is_a_row_of_the_table(run, data, own_module, tmp_path, experiment):
     arguments = ["--quick", "--data", data, "-m", f"{own_module}:mean", "-o", "out"]
-    for experiment in ("fig7", "gain"):
-        status, output = run("reproduce", experiment, *arguments)
-        assert status == 0, output
-        assert f"{own_module}:mean" in (tmp_path / f"out/results/{experiment}.csv").read_text()
+    status, output = run("reproduce", experiment, *arguments)
+    assert status == 0, output
+    assert f"{own_module}:mean" in (tmp_path / f"out/results/{experiment}.csv").read_text()
     assert f"| {own_module}:mean |" in (tmp_path / "out/results/reproduction.md").read_text()
     (tmp_path / f"{own_module}.py").write_text("def mean(bits):\n    return bits.counts() / 5\n")
-    status, output = run("reproduce", "fig7", *arguments)
+    status, output = run("reproduce", experiment, *arguments)
     assert status == 1
     assert "holds results with other settings (methods)" in output

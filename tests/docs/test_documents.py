@@ -108,8 +108,14 @@ def test_links_between_pages_lead_somewhere(page):
             assert (page.parent / target).exists(), target
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def example_cases() -> Iterator[object]:
+    """Yield a test case per example. The session `gallery` runs them all, also the slowest one."""
+    for path in EXAMPLES:
+        mark = pytest.mark.exhaustive if "train" in path.stem else pytest.mark.slow
+        yield pytest.param(path, id=path.stem, marks=mark)
+
+
+@pytest.mark.parametrize("path", list(example_cases()))
 @pytest.mark.filterwarnings("ignore:.* pixels have no valid bit")
 def test_the_example_runs(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -42,8 +42,8 @@ def test_workers_get_the_same_results(kind, expected):
     # The parent has idle threads of the engine, which a fork does not copy.
     assert all_digests() == expected
     context = multiprocessing.get_context(kind)
-    with ProcessPoolExecutor(3, context) as workers:
-        for found in workers.map(all_digests, range(3), timeout=TIMEOUT):
+    with ProcessPoolExecutor(2, context) as workers:
+        for found in workers.map(all_digests, range(2), timeout=TIMEOUT):
             assert found == expected
     assert all_digests() == expected
 
@@ -65,7 +65,7 @@ def test_a_fork_during_calls_of_other_threads_does_not_hang():
     for caller in callers:
         caller.start()
     try:
-        for _ in range(100):
+        for _ in range(40):
             receiver, sender = context.Pipe(duplex=False)
             child = context.Process(target=reconstruct, args=(sender,))
             child.start()

@@ -189,6 +189,7 @@ def test_the_exact_coverage_of_the_interval_is_at_least_the_stated_one(sensor):
         assert weights @ covered >= 0.9 - 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["many bits", "jots that differ"])
 def test_normal_intervals_cover_about_as_stated(name):
     sensor = SENSORS[name]

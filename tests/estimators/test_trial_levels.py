@@ -45,6 +45,21 @@ def test_pixels_halfway_between_two_levels_are_interpolated_by_the_logarithm():
     assert (np.array(weights) > 0).sum(axis=0).max() == 2
 
 
+def test_one_level_serves_most_pixels_if_a_few_of_their_bits_are_left_out():
+    rng = np.random.default_rng(5)
+    trials = 256.0 - rng.integers(0, 20, (40, 50)) * (rng.random((40, 50)) < 0.1)
+    ((level, weights),) = level_weights(np.maximum(trials, 240))
+    assert level == 240
+    np.testing.assert_array_equal(weights, 1)
+    # If other pixels have fewer, too, only these have other levels.
+    trials[:, :5] = 100
+    found = dict(level_weights(trials))
+    assert max(found) == 230
+    np.testing.assert_array_equal(found[230][:, 5:], 1)
+    # Without pixels between, the largest level is exact.
+    assert max(dict(level_weights(np.where(trials > 100, 256.0, 100.0)))) == 256
+
+
 def test_a_level_without_a_pixel_is_not_run_and_images_share_the_others():
     trials = np.where(np.eye(8, dtype=bool), 1.0, 64.0)
     calls = []

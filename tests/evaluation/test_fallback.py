@@ -54,6 +54,7 @@ def test_a_network_of_the_caller_falls_back_too():
     np.testing.assert_array_equal(jl.reconstruct(bits, method=network, fallback=True), expected)
 
 
+@pytest.mark.slow
 def test_a_stack_equals_its_images():
     bits = [SENSOR.expose(image, rng=0) for image in (PHOTOGRAPH, CHECKERBOARD)]
     stack = jl.reconstruct(bits, quality="small", fallback=True)

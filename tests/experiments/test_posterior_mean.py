@@ -6,7 +6,9 @@ import pytest
 from jotlight.experiments.posterior_mean import posterior_mean_psnr
 
 
-@pytest.mark.parametrize("bits", [1, 2, 9])
+@pytest.mark.parametrize(
+    "bits", [2, *(pytest.param(bits, marks=pytest.mark.slow) for bits in (1, 9))]
+)
 def test_the_limit_agrees_with_its_definition(bits):
     """The definition is E[c²] - Σ P(L) E[c | L]², here by mpmath's quadrature."""
     with mpmath.workdps(30):
@@ -35,13 +37,14 @@ def test_the_limit_agrees_with_its_definition(bits):
         )
     ),
 )
+@pytest.mark.slow
 def test_the_limit_has_the_known_value_for_each_k_of_the_paper(bits, expected):
     assert posterior_mean_psnr(bits) == pytest.approx(expected, abs=6e-4)
 
 
 @pytest.mark.slow
 def test_twice_the_nodes_change_nothing():
-    for bits in (1, 100, 1000):
+    for bits in (1, 300):
         twice = posterior_mean_psnr(bits, nodes=800)
         assert posterior_mean_psnr(bits) == pytest.approx(twice, abs=1e-9)
 

@@ -42,7 +42,7 @@ def merge(bits, message=None, **options):
     assert all(issubclass(each.category, jl.JotlightWarning) for each in issued)
     messages = [str(each.message) for each in issued]
     # Sums without motion may replace the merged counts. A warning states it.
-    others = [each for each in messages if "explains the scene worse than no motion" not in each]
+    others = [each for each in messages if "clearly better than no motion" not in each]
     if message is None:
         assert others == []
     else:

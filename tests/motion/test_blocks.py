@@ -338,3 +338,27 @@ def test_a_channel_can_be_counted_alone():
                 getattr(blocks.count(range(5), (field, field), (0, 5)), name),
                 getattr(expected.count(range(5), (field, field), (0, 5)), name),
             )
+
+
+@pytest.mark.parametrize(
+    ("probability", "size", "step"),
+    [(0.2, 256, 1), (0.5, 256, 2), (0.8, 256, 1), (0.5, 64, 1)],
+)
+def test_bright_blocks_need_a_part_of_their_frames(probability, size, step):
+    """A large image needs 1.5 ones or zeros per pixel, whichever are rarer."""
+    bits = np.random.default_rng(0).random((64, size, size)) < probability
+    blocks = Blocks(as_burst(jl.Bits.from_array(bits)), np.arange(0, 65, 8))
+    few = blocks.with_enough_light()
+    assert few.step == step
+    assert {len(few.frames(block)) for block in range(8)} == {8 // step}
+
+
+def test_every_second_frame_of_a_block_is_counted():
+    bits = np.random.default_rng(1).random((12, 16, 20)) < 0.4
+    burst = as_burst(jl.Bits.from_array(bits))
+    blocks = Blocks(burst, np.array([0, 5, 12]), step=2)
+    assert [list(blocks.frames(block)) for block in (0, 1)] == [[0, 2, 4], [5, 7, 9, 11]]
+    still = np.zeros((2, 2, 1, 2))
+    sums = blocks.count(blocks.frames(1), still, [5.0, 12.0])
+    np.testing.assert_array_equal(sums.ones, bits[5:12:2].sum(axis=0))
+    np.testing.assert_array_equal(sums.trials, 4)

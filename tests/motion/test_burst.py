@@ -120,9 +120,9 @@ def test_frames_are_read_when_they_are_needed():
     assert read == [(2, 5)]
 
 
-@pytest.mark.filterwarnings("ignore:the motion explains the scene worse")
+@pytest.mark.filterwarnings("ignore:the motion does not explain the scene")
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:the motion explains the scene worse")
+@pytest.mark.filterwarnings("ignore:the motion does not explain the scene")
 def test_long_bursts_take_no_more_memory_than_short_ones(monkeypatch):
     monkeypatch.setattr(module, "_BYTES_AT_ONCE", 1 << 16)
     monkeypatch.setattr(track, "_MAX_KEPT_BYTES", 0)

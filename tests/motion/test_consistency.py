@@ -258,6 +258,7 @@ def test_pixels_without_bits_have_no_accepted_bits():
     assert found.accepted[valid].mean() > 0.95
 
 
+@pytest.mark.slow
 def test_a_scene_that_is_half_as_bright_far_from_the_middle_keeps_its_bits():
     image = jl.datasets.photograph("camera")[100:228, 180:308]
     sensor = jl.Sensor(frames=256, gain=0.3 * 256)

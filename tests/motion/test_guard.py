@@ -48,22 +48,43 @@ def paths_that_drift(pixels_per_frame, photons, rng, frames=64):
     return paths_of(blocks, shifts, frames // 2)
 
 
-def test_bits_of_more_frames_are_held_out_if_the_motion_is_slow(monkeypatch):
-    asked = []
-    count = guard.count_window
+def test_every_second_frame_in_the_middle_is_held_out(monkeypatch):
+    held = []
+    fold = guard._Fold.of
 
-    def spy(paths, window):
-        asked.append(len(window))
-        return count(paths, window)
+    def spy(paths, total, frames):
+        held.append(list(frames))
+        return fold(paths, total, frames)
 
-    monkeypatch.setattr(guard, "count_window", spy)
-    for speed, held_out in ((0.0, 4), (0.5, 4), (1.0, 2), (-3.0, 2)):
-        paths = paths_that_drift(speed, 0.3, 0, frames=32)
-        asked.clear()
+    monkeypatch.setattr(guard._Fold, "of", spy)
+    for frames, expected in ((64, [28, 30, 32, 34]), (32, [14, 16]), (16, [7])):
+        paths = paths_that_drift(0.5, 0.3, 0, frames)
+        held.clear()
         find_window(paths, total_of(paths))
-        assert asked[0] == held_out
+        assert held == [expected, [time + 1 for time in expected]]
 
 
+def test_a_scene_that_stands_still_needs_no_guard(monkeypatch):
+    paths = paths_that_drift(0.0, 0.3, 0)
+    monkeypatch.setattr(guard, "count_window", None)
+    assert find_window(paths, total_of(paths)) is None
+
+
+def test_merged_counts_predict_frames_along_the_motion(shake):
+    """The fold's prediction of a frame is the merged image, moved to where the frame shows it."""
+    _, blocks, shifts, reference = shake
+    paths = paths_of(blocks, shifts, reference)
+    image = np.arange(blocks.size[0] * blocks.size[1], dtype=float).reshape(blocks.size)
+    for time in (reference - 5, reference + 20):
+        row, column = (
+            round(float(np.interp(time, blocks.centers, shifts[:, axis]))) for axis in (0, 1)
+        )
+        moved = guard._moved(image, paths, time)
+        inner = np.s_[40:-40, 40:-40]
+        np.testing.assert_array_equal(moved[inner], np.roll(image, (row, column), (0, 1))[inner])
+
+
+@pytest.mark.slow
 def test_a_slow_wrong_motion_of_a_dim_scene_is_worse_than_a_window():
     for rng in range(3):
         paths = paths_that_drift(0.4, 0.05, rng)

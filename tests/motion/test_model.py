@@ -7,6 +7,8 @@ import pytest
 
 import jotlight as jl
 from jotlight.motion import model
+from jotlight.motion.blocks import Blocks
+from jotlight.motion.burst import as_burst
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.model import Found, _share_of_unknown, _still, divide, find_paths
 from jotlight.motion.track import Paths
@@ -101,7 +103,33 @@ def test_the_division_that_gains_most_is_chosen_unless_the_first_is_clear(
     found = find_paths(blocks, 8, "auto", lambda _: None)
     assert len(explained) == tried
     assert found.model == ("none" if chosen is None else "affine")
-    assert chosen is None or found.paths is paths[chosen]
+    assert chosen is None or found.paths.tracks[0] is paths[chosen].tracks[0]
+
+
+def test_long_bursts_are_aligned_with_a_part_of_their_frames(monkeypatch):
+    """Their sums are not kept. But all their frames are tested and merged."""
+    steps = []
+    _, bits = record("shake", 128, shape=(256, 256), photons=2)
+    blocks = Blocks(as_burst(bits), np.arange(0, 129, 16))
+
+    def consistent(paths):
+        steps.append(("test", paths.blocks.step))
+        return find_consistent(paths)
+
+    def follow(blocks, *others):
+        steps.append(("follow", blocks.step))
+        return segments_of(blocks, *others)
+
+    segments_of = model._follow
+    monkeypatch.setattr(model, "keeps_sums", lambda *_, **__: False)
+    monkeypatch.setattr(model, "find_consistent", consistent)
+    monkeypatch.setattr(model, "_follow", follow)
+    found = find_paths(blocks, 64, "auto", lambda _: None)
+    assert steps[0][0] == "follow"
+    assert steps[0][1] > 1
+    assert steps[1:] == [("test", 1)]
+    assert found.paths.blocks.step == 1
+    assert found.consistent.total.trials.max() > 64
 
 
 def test_noise_stands_still():

@@ -10,6 +10,7 @@ from jotlight.motion.segments import (
     _majority,
     _refine,
     count_at_velocity,
+    energy_of,
     find_segments,
     limit_length,
 )
@@ -123,3 +124,15 @@ def test_bits_that_are_all_equal_are_one_segment_that_stands_still(value):
     burst = as_burst_of(np.full((32, 40, 40), value))
     ((segment,),) = find_segments(Blocks(burst, np.arange(0, 33, 2)), 16)
     np.testing.assert_allclose(segment.velocity, 0, atol=1e-6)
+
+
+def test_a_velocity_whose_frames_leave_the_view_has_no_energy():
+    """One frame has much noise, of which the energy would be that of clear details."""
+    bits = jl.Bits.from_array(np.random.default_rng(3).random((64, 64, 96)) < 0.2)
+    blocks = blocks_of(bits)
+    still = np.zeros((2, 4, 6))
+    away = still + np.array([0.0, 100.0]).reshape(2, 1, 1)
+    frames = range(16, 48)
+    noise = energy_of(count_at_velocity(blocks, frames, still, 32), None)
+    lost = energy_of(count_at_velocity(blocks, frames, away, 32), None)
+    assert abs(lost).max() < 0.1 * abs(noise).max()

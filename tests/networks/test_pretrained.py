@@ -256,7 +256,13 @@ def test_only_the_product_of_efficiency_and_gain_matters():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("quality", "least"),
-    [("two-layer", 24.30), ("small", 25.95), ("medium", 26.43), ("large", 26.70)],
+    [
+        ("two-layer", 24.30),
+        ("small", 25.95),
+        ("medium", 26.43),
+        ("large", 26.70),
+        ("extra-large", 26.75),
+    ],
 )
 def test_networks_reach_the_documented_psnr(data, quality, least):
     sensor = jl.Sensor(frames=16)
@@ -330,7 +336,8 @@ def test_files_are_small():
 
 def test_an_unknown_quality_is_refused():
     with pytest.raises(
-        ValueError, match="quality: expected one of two-layer, small, medium, large, got 'best'"
+        ValueError,
+        match="quality: expected one of two-layer, small, medium, large, extra-large, got 'best'",
     ):
         pretrained(jl.Sensor(oversampling=4), "best")
 

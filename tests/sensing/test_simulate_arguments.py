@@ -116,7 +116,7 @@ def test_bits_written_to_a_part_of_an_array_leave_the_rest_unchanged():
     ],
 )
 def test_out_of_another_shape_or_type_is_refused(out):
-    with pytest.raises(ValueError, match=r"out: .*uint8 array of shape \(5, 99, 16\)"):
+    with pytest.raises(ValueError, match=r"out: .*array of uint8 of shape \(5, 99, 16\)"):
         SENSOR.expose(IMAGE, rng=0, out=out)
 
 

@@ -117,12 +117,13 @@ fn exposure(c: &mut Criterion) -> Result<()> {
 }
 
 fn first_layers(c: &mut Criterion) -> Result<()> {
+    let mut out = Array2::zeros((HEIGHT, WIDTH));
     for (name, side) in [("first layer", SIDE), ("first layer, K = 64", 8)] {
         let packed = bits(&sensor(side)?, side)?;
         let packed = PackedBits::new(packed.view(), WIDTH * side)?;
         let first = layer(Array4::ones((1, 1, side, side)), (side * side) as f32)?;
         at_every_level(c, name, PIXELS, || {
-            drop(forward_bits(&[&first], &packed));
+            drop(forward_bits(&[&first], &packed, out.view_mut()));
         });
     }
     Ok(())
@@ -137,11 +138,12 @@ fn two_layers(c: &mut Criterion) -> Result<()> {
         .collect();
     at_every_level(c, "spline", PIXELS, || tied.splines()[0].apply(&mut plane));
 
+    let mut out = Array2::zeros((HEIGHT, WIDTH));
     let sums = Array3::from_shape_fn((1, HEIGHT, WIDTH), |(_, row, column)| {
         ((row + column) % 16) as f32
     });
     at_every_level(c, "filter and two splines", PIXELS, || {
-        drop(forward(&[&tied, &second], sums.view()));
+        drop(forward(&[&tied, &second], sums.view(), out.view_mut()));
     });
 
     let packed = bits(&sensor(SIDE)?, SIDE)?;
@@ -154,10 +156,11 @@ fn two_layers(c: &mut Criterion) -> Result<()> {
             &[&tied, &second],
             counts.view(),
             table.view(),
+            out.view_mut(),
         ));
     });
     at_every_level(c, "untied network from bits", PIXELS, || {
-        drop(forward_bits(&[&untied, &second], &packed));
+        drop(forward_bits(&[&untied, &second], &packed, out.view_mut()));
     });
     Ok(())
 }

@@ -7,6 +7,7 @@ from typing import Any
 from jotlight.experiments.report.content import Curves
 from jotlight.experiments.report.curves import MUTED_COLOR, Axes, Line, render_svg
 from suite.derived import speedup
+from suite.scaling import OPERATIONS
 
 COLORS = ("#d55e00", "#2f6fb7", "#0f9d74", "#b865a3", "#c98a00", "#8a8f98", "#3f9fdc", "#1d2733")
 
@@ -67,7 +68,7 @@ def _size_axes(
     scaling: dict[str, Any], y_label: str, title: str, value: Callable[[dict[str, Any]], float]
 ) -> Axes:
     lines = []
-    for color, operation in zip(COLORS, ("reconstruct", "expose"), strict=False):
+    for color, operation in zip(COLORS, OPERATIONS, strict=False):
         rows = [row for row in scaling["sizes"] if row["operation"] == operation]
         sides, values = [row["side"] for row in rows], [value(row) for row in rows]
         lines.append(Line(operation, sides, values, color, "o"))

@@ -1,8 +1,9 @@
 """Time and peak memory, in addition to input and output, of one image size.
 
-    python benchmarks/speed/suite/one_size.py reconstruct|expose SIDE
+    python benchmarks/speed/suite/one_size.py reconstruct|reconstruct-out|expose SIDE
 
-It prints JSON. The peak is VmHWM on Linux and 0 on other systems.
+`reconstruct-out` writes into an existing array. It prints JSON. The peak is VmHWM on Linux and 0 on
+other systems.
 """
 
 import json
@@ -23,7 +24,7 @@ STATUS, REFERENCES = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 def main() -> None:
     operation, side = sys.argv[1], int(sys.argv[2])
-    run, output_bytes = {"reconstruct": reconstruct, "expose": expose}[operation](side)
+    run, output_bytes = OPERATIONS[operation](side)
     run()  # From here on the input's pages are in memory.
     if REFERENCES.exists():
         REFERENCES.write_text("5")  # This resets the peak.
@@ -48,11 +49,21 @@ def main() -> None:
 
 def reconstruct(side: int) -> tuple[Callable[[], object], int]:
     """Return a run from random bits to a new estimate, and the bytes of its output."""
+    bits, network = bits_and_network(side)
+    return lambda: network.reconstruct(bits, SENSOR, threads=1), 4 * side**2
+
+
+def reconstruct_out(side: int) -> tuple[Callable[[], object], int]:
+    """Return a run from random bits to an existing array, and 0 bytes of new output."""
+    bits, network = bits_and_network(side)
+    out = np.ones((side, side), np.float32)
+    return lambda: network.reconstruct(bits, SENSOR, out=out, threads=1), 0
+
+
+def bits_and_network(side: int) -> tuple[jl.Bits, jl.Network]:
     jots = side * SENSOR.oversampling
     packed = np.random.default_rng(0).integers(0, 256, (1, jots, jots // 8), np.uint8)
-    bits = jl.Bits(packed, jots)
-    network = jl.pretrained(SENSOR, "two-layer")
-    return lambda: network.reconstruct(bits, SENSOR, threads=1), 4 * side**2
+    return jl.Bits(packed, jots), jl.pretrained(SENSOR, "two-layer")
 
 
 def expose(side: int) -> tuple[Callable[[], object], int]:
@@ -68,6 +79,9 @@ def kilobytes(name: str) -> int:
     if not STATUS.exists():
         return 0
     return int(STATUS.read_text().split(f"{name}:")[1].split()[0])
+
+
+OPERATIONS = {"reconstruct": reconstruct, "reconstruct-out": reconstruct_out, "expose": expose}
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from suite.timing import Effort, Run, race
 
 SIZES = [2**power for power in range(5, 15)]
 QUICK_SIZES = SIZES[:6]
+OPERATIONS = "reconstruct", "expose", "reconstruct-out"
 SIDE = 256
 OVERSAMPLING = range(3, 11)
 FRAMES = [1, 2, 4, 8, 16, 32, 64]
@@ -24,9 +25,7 @@ def measure(effort: Effort, *, quick: bool) -> dict[str, Any]:
     sizes = QUICK_SIZES if quick else SIZES
     return {
         "side": SIDE,
-        "sizes": [
-            one_size(operation, side) for operation in ("reconstruct", "expose") for side in sizes
-        ],
+        "sizes": [one_size(operation, side) for operation in OPERATIONS for side in sizes],
         "oversampling": by_sensor(
             {side: jl.Sensor(oversampling=side) for side in OVERSAMPLING}, effort
         ),

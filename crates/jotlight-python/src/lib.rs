@@ -66,7 +66,7 @@ mod _engine {
     #[pymodule_export]
     use super::network::{
         PreparedLayer, activate, activate_backward, forward, forward_bits, forward_counts,
-        gradient, masked_sums, normal_equations, squared_errors,
+        forward_tied_bits, gradient, masked_sums, normal_equations, squared_errors,
     };
     #[pymodule_export]
     use super::sensing::{

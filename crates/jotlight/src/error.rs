@@ -40,6 +40,14 @@ pub enum Error {
         /// The shape of the array.
         shape: String,
     },
+    /// A file cannot be read, or has other contents than expected.
+    #[error("{name}: {reason}")]
+    File {
+        /// The name of the file.
+        name: String,
+        /// The reason, with what was expected.
+        reason: String,
+    },
     /// The caller has interrupted the call, so its result is incomplete.
     #[error("the call was interrupted, so it has no result")]
     Interrupted,

@@ -4,8 +4,9 @@
 //! A *pixel* of the image covers a block of `K̂ × K̂` jots. The sensor records `T` frames, so each
 //! pixel has `K = T·K̂²` bits. The engine simulates these bits, and estimates the image from them.
 //!
-//! The engine contains all loops over jots and pixels. It reads no files and does not depend on
-//! Python. Every function returns the same result for any number of threads.
+//! The engine contains all loops over jots and pixels. It does not depend on Python. It reads no
+//! files but those of networks, with the feature `safetensors` ([`network::Network`]). Every
+//! function returns the same result for any number of threads.
 //!
 //! The equations, sections, and symbols are those of the paper *Learning optimal parameters for
 //! binary sensing image reconstruction algorithms*. `docs/notation.md` lists all symbols.

@@ -3,7 +3,7 @@
 use jotlight::bits::{PackedBits, packed_width};
 use jotlight::error::Result;
 use jotlight::network::{Layer, Wiring, forward, forward_bits, forward_counts, masked_sums};
-use ndarray::Ix3;
+use ndarray::{Array2, Ix3};
 
 use crate::Check;
 use crate::arrays::{Grid, consistent};
@@ -106,10 +106,9 @@ fn check_forward(input: &mut Input<'_>) -> Option<()> {
     let sums = Grid::floats(input, shape);
     check_network(&layers, |is_standard, layers| {
         let sums = sums.arranged(is_standard).to_f32();
-        Ok(forward(layers, sums.view::<Ix3>())?
-            .iter()
-            .copied()
-            .collect())
+        let mut out = Array2::zeros((sums.shape()[1], sums.shape()[2]));
+        forward(layers, sums.view::<Ix3>(), out.view_mut())?;
+        Ok(out.into_iter().collect())
     })
 }
 
@@ -131,10 +130,10 @@ fn check_forward_counts(input: &mut Input<'_>) -> Option<()> {
             counts.arranged(is_standard),
             sums.arranged(is_standard).to_f32(),
         );
-        Ok(forward_counts(layers, counts.view(), sums.view())?
-            .iter()
-            .copied()
-            .collect())
+        let counts = counts.view();
+        let mut out = Array2::zeros(counts.dim());
+        forward_counts(layers, counts, sums.view(), out.view_mut())?;
+        Ok(out.into_iter().collect())
     })
 }
 
@@ -177,7 +176,11 @@ fn check_forward_bits(input: &mut Input<'_>) -> Option<()> {
     check_network(&layers, |is_standard, layers| {
         let packed = jots.packed.arranged(is_standard);
         let bits = PackedBits::new(packed.view(), jots.width)?;
-        Ok(forward_bits(layers, &bits)?.iter().copied().collect())
+        let side = jots.side.max(1);
+        let (_, rows, columns) = bits.shape();
+        let mut out = Array2::zeros((rows / side, columns / side));
+        forward_bits(layers, &bits, out.view_mut())?;
+        Ok(out.into_iter().collect())
     })
 }
 

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Group, Parameter
 
 from jotlight.evaluation.methods import METHODS
-from jotlight.networks.architectures import SIZES
+from jotlight.networks.architectures import QUALITIES
 
 METHOD_PANEL = Group("Iterative methods", sort_key=1)
 TRAINING_PANEL = Group("Training", sort_key=2)
@@ -44,7 +44,7 @@ OWN = "MODULE:FUNCTION for a function of your own, such as mine:denoise in mine.
 Quality = Annotated[
     str | None,
     Parameter(
-        help=f"Size of the trained network to use in place of a method: {', '.join(SIZES)}. "
+        help=f"Size of the trained network to use in place of a method: {', '.join(QUALITIES)}. "
         "Default: that of --method."
     ),
 ]

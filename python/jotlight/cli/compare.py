@@ -20,7 +20,7 @@ from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.own_method import OwnMethod, import_method
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.images.io import read_image
-from jotlight.networks.architectures import SIZES
+from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
 
@@ -47,8 +47,8 @@ def compare(
     quality: Annotated[
         list[str] | None,
         Parameter(
-            help=f"Some of the trained networks by their sizes, {', '.join(SIZES)}, in addition to "
-            "the methods that are named. Default: all that serve the sensor."
+            help=f"Some of the trained networks by their sizes, {', '.join(QUALITIES)}, in "
+            "addition to the methods that are named. Default: all that serve the sensor."
         ),
     ] = None,
     model: Model = None,

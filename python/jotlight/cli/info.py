@@ -223,11 +223,12 @@ def _network_facts(file: Path, network: Network) -> list[tuple[str, str]]:
             f"any of {low} trials per pixel or more, {network.sensor.kernel} kernel; trained for "
             f"{low} to {high}"
         )
+    flops = network.rotations * flops_per_pixel(layers)
     facts = [
         ("kind", "network"),
         ("sensor", sensor),
         ("parameters", f"{sum(layer.parameter_count for layer in layers):,}"),
-        ("work", f"{flops_per_pixel(layers) / 1000:.3g} kFLOP per pixel"),
+        ("work", f"{flops / 1000:.3g} kFLOP per pixel"),
         ("halo", f"{network.halo} pixels"),
     ]
     origins = [name for name in ("start", "trained on", "fine-tuned on") if name in history]

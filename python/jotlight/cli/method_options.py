@@ -16,7 +16,7 @@ from jotlight.evaluation.methods import (
     LARGE_METHOD,
     LARGE_TRIALS,
 )
-from jotlight.networks.architectures import SIZES
+from jotlight.networks.architectures import QUALITIES
 
 
 @Parameter(name="*")
@@ -128,8 +128,8 @@ def named_method(method: str | None, quality: str | None, model: Path | None) ->
 
 def network_name(quality: str) -> str:
     """Return the name of the method that runs the trained network of a size."""
-    if quality not in SIZES:
-        raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
+    if quality not in QUALITIES:
+        raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
     return f"network-{quality}"
 
 

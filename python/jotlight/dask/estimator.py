@@ -15,7 +15,7 @@ from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.methods import LARGE_METHOD, METHODS, check_options
 from jotlight.evaluation.reconstruct import check_fallback
 from jotlight.layout import Layout
-from jotlight.networks.architectures import SIZES
+from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import (
     CONDITIONAL_SIZE,
@@ -123,8 +123,8 @@ def choose_estimator(
     if quality is not None:
         if method is not None:
             raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
-        if quality not in SIZES:
-            raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
+        if quality not in QUALITIES:
+            raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
         method = f"network-{quality}"
     check_countable(sensor)
     if isinstance(method, Network):

@@ -47,7 +47,7 @@ def reconstruct(
     method : str or Network, optional
         A name in ``jotlight.evaluation.methods.METHODS``, or a network. Default: the recommended
         method for the sensor.
-    quality : {"two-layer", "small", "medium", "large"}, optional
+    quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
         Size of a shipped network, in place of a method.
     width : int, optional
         W: the true width in jots. Default: that of the bits, or a multiple of 8.

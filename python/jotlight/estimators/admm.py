@@ -66,6 +66,7 @@ def admm_tv(
     tol: float = ...,
     callback: IterationCallback | None = ...,
     return_history: Literal[False] = ...,
+    out: npt.NDArray[np.float32] | None = ...,
     threads: int | None = ...,
 ) -> Estimate: ...
 
@@ -84,6 +85,7 @@ def admm_tv(
     tol: float = ...,
     callback: IterationCallback | None = ...,
     return_history: Literal[True],
+    out: npt.NDArray[np.float32] | None = ...,
     threads: int | None = ...,
 ) -> tuple[Estimate, ConvergenceHistories]: ...
 
@@ -102,6 +104,7 @@ def admm_tv(
     tol: float = 1e-3,
     callback: IterationCallback | None = None,
     return_history: bool = False,
+    out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
 ) -> Estimate | tuple[Estimate, ConvergenceHistories]:
     """Return the image c that minimizes -ℓ(c) + λ TV(c) over [0, S].
@@ -140,6 +143,8 @@ def admm_tv(
         Whether to return the history too: a
         :class:`jotlight.estimators.convergence.ConvergenceHistory`, or a list with one for each
         image of a stack and each channel.
+    out : ndarray of float32, optional
+        The array for the result, of its shape, which is returned. Default: a new one.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -152,7 +157,8 @@ def admm_tv(
     Raises
     ------
     TypeError, ValueError
-        When data, sensor, trials and start do not fit together, or a parameter is out of its range.
+        When data, sensor, trials, start and out do not fit together, or a parameter is out of its
+        range.
 
     Warns
     -----
@@ -191,7 +197,7 @@ def admm_tv(
         return _minimize(problem, own, norm, start, monitor, threads)
 
     estimate, history = solve_images(
-        solve, monitor, data, sensor, trials, channel_axis, start, threads
+        solve, monitor, data, sensor, trials, channel_axis, start, out, threads
     )
     return (estimate, history) if return_history else estimate
 

@@ -93,7 +93,9 @@ def transformed_mean(cells: ReadingLikelihood, trials: int, rates: Array) -> Arr
 def denoise_readings(
     images: GrayImages, sensor: Sensor, denoise: Denoise, inverse: str, threads: int | None
 ) -> Estimate:
-    """Return the estimate of the non-iterative method for readings of several bits or with noise.
+    """Return the estimates of the non-iterative method for readings of several bits or with noise.
+
+    Their shape is (N, H, W).
 
     Parameters
     ----------
@@ -132,8 +134,7 @@ def denoise_readings(
     rate = _rate_of_totals(each[0], total, trials, denoise, inverse, threads)
     term = each[0].terms[0]
     light = (rate - term.cells.dark_counts) / term.cells.efficiency
-    estimate = np.clip(light / term.light, 0, sensor.max_intensity).astype(np.float32)
-    return images.layout.arrange(estimate)
+    return np.clip(light / term.light, 0, sensor.max_intensity).astype(np.float32)
 
 
 def _rate_of_totals(

@@ -14,7 +14,7 @@ from jotlight.sensing.sensor import Sensor
 
 
 def joint_mle(images: GrayImages, sensor: Sensor, threads: int | None) -> Estimate:
-    """Return the most likely intensity of each pixel, from readings that may differ.
+    """Return the most likely intensity of each pixel, (N, H, W), from readings that may differ.
 
     Parameters
     ----------
@@ -41,9 +41,7 @@ def joint_mle(images: GrayImages, sensor: Sensor, threads: int | None) -> Estima
         estimates.append(maximize(joint).astype(np.float32)[None])
         dead.append((joint.trials == 0)[None])
     dead_pixels = np.concatenate(dead)
-    return images.layout.arrange(
-        inpaint_dead_pixels(join(estimates), dead_pixels if dead_pixels.any() else None)
-    )
+    return inpaint_dead_pixels(join(estimates), dead_pixels if dead_pixels.any() else None)
 
 
 def maximize(joint: JointLikelihood) -> Array:

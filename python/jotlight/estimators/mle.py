@@ -13,6 +13,7 @@ from jotlight.estimators.inverse_response import warn_about_smooth_kernel
 from jotlight.estimators.joint_mle import joint_mle
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.counting import count_ones
+from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.pixel_counts import (
     Data,
     Estimate,
@@ -33,6 +34,7 @@ def mle(
     *,
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
+    out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
 ) -> Estimate:
     """Return the most likely intensity of each pixel, given only its own bits.
@@ -52,6 +54,8 @@ def mle(
     channel_axis : int, optional
         The axis of counts that holds color channels. Default: none, and axes before the last two
         are those of a stack.
+    out : ndarray of float32, optional
+        The array for the result, of its shape, which is returned. Default: a new one.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -63,7 +67,7 @@ def mle(
     Raises
     ------
     TypeError, ValueError
-        When data, sensor, and trials do not fit together, or a count is above its trials.
+        When data, sensor, trials, and `out` do not fit together, or a count is above its trials.
 
     Warns
     -----
@@ -88,22 +92,23 @@ def mle(
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     warn_about_smooth_kernel(sensor)
     images = gray_images(data)
+    output = output_of(images, sensor, out)
     if not sensor.has_plain_bits:
-        return joint_mle(images, sensor, threads)
+        return output.finish(joint_mle(images, sensor, threads))
     pixels = images.count(sensor, threads)
-    out = np.empty(pixels.counts.shape, np.float32)
+    estimate = output.images
     if pixels.varies_within_pixels:
-        _solve_jots([require_bits(image) for image in images.data], sensor, out, threads)
+        _solve_jots([require_bits(image) for image in images.data], sensor, estimate, threads)
     else:
         engine.mle_from_counts(
             sensor.pixel_response(),
             flatten(pixels.counts),
             flatten(pixels.trials),
             (flatten(pixels.efficiency), flatten(pixels.dark_counts)),
-            out.reshape(-1),
+            estimate.reshape(-1),
             threads,
         )
-    return images.layout.arrange(inpaint_dead_pixels(out, pixels.dead_pixels))
+    return output.finish(inpaint_dead_pixels(estimate, pixels.dead_pixels))
 
 
 def require_bits(

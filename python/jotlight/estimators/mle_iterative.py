@@ -49,6 +49,7 @@ def mle_iterative(
     tol: float = ...,
     callback: IterationCallback | None = ...,
     return_history: Literal[False] = ...,
+    out: npt.NDArray[np.float32] | None = ...,
     threads: int | None = ...,
 ) -> Estimate: ...
 
@@ -66,6 +67,7 @@ def mle_iterative(
     tol: float = ...,
     callback: IterationCallback | None = ...,
     return_history: Literal[True],
+    out: npt.NDArray[np.float32] | None = ...,
     threads: int | None = ...,
 ) -> tuple[Estimate, ConvergenceHistories]: ...
 
@@ -83,6 +85,7 @@ def mle_iterative(
     tol: float = 1e-6,
     callback: IterationCallback | None = None,
     return_history: bool = False,
+    out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
 ) -> Estimate | tuple[Estimate, ConvergenceHistories]:
     """Return the image in [0, S] that maximizes the likelihood of all bits, for any kernel.
@@ -123,6 +126,8 @@ def mle_iterative(
         Whether to return the history too: a
         :class:`jotlight.estimators.convergence.ConvergenceHistory`, or a list with one for each
         image of a stack and each channel.
+    out : ndarray of float32, optional
+        The array for the result, of its shape, which is returned. Default: a new one.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -135,7 +140,8 @@ def mle_iterative(
     Raises
     ------
     TypeError, ValueError
-        When data, sensor, trials and start do not fit together, or a parameter is out of its range.
+        When data, sensor, trials, start and out do not fit together, or a parameter is out of its
+        range.
 
     Warns
     -----
@@ -170,7 +176,7 @@ def mle_iterative(
         return fill_dead_pixels(image, dead[-1])
 
     estimate, history = solve_images(
-        solve, monitor, data, sensor, trials, channel_axis, start, threads
+        solve, monitor, data, sensor, trials, channel_axis, start, out, threads
     )
     warn_about_dead_pixels(np.concatenate(dead))
     return (estimate, history) if return_history else estimate

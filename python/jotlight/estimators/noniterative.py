@@ -17,6 +17,7 @@ from jotlight.estimators.trial_levels import (
     count_local_trials,
     interpolate_levels,
 )
+from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.pixel_counts import (
     Data,
     Estimate,
@@ -36,6 +37,7 @@ def noniterative(
     channel_axis: int | None = None,
     denoiser: str | Denoiser = "tv",
     inverse: str = "exact",
+    out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
 ) -> Estimate:
     """Return the estimate of the non-iterative method, which denoises variance-stabilized counts.
@@ -59,6 +61,8 @@ def noniterative(
         (:data:`jotlight.estimators.vst.NOISE`) and returns one of the same shape.
     inverse : {"exact", "algebraic"}
         See :func:`jotlight.estimators.vst.inverse_anscombe`.
+    out : ndarray of float32, optional
+        The array for the result, of its shape, which is returned. Default: a new one.
     threads : int, optional
         The number of threads of the engine; the denoiser has its own. Default: all cores.
 
@@ -70,8 +74,8 @@ def noniterative(
     Raises
     ------
     TypeError, ValueError
-        When data, sensor, and trials do not fit together, for an unknown denoiser or inverse, and
-        when the denoiser returns another shape, NaN, or infinity.
+        When data, sensor, trials, and `out` do not fit together, for an unknown denoiser or
+        inverse, and when the denoiser returns another shape, NaN, or infinity.
     MissingExtraError
         For "bm3d" when its package is not installed.
 
@@ -109,12 +113,13 @@ def noniterative(
     warn_about_smooth_kernel(sensor)
 
     images = gray_images(data)
+    output = output_of(images, sensor, out)
     if not sensor.has_plain_bits:
 
         def run(z: Estimate) -> Estimate:
             return _run_denoiser(denoiser, z)
 
-        return denoise_readings(images, sensor, run, inverse, threads)
+        return output.finish(denoise_readings(images, sensor, run, inverse, threads))
     pixels = images.count(sensor, threads)
     own_trials = count_local_trials(pixels)
     largest = np.ceil([np.max(each) for each in own_trials])
@@ -128,7 +133,7 @@ def noniterative(
         return np.asarray(inverted / np.float32(level))
 
     probability = interpolate_levels(probability_at, own_trials, counts.shape[1:])
-    return images.layout.arrange(intensity_from_probability(probability, sensor, threads))
+    return output.finish(intensity_from_probability(probability, sensor, threads))
 
 
 def _run_denoiser(denoiser: str | Denoiser, z: Estimate) -> Estimate:

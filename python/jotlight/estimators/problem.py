@@ -9,9 +9,11 @@ import numpy.typing as npt
 from jotlight.estimators.convergence import ConvergenceHistory, ConvergenceMonitor
 from jotlight.estimators.inpaint import check_any_valid
 from jotlight.estimators.mle import require_bits
-from jotlight.layout import Layout, join
+from jotlight.layout import Layout
+from jotlight.output_images import OutputImages
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.counting import count_ones
+from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.likelihood import Likelihood, Problem
 from jotlight.sensing.operators import scaling, spread
 from jotlight.sensing.pixel_counts import (
@@ -45,6 +47,7 @@ def solve_images(
     trials: npt.ArrayLike | None,
     channel_axis: int | None,
     start: npt.ArrayLike | None,
+    out: npt.NDArray[np.float32] | None,
     threads: int | None,
 ) -> tuple[Estimate, ConvergenceHistories]:
     """Return the solution and the history of a problem, or of each gray image of the data.
@@ -65,13 +68,15 @@ def solve_images(
         The axis of counts that holds color channels; None for a problem.
     start : array_like of float, optional
         The initial image, of the shape of the estimate.
+    out : ndarray of float32, optional
+        The array for the estimate.
     threads : int, optional
         The number of threads. Default: all cores.
 
     Raises
     ------
     TypeError, ValueError
-        When data, sensor and start do not fit together.
+        When data, sensor, start and out do not fit together.
 
     Warns
     -----
@@ -84,22 +89,24 @@ def solve_images(
         if initial is not None and not data.is_stack:
             initial = initial[None]
         problem = data.stacked()
-        estimates = [solve(problem, _fit_start(initial, problem)).astype(np.float32)]
-        layout = Layout((len(estimates[0]),) if data.is_stack else ())
+        layout = Layout((len(problem.likelihood.ones),) if data.is_stack else ())
+        output = OutputImages(layout, problem.operator.input_shape, out)
+        estimate = solve(problem, _fit_start(initial, problem)).astype(np.float32)
     else:
         data, sensor = prepare_data(data, sensor, trials, channel_axis)
         images = gray_images(data)
-        layout = images.layout
+        layout, output = images.layout, output_of(images, sensor, out)
         starts = None if initial is None else layout.split(_check_axes(initial, layout))
-        estimates, first = [], 0
+        estimate, first = output.images, 0
         for part in images.parts(sensor, _max_pixels(sensor)):
             problem = build_problem(part, sensor, threads)
-            own = None if starts is None else starts[first : first + len(part)]
+            places = slice(first, first + len(part))
+            own = None if starts is None else starts[places]
+            estimate[places] = solve(problem, _fit_start(own, problem))
             first += len(part)
-            estimates.append(solve(problem, _fit_start(own, problem)).astype(np.float32))
     monitor.warn(lambda index: "" if layout.is_single else layout.name_of(index))
     histories = monitor.histories
-    return layout.arrange(join(estimates)), histories[0] if layout.is_single else histories
+    return output.finish(estimate), histories[0] if layout.is_single else histories
 
 
 def build_problem(data: PreparedData, sensor: Sensor, threads: int | None) -> Problem:

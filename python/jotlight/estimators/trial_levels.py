@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.estimators.inpaint import check_any_valid
 from jotlight.sensing.pixel_counts import MAX_PIXELS, PixelCounts
 
@@ -31,6 +32,13 @@ _NEIGHBORHOOD = 3.0
 
 _NEAR_RATIO = 1.2
 """Ratio of the largest to the smallest local trials up to which one run serves all pixels."""
+
+_FEWER = 0.9
+"""The largest level may have this fraction of the largest number of trials, which costs nothing."""
+
+_NEAR, _MIN_SHARE = 0.99, 0.03
+"""It does if more than this share of the pixels (second value) has trials from the one fraction of
+the largest number to the other. Otherwise, these pixels would need two levels."""
 
 
 def level_range(smallest: float, largest: float) -> list[int]:
@@ -67,7 +75,7 @@ def level_weights(
     8 [1.  1.  0.6 0. ]
     11 [0.  0.  0.4 1. ]
     """
-    levels = level_range(float(trials.min()), float(trials.max()))
+    levels = level_range(float(trials.min()), _largest_level(trials))
     if len(levels) == 1:
         yield levels[0], np.ones(trials.shape, np.float32)
         return
@@ -75,11 +83,23 @@ def level_weights(
     starts = logarithms[:-1] + _PLATEAU * np.diff(logarithms)
     ends = np.stack([starts, logarithms[1:]], axis=1)
     places = np.repeat(np.arange(len(levels)), 2)[1:-1]
-    place = np.interp(np.log2(trials), ends.ravel(), places)
+    place = np.interp(np.log2(trials), ends.ravel(), places).astype(np.float32)
     for index, level in enumerate(levels):
-        weight = np.maximum(1 - abs(place - index), 0).astype(np.float32)
+        weight = np.maximum(1 - abs(place - np.float32(index)), 0)
         if weight.any():
             yield level, weight
+
+
+def _largest_level(trials: npt.NDArray[np.floating]) -> float:
+    """Return the number of trials of the largest level of a map.
+
+    Most pixels of merged bits have about the same number of trials, but a few bits of some of them
+    were left out. The largest level then serves all of these.
+    """
+    largest = float(trials.max())
+    near, fewer = (np.count_nonzero(trials >= part * largest) for part in (_NEAR, _FEWER))
+    is_useful = 2 * fewer > trials.size and fewer - near > _MIN_SHARE * trials.size
+    return _FEWER * largest if is_useful else largest
 
 
 def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
@@ -102,13 +122,12 @@ def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
     >>> local_trials(trials)[0, [0, 44, 45, 89]].round(1)
     array([ 4. ,  5.9,  7. , 16. ], dtype=float32)
     """
-    from scipy.ndimage import gaussian_filter
-
-    noise = 1 / trials
+    noise = np.asarray(1 / trials, np.float32)
     if noise.min() < noise.max():
-        noise = gaussian_filter(noise, _NEIGHBORHOOD, mode="nearest", truncate=3)
+        raw, noise = noise, np.empty_like(noise)
+        engine.blur(raw[None], _NEIGHBORHOOD, noise[None], None)
     if noise.max() <= _NEAR_RATIO * noise.min():
-        return max(1, round(1 / float(noise.mean())))
+        return max(1, round(1 / float(noise.mean(dtype=np.float64))))
     return np.asarray(1 / noise, np.float32)
 
 

@@ -14,6 +14,7 @@ from jotlight.evaluation.blend_weights import blend_weights
 from jotlight.layout import Layout, join
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained
+from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import (
@@ -63,6 +64,7 @@ def held_out(
     *,
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
+    out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
 ) -> Estimate:
     """Return the blend of network, total variation, and maximum likelihood that suits the data.
@@ -87,6 +89,8 @@ def held_out(
     channel_axis : int, optional
         The axis of counts that holds color channels. Default: none, and axes before the last two
         are those of a stack.
+    out : ndarray of float32, optional
+        The array for the result, of its shape, which is returned. Default: a new one.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -98,7 +102,7 @@ def held_out(
     Raises
     ------
     TypeError, ValueError
-        When data, sensor, and trials do not fit together, or for a smooth kernel.
+        When data, sensor, trials, and `out` do not fit together, or for a smooth kernel.
 
     Warns
     -----
@@ -122,8 +126,9 @@ def held_out(
     """
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
     images = gray_images(data)
+    output = output_of(images, sensor, out)
     network = pretrained(sensor, CONDITIONAL_SIZE)
-    return images.layout.arrange(blend(images, sensor, network, threads)[0])
+    return output.finish(blend(images, sensor, network, threads)[0])
 
 
 def blend(

@@ -33,6 +33,7 @@ def initial_network(
     *,
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
+    out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
     **options: Any,
 ) -> npt.NDArray[np.float32]:
@@ -41,9 +42,8 @@ def initial_network(
     `options` are those of :meth:`jotlight.Network.initial`.
     """
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
-    return Network.initial(sensor, **options).reconstruct(
-        gray_images(data), sensor, threads=threads
-    )
+    network = Network.initial(sensor, **options)
+    return network.reconstruct(gray_images(data), sensor, out=out, threads=threads)
 
 
 def trained_network(
@@ -53,11 +53,13 @@ def trained_network(
     quality: str = "medium",
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
+    out: npt.NDArray[np.float32] | None = None,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
     """Return the estimate of the network that ships with jotlight for this sensor."""
     data, sensor = prepare_data(data, sensor, trials, channel_axis)
-    return pretrained(sensor, quality).reconstruct(gray_images(data), sensor, threads=threads)
+    network = pretrained(sensor, quality)
+    return network.reconstruct(gray_images(data), sensor, out=out, threads=threads)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,7 +68,7 @@ class Method:
 
     title: str
     run: Run
-    """``run(data, sensor, *, threads)`` returns the estimate."""
+    """``run(data, sensor, *, out, threads)`` returns the estimate."""
     options: frozenset[str] = frozenset()
     """Names in :data:`OPTION_DEFAULTS` that this method accepts."""
     quality: str | None = None
@@ -98,7 +100,7 @@ class Method:
         return tuple(name for name in names if name not in _COMMON and name not in fixed)
 
 
-_COMMON = frozenset({"trials", "threads", "channel_axis", "return_history"})
+_COMMON = frozenset({"trials", "out", "threads", "channel_axis", "return_history"})
 """Parameters of methods that :func:`jotlight.reconstruct` sets."""
 
 _ITERATIVE_OPTIONS = frozenset({"tol", "max_iter"})
@@ -143,6 +145,7 @@ METHODS: dict[str, Method] = {
     "network-small": _shipped_network("small", "small"),
     "network-medium": _shipped_network("medium", "medium"),
     "network-large": _shipped_network("large", "large"),
+    "network-extra-large": _shipped_network("extra-large", "extra-large"),
     "held-out": Method(
         "best blend on held-out bits",
         held_out,

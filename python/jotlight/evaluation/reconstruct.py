@@ -4,6 +4,7 @@ import dataclasses
 import time
 from collections.abc import Callable
 from difflib import get_close_matches
+from functools import partial
 from typing import Any, Literal, cast, overload
 
 import numpy as np
@@ -17,9 +18,10 @@ from jotlight.evaluation.different_readings import takes_readings, with_one_resp
 from jotlight.evaluation.held_out import blend, smooth_kernel_reason
 from jotlight.evaluation.methods import LARGE_METHOD, METHODS, OPTION_DEFAULTS, check_options
 from jotlight.evaluation.own_method import OwnMethod, run_own
-from jotlight.networks.architectures import SIZES
+from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, pretrained_conditional
+from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.pixel_counts import (
     Data,
     PreparedData,
@@ -31,6 +33,9 @@ from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
+
+_PIXELS_AT_ONCE = 1 << 18
+"""Number of pixels that are compared in one call of NumPy."""
 
 _MAX_CLIPPED = 0.9
 """Fraction of pixels at the largest intensity above which a warning is issued."""
@@ -65,6 +70,7 @@ def reconstruct(
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
     units: str = ...,
+    out: Image | None = ...,
     threads: int | None = ...,
     fallback: bool = ...,
     return_info: Literal[False] = ...,
@@ -80,6 +86,7 @@ def reconstruct(
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
     units: str = ...,
+    out: Image | None = ...,
     threads: int | None = ...,
     fallback: bool = ...,
     return_info: Literal[True],
@@ -96,6 +103,7 @@ def reconstruct(
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
     units: str = "intensity",
+    out: Image | None = None,
     threads: int | None = None,
     fallback: bool = False,
     return_info: bool = False,
@@ -114,7 +122,7 @@ def reconstruct(
         ``jotlight.torch``), or a function ``f(data, sensor)`` or ``f(data)`` that returns an
         image. Default: the network "medium", or "held-out" above 1,000 trials per pixel if the
         kernel is the box.
-    quality : {"two-layer", "small", "medium", "large"}, optional
+    quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
         Size of the shipped network to use, in place of a method.
     trials : float or array_like of float, optional
         Number of binary readings behind each pixel of counts: a number, or a map of their shape.
@@ -125,6 +133,9 @@ def reconstruct(
     units : {"intensity", "photons", "photons-per-second"}
         Units of the result: intensities; or detected photons per pixel and frame, or per pixel and
         second if the sensor states its `exposure_time`.
+    out : ndarray of float32, optional
+        Array for the result, of its shape, which is returned. It saves the time for new memory,
+        which large images notice. Default: a new one.
     threads : int, optional
         Number of threads. Default: all.
     fallback : bool
@@ -149,7 +160,7 @@ def reconstruct(
     Raises
     ------
     TypeError, ValueError
-        When the data, their sensor, the method, and its options do not fit together.
+        When the data, their sensor, the method, its options, and `out` do not fit together.
 
     Warns
     -----
@@ -185,14 +196,17 @@ def reconstruct(
             raise ValueError(f"fallback: is for networks, but method is {method!r}")
         if quality is not None:
             raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
-        estimate = run_own(method, data, sensor, threads, options)
+        output = output_of(gray_images(data), sensor, out)
+        estimate = output.deliver(run_own(method, data, sensor, threads, options))
         name = str(getattr(method, "__name__", type(method).__name__))
         info = Info(name, name, "requested", time.perf_counter() - start)
     else:
-        estimate, info = _run(data, sensor, method, quality, threads, fallback, options)
+        estimate, info = _run(data, sensor, method, quality, out, threads, fallback, options)
         _warn_about_clipping(estimate, sensor)
     if scale != 1:
-        estimate = estimate * scale
+        # A function of the caller may return an array that it still needs.
+        is_own = out is not None or isinstance(method, str | Network | None)
+        estimate = np.multiply(estimate, scale, out=estimate if is_own else None)
     return (estimate, info) if return_info else estimate
 
 
@@ -201,6 +215,7 @@ def _run(
     sensor: Sensor,
     method: str | Network | None,
     quality: str | None,
+    out: Image | None,
     threads: int | None,
     fallback: bool,
     options: dict[str, Any],
@@ -222,18 +237,19 @@ def _run(
         check_fallback(sensor, choice.method, choice.quality, network)
         quality = CONDITIONAL_SIZE if choice.method == LARGE_METHOD else choice.quality
         network = network or pretrained_conditional(sensor, str(quality))
+        output = output_of(images, sensor, out)
         blends, shares = blend(images, sensor, network, threads)
-        estimate = images.layout.arrange(blends)
+        estimate = output.finish(blends)
     elif network is not None or choice.quality is not None:
         # Equivalent counts have different numbers of trials, which only such networks take.
         load = pretrained_conditional if are_equivalent else pretrained
         network = network or load(sensor, str(choice.quality))
-        estimate = network.reconstruct(images, sensor, threads=threads)
+        estimate = network.reconstruct(images, sensor, out=out, threads=threads)
     elif METHODS[choice.method].iterative:
-        run: Callable[..., Any] = METHODS[choice.method].run
-        estimate, history = run(images, sensor, threads=threads, return_history=True, **options)
+        run: Callable[..., Any] = partial(METHODS[choice.method].run, return_history=True)
+        estimate, history = run(images, sensor, out=out, threads=threads, **options)
     else:
-        estimate = METHODS[choice.method].run(images, sensor, threads=threads, **options)
+        estimate = METHODS[choice.method].run(images, sensor, out=out, threads=threads, **options)
     seconds = time.perf_counter() - start
     return estimate, Info(choice.method, choice.title, choice.reason, seconds, history, shares)
 
@@ -275,8 +291,13 @@ def check_fallback(
 def _warn_about_clipping(estimate: Image, sensor: Sensor) -> None:
     """Warn if the largest intensity clips most pixels, although the bits are not saturated."""
     saturation, highest = saturation_intensity(sensor), np.float32(sensor.max_intensity)
-    clipped = float(np.mean(estimate >= highest))
-    if clipped > _MAX_CLIPPED and saturation > sensor.max_intensity:
+    if saturation <= sensor.max_intensity:
+        return
+    # In parts: new memory for a large image takes longer than the comparison.
+    number = max(1, _PIXELS_AT_ONCE * len(estimate) // estimate.size)
+    parts = (estimate[start : start + number] for start in range(0, len(estimate), number))
+    clipped = sum(np.count_nonzero(part >= highest) for part in parts) / estimate.size
+    if clipped > _MAX_CLIPPED:
         warn(
             f"{clipped:.0%} of the pixels have the largest intensity, {sensor.max_intensity:g}, "
             f"although the bits saturate only at {saturation:.3g}; "
@@ -305,7 +326,7 @@ def _named(method: object, quality: str | None, options: dict[str, Any]) -> str 
         return name
     if method is not None:
         raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
-    if quality not in SIZES:
-        raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
+    if quality not in QUALITIES:
+        raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
     check_options(f"network-{quality}", options)
     return f"network-{quality}"

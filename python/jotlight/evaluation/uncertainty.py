@@ -20,7 +20,7 @@ from jotlight.sensing.sensor import Sensor
 EXACT_METHOD = "mle"
 """Name of the method whose intervals are exact."""
 
-_MEASURED_SIZES = CONDITIONAL_SIZE, "large"
+_MEASURED_SIZES = CONDITIONAL_SIZE, "large", "extra-large"
 """Sizes of shipped networks whose errors are as large as those of the error model."""
 
 
@@ -47,7 +47,7 @@ def uncertainty(
         The sensor that recorded the data, as for `jotlight.reconstruct`.
     method : str, Network, or callable, optional
         The method of the estimate, as for `jotlight.reconstruct`, with the same default.
-    quality : {"two-layer", "small", "medium", "large"}, optional
+    quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
         The size of a shipped network, in place of a method.
     estimate : array_like of float, optional
         The method's estimate in units of intensity, if it is known. Default: it is computed.

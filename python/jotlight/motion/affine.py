@@ -40,6 +40,9 @@ _TINY = 0.1
 _INTERPOLATION = 0.25
 """Error of linear interpolation between blocks, as a fraction of their second difference."""
 
+_FARTHEST = 4
+"""Largest predicted displacement, in units of the length of the image."""
+
 _GROUPS = 4
 """Number of groups of blocks that are compared with the template of all."""
 
@@ -51,8 +54,11 @@ _MIN_SHARE_OF_OTHERS = 0.3
 
 
 def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
-    """Return the displacements of all blocks under the affine motion of a segment."""
-    track = start(blocks, reference, segment.velocity)
+    """Return the displacements of all blocks under the affine motion of a segment.
+
+    Bright blocks are aligned with a part of their frames.
+    """
+    track = start(blocks.with_enough_light(), reference, segment.velocity)
     order = track.from_center()
     total = track.sums(order[0]) + track.sums(order[1])
     template, weights = make_template(total, blocks.threads), segment.weights
@@ -67,7 +73,7 @@ def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
             template = make_template(total, blocks.threads)
             weights = segment.weights * agreement(sums_of_groups(track), template)
     _align_together(track, segment.weights)
-    return track
+    return track.over(blocks)
 
 
 def _align_together(track: Track, weights: Array) -> None:
@@ -110,7 +116,10 @@ def extrapolate(track: Track, block: int, velocity: Array) -> None:
     far = 2 * near - block
     if 0 <= far < len(centers) and track.known[far]:
         velocity = (track.nodes[near] - track.nodes[far]) / (centers[near] - centers[far])
-    track.nodes[block] = track.nodes[near] + velocity * (centers[block] - centers[near])
+    nodes = track.nodes[near] + velocity * (centers[block] - centers[near])
+    # Beyond the view, nothing corrects the prediction.
+    farthest = _FARTHEST * max(track.blocks.size)
+    track.nodes[block] = np.clip(nodes, -farthest, farthest)
 
 
 def is_renewed(number: int) -> bool:

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import itertools
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any, Self
 
@@ -24,6 +25,12 @@ Times = Sequence[float] | npt.NDArray[np.float64]
 
 _REMAINDER_PIXELS = 16
 """Number of pixels of a row for which the engine returns one remainder."""
+
+_LIGHT, _PIXELS = 1.5, 1 << 16
+"""Number of ones or zeros per pixel that show the motion well, in an image of 65,536 pixels."""
+
+_MIN_FRAMES = 4
+"""Minimum number of frames of a block that are counted, because each is rounded to whole pixels."""
 
 _BYTES_AT_ONCE = 1 << 23
 """Number of bytes of sums that are added together. They fit into the cache."""
@@ -189,6 +196,8 @@ class Blocks:
         The channel that is counted. Default: the sum of all channels.
     jots : Jots, optional
         The jots that are counted, if they differ.
+    step : int
+        Distance of the frames of a block that are counted.
     """
 
     burst: Burst
@@ -197,6 +206,20 @@ class Blocks:
     threads: int | None = None
     channel: int | None = None
     jots: Jots | None = None
+    step: int = 1
+
+    def frames(self, block: int) -> range:
+        """Return the frames of a block that are counted."""
+        start, end = int(self.edges[block]), int(self.edges[block + 1])
+        return range(start + (min(self.step, end - start) - 1) // 2, end, self.step)
+
+    def with_enough_light(self) -> Self:
+        """Return the same blocks with every nth frame, if these suffice to align them."""
+        needed = _LIGHT * max(1.0, _PIXELS / (self.size[0] * self.size[1]))
+        mean, length = self.burst.mean_count, int(np.diff(self.edges).min())
+        rarer = max(min(mean, self.burst.trials - mean), 1e-9)
+        frames = max(_MIN_FRAMES, math.ceil(needed / rarer))
+        return dataclasses.replace(self, step=max(1, length // frames))
 
     @functools.cached_property
     def centers(self) -> npt.NDArray[np.float64]:

@@ -88,8 +88,8 @@ def merge(
     Warns
     -----
     JotlightWarning
-        When bits that were held out show that a short window without motion is better than the
-        merged image. That window is then returned.
+        When bits that were held out do not show that the merged image is better than a short
+        window without motion. That window is then returned.
 
     Examples
     --------
@@ -158,8 +158,8 @@ def merge_along(
     window = find_window(paths, consistent.total) if flags.mean() > _MAX_FLAGGED else None
     if window is not None:
         warn(
-            f"the motion explains the scene worse than no motion; only {len(window)} frames are "
-            "used, and all pixels are flagged"
+            "the motion does not explain the scene clearly better than no motion; only "
+            f"{len(window)} frames are used, and all pixels are flagged"
         )
         sums = [count_window(each, window) for each in of_channels]
         accepted, flags = np.full_like(accepted, len(window) / len(burst)), np.ones_like(flags)

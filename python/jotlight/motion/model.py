@@ -15,7 +15,7 @@ from jotlight.motion.scoring import make_blurred_template
 from jotlight.motion.segments import Segment, central_half, energy_of, find_segments
 from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.tiles import mean_tiles, tile_counts
-from jotlight.motion.track import Paths, Track
+from jotlight.motion.track import Paths, Track, keeps_sums
 
 Array = npt.NDArray[np.float64]
 
@@ -88,11 +88,14 @@ def find_paths(
     advance : callable
         A function that is called repeatedly with the completed fraction, from 0 to 1.
     """
+    if not keeps_sums(blocks.size, len(blocks.centers), jots_differ=blocks.jots is not None):
+        # All frames of such long bursts are counted only when the paths are known.
+        blocks = blocks.with_enough_light()
     still = Paths([_still(blocks, reference)], np.zeros(blocks.size, np.uint8))
     advance(0.0)
     if model == "none":
         advance(1.0)
-        return Found(still, model, None)
+        return Found(still.with_all_frames(), model, None)
     divisions = find_segments(blocks, reference)
     advance(0.2)
     best, most = Found(still, "none", None), 0.0
@@ -107,7 +110,7 @@ def find_paths(
         if is_clear:
             break
     advance(1.0)
-    return best
+    return dataclasses.replace(best, paths=best.paths.with_all_frames())
 
 
 def _with_tiles(
@@ -122,7 +125,7 @@ def _with_tiles(
     more = Paths(tracks, choose(tracks))
     if consistent is None:
         return more, None
-    others = find_consistent(more)
+    others = find_consistent(more.with_all_frames())
     if others.accepted.mean() > consistent.accepted.mean():
         return more, others
     return paths, consistent
@@ -149,7 +152,7 @@ def _explain(
     if len(tracks) > 1:
         paths = _improve_segments(paths)
     advance(0.7)
-    consistent = find_consistent(paths) if model == "auto" else None
+    consistent = find_consistent(paths.with_all_frames()) if model == "auto" else None
     if model == "tiles" or (consistent and _share_of_unknown(consistent) > _MAX_UNKNOWN):
         tiles = follow_tiles(blocks, reference, _velocity(paths, segments))
         paths, consistent = _with_tiles(paths, tiles, consistent)

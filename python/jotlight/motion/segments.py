@@ -5,7 +5,6 @@ of the details of this sum above that of noise, is compared with those of other 
 """
 
 import dataclasses
-import functools
 import math
 
 import numpy as np
@@ -211,6 +210,7 @@ def energy_of(sums: Sums, threads: int | None) -> Array:
 
     Counts are added in squares, which the filter for details hardly notices.
     """
+    in_view = min(1.0, float(sums.trials.max()) / max(sums.frames, 1))
     sums = equivalent_sums(sums)
     ones, trials = (add_squares(each, _SQUARE) for each in (sums.ones, sums.trials))
     known = (trials > 0).astype(np.float32)
@@ -224,7 +224,7 @@ def energy_of(sums: Sums, threads: int | None) -> Array:
     noise = blur(known / np.maximum(trials, 1), fine / math.sqrt(2), threads)
     noise /= 4 * np.pi * fine**2
     # Where few frames show the scene, the energy of noise fluctuates much, so it has less weight.
-    share = trials / max(float(trials.max()), 1.0)
+    share = trials * np.float32(in_view / max(float(trials.max()), 1.0))
     weighted = share**2 * (details**2 / variance - noise)
     return mean_tiles(blur(weighted, _ENERGY_BLUR / _SQUARE, threads), TILE // _SQUARE)
 
@@ -269,13 +269,9 @@ def count_at_velocity(blocks: Blocks, frames: range, field: Array, reference: in
     return blocks.count(frames, fields, times)
 
 
-@functools.lru_cache(maxsize=4)
 def _most_counted(burst: Burst) -> int:
     """Return the number of frames that have enough light together."""
-    start = max(0, (len(burst) - _MIN_COUNTED) // 2)
-    frames = range(start, min(start + _MIN_COUNTED, len(burst)))
-    mean = float(burst.counts(frames, None).mean()) / len(frames)
-    return int(np.clip(_LIGHT / max(mean, 1e-9), _MIN_COUNTED, _MAX_COUNTED))
+    return int(np.clip(_LIGHT / max(burst.mean_count, 1e-9), _MIN_COUNTED, _MAX_COUNTED))
 
 
 def limit_length(vectors: Array, longest: float) -> Array:

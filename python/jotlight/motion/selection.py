@@ -42,7 +42,7 @@ def likelihood_gain(moving: Counted, make: Make = make_template) -> float:
     for block in range(len(blocks.centers)):
         half = block % 2
         own[half] += moving.sums(block)
-        frames = range(*(int(edge) for edge in blocks.edges[block : block + 2]))
+        frames = blocks.frames(block)
         blocks.add_unmoved(unmoved[half], frames)
         seen[half] += np.float32(len(frames)) * _positions_seen(moving, block)
     if blocks.jots is not None:

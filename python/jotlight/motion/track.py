@@ -70,6 +70,24 @@ class _Curve:
         return float(abs(one - two).max())
 
 
+class _Kept:
+    """The sums of a block along a curve, and the same bits as seen along another one."""
+
+    def __init__(self, curve: _Curve, sums: Sums) -> None:
+        self._counted, self._sums = curve, sums
+        self.distance = 0.0
+        """The distance between the two curves."""
+        self.seen = sums
+        """The sums along the latest curve, if it is near."""
+
+    def follow(self, curve: _Curve) -> None:
+        """See the sums along another curve."""
+        self.distance = self._counted.distance(curve)
+        if self.distance <= _NEAR:
+            change = curve.mean - self._counted.mean
+            self.seen = self._sums.seen_along(change) if change.any() else self._sums
+
+
 @functools.lru_cache(maxsize=4096)
 def _weights(frames: Sequence[float], times: tuple[float, ...]) -> Array:
     """Return the weights in each frame, (n, m), of fields at some times.
@@ -95,21 +113,22 @@ class Track:
     """The blocks whose displacements are estimated."""
     information: Array
     """Information about the displacements in nats/px², (n, 3, rows, columns)."""
-    _kept: dict[int, tuple[_Curve, Sums]] = dataclasses.field(
+    _kept: dict[int, _Kept] = dataclasses.field(
         default_factory=dict, init=False, repr=False, compare=False
     )
-    """The curves and the sums of blocks that were counted, so that none is counted twice."""
+    """The sums of blocks that were counted, so that none is counted twice."""
+    _places: dict[int, tuple[int, int, bytes]] = dataclasses.field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    """The displacements along which these sums are seen."""
+
+    def over(self, blocks: Blocks) -> "Track":
+        """Return the same motion over other frames of the same blocks."""
+        return self if blocks.step == self.blocks.step else dataclasses.replace(self, blocks=blocks)
 
     def sums(self, block: int) -> Sums:
         """Return the sums of a block along the motion. Their arrays must not be changed."""
-        curve = self._curve(block)
-        if block in self._kept and self._kept[block][0].distance(curve) <= _SAME:
-            return self._seen_along(block, curve)
-        sums = self.blocks.count(curve.frames, curve.fields, curve.times)
-        jots_differ = self.blocks.jots is not None
-        if keeps_sums(self.blocks.size, len(self.nodes), jots_differ=jots_differ):
-            self._kept[block] = curve, sums
-        return sums
+        return self._sums_within(_SAME, block)
 
     def nearby_sums(self, block: int) -> Sums:
         """Return the sums of a block along nearly the same motion, with the right remainders.
@@ -117,28 +136,41 @@ class Track:
         The normal equations account for remainders to first order. So after small changes of the
         displacements, the bits need not be counted again.
         """
-        if block not in self._kept:
-            return self.sums(block)
-        curve = self._curve(block)
-        if self._kept[block][0].distance(curve) > _NEAR:
-            return self.sums(block)
-        return self._seen_along(block, curve)
+        return self._sums_within(_NEAR, block)
 
-    def _seen_along(self, block: int, curve: _Curve) -> Sums:
-        """Return the sums of a block that were kept, with the remainders of another curve."""
-        before, sums = self._kept[block]
-        change = curve.mean - before.mean
-        return sums.seen_along(change) if change.any() else sums
+    def _sums_within(self, distance: float, block: int) -> Sums:
+        """Return the sums of a block, counted along displacements up to a distance away."""
+        first, end = self._neighbors(block)
+        # Comparing bytes takes less time than a new curve.
+        place = first, end, self.nodes[first:end].tobytes()
+        kept = self._kept.get(block)
+        if kept is not None:
+            if self._places[block] != place:
+                self._places[block] = place
+                kept.follow(self._curve(block))
+            if kept.distance <= distance:
+                return kept.seen
+        curve = self._curve(block)
+        sums = self.blocks.count(curve.frames, curve.fields, curve.times)
+        jots_differ = self.blocks.jots is not None
+        if keeps_sums(self.blocks.size, len(self.nodes), jots_differ=jots_differ):
+            self._kept[block], self._places[block] = _Kept(curve, sums), place
+        return sums
+
+    def _neighbors(self, block: int) -> tuple[int, int]:
+        """Return the first and the end of the blocks from which a block is interpolated."""
+        first = block - 1 if block > 0 and self.known[block - 1] else block
+        is_known = block + 1 < len(self.nodes) and self.known[block + 1]
+        return first, block + 2 if is_known else block + 1
 
     def _curve(self, block: int) -> _Curve:
         """Return the displacements of a block, which change linearly to its neighbors'."""
-        start, end = (int(edge) for edge in self.blocks.edges[block : block + 2])
-        near = range(max(0, block - 1), min(block + 2, len(self.nodes)))
-        used = [other for other in near if other == block or self.known[other]]
-        times = self.blocks.centers[used]
-        if len(used) == 1:
-            used, times = [block, block], np.array([start, end], np.float64)
-        return _Curve(range(start, end), self.nodes[used], times)
+        first, end = self._neighbors(block)
+        fields, times = self.nodes[first:end].copy(), self.blocks.centers[first:end]
+        if len(fields) == 1:
+            fields = fields.repeat(2, axis=0)
+            times = self.blocks.edges[block : block + 2].astype(np.float64)
+        return _Curve(self.blocks.frames(block), fields, times)
 
     def displacements(self, block: int, step: int = 1) -> npt.NDArray[np.float32]:
         """Return the displacements of all pixels in the middle of a block, (2, H, W).
@@ -169,6 +201,11 @@ class Paths:
     def reference(self) -> float:
         """Time at which displacements are 0."""
         return self.tracks[0].reference
+
+    def with_all_frames(self) -> "Paths":
+        """Return the same paths over all frames of the blocks."""
+        blocks = dataclasses.replace(self.blocks, step=1)
+        return Paths([track.over(blocks) for track in self.tracks], self.labels)
 
     def sums(self, block: int) -> Sums:
         """Return the sums of a block, of each pixel along its own track."""

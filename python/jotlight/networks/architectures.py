@@ -39,6 +39,12 @@ TWO_LAYER = "two-layer"
 SIZES = TWO_LAYER, *ARCHITECTURES
 """All sizes of networks, from the fastest to the most accurate."""
 
+EXTRA_LARGE = "extra-large"
+"""Name of "large" with its output averaged over four rotations of the data."""
+
+QUALITIES = *SIZES, EXTRA_LARGE
+"""All shipped qualities, from the fastest to the best."""
+
 _START_SIGMA, _START_TAPS = 1.2, 7
 """Gaussian that smooths the counts of a residual network: standard deviation, taps per side."""
 
@@ -77,7 +83,11 @@ def find_architecture(name: str) -> Architecture:
 def build_two_layer(
     sensor: Sensor, sigma: float, tied: bool, taps: int, coefficients: int, nu: float
 ) -> list[Layer]:
-    """Return the paper's two layers; :meth:`jotlight.Network.initial` documents the parameters."""
+    """Return the paper's two layers; :meth:`jotlight.Network.initial` documents the parameters.
+
+    The spline coefficients are least-squares fits. Those of φ2 are made monotone and clipped to
+    [0, S], so every output lies in [0, S].
+    """
     if not (math.isfinite(sigma) and sigma > 0):
         raise ValueError(f"sigma: expected a number above 0, got {sigma}")
     taps, coefficients = operator.index(taps), operator.index(coefficients)

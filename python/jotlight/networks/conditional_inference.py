@@ -11,7 +11,7 @@ from jotlight.estimators.inverse_response import (
     intensity_from_probability,
 )
 from jotlight.estimators.trial_levels import count_local_trials
-from jotlight.networks.inference import Inference
+from jotlight.networks.inference import Inference, bits_alike
 from jotlight.networks.trials_map import ConditionalDenoiser, Image, denoise_fractions
 from jotlight.networks.zeros import (
     ConditionalNetwork,
@@ -19,6 +19,7 @@ from jotlight.networks.zeros import (
     estimates_zeros,
     zero_layers,
 )
+from jotlight.output_images import OutputImages
 from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
@@ -32,14 +33,18 @@ class Network(ConditionalNetwork, ConditionalDenoiser, Protocol):
 
 
 def estimate_intensity(
-    network: Network, images: GrayImages, sensor: Sensor, threads: int | None
+    network: Network,
+    images: GrayImages,
+    sensor: Sensor,
+    output: OutputImages,
+    threads: int | None,
 ) -> Image:
     """Return the intensities of the probabilities of :func:`estimate_probability`, (N, H, W).
 
     With a smooth kernel, the probabilities state the mean light at the jots of each pixel, and the
     intensities follow by deconvolution.
     """
-    estimate = estimate_probability(network, images, sensor, threads)
+    estimate = estimate_probability(network, images, sensor, output, threads)
     is_zeros = estimates_zeros(network.layers, sensor)
     convert = intensity_from_complement if is_zeros else intensity_from_probability
     # In place: memory may not hold the estimate twice.
@@ -53,7 +58,11 @@ def estimate_intensity(
 
 
 def estimate_probability(
-    network: Network, images: GrayImages, sensor: Sensor, threads: int | None
+    network: Network,
+    images: GrayImages,
+    sensor: Sensor,
+    output: OutputImages,
+    threads: int | None,
 ) -> Image:
     """Return the probability P(b = 1) of the sensor's reference jot at each pixel, (N, H, W).
 
@@ -71,14 +80,14 @@ def estimate_probability(
         The data.
     sensor : Sensor
         Sensor of the data.
+    output : OutputImages
+        Images for the result, which are used if they save memory.
     threads : int, optional
         Number of threads. Default: all.
     """
     assert network.trials_range is not None, "a K-conditioned network"
     smallest, largest = network.trials_range
     reference = reference_jot(sensor)
-    pixels = images.count(sensor, threads)
-    trials = count_local_trials(pixels)
     is_zeros = estimates_zeros(network.layers, sensor)
     denoiser: ConditionalDenoiser = network
     if is_zeros:
@@ -86,8 +95,13 @@ def estimate_probability(
 
     def inference(trials: int) -> Inference:
         layers = zero_layers(network, trials) if is_zeros else network.conditioned_layers(trials)
-        return Inference(layers, sensor, reference, threads)
+        return Inference(layers, sensor, reference, threads, network.rotations)
 
+    bits = bits_alike(images, sensor) if network.rotations == 1 else None
+    if bits is not None and smallest <= sensor.trials <= largest:
+        return inference(sensor.trials).run_bits(bits, sensor.trials, output)
+    pixels = images.count(sensor, threads)
+    trials = count_local_trials(pixels)
     served: dict[int, list[int]] = {}
     others: list[int] = []
     for place, each in enumerate(trials):
@@ -96,7 +110,8 @@ def estimate_probability(
         else:
             others.append(place)
     if pixels.uniform and not others:
-        return inference(*served).run_pixels(pixels, *served)
+        (level,) = served
+        return inference(level).run_pixels(pixels, level, output)
     # The network takes counts of its own K, and fractions of ones where it runs at several K.
     scale = np.ones(len(trials))
     for level, places in served.items():

@@ -1,6 +1,6 @@
 """Networks as text and as HTML."""
 
-from collections.abc import Sequence
+from typing import Protocol
 
 from jotlight.networks.figure import figure_of_layers
 from jotlight.networks.graph import halo_radius
@@ -9,25 +9,35 @@ from jotlight.notebook import card
 from jotlight.sensing.sensor import Sensor
 
 
-def repr_of(layers: Sequence[Layer], sensor: Sensor, trials_range: tuple[int, int] | None) -> str:
+class DescribedNetwork(Protocol):
+    """The parts of a network that its description names."""
+
+    layers: tuple[Layer, ...]
+    sensor: Sensor
+    trials_range: tuple[int, int] | None
+    rotations: int
+
+
+def repr_of(network: DescribedNetwork) -> str:
     """Return the channels, the number of parameters, and the sensors of a network."""
-    channels, parameters, purpose = _facts(layers, sensor, trials_range).values()
-    return f"<Network: channels {channels}, {parameters} parameters, for {purpose}>"
+    channels, parameters, purpose, *rotations = _facts(network).values()
+    mean = f", mean of {rotations[0]} rotations" if rotations else ""
+    return f"<Network: channels {channels}, {parameters} parameters, for {purpose}{mean}>"
 
 
-def html_of(layers: Sequence[Layer], sensor: Sensor, trials_range: tuple[int, int] | None) -> str:
+def html_of(network: DescribedNetwork) -> str:
     """Return HTML that describes a network, for notebooks."""
-    halo = {"halo": f"{halo_radius(layers)} pixels"}
-    drawing = figure_of_layers(layers).thumbnail()
-    return card("Network", {**_facts(layers, sensor, trials_range), **halo}, drawing)
+    halo = {"halo": f"{halo_radius(network.layers)} pixels"}
+    drawing = figure_of_layers(network.layers).thumbnail()
+    return card("Network", {**_facts(network), **halo}, drawing)
 
 
-def _facts(
-    layers: Sequence[Layer], sensor: Sensor, trials_range: tuple[int, int] | None
-) -> dict[str, object]:
+def _facts(network: DescribedNetwork) -> dict[str, object]:
+    layers, trials_range = network.layers, network.trials_range
     served = trials_range and f"{trials_range[0]} trials per pixel or more"
     return {
         "channels": " -> ".join(str(layer.channels) for layer in layers),
         "parameters": sum(layer.parameter_count for layer in layers),
-        "for": served or repr(sensor),
+        "for": served or repr(network.sensor),
+        **({"rotations": network.rotations} if network.rotations > 1 else {}),
     }

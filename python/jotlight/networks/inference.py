@@ -12,10 +12,12 @@ import jotlight._engine as engine
 from jotlight.chunks import frame_chunks
 from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
 from jotlight.estimators.inverse_response import equivalent_counts
+from jotlight.networks.graph import size_divisor
 from jotlight.networks.layer import Layer
+from jotlight.output_images import OutputImages
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
-from jotlight.sensing.pixel_counts import GrayImages, PixelCounts
+from jotlight.sensing.pixel_counts import GrayImages, PixelCounts, describe_pixels
 from jotlight.sensing.reference import Jot
 from jotlight.sensing.sensor import Sensor
 
@@ -35,9 +37,11 @@ class Inference:
     reference: Jot
     """Efficiency and dark counts of the jots for which the layers were made."""
     threads: int | None
+    rotations: int = 1
+    """Over how many rotations of the data by 90 degrees a tied network averages its output."""
 
-    def run(self, images: GrayImages) -> npt.NDArray[np.float32]:
-        """Return the output of the last layer, shape (N, H, W).
+    def run(self, images: GrayImages, output: OutputImages) -> npt.NDArray[np.float32]:
+        """Return the output of the last layer, shape (N, H, W), as the images of `output`.
 
         Raises
         ------
@@ -48,33 +52,76 @@ class Inference:
             differ from its own.
         """
         if self.layers[0].shape[1:] != (1, 1, 1):
-            return self._run_untied(images)
-        return self.run_pixels(images.count(self.sensor, self.threads), self.sensor.trials)
+            return self._run_untied(images, output)
+        bits = bits_alike(images, self.sensor) if self.rotations == 1 else None
+        if bits is not None:
+            return self.run_bits(bits, self.sensor.trials, output)
+        pixels = images.count(self.sensor, self.threads)
+        return self.run_pixels(pixels, self.sensor.trials, output)
 
-    def run_pixels(self, pixels: PixelCounts, trials: int) -> npt.NDArray[np.float32]:
+    def run_pixels(
+        self, pixels: PixelCounts, trials: int, output: OutputImages
+    ) -> npt.NDArray[np.float32]:
         """Return the output of a tied network for K = `trials`, shape (N, H, W)."""
-        if pixels.uniform and pixels.trials < pixels.counts.size:
-            return self._run_by_table(pixels, trials)
+        if self.rotations == 1 and pixels.uniform and pixels.trials < pixels.counts.size:
+            table = self._table(pixels, trials)
+            arguments = self._engine_layers, pixels.counts, table
+            engine.forward_counts(*arguments, list(output.images), self.threads)
+            return output.images
         counts = equivalent_counts(pixels, self.reference, trials, self.threads)
-        return stack(self.run_counts(counts))
+        self._run_tied(counts, list(output.images))
+        return output.images
+
+    def run_bits(
+        self, bits: Sequence[Bits], trials: int, output: OutputImages
+    ) -> npt.NDArray[np.float32]:
+        """Return the output of a tied network for the bits of :func:`bits_alike`, (N, H, W).
+
+        The engine counts the bits where it needs the counts. So an array of them is not necessary.
+        """
+        one = describe_pixels(np.zeros((1, 1, 1), np.int32), self.sensor)
+        table, side = self._table(one, trials), self.sensor.oversampling
+        packed = [np.asarray(each.packed) for each in bits]
+        places = list(output.images)
+        layers, width = self._engine_layers, bits[0].width
+        engine.forward_tied_bits(layers, packed, width, side, table, places, self.threads)
+        return output.images
 
     def run_counts(self, counts: Iterable[npt.NDArray[np.float32]]) -> list[Image]:
         """Return the outputs of a tied network for equivalent counts of reference jots.
 
         Each image has the shape (H, W). They may differ in size.
         """
-        sums = [self._tied_weights[:, None] * image for image in counts]
-        return self._run_sums(sums)
+        images = list(counts)
+        out = [np.empty(image.shape, np.float32) for image in images]
+        self._run_tied(images, out)
+        return out
 
-    def _run_by_table(self, pixels: PixelCounts, trials: int) -> npt.NDArray[np.float32]:
-        """Return the output of a tied network for pixels alike. A table maps each count L to p."""
+    def _run_tied(self, counts: Iterable[Image], out: list[Image]) -> None:
+        """Write the outputs of a tied network for images of counts (H, W)."""
+        if self.rotations == 1:
+            self._run_sums([self._tied_weights[:, None] * image for image in counts], out)
+            return
+        # So strides meet the same pixels in the rotation of a part as in that of the whole image.
+        divisor = size_divisor(self.layers)
+        images = [pad_to_multiple(image, divisor) for image in counts]
+        alone, means = dataclasses.replace(self, rotations=1), [np.zeros_like(x) for x in images]
+        for turn in range(self.rotations):
+            parts = alone.run_counts(np.rot90(image, turn) for image in images)
+            for mean, part in zip(means, parts, strict=True):
+                place = np.rot90(mean, turn)  # a view
+                place += part / np.float32(self.rotations)
+        for image, mean in zip(out, means, strict=True):
+            image[:] = mean[: image.shape[0], : image.shape[1]]
+
+    def _table(self, pixels: PixelCounts, trials: int) -> Image:
+        """Return p for each count L of pixels alike, (C, K + 1)."""
         counts = np.arange(int(np.max(pixels.trials)) + 1, dtype=np.int32)
         all_counts = dataclasses.replace(pixels, counts=counts)
         table = equivalent_counts(all_counts, self.reference, trials, self.threads)
-        table = self._tied_weights * table
-        return stack(engine.forward_counts(self._engine_layers, pixels.counts, table, self.threads))
+        return np.asarray(self._tied_weights * table)
 
-    def _run_untied(self, images: GrayImages) -> Image:
+    def _run_untied(self, images: GrayImages, output: OutputImages) -> Image:
         """Return the output of a network whose first layer has one weight per jot and frame."""
         sensor = self.sensor
         for data in images.data:
@@ -91,23 +138,22 @@ class Inference:
                 "a tied network takes others"
             )
         bits = cast(Sequence[Bits], images.data)
-        outputs: list[Image] = []
         # Memory may not hold the frames of all captures in files.
         number = max(1, _MAX_BYTES // math.prod(bits[0].packed.shape))
         for start in range(0, len(bits), number):
             part = bits[start : start + number]
+            places = list(output.images[start : start + number])
             if sensor.mask is not None and sensor.mask.any():
-                outputs += self._run_sums(self._masked_sums(part, sensor.mask))
+                self._run_sums(self._masked_sums(part, sensor.mask), places)
             else:
                 # Frames that are read from files become an array here.
                 packed = [each.packed[:, : each.shape[1]] for each in part]
-                outputs += engine.forward_bits(
-                    self._engine_layers, packed, bits[0].width, self.threads
-                )
+                arguments = self._engine_layers, packed, bits[0].width
+                engine.forward_bits(*arguments, places, self.threads)
         if sensor.mask is not None:
             dead = Bits.from_array(~sensor.mask).counts(sensor.oversampling) == 0
             warn_about_dead_pixels(np.broadcast_to(dead, (len(bits), *dead.shape)))
-        return stack(outputs)
+        return output.images
 
     def _masked_sums(self, bits: Sequence[Bits], mask: npt.NDArray[np.bool_]) -> list[Image]:
         """Return p of each image, (C, H, W), from the valid jots. Dead pixels are inpainted."""
@@ -125,12 +171,12 @@ class Inference:
         planes = sums.reshape(-1, height, width)
         return list(fill_dead_pixels(planes, np.isnan(planes)).reshape(sums.shape))
 
-    def _run_sums(self, sums: list[npt.NDArray[np.float32]]) -> list[Image]:
-        """Return the outputs for p of each image, (C, H, W).
+    def _run_sums(self, sums: list[npt.NDArray[np.float32]], out: list[Image]) -> None:
+        """Write the outputs for p of each image, (C, H, W).
 
         p is the first layer's value before its splines.
         """
-        return engine.forward(self._engine_layers, sums, self.threads)
+        engine.forward(self._engine_layers, sums, out, self.threads)
 
     @property
     def _tied_weights(self) -> npt.NDArray[np.float32]:
@@ -142,12 +188,29 @@ class Inference:
         return [layer.engine_layer for layer in self.layers]
 
 
-def stack(images: Sequence[Image]) -> Image:
-    """Return images of the same size as one array (N, H, W). A single image is not copied.
+def pad_to_multiple(image: Image, divisor: int) -> Image:
+    """Return an image (H, W) with mirrored rows and columns appended, up to multiples of a number.
 
     Examples
     --------
-    >>> stack([np.zeros((2, 3), np.float32)] * 4).shape
-    (4, 2, 3)
+    >>> pad_to_multiple(np.ones((3, 8), np.float32), 4).shape
+    (4, 8)
     """
-    return images[0][None] if len(images) == 1 else np.stack(images)
+    extra = [(0, -size % divisor) for size in image.shape]
+    return np.pad(image, extra, "symmetric")
+
+
+def bits_alike(images: GrayImages, sensor: Sensor) -> Sequence[Bits] | None:
+    """Return bits in memory of which only the number of ones of each pixel matters.
+
+    Return None for other data, for sensors with maps, and for more trials than pixels, because a
+    table of all counts would be larger than the images.
+    """
+    for each in images.data:
+        if not (isinstance(each, Bits) and isinstance(each.packed, np.ndarray)):
+            return None
+        check_fits(each.shape, sensor)
+    bits = cast(Sequence[Bits], images.data)
+    pixels = len(bits) * bits[0].shape[1] * bits[0].shape[2] // sensor.oversampling**2
+    are_alike = not sensor.maps() and len({each.shape for each in bits}) == 1
+    return bits if are_alike and sensor.trials < pixels else None

@@ -52,6 +52,33 @@ def check_layers(
         )
 
 
+def check_rotations(rotations: int, *, tied: bool) -> int:
+    """Return the number of rotations over which a network averages; ValueError if it cannot.
+
+    Examples
+    --------
+    >>> check_rotations(4, tied=True)
+    4
+    """
+    if rotations not in (1, 4):
+        raise ValueError(f"rotations: expected 1 or 4, got {rotations!r}")
+    if rotations != 1 and not tied:
+        raise ValueError(
+            "rotations: expected 1 for a network that is not tied, because it weighs the jots of a "
+            f"pixel by their places, got {rotations}"
+        )
+    return int(rotations)
+
+
+def refuse_rotations(rotations: int, name: str) -> None:
+    """Raise ValueError for something that runs a network in one rotation only."""
+    if rotations != 1:
+        raise ValueError(
+            f"{name}: expected a network that does not average over rotations, got rotations = "
+            f"{rotations}; use the quality 'large' in place of 'extra-large'"
+        )
+
+
 def require_layers(cls: type[T]) -> type[T]:
     """Return a class of networks whose calls need layers. Other arguments raise a TypeError."""
     initialize: Callable[..., None] = cls.__init__

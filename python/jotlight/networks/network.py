@@ -22,11 +22,12 @@ from jotlight.networks.figure import figure_of_layers
 from jotlight.networks.graph import halo_radius
 from jotlight.networks.inference import Image, Inference
 from jotlight.networks.layer import Layer
-from jotlight.networks.layer_checks import check_layers, require_layers
+from jotlight.networks.layer_checks import check_layers, check_rotations, require_layers
 from jotlight.networks.network_files import read_network, write_network
 from jotlight.networks.onnx_export import write_onnx
 from jotlight.networks.served_sensors import check_served
 from jotlight.networks.torch_hints import TorchHints
+from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.pixel_counts import Data, carried_sensor, gray_images, prepare_data
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
@@ -54,12 +55,15 @@ class Network(TorchHints):
     trials_range : (int, int), optional
         Smallest and largest K of a K-conditioned network. Its layers have sets of parameters, and
         the first one is tied. Default: the network is for one K, that of its sensor.
+    rotations : {1, 4}
+        4 averages the output of a tied network over the rotations of the data by 90 degrees. This
+        takes four times as long, and the estimate is slightly better.
 
     Raises
     ------
     ValueError
-        When the layers do not fit each other, the sensor, or `trials_range`, or when data exist for
-        which a value in the network could overflow.
+        When the layers do not fit each other, the sensor, `trials_range`, or `rotations`, or when
+        data exist for which a value in the network could overflow.
 
     Examples
     --------
@@ -76,6 +80,7 @@ class Network(TorchHints):
         history: Mapping[str, Any] | None = None,
         *,
         trials_range: tuple[int, int] | None = None,
+        rotations: int = 1,
     ) -> None:
         self.layers = tuple(layers)
         self.sensor = sensor
@@ -85,6 +90,7 @@ class Network(TorchHints):
         """Sensor of counts without a sensor of their own, if it differs from `sensor`."""
         self._conditioned: dict[int, tuple[tuple[Layer, ...], tuple[Layer, ...]]] = {}
         check_layers(self.layers, sensor, trials_range)
+        self.rotations = check_rotations(rotations, tied=self.tied)
         # A K-conditioned network divides the counts by K.
         largest_input = sensor.trials if self.tied and trials_range is None else 1
         self._output_bounds = output_bounds(self.layers, largest_input)[-1]
@@ -122,11 +128,6 @@ class Network(TorchHints):
         nu : float
             ν, the margin for learned filters. If their negative taps sum to -ν or more, every r
             lies in the domain of φ2. Outside the range of T, the initial φ2 is constant.
-
-        Notes
-        -----
-        The spline coefficients are least-squares fits. Those of φ2 are made monotone and clipped to
-        [0, S], so every output lies in [0, S].
         """
         layers = build_two_layer(sensor, sigma, tied, taps, coefficients, nu)
         return cls(layers, sensor, {"start": f"initial parameters of the paper, sigma = {sigma}"})
@@ -213,6 +214,7 @@ class Network(TorchHints):
         *,
         trials: npt.ArrayLike | None = None,
         channel_axis: int | None = None,
+        out: npt.NDArray[np.float32] | None = None,
         threads: int | None = None,
     ) -> npt.NDArray[np.float32]:
         """Return the estimate of the image, or of each image of a stack.
@@ -231,6 +233,8 @@ class Network(TorchHints):
         channel_axis : int, optional
             Axis of counts that holds color channels. Default: none, and axes before the last two
             are those of a stack.
+        out : ndarray of float32, optional
+            Array for the result, of its shape, which is returned. Default: a new one.
         threads : int, optional
             Number of threads. Default: all.
 
@@ -243,7 +247,7 @@ class Network(TorchHints):
         Raises
         ------
         TypeError, ValueError
-            When the data, their sensor, their trials, and the network do not fit together.
+            When data, sensor, trials, network, and `out` do not fit together.
 
         Warns
         -----
@@ -256,15 +260,17 @@ class Network(TorchHints):
         data, sensor = prepare_data(data, sensor, trials, channel_axis)
         self.check_sensor(sensor)
         images = gray_images(data)
+        output = output_of(images, sensor, out)
         if self.trials_range is not None:
-            return images.layout.arrange(estimate_intensity(self, images, sensor, threads))
+            return output.finish(estimate_intensity(self, images, sensor, output, threads))
         # The check has established that both sensors detect equal light at intensity 1.
         reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
-        estimate = Inference(self.layers, sensor, reference, threads).run(images)
+        inference = Inference(self.layers, sensor, reference, threads, self.rotations)
+        estimate = inference.run(images, output)
         (low, high), max_intensity = self._output_bounds, np.float32(sensor.max_intensity)
         if low < 0 or high > max_intensity:
             np.clip(estimate, 0, max_intensity, out=estimate)
-        return images.layout.arrange(estimate)
+        return output.finish(estimate)
 
     __call__ = reconstruct
 
@@ -285,10 +291,7 @@ class Network(TorchHints):
     def denoise_probability(
         self, fraction: Image, trials: int, *, threads: int | None = None
     ) -> Image:
-        """Return the probabilities P(b = 1), (H, W), that a K-conditioned network estimates.
-
-        `fraction` (H, W) is the fraction of ones among the K = `trials` bits of each pixel.
-        """
+        """Return P(b = 1), (H, W), for the fractions of ones (H, W) among K = `trials` bits."""
         return self.denoise_probabilities([fraction], trials, threads=threads)[0]
 
     def denoise_probabilities(
@@ -296,7 +299,8 @@ class Network(TorchHints):
     ) -> list[Image]:
         """Return :meth:`denoise_probability` of several images, which may differ in size."""
         layers = self.conditioned_layers(trials)
-        inference = Inference(layers, self.sensor, reference_jot(self.sensor), threads)
+        reference = reference_jot(self.sensor)
+        inference = Inference(layers, self.sensor, reference, threads, self.rotations)
         return inference.run_counts(image * np.float32(trials) for image in fractions)
 
     def check_sensor(self, sensor: Sensor) -> None:
@@ -313,7 +317,7 @@ class Network(TorchHints):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network to a `.safetensors` file, with its sensor and history as metadata."""
-        write_network(path, self.layers, self.sensor, self.history, self.trials_range)
+        write_network(path, self)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -329,13 +333,7 @@ class Network(TorchHints):
     def export_onnx(self, path: str | os.PathLike[str], sensor: Sensor | None = None) -> None:
         """Write an ONNX model from counts (N, 1, H, W) to intensities (extra `onnx`).
 
-        The model is for one sensor: `sensor`, else the one for which :func:`jotlight.pretrained`
-        was called, else the network's. :mod:`jotlight.networks.onnx_export` describes the model.
-
-        Raises
-        ------
-        MissingExtraError, ValueError
-            Without the package onnx; when the network does not serve the sensor, or it has maps.
+        :func:`jotlight.networks.onnx_export.write_onnx` describes the model and the errors.
         """
         write_onnx(path, self, sensor)
 
@@ -344,7 +342,7 @@ class Network(TorchHints):
         return figure_of_layers(self.layers)
 
     def _repr_html_(self) -> str:
-        return html_of(self.layers, self.sensor, self.trials_range)
+        return html_of(self)
 
     def __repr__(self) -> str:
-        return repr_of(self.layers, self.sensor, self.trials_range)
+        return repr_of(self)

@@ -3,14 +3,14 @@
 import json
 import operator
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.networks.architectures import SIZES
+from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.layer import Layer
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import read_tensors, write_tensors
@@ -21,12 +21,19 @@ _VERSION = "3"
 _Network = TypeVar("_Network")
 
 
+class WritableNetwork(Protocol):
+    """The parts of a network that a file holds."""
+
+    layers: tuple[Layer, ...]
+    sensor: Sensor
+    trials_range: tuple[int, int] | None
+    rotations: int
+    history: dict[str, Any]
+
+
 def write_network(
     path: str | os.PathLike[str],
-    layers: Sequence[Layer],
-    sensor: Sensor,
-    history: Mapping[str, Any],
-    trials_range: tuple[int, int] | None,
+    network: WritableNetwork,
 ) -> None:
     """Write the parts of a network to a file atomically.
 
@@ -36,19 +43,20 @@ def write_network(
         When JSON cannot hold the history.
     """
     tensors: dict[str, npt.NDArray[Any]] = {}
-    for index, layer in enumerate(layers):
+    for index, layer in enumerate(network.layers):
         tensors[f"layers.{index}.filters"] = _compact(layer.filters)
         if layer.coefficients is not None:
             tensors[f"layers.{index}.coefficients"] = _compact(layer.coefficients)
-    for name, map_ in sensor.maps().items():
+    for name, map_ in network.sensor.maps().items():
         tensors[f"sensor.{name}"] = np.ascontiguousarray(map_)
     metadata = {
         "format": _FORMAT,
         "version": _VERSION,
-        "layers": json.dumps([layer.metadata() for layer in layers]),
-        "sensor": json.dumps(sensor.scalars()),
-        "trials_range": json.dumps(trials_range),
-        "history": json.dumps(history),
+        "layers": json.dumps([layer.metadata() for layer in network.layers]),
+        "sensor": json.dumps(network.sensor.scalars()),
+        "trials_range": json.dumps(network.trials_range),
+        "rotations": json.dumps(network.rotations),
+        "history": json.dumps(network.history),
     }
     write_tensors(path, tensors, metadata)
 
@@ -66,7 +74,7 @@ def _expand(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def read_network(path: str | os.PathLike[str], make: Callable[..., _Network]) -> _Network:
-    """Return `make(layers, sensor, history, trials_range=...)` for the parts in a file.
+    """Return `make(layers, sensor, history, trials_range=..., rotations=...)` for a file's parts.
 
     Raises
     ------
@@ -77,7 +85,7 @@ def read_network(path: str | os.PathLike[str], make: Callable[..., _Network]) ->
     """
     path = Path(path)
     if not path.is_file():
-        is_size = str(path) in SIZES
+        is_size = str(path) in QUALITIES
         raise FileNotFoundError(
             f"there is no network file {path}"
             + (f"; quality={path} (--quality {path}) selects the shipped network" * is_size)
@@ -102,6 +110,9 @@ def read_network(path: str | os.PathLike[str], make: Callable[..., _Network]) ->
         if trials_range is not None:
             low, high = map(operator.index, trials_range)
             trials_range = low, high
-        return make(layers, sensor, json.loads(metadata["history"]), trials_range=trials_range)
+        options = {"trials_range": trials_range}
+        # The files of most shipped networks were written before this number existed.
+        options["rotations"] = json.loads(metadata.get("rotations", "1"))
+        return make(layers, sensor, json.loads(metadata["history"]), **options)
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise ValueError(f"{path}: damaged network file: {error}") from error

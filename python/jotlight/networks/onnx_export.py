@@ -30,6 +30,7 @@ from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.files import write_file
 from jotlight.networks.graph import size_divisor, sources
 from jotlight.networks.layer import Layer
+from jotlight.networks.layer_checks import refuse_rotations
 from jotlight.networks.served_sensors import choose_sensor
 from jotlight.networks.splines import CUBIC_BASIS
 from jotlight.networks.trials_map import RATIO_OF_PASS
@@ -59,6 +60,7 @@ class ExportableNetwork(Protocol):
     sensor: Sensor
     default_sensor: Sensor | None
     trials_range: tuple[int, int] | None
+    rotations: int
 
     @property
     def tied(self) -> bool:
@@ -88,8 +90,8 @@ def write_onnx(
     MissingExtraError
         When the package onnx is not installed.
     ValueError
-        When the network does not serve the sensor, when the sensor has maps, or when there is no
-        sensor for a K-conditioned network.
+        When the network does not serve the sensor or averages over rotations, when the sensor has
+        maps, or when there is no sensor for a K-conditioned network.
 
     Examples
     --------
@@ -98,6 +100,7 @@ def write_onnx(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_onnx(f"{folder}/medium.onnx", pretrained(Sensor(frames=16)), None)
     """
+    refuse_rotations(network.rotations, "ONNX models")
     own, trials_range = network.sensor, network.trials_range
     sensor = choose_sensor(sensor, network.default_sensor, own, trials_range, tied=network.tied)
     try:

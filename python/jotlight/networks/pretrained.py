@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from jotlight.networks.architectures import SIZES
+from jotlight.networks.architectures import EXTRA_LARGE, QUALITIES
 from jotlight.networks.network import Network
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
@@ -42,12 +42,14 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     ----------
     sensor : Sensor
         Any sensor. Dead jots are allowed.
-    quality : {"two-layer", "small", "medium", "large"}
+    quality : {"two-layer", "small", "medium", "large", "extra-large"}
         Size of the network. In this order: the paper's two layers; six layers of up to 12 channels;
-        thirteen of up to 52 channels; fifteen of up to 80 channels. A K-conditioned network of each
+        thirteen of up to 52 channels; fifteen of up to 80 channels; and these fifteen with their
+        output averaged over four rotations of the data. A K-conditioned network of each
         size serves every number of trials per pixel at any exposure. For ηα = K, threshold 1,
         S = 1, the box kernel, and dark counts of at most 0.05, networks for one K alone replace it:
-        "two-layer" and "small" for K = 9, 16, 25, 36, 49, 64, 81, and 100, and "large" for K = 16.
+        "two-layer" and "small" for K = 9, 16, 25, 36, 49, 64, 81, and 100, and "large" and
+        "extra-large" for K = 16.
 
     Returns
     -------
@@ -75,9 +77,7 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
             f"{sensor!r}; pretrained(sensor, 'large') selects a size"
         )
     check_quality(quality)
-    network = Network.load(pretrained_file(sensor, quality))
-    network.default_sensor = sensor
-    return network
+    return _load(pretrained_file(sensor, quality), sensor, quality)
 
 
 def pretrained_file(
@@ -89,8 +89,8 @@ def pretrained_file(
     ----------
     sensor : Sensor
         The sensor.
-    quality : {"two-layer", "small", "medium", "large"}
-        The size.
+    quality : {"two-layer", "small", "medium", "large", "extra-large"}
+        The size. "extra-large" has the file of "large".
     is_conditional : bool
         Whether it must be the K-conditioned network of this size.
 
@@ -99,6 +99,8 @@ def pretrained_file(
     >>> pretrained_file(Sensor(frames=16), "small").name
     'small-k16.safetensors'
     """
+    if quality == EXTRA_LARGE:
+        quality = "large"
     if is_conditional or uses_conditional(sensor, quality):
         return FOLDER / f"{quality}.safetensors"
     return FOLDER / f"{quality}-k{sensor.trials}.safetensors"
@@ -113,8 +115,14 @@ def pretrained_conditional(sensor: Sensor, quality: str) -> Network:
     (1, 256)
     """
     check_quality(quality)
-    network = Network.load(pretrained_file(sensor, quality, is_conditional=True))
+    return _load(pretrained_file(sensor, quality, is_conditional=True), sensor, quality)
+
+
+def _load(file: Path, sensor: Sensor, quality: str) -> Network:
+    network = Network.load(file)
     network.default_sensor = sensor
+    if quality == EXTRA_LARGE:
+        network.rotations = 4
     return network
 
 
@@ -142,5 +150,5 @@ def uses_conditional(sensor: Sensor, quality: str) -> bool:
 
 def check_quality(quality: str) -> None:
     """Raise ValueError for an unknown size."""
-    if quality not in SIZES:
-        raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
+    if quality not in QUALITIES:
+        raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")

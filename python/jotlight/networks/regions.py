@@ -53,10 +53,10 @@ def cover(needed: npt.NDArray[np.bool_], halo: int) -> list[Region]:
 
 def _any_of_squares(needed: npt.NDArray[np.bool_], side: int) -> npt.NDArray[np.bool_]:
     """Return whether squares have a needed pixel. The last ones may be incomplete."""
-    rows = np.logical_or.reduceat(needed, range(0, needed.shape[0], side), axis=0)
-    return np.asarray(
-        np.logical_or.reduceat(rows, range(0, needed.shape[1], side), axis=1), np.bool_
-    )
+    height, width = needed.shape
+    padded = np.pad(needed, ((0, -height % side), (0, -width % side)))
+    rows = np.asarray(padded.reshape(-1, side, padded.shape[1]).any(axis=1), np.bool_)
+    return np.asarray(rows.reshape(len(rows), -1, side).any(axis=2), np.bool_)
 
 
 def widen(region: Region, halo: int, shape: tuple[int, ...]) -> Region:

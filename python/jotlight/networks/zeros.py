@@ -39,6 +39,10 @@ class ConditionalNetwork(Protocol):
     def trials_range(self) -> tuple[int, int] | None:
         """Smallest and largest K."""
 
+    @property
+    def rotations(self) -> int:
+        """Number of rotations over which the output is averaged."""
+
     def conditioned_layers(self, trials: int) -> Sequence[Layer]:
         """Return the layers for K = `trials`."""
 
@@ -95,5 +99,6 @@ class ZerosNetwork:
         """Return the probabilities P(b = 0) of images of fractions of zeros (H, W)."""
         sensor = Sensor(frames=trials)
         layers = zero_layers(self.network, trials)
-        inference = Inference(layers, sensor, reference_jot(sensor), threads)
+        rotations = self.network.rotations
+        inference = Inference(layers, sensor, reference_jot(sensor), threads, rotations)
         return inference.run_counts((1 - image) * np.float32(trials) for image in fractions)

@@ -14,7 +14,7 @@ from jotlight.sensing import lazy, preview
 from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.channels import channel_views
-from jotlight.sensing.counting import count_ones
+from jotlight.sensing.counting import count_ones_of_one
 from jotlight.sensing.frames import (
     Frames,
     check_unpacked_size,
@@ -247,6 +247,7 @@ class Bits(ArrayHints):
         oversampling: int | None = None,
         *,
         mask: npt.NDArray[np.bool_] | None = None,
+        out: npt.NDArray[np.int32] | None = None,
         threads: int | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> npt.NDArray[np.int32]:
@@ -258,6 +259,8 @@ class Bits(ArrayHints):
             K̂. Default: that of the bits' own sensor, or 1 if they have none.
         mask : ndarray of bool, shape (H, W) in jots, optional
             True marks jots that are not counted.
+        out : ndarray of int32, optional
+            The array for the result, of its shape, which is returned. Default: a new one.
         threads : int, optional
             The number of threads. Default: all.
         progress : callable, optional
@@ -269,8 +272,8 @@ class Bits(ArrayHints):
 
         Raises
         ------
-        ValueError
-            When the height or the width is not a multiple of K̂, or the mask does not fit.
+        TypeError, ValueError
+            When K̂ does not divide height and width, or the mask or `out` does not fit.
 
         Examples
         --------
@@ -279,8 +282,7 @@ class Bits(ArrayHints):
         """
         if oversampling is None:
             oversampling = self.sensor.oversampling if self.sensor else 1
-        counts: npt.NDArray[np.int32] = count_ones([self], oversampling, mask, threads, progress)[0]
-        return counts
+        return count_ones_of_one(self, oversampling, mask, out, threads, progress)
 
     def to_dask(self, chunks: Chunks = "128MiB") -> "dask.array.Array":
         """Return the packed bits as a lazy array of dask, chunked in time (extra `dask`).

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.chunks import frame_chunks
+from jotlight.output_images import check_out
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, Packed, map_in_thread, read_chunks
 
@@ -34,6 +35,7 @@ def count_ones(
     mask: npt.NDArray[np.bool_] | None = None,
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
+    out: npt.NDArray[np.int32] | None = None,
 ) -> npt.NDArray[np.int32]:
     """Return L, the number of ones of each pixel, for the bits of several images.
 
@@ -49,6 +51,8 @@ def count_ones(
         The number of threads. Default: all.
     progress : callable, optional
         A function that is called repeatedly with the completed fraction, from 0 to 1.
+    out : ndarray of int32, optional
+        The aligned array for the result, which is returned. Default: a new one.
 
     Returns
     -------
@@ -69,7 +73,9 @@ def count_ones(
     _check(frames, (height, width), oversampling, mask)
     valid = None if mask is None else np.packbits(~mask, axis=1)
     shape = height // oversampling, width // oversampling, *channels
-    counts = np.zeros((len(bits), *shape), np.int32)
+    counts = np.zeros((len(bits), *shape), np.int32) if out is None else out
+    if out is not None:
+        out[...] = 0
     # Files are read one after another, because memory may not hold all of them.
     in_files = any(isinstance(one.packed, Frames) for one in bits)
     number = 1 if in_files else len(bits)
@@ -94,6 +100,37 @@ def count_ones(
             if progress:
                 progress((first + number * (index + 1) / len(chunks)) / len(bits))
     return counts
+
+
+def count_ones_of_one(
+    bits: PackedBits,
+    oversampling: int,
+    mask: npt.NDArray[np.bool_] | None,
+    out: npt.NDArray[np.int32] | None,
+    threads: int | None,
+    progress: Callable[[float], object] | None,
+) -> npt.NDArray[np.int32]:
+    """Return L of the bits of one image, in `out` if there is such an array.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the mask, the oversampling, or `out` does not fit.
+    """
+    frames, height, width, *channels = bits.shape
+    _check(frames, (height, width), oversampling, mask)
+    target = None
+    if out is not None:
+        shape = height // oversampling, width // oversampling, *channels
+        checked = check_out(out, shape, np.int32)
+        target = checked[None] if checked.flags.aligned else None
+    counts: npt.NDArray[np.int32] = count_ones(
+        [bits], oversampling, mask, threads, progress, target
+    )[0]
+    if out is None or target is not None:
+        return counts if out is None else out
+    out[...] = counts
+    return out
 
 
 def _check(

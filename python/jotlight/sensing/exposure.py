@@ -49,6 +49,7 @@ class Exposure(Parameters):
         image: npt.ArrayLike,
         *,
         channel_axis: int | None = None,
+        out: npt.NDArray[np.float32] | None = None,
         threads: int | None = None,
     ) -> npt.NDArray[np.float32]:
         """Return the expected detections per jot and frame, η s + d.
@@ -59,6 +60,8 @@ class Exposure(Parameters):
             Intensities, finite and not negative.
         channel_axis : int, optional
             The axis of color channels. Default: none.
+        out : ndarray of float32, optional
+            The array for the result, of its shape, which is returned. Default: a new one.
         threads : int, optional
             The number of threads. Default: all.
 
@@ -78,13 +81,14 @@ class Exposure(Parameters):
         images = checked_images(self, image, channel_axis)
         # Rates do not depend on thresholds, of which maps make groups.
         sensor = self.replace(threshold=1) if self.readings_differ else self
-        return evaluate_parts(engine.rate, sensor.engine_parts(), *images, threads)
+        return evaluate_parts(engine.rate, sensor.engine_parts(), *images, out, threads)
 
     def probability(
         self,
         image: npt.ArrayLike,
         *,
         channel_axis: int | None = None,
+        out: npt.NDArray[np.float32] | None = None,
         threads: int | None = None,
     ) -> npt.NDArray[np.float32]:
         """Return P(b = 1) of each jot: equation (3). It is 0 for a dead jot.
@@ -106,7 +110,7 @@ class Exposure(Parameters):
             )
         images = checked_images(self, image, channel_axis)
         function = noisy_probability if self.read_noise else engine.probability
-        return evaluate_parts(function, self.engine_parts(), *images, threads)
+        return evaluate_parts(function, self.engine_parts(), *images, out, threads)
 
     def expose(
         self,

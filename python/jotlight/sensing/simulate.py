@@ -4,7 +4,6 @@ The functions take the sensor as the dictionary that `Sensor.engine_arguments` r
 """
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Callable, Iterator
 from typing import Any, Self, TypeVar
@@ -17,6 +16,7 @@ from jotlight.checks import as_image
 from jotlight.chunks import frame_chunks
 from jotlight.errors import warn
 from jotlight.layout import Layout
+from jotlight.output_images import OutputImages, check_out
 from jotlight.seeds import seed_of_image
 from jotlight.sensing.sensor_like import SensorLike
 
@@ -136,17 +136,10 @@ def packed_output(
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         When `out` cannot hold packed bits of this shape.
     """
-    if out is None:
-        return np.empty(shape, np.uint8)
-    if out.dtype != np.uint8 or out.shape != shape or not out.flags.writeable:
-        raise ValueError(
-            f"out: expected a writeable uint8 array of shape {shape}, "
-            f"got {out.dtype} of shape {out.shape}"
-        )
-    return out
+    return np.empty(shape, np.uint8) if out is None else check_out(out, shape, np.uint8)
 
 
 def draw_stack(
@@ -285,15 +278,20 @@ def evaluate_on_jots(
     sensor: EngineSensor,
     image: npt.NDArray[Any],
     layout: Layout,
+    out: npt.NDArray[np.float32] | None,
     threads: int | None,
 ) -> npt.NDArray[np.float32]:
     """Return the values of `function` on all jots of each image, in the layout of the images."""
     images = layout.split(image)
-    height, width = (size * sensor["oversampling"] for size in images.shape[1:])
-    out = np.empty((len(images), height, width), np.float32)
-    for plane, jots in zip(images, out, strict=True):
+    output = OutputImages(layout, _jots_of(images, sensor), out, inputs=[image])
+    for plane, jots in zip(images, output.images, strict=True):
         function(sensor, plane, 0, jots, threads)
-    return layout.arrange(out)
+    return output.finish(output.images)
+
+
+def _jots_of(images: npt.NDArray[Any], sensor: EngineSensor) -> tuple[int, ...]:
+    """Return the numbers of rows and columns of jots that see images (N, H, W)."""
+    return tuple(size * sensor["oversampling"] for size in images.shape[1:])
 
 
 def evaluate_parts(
@@ -301,6 +299,7 @@ def evaluate_parts(
     parts: list[EnginePart],
     image: npt.NDArray[Any],
     layout: Layout,
+    out: npt.NDArray[np.float32] | None,
     threads: int | None,
 ) -> npt.NDArray[np.float32]:
     """Return :func:`evaluate_on_jots` of readings that may differ.
@@ -309,16 +308,18 @@ def evaluate_parts(
     frames are added: each is 0 for the jots of the others.
     """
     if len(parts) == 1:
-        return evaluate_on_jots(function, parts[0][1], image, layout, threads)
-    values = (evaluate_on_jots(function, sensor, image, layout, threads) for _, sensor in parts)
-    if parts[0][0] is None:
-        return np.asarray(sum(values))
-    first = next(values)
-    number = sum(len(frames) for frames in _distinct_frames(parts))
-    out = np.zeros((number, *first.shape), np.float32)
-    for (frames, _), own in zip(parts, itertools.chain([first], values), strict=True):
-        out[frames] += own
-    return out
+        return evaluate_on_jots(function, parts[0][1], image, layout, out, threads)
+    shape = layout.shape_of(_jots_of(layout.split(image), parts[0][1]))
+    if parts[0][0] is not None:
+        shape = sum(len(frames) for frames in _distinct_frames(parts)), *shape
+    total = np.empty(shape, np.float32) if out is None else check_out(out, shape, np.float32)
+    if np.may_share_memory(total, image):
+        image = image.copy()
+    total[...] = 0
+    for frames, sensor in parts:
+        own = evaluate_on_jots(function, sensor, image, layout, None, threads)
+        total[slice(None) if frames is None else frames] += own
+    return total
 
 
 def _distinct_frames(parts: list[EnginePart]) -> Iterator[npt.NDArray[np.intp]]:

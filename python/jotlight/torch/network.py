@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from jotlight.networks.conditioning import conditioning_weights, count_sets
 from jotlight.networks.graph import size_divisor
+from jotlight.networks.layer_checks import refuse_rotations
 from jotlight.networks.network import Network as EngineNetwork
 from jotlight.networks.served_sensors import choose_sensor
 from jotlight.networks.zeros import is_bright
@@ -64,6 +65,7 @@ class Network(nn.Module):
     ) -> None:
         super().__init__()
         network = source if isinstance(source, EngineNetwork) else EngineNetwork.load(source)
+        refuse_rotations(network.rotations, "jotlight.torch.Network")
         self.origin = network
         self.filter_dtype = torch.float32
         """Data type of the products in filter banks, for training."""

@@ -24,7 +24,7 @@ from jotlight.view.viewed import Check, Viewable
 Image = npt.NDArray[np.float32]
 Counts = npt.NDArray[np.int32]
 
-_FROM_COUNTS = {"mle", "network-small", "network-medium", "network-large"}
+_FROM_COUNTS = {"mle", "network-small", "network-medium", "network-large", "network-extra-large"}
 """Methods whose estimate from counts equals that from bits, for jots that are all alike."""
 
 

@@ -16,9 +16,8 @@ zarr = pytest.importorskip("zarr")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a signal")
-@pytest.mark.parametrize(
-    "number", [3, *(pytest.param(number, marks=pytest.mark.slow) for number in (1, 2))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [1, 2, 3])
 def test_an_interrupted_write_leaves_nothing_even_if_zarr_is_slow(tmp_path, monkeypatch, number):
     import zarr.storage._local as local
 

@@ -65,8 +65,11 @@ def brightness(ones, trials, p):
     return np.clip(ones.sum() / expected, 0.1, 10) if expected > 0 else 1.0
 
 
-def normal_equations(sums, probability, trials_of_template, sigma):
-    """Return A (3, rows, columns) and b (2, rows, columns) of the displacement errors of tiles."""
+def normal_equations(sums, probability, trials_of_template, sigma, every=False):
+    """Return A (3, rows, columns) and b (2, rows, columns) of the displacement errors of tiles.
+
+    They are sums over some rows, or over every row.
+    """
 
     def blur(image):
         return gaussian_filter(image.astype(float), sigma, mode="reflect", truncate=3.0)
@@ -77,9 +80,24 @@ def normal_equations(sums, probability, trials_of_template, sigma):
     ones = blur(sums.ones) / brightness(sums.ones, sums.trials, p)
     residual = ones - blur(sums.trials) * (p + rows * means[:, 0] + columns * means[:, 1])
     weight = (sums.trials > 0) / variance_per_trial(p, sums.trials, trials_of_template)
+    if not every:
+        weight = weight * shares_of_rows(p.shape, sigma)[:, None]
     information = weight * sums.trials * np.stack([rows * rows, rows * columns, columns * columns])
     right = weight * residual * np.stack([rows, columns])
     return sum_tiles(information), sum_tiles(right)
+
+
+def shares_of_rows(size, sigma):
+    """Return for how many rows of its tile each row stands, or 0 if it is not compared."""
+    number = size[0]
+    is_large = size[0] * size[1] >= 1 << 16
+    step = next((step for step in (4, 2) if is_large and step <= 2 * sigma), 1)
+    shares = np.zeros(number)
+    for top in range(0, number, 16):
+        tile = shares[top : top + 16]
+        compared = tile[(min(step, len(tile)) - 1) // 2 :: step]
+        compared[:] = len(tile) / len(compared)
+    return shares
 
 
 def undo_remainders(image, remainders, frames):

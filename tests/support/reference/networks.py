@@ -6,6 +6,7 @@ from scipy.ndimage import convolve
 
 import jotlight as jl
 from jotlight.networks.inference import Inference
+from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.pixel_counts import gray_images, prepare_data
 from jotlight.sensing.reference import reference_jot
 
@@ -14,7 +15,8 @@ def last_layer(network, data, sensor=None, *, threads=None):
     """Return the output of the last layer, which an estimate clips to [0, S]."""
     sensor = sensor or network.sensor
     inference = Inference(network.layers, sensor, reference_jot(network.sensor), threads)
-    return inference.run(gray_images(prepare_data(data, sensor)[0]))[0]
+    images = gray_images(prepare_data(data, sensor)[0])
+    return inference.run(images, output_of(images, sensor, None))[0]
 
 
 def random_layer(rng, filters, *, low=-2.0, high=3.0, number=11):

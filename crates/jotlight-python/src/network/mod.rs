@@ -5,7 +5,7 @@ mod layers;
 mod splines;
 mod training;
 
-pub use inference::{forward, forward_bits, forward_counts, masked_sums};
+pub use inference::{forward, forward_bits, forward_counts, forward_tied_bits, masked_sums};
 pub use layers::PreparedLayer;
 pub use splines::{activate, activate_backward};
 pub use training::{gradient, normal_equations, squared_errors};

@@ -3,7 +3,8 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use ndarray::{ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis, s};
+use ndarray::{Array2, ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis, s};
+use num_integer::gcd;
 use rayon::prelude::*;
 
 use super::bit_planes::{BitCounters, FRAMES_PER_GROUP};
@@ -77,6 +78,33 @@ pub fn add_block_counts(
             }
             Ok(())
         })
+}
+
+/// Return the number of ones of each pixel in a region of rows and columns of pixels, and the number
+/// of columns that precede the region in the result.
+///
+/// The oversampling must divide the height and the width of the bits, and K must fit into `i32`.
+pub(crate) fn count_region(
+    bits: &PackedBits<'_>,
+    oversampling: usize,
+    rows: Range<usize>,
+    columns: Range<usize>,
+) -> (Array2<i32>, usize) {
+    // The counted columns begin with a whole byte.
+    let pixels = 8 / gcd(8, oversampling);
+    let start = columns.start / pixels * pixels;
+    let part = bits.columns(start * oversampling..columns.end * oversampling);
+    let mut counts = Array2::zeros((rows.len(), columns.end - start));
+    let first = rows.start * oversampling;
+    let frames = part.shape().0;
+    if oversampling == 1 || frames >= MIN_FRAMES_FOR_BIT_PLANES {
+        let jot_rows = 0..counts.nrows() * oversampling;
+        let (none, mut view) = (None, counts.view_mut());
+        add_with_bit_planes(&part, oversampling, first, jot_rows, none, &mut view);
+    } else {
+        add_frame_by_frame(&part, frames, oversampling, first, None, counts.view_mut());
+    }
+    (counts, columns.start - start)
 }
 
 /// Return K = T·K̂², the number of bits of a pixel.

@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 pub(crate) use bit_planes::{BitCounters, FRAMES_PER_GROUP};
 pub use blocks::{Blocks, add_counts_of_blocks};
 pub use count::add_block_counts;
-pub(crate) use count::{check_mask, check_sum, trials};
+pub(crate) use count::{check_mask, check_sum, count_region, trials};
 pub use layout::{reverse_bytes, set_positions, transpose};
 
 /// Return the number of bytes of a packed row of `width` jots.
@@ -63,6 +63,16 @@ impl<'a> PackedBits<'a> {
         Self { bytes, ..*self }
     }
 
+    /// Return the bits of a range of columns of jots that begins with a whole byte.
+    pub(crate) fn columns(&self, columns: Range<usize>) -> Self {
+        debug_assert!(columns.start.is_multiple_of(8));
+        let bytes = columns.start / 8..columns.end.div_ceil(8);
+        Self {
+            bytes: self.bytes.slice_move(s![.., .., bytes]),
+            width: columns.len(),
+        }
+    }
+
     pub(crate) fn row(&self, frame: usize, row: usize) -> Cow<'a, [u8]> {
         contiguous(self.bytes.slice_move(s![frame, row, ..]))
     }
@@ -78,10 +88,14 @@ impl<'a> PackedBits<'a> {
     /// Return the bytes of a range of rows in a frame, row after row.
     pub(crate) fn rows(&self, frame: usize, rows: Range<usize>) -> Cow<'a, [u8]> {
         let part = self.bytes.slice_move(s![frame, rows, ..]);
-        match part.to_slice() {
-            Some(bytes) => Cow::Borrowed(bytes),
-            None => Cow::Owned(part.iter().copied().collect()),
+        if let Some(bytes) = part.to_slice() {
+            return Cow::Borrowed(bytes);
         }
+        let mut bytes = Vec::with_capacity(part.len());
+        for row in part.rows() {
+            bytes.extend_from_slice(&contiguous(row));
+        }
+        Cow::Owned(bytes)
     }
 
     /// Return the numbers of rows and columns of pixels for blocks of K̂ × K̂ jots.

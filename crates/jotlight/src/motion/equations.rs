@@ -86,6 +86,10 @@ impl EquationsView<'_> {
 /// D is 0. β is the brightness of the block, the ratio of Σ N to Σ D p. The equations are
 /// A = Σ w D g gᵀ and b = Σ w ρ g, summed over tiles of [`TILE`] pixels.
 ///
+/// Wide filters leave no details between neighboring rows. So of 2 rows, one is compared if the
+/// width of the filter is 1 or more, and of 4 rows if it is 2 or more. It stands for all of them.
+/// In images of less than 65,536 pixels, all rows are compared.
+///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if counts are not
 /// possible, or a remainder is not finite.
@@ -135,20 +139,27 @@ fn add_row_of_tiles_inlined<C: Count>(
     out: &mut [[f64; SUMS]],
 ) {
     let (size, stride, radius) = (template.size, template.stride, template.taps.len() / 2);
-    let first = index * TILE;
-    let rows = TILE.min(size.0 - first);
+    let top = index * TILE;
+    let in_tile = TILE.min(size.0 - top);
+    // The row in the middle of those for which it stands.
+    let first = top + (template.step.min(in_tile) - 1) / 2;
+    let step = template.step;
+    let compared = (top + in_tile - first).div_ceil(step);
+    let rows = (compared - 1) * step + 1;
+    let share = in_tile as f32 / compared as f32;
     let mut planes = gather(sums, first, rows, radius, stride);
     for ones in &mut planes[0] {
         *ones *= per_one;
     }
     let filtered = planes.each_ref().map(|plane| {
-        let mut out = vec![0.0; rows * stride];
-        filter_twice(plane, &template.taps, &mut out, size.1);
+        let mut out = vec![0.0; compared * stride];
+        filter_twice(plane, step, &template.taps, &mut out, size.1);
         out
     });
     let per_frame = 1.0 / sums.frames.max(1) as f32;
     let mut lanes = vec![[[0.0; TILE]; SUMS]; out.len()];
-    for row in 0..rows {
+    for index in 0..compared {
+        let row = index * step;
         let trials = &planes[1][(row + radius) * stride..][..stride];
         let start = (first + row) * stride;
         let of_template = [
@@ -164,7 +175,7 @@ fn add_row_of_tiles_inlined<C: Count>(
             };
             let filtered = filtered
                 .each_ref()
-                .map(|plane| part(&plane[row * stride..]));
+                .map(|plane| part(&plane[index * stride..]));
             let remainders = [0, 1].map(|k| per_frame * sums.remainders[[first + row, k, tile]]);
             add_pixels(
                 lanes,
@@ -176,7 +187,10 @@ fn add_row_of_tiles_inlined<C: Count>(
         }
     }
     for (out, lanes) in out.iter_mut().zip(&lanes) {
-        *out = lanes.map(|sums| sums.iter().copied().map(f64::from).sum());
+        *out = lanes.map(|sums| {
+            let sum: f64 = sums.iter().copied().map(f64::from).sum();
+            f64::from(share) * sum
+        });
     }
 }
 

@@ -87,8 +87,8 @@ impl<T> Rows<T> {
 /// Filter the first `columns` values of rows. Value i of a row of `out` is the sum over k of
 /// taps\[k\] times value i + k·step of this row of `source`.
 ///
-/// `columns` is a multiple of [`LANES`]. If `step` is the stride of `source`, the filter is
-/// vertical.
+/// `columns` is a multiple of [`LANES`]. If `step` is the distance of the rows, the filter is
+/// vertical. The stride of `source` may be a multiple of it.
 pub(super) fn filter(
     source: Rows<&[f32]>,
     step: usize,
@@ -140,13 +140,21 @@ impl WithSimd for Filter<'_> {
 /// Apply a filter in both directions to rows of an image with `width` columns, which are padded to
 /// a multiple of [`LANES`] values.
 ///
-/// `source` holds the rows of `out`, and as many before and after as there are taps on a side.
-pub(super) fn filter_twice(source: &[f32], taps: &[f32], out: &mut [f32], width: usize) {
+/// `source` holds rows, and as many before and after as there are taps on a side. `out` holds every
+/// `step`th of the former ones.
+pub(super) fn filter_twice(
+    source: &[f32],
+    step: usize,
+    taps: &[f32],
+    out: &mut [f32],
+    width: usize,
+) {
     let (radius, columns) = (taps.len() / 2, width.next_multiple_of(LANES));
     let stride = columns + 2 * radius;
     let mut padded = vec![0.0; out.len() / columns * stride];
     let vertical = Rows::new(&mut padded[radius..], stride);
-    filter(Rows::new(source, columns), columns, taps, vertical, columns);
+    let source = Rows::new(source, step * columns);
+    filter(source, columns, taps, vertical, columns);
     for row in padded.chunks_exact_mut(stride) {
         reflect_margins(row, radius, width);
     }
@@ -166,7 +174,7 @@ pub(super) fn filter_rows(image: ArrayView2<'_, f32>, first: usize, taps: &[f32]
         let row = (first + index) as isize - radius as isize;
         near[..width].copy_from_slice(&values(image.row(reflect(row, height))));
     }
-    filter_twice(&near, taps, out, width);
+    filter_twice(&near, 1, taps, out, width);
 }
 
 /// Write images `(N, H, W)` into `out` after a Gaussian filter with the standard deviation `sigma`

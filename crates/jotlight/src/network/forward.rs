@@ -1,6 +1,6 @@
 //! The forward pass: from bits, counts, or sums p to an image (equations (8) to (11)).
 
-use ndarray::{Array2, Array3, ArrayView2, ArrayView3};
+use ndarray::{Array3, ArrayView2, ArrayView3, ArrayViewMut2};
 use rayon::prelude::*;
 
 use super::first_layer::bit_tables::BitTables;
@@ -12,7 +12,7 @@ use super::layer::Layer;
 use super::tiling::region::Region;
 use super::tiling::schedule::evaluate_in_tiles;
 use super::tiling::strips::{PlanesMut, contiguous_planes};
-use crate::bits::{PackedBits, check_mask};
+use crate::bits::{PackedBits, check_mask, count_region, trials};
 use crate::error::{Error, Result};
 use crate::numbers::Real;
 
@@ -38,42 +38,50 @@ pub fn masked_sums<F: Real>(
     filter_masked_bits(bits, valid, layer.filters(), pixels)
 }
 
-/// Return the image that the network computes from the sums p of its first layer.
+/// Write the image that the network computes from the sums p of its first layer into `out`.
 ///
 /// The shape of `sums` is `(C, H, W)`. For a network of two layers, the function evaluates
 /// equations (10), (9), and (8), in this order. A network may have more layers.
 ///
 /// # Errors
-/// [`Error::Shape`] and [`Error::Range`] if the layers and the sums do not match.
-pub fn forward<F: Real>(layers: &[&Layer<F>], sums: ArrayView3<'_, F>) -> Result<Array2<F>> {
+/// [`Error::Shape`] and [`Error::Range`] if the layers, the sums, and `out` do not match.
+pub fn forward<F: Real>(
+    layers: &[&Layer<F>],
+    sums: ArrayView3<'_, F>,
+    out: ArrayViewMut2<'_, F>,
+) -> Result<()> {
     let (channels, height, width) = sums.dim();
     let graph = checked_graph(layers, channels, (height, width))?;
+    let out = rows_of_image(out, (height, width))?;
     let sums = contiguous_planes("sums", sums)?;
-    evaluate_in_tiles(&graph, (height, width), |region, out| {
+    evaluate_in_tiles(&graph, (height, width), out, |region, out| {
         for (plane, sums) in sums.chunks_exact(height * width).enumerate() {
             for (row, sums) in rows_of_region(sums, region, width).enumerate() {
                 out.row(plane, row).copy_from_slice(sums);
             }
         }
         layers[0].activate(out);
-    })
+    });
+    Ok(())
 }
 
-/// Return the image that the network computes from counts.
+/// Write the image that the network computes from counts into `out`.
 ///
 /// `sums` holds the sum p of the first layer for each count from 0 to K. Its shape is `(C, K + 1)`.
 ///
 /// # Errors
-/// [`Error::Shape`] and [`Error::Range`] if the layers, the counts, and the sums do not match.
-/// [`Error::Range`] for a count outside 0 to K.
+/// [`Error::Shape`] and [`Error::Range`] if the layers, the counts, the sums, and `out` do not
+/// match. [`Error::Range`] for a count outside 0 to K.
 pub fn forward_counts<F: Real>(
     layers: &[&Layer<F>],
     counts: ArrayView2<'_, i32>,
     sums: ArrayView2<'_, F>,
-) -> Result<Array2<F>> {
+    out: ArrayViewMut2<'_, F>,
+) -> Result<()> {
     let (channels, length) = sums.dim();
     let graph = checked_graph(layers, channels, counts.dim())?;
     let (height, width) = counts.dim();
+    let out = rows_of_image(out, (height, width))?;
     let counts = contiguous_planes("counts", counts)?;
     // A negative count becomes a large unsigned number, so one comparison detects counts below 0
     // and above K.
@@ -82,43 +90,113 @@ pub fn forward_counts<F: Real>(
         counts.fold(0, u32::max)
     };
     let max = counts.par_chunks(COUNTS_PER_TASK).map(max).max();
-    if max.unwrap_or(0) as usize >= length {
-        return Err(Error::range(
-            "counts",
-            "counts with a sum",
-            "a count without a sum",
-        ));
-    }
-    let mut tables = contiguous_planes("sums", sums)?.into_owned();
-    layers[0].activate(&mut PlanesMut::contiguous(&mut tables, (1, length)));
-    let tables: Vec<_> = tables.chunks_exact(length).map(CountTable::new).collect();
-    evaluate_in_tiles(&graph, (height, width), |region, out| {
+    check_table(max.unwrap_or(0) as usize, length)?;
+    let tables = activated_tables(layers[0], sums)?;
+    evaluate_in_tiles(&graph, (height, width), out, |region, out| {
         for (plane, table) in tables.iter().enumerate() {
             for (row, counts) in rows_of_region(&counts, region, width).enumerate() {
                 table.look_up(counts, out.row(plane, row));
             }
         }
-    })
+    });
+    Ok(())
 }
 
-/// Return the image that the network computes from bits.
+/// Write the image that a tied network computes from bits into `out`.
+///
+/// It is the image of [`forward_counts`] for the counts of the bits. They are counted tile by tile,
+/// and so stay in the cache.
+///
+/// # Errors
+/// [`Error::Shape`] and [`Error::Range`] if the layers, the bits, the sums, and `out` do not match.
+pub fn forward_tied_bits<F: Real>(
+    layers: &[&Layer<F>],
+    bits: &PackedBits<'_>,
+    oversampling: usize,
+    sums: ArrayView2<'_, F>,
+    out: ArrayViewMut2<'_, F>,
+) -> Result<()> {
+    let (channels, length) = sums.dim();
+    let size = bits.pixel_shape(oversampling)?;
+    let graph = checked_graph(layers, channels, size)?;
+    let out = rows_of_image(out, size)?;
+    let max = trials(bits.shape().0, oversampling)?;
+    check_table(max.cast_unsigned() as usize, length)?;
+    let tables = activated_tables(layers[0], sums)?;
+    evaluate_in_tiles(&graph, size, out, |region, out| {
+        let (rows, columns) = (region.rows.clone(), region.columns.clone());
+        let (counts, first) = count_region(bits, oversampling, rows, columns);
+        let width = counts.ncols();
+        let counts = counts.as_slice().unwrap_or_default();
+        for (row, counts) in counts.chunks_exact(width).enumerate() {
+            for (plane, table) in tables.iter().enumerate() {
+                table.look_up(&counts[first..], out.row(plane, row));
+            }
+        }
+    });
+    Ok(())
+}
+
+/// Write the image that the network computes from bits into `out`.
 ///
 /// The filters of the first layer must have the shape `(C, T, K̂, K̂)`.
 ///
 /// # Errors
-/// [`Error::Shape`] and [`Error::Range`] if the layers and the bits do not match.
-pub fn forward_bits<F: Real>(layers: &[&Layer<F>], bits: &PackedBits<'_>) -> Result<Array2<F>> {
+/// [`Error::Shape`] and [`Error::Range`] if the layers, the bits, and `out` do not match.
+pub fn forward_bits<F: Real>(
+    layers: &[&Layer<F>],
+    bits: &PackedBits<'_>,
+    out: ArrayViewMut2<'_, F>,
+) -> Result<()> {
     let (graph, first) = (Graph::new(layers)?, layers[0]);
     let (height, width) = pixel_grid(first.filters(), bits)?;
     check_planes(first.channels(), first.channels(), (height, width))?;
+    let out = rows_of_image(out, (height, width))?;
     let mut tables = BitTables::new(first.filters(), height * width);
     let activated = tables.activate(first.splines());
-    evaluate_in_tiles(&graph, (height, width), |region, out| {
+    evaluate_in_tiles(&graph, (height, width), out, |region, out| {
         tables.filter(bits, region, out);
         if !activated {
             first.activate(out);
         }
-    })
+    });
+    Ok(())
+}
+
+/// Return the output of the first layer for each count from 0, one table per channel.
+fn activated_tables<F: Real>(
+    first: &Layer<F>,
+    sums: ArrayView2<'_, F>,
+) -> Result<Vec<CountTable<F>>> {
+    let length = sums.dim().1;
+    let mut tables = contiguous_planes("sums", sums)?.into_owned();
+    first.activate(&mut PlanesMut::contiguous(&mut tables, (1, length)));
+    Ok(tables.chunks_exact(length).map(CountTable::new).collect())
+}
+
+/// Check that a table has an entry for the largest count.
+fn check_table(max: usize, length: usize) -> Result<()> {
+    if max < length {
+        return Ok(());
+    }
+    Err(Error::range(
+        "counts",
+        "counts with a sum",
+        "a count without a sum",
+    ))
+}
+
+/// Return the values of an image, row after row. Check its size.
+fn rows_of_image<F>(out: ArrayViewMut2<'_, F>, size: (usize, usize)) -> Result<&mut [F]> {
+    let received = (out.dim(), out.strides().to_vec());
+    match out.into_slice() {
+        Some(rows) if received.0 == size => Ok(rows),
+        _ => Err(Error::Shape {
+            what: "out",
+            expected: format!("contiguous rows of the shape {size:?}"),
+            received: format!("the shape {:?} with strides {:?}", received.0, received.1),
+        }),
+    }
 }
 
 /// Return the rows of a region of a plane.

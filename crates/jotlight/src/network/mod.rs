@@ -9,7 +9,8 @@
 //! 4. `spline` holds the nonlinearities φ (equations (8) and (10)).
 //! 5. `tiling` evaluates the layers tile by tile, so that the data stay in the cache.
 //! 6. `forward` computes an image with all of these.
-//! 7. `training` computes the cost, its gradient, and the normal equations (equations (12)
+//! 7. `model` reads networks from files, computes their parameters for a K, and reconstructs images.
+//! 8. `training` computes the cost, its gradient, and the normal equations (equations (12)
 //!    and (14) to (19)).
 //!
 //! Functions are generic over `f32` and `f64`. Images are computed in `f32`. Tests use `f64` for
@@ -20,12 +21,14 @@ mod first_layer;
 mod forward;
 mod graph;
 mod layer;
+mod model;
 mod spline;
 mod tiling;
 mod training;
 
-pub use forward::{forward, forward_bits, forward_counts, masked_sums};
+pub use forward::{forward, forward_bits, forward_counts, forward_tied_bits, masked_sums};
 pub use layer::{Layer, Wiring};
+pub use model::{LayerParameters, Network, Reconstruction, SensorModel, Served};
 pub use spline::channels::Splines;
 pub use spline::evaluate::Spline;
 pub use training::batch::{Batch, Gradient, NormalEquations, Patch};

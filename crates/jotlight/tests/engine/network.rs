@@ -1,14 +1,11 @@
-//! Comparisons of the network with a forward pass in plain loops, and of its gradients with central
-//! differences.
+//! Comparisons of the network with a forward pass in plain loops.
 
 use jotlight::bits::PackedBits;
 use jotlight::error::{Error, Result};
-use jotlight::likelihood::Threshold;
 use jotlight::network::{
-    Batch, Layer, Patch, Wiring, forward, forward_bits, forward_counts, masked_sums,
+    Layer, Wiring, forward, forward_bits, forward_counts, forward_tied_bits, masked_sums,
 };
-use jotlight::sensing::{Kernel, PerJot, Sensor};
-use ndarray::{Array1, Array2, Array3, Array4, ArrayView3, Axis};
+use ndarray::{Array2, Array3, Array4, ArrayView3, Axis, s};
 
 use crate::random::Random;
 
@@ -142,7 +139,8 @@ fn the_forward_pass_agrees_with_its_definition() -> Result<()> {
                 8.0 * (random.fraction() - 0.5)
             });
             let expected = naive_forward(&layers, &wiring, &sums);
-            let found = forward(&references, sums.view())?;
+            let mut found = Array2::zeros((height, width));
+            forward(&references, sums.view(), found.view_mut())?;
             assert!(largest_difference(&found, &expected) < 1e-9);
         }
     }
@@ -156,8 +154,8 @@ fn images_of_any_size_have_a_forward_pass() -> Result<()> {
     let references: Vec<&Layer<f64>> = layers.iter().collect();
     for size in [(1, 1), (1, 9), (7, 1), (3, 5), (5, 3), (33, 131)] {
         let sums = Array3::from_shape_simple_fn((3, size.0, size.1), || random.fraction() - 0.5);
-        let found = forward(&references, sums.view())?;
-        assert_eq!(found.dim(), size);
+        let mut found = Array2::from_elem(size, f64::NAN);
+        forward(&references, sums.view(), found.view_mut())?;
         assert!(found.iter().all(|value| value.is_finite()));
     }
     Ok(())
@@ -192,11 +190,16 @@ fn counts_bits_and_sums_lead_to_the_same_image() -> Result<()> {
         let valid = Array2::from_elem((height * side, bytes), 255);
         let sums = masked_sums(&weighted, &bits, valid.view())?;
 
-        let from_bits = forward_bits(&[&weighted, &second], &bits)?;
-        let from_counts = forward_counts(&[&tied, &second], counts.view(), by_count.view())?;
-        let from_sums = forward(&[&tied, &second], sums.view())?;
-        assert!(largest_difference(&from_bits, &from_counts) < 1e-12);
-        assert!(largest_difference(&from_bits, &from_sums) < 1e-12);
+        let (two, by_count) = ([&tied, &second], by_count.view());
+        let mut found = [0; 4].map(|_| Array2::from_elem((height, width), f64::NAN));
+        let [from_bits, from_counts, from_sums, from_tied_bits] = &mut found;
+        forward_bits(&[&weighted, &second], &bits, from_bits.view_mut())?;
+        forward_counts(&two, counts.view(), by_count, from_counts.view_mut())?;
+        forward(&two, sums.view(), from_sums.view_mut())?;
+        forward_tied_bits(&two, &bits, side, by_count, from_tied_bits.view_mut())?;
+        assert!(largest_difference(from_bits, from_counts) < 1e-12);
+        assert!(largest_difference(from_bits, from_sums) < 1e-12);
+        assert_eq!(from_tied_bits, from_counts);
     }
     Ok(())
 }
@@ -206,7 +209,8 @@ fn counts_without_a_sum_are_refused() -> Result<()> {
     let layer = Random(4).layer((1, 1, 1, 1), Wiring::default())?;
     for count in [-1, 3] {
         let counts = Array2::from_elem((2, 2), count);
-        let result = forward_counts(&[&layer], counts.view(), Array2::zeros((1, 3)).view());
+        let (sums, mut out) = (Array2::zeros((1, 3)), Array2::zeros((2, 2)));
+        let result = forward_counts(&[&layer], counts.view(), sums.view(), out.view_mut());
         assert!(matches!(result, Err(Error::Range { what: "counts", .. })));
     }
     Ok(())
@@ -215,7 +219,7 @@ fn counts_without_a_sum_are_refused() -> Result<()> {
 #[test]
 fn layers_that_do_not_match_are_refused() -> Result<()> {
     let mut random = Random(5);
-    let sums = Array3::zeros((1, 4, 4));
+    let (sums, mut out) = (Array3::zeros((1, 4, 4)), Array2::zeros((4, 4)));
     let first = random.layer((1, 1, 1, 1), Wiring::default())?;
     for (shape, wiring) in [
         ((1, 2, 1, 1), Wiring::default()),
@@ -226,106 +230,48 @@ fn layers_that_do_not_match_are_refused() -> Result<()> {
         ((1, 1, 1, 1), wiring(1, 1, None, Some(1))),
     ] {
         let second = random.layer(shape, wiring)?;
-        assert!(forward(&[&first, &second], sums.view()).is_err());
+        assert!(forward(&[&first, &second], sums.view(), out.view_mut()).is_err());
     }
-    assert!(forward::<f64>(&[], sums.view()).is_err());
+    assert!(forward::<f64>(&[], sums.view(), out.view_mut()).is_err());
     Ok(())
 }
 
-/// The shapes of a network's filters, and its parameters in the order of the gradient.
-struct Parameters {
-    shapes: Vec<(usize, usize, usize, usize)>,
-    values: Array1<f64>,
-}
-
-impl Parameters {
-    fn random(shapes: Vec<(usize, usize, usize, usize)>, random: &mut Random) -> Self {
-        let mut values = Vec::new();
-        for &(outputs, inputs, rows, columns) in &shapes {
-            let taps = inputs * rows * columns;
-            let scale = 2.0 / (taps as f64).sqrt();
-            values.extend((0..outputs * taps).map(|_| scale * (random.fraction() - 0.5)));
-            values.extend((0..outputs * COEFFICIENTS).map(|_| 3.0 * (random.fraction() - 0.5)));
-        }
-        let values = values.into();
-        Self { shapes, values }
-    }
-
-    fn layers(&self) -> Result<Vec<Layer<f64>>> {
-        let mut values = self.values.iter().copied();
-        let layer = |&shape: &(usize, usize, usize, usize)| {
-            let mut next = || values.next().unwrap_or(f64::NAN);
-            let filters = Array4::from_shape_simple_fn(shape, &mut next);
-            let coefficients = Array2::from_shape_simple_fn((shape.0, COEFFICIENTS), next);
-            let wiring = Wiring::default();
-            Layer::new(filters, Some(coefficients.view()), START, SPACING, wiring)
-        };
-        self.shapes.iter().map(layer).collect()
-    }
-}
-
-fn batch<'a>(images: &'a [Array2<f32>], sensor: Sensor<'a>) -> Batch<'a> {
-    let patch = |image, rows, columns| Patch {
-        image,
-        rows,
-        columns,
-    };
-    Batch {
-        sensor,
-        frames: 2,
-        images: images.iter().map(|image| image.view()).collect(),
-        patches: vec![
-            patch(0, 2..9, 0..8),
-            patch(1, 0..6, 0..5),
-            patch(0, 4..12, 3..13),
-        ],
-        border: 1,
-        seed: [9; 32],
-    }
-}
-
-fn sensor<'a>() -> Result<Sensor<'a>> {
-    Ok(Sensor {
-        kernel: Kernel::new(0, 2)?,
-        gain_per_frame: 6.0,
-        efficiency: PerJot::Same(1.0),
-        dark_counts: PerJot::Same(0.0),
-        dead: None,
-        threshold: Threshold::new(1)?,
-    })
-}
-
 #[test]
-fn gradients_agree_with_central_differences() -> Result<()> {
-    let mut random = Random(6);
-    let images = [(12, 13), (6, 5)]
-        .map(|shape| Array2::from_shape_simple_fn(shape, || random.fraction() as f32));
-    let batch = batch(&images, sensor()?);
-    for shapes in [
-        vec![(1, 1, 1, 1)],
-        vec![(2, 1, 1, 1), (1, 2, 3, 3)],
-        vec![(3, 2, 2, 2), (2, 3, 2, 4), (1, 2, 3, 1)],
-    ] {
-        let mut parameters = Parameters::random(shapes, &mut random);
-        let result = batch.gradient(&parameters.layers()?)?;
-        let normal_equations = batch.normal_equations(&parameters.layers()?)?;
-        assert_eq!(normal_equations.gradient.gradient, result.gradient);
-        let cost = |parameters: &Parameters| -> Result<f64> {
-            let (errors, pixels) = batch.squared_errors(&parameters.layers()?)?;
-            assert_eq!(pixels, result.pixels);
-            Ok(0.5 * errors.iter().sum::<f64>() / errors.len() as f64)
-        };
-        let step = 1e-5;
-        for (index, found) in result.gradient.iter().enumerate() {
-            let value = parameters.values[index];
-            parameters.values[index] = value + step;
-            let above = cost(&parameters)?;
-            parameters.values[index] = value - step;
-            let below = cost(&parameters)?;
-            parameters.values[index] = value;
-            let expected = (above - below) / (2.0 * step);
-            assert!((found - expected).abs() < 1e-5 * (1.0 + expected.abs()));
-        }
+fn images_that_cannot_be_written_are_refused() -> Result<()> {
+    let layer = Random(7).layer((1, 1, 1, 1), Wiring::default())?;
+    let sums = Array3::zeros((1, 4, 6));
+    let mut image = Array2::zeros((8, 6));
+    for (end, step) in [(3, 1), (8, 2)] {
+        let out = image.slice_mut(s![..end; step, ..]);
+        let result = forward(&[&layer], sums.view(), out);
+        assert!(matches!(result, Err(Error::Shape { what: "out", .. })));
+    }
+    Ok(())
+}
+
+/// Tied networks count bits in regions, whose first column need not begin with a byte.
+#[test]
+fn counts_of_regions_are_those_of_the_image() -> Result<()> {
+    let mut random = Random(8);
+    let layers = [
+        random.layer((1, 1, 1, 1), Wiring::default())?,
+        random.layer((1, 1, 7, 7), Wiring::default())?,
+    ];
+    let layers = layers.each_ref();
+    for (frames, side, width) in [(1, 4, 1100), (1, 3, 1037), (40, 1, 2100), (17, 2, 1030)] {
+        let (height, jots): (_, usize) = (9, width * side);
+        let shape = (frames, height * side, jots.div_ceil(8));
+        let packed = Array3::from_shape_simple_fn(shape, || (random.fraction() * 255.0) as u8);
+        let bits = PackedBits::new(packed.view(), jots)?;
+        let mut counts = Array2::zeros((height, width));
+        jotlight::bits::add_block_counts(&bits, side, None, counts.view_mut())?;
+        let trials = frames * side * side;
+        let sums = Array2::from_shape_fn((1, trials + 1), |(_, k)| k as f64 / trials as f64);
+        let mut found = [0; 2].map(|_| Array2::zeros((height, width)));
+        let [from_counts, from_bits] = &mut found;
+        forward_counts(&layers, counts.view(), sums.view(), from_counts.view_mut())?;
+        forward_tied_bits(&layers, &bits, side, sums.view(), from_bits.view_mut())?;
+        assert_eq!(from_counts, from_bits);
     }
     Ok(())
 }

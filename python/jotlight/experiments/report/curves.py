@@ -27,6 +27,7 @@ METHOD_COLORS = {
     "network-small": "#e0559a",
     "network-medium": "#c0392b",
     "network-large": "#7b2d8b",
+    "network-extra-large": "#3d1a6e",
 }
 """The color of each method, the same in every figure."""
 

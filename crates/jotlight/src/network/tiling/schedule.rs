@@ -1,17 +1,15 @@
 //! The division of an image into bands for the threads, and of the bands into tiles.
 
-use ndarray::Array2;
 use rayon::prelude::*;
 
 use super::dependencies::required_regions;
 use super::region::Region;
 use super::strips::PlanesMut;
 use super::workspace::{CachedWorkspace, TileColumn};
-use crate::error::Result;
+use crate::interrupt;
 use crate::network::convolution::winograd::TILE;
 use crate::network::graph::Graph;
 use crate::numbers::Real;
-use crate::{interrupt, memory};
 
 /// The maximum number of pixels of a tile, or of each strip if threads share the tile.
 const MAX_TILE_PIXELS: usize = 1 << 16;
@@ -33,16 +31,16 @@ const BANDS_PER_THREAD: usize = 4;
 /// The number of strips per thread if threads share a tile.
 const STRIPS_PER_THREAD: usize = 2;
 
-/// Return the image that a network computes.
+/// Write the image that a network computes into `image`, row after row.
 ///
 /// `first_layer` writes a region of the first layer's output.
 pub(crate) fn evaluate_in_tiles<F: Real>(
     graph: &Graph<'_, F>,
     size: (usize, usize),
+    image: &mut [F],
     first_layer: impl Fn(&Region, &mut PlanesMut<'_, F>) + Sync,
-) -> Result<Array2<F>> {
+) {
     let (height, width) = size;
-    let mut image = memory::zeros("image", (height, width))?;
     let (bands, strips) = divide_among_threads(graph, height);
     let group = TILE * graph.size_divisor;
     let band_height = height.div_ceil(bands).next_multiple_of(group);
@@ -50,8 +48,7 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
     let pixels = MAX_TILE_PIXELS.min(MAX_TILE_VALUES / values);
     let tile_width = (pixels / group).clamp(MIN_TILE_WIDTH, MAX_TILE_WIDTH);
     let cached_pixels = pixels.min(MAX_LAYER_BYTES / (values * size_of::<F>()));
-    let bands = image.as_slice_mut().unwrap_or_default();
-    let bands = bands.par_chunks_mut(band_height * width).enumerate();
+    let bands = image.par_chunks_mut(band_height * width).enumerate();
     bands.for_each_init(
         CachedWorkspace::default,
         |CachedWorkspace(workspace), (band, out)| {
@@ -78,7 +75,6 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
             }
         },
     );
-    Ok(image)
 }
 
 /// Return the number of bands, and the number of strips per tile.
