@@ -290,6 +290,14 @@ def expose(
     out: npt.NDArray[np.uint8],
     threads: int | None,
 ) -> None: ...
+def draw_counts(
+    sensor: dict[str, Any],
+    frames: int,
+    image: npt.NDArray[np.float32] | npt.NDArray[np.float64],
+    seed: bytes,
+    index: int,
+    out: npt.NDArray[np.int32],
+) -> None: ...
 def rate(
     sensor: dict[str, Any],
     image: _Image,

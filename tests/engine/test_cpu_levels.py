@@ -71,6 +71,36 @@ def test_bits_and_counts_are_equal(level, side):
     assert_same_as_scalar(level, lambda threads=1: bits.counts(threads=threads), 0)
 
 
+@pytest.mark.parametrize("side", [1, 3, 4])
+@pytest.mark.parametrize("threshold", [1, 2])
+def test_bits_of_jots_with_their_own_rates_are_equal(level, side, threshold):
+    maps = np.random.default_rng(0).random((45 * side, 83 * side))
+    for sensor in (
+        jl.Sensor(oversampling=side, frames=9, kernel="cubic", threshold=threshold),
+        jl.Sensor(oversampling=side, frames=9, efficiency=maps, dark_counts=maps / 9),
+    ):
+        assert_same_as_scalar(
+            level, lambda threads=1, s=sensor: s.expose(IMAGE, 0, threads=threads).packed, 0
+        )
+    if threshold > 1:
+        readings = sensor.replace(threshold=1, bit_depth=3, read_noise=0.3)
+        assert_same_as_scalar(
+            level, lambda threads=1: readings.expose(IMAGE, 0, threads=threads).to_array(), 0
+        )
+
+
+@pytest.mark.parametrize("threshold", [1, 3])
+def test_drawn_counts_are_equal(level, threshold):
+    arguments = jl.Sensor(oversampling=9, threshold=threshold).engine_arguments()
+
+    def draw(threads=1):
+        counts = np.empty(IMAGE.shape, np.int32)
+        engine.draw_counts(arguments, 2, IMAGE, bytes(32), 5, counts)
+        return counts
+
+    assert_same_as_scalar(level, draw, 0)
+
+
 @pytest.mark.parametrize("width", [1, 15, 16, 17, 64, 65, 83])
 def test_estimates_of_tied_networks_are_equal(level, width):
     network = jl.Network.initial(SENSOR)

@@ -19,10 +19,10 @@ def several_bits(**changes):
 @pytest.mark.parametrize(
     "sensor",
     [
-        several_bits(),
+        several_bits(gain=60.0),
         several_bits(gain=800.0, bit_depth=7, kernel="linear"),
-        several_bits(dark_counts=np.full((60, 40), 0.3, np.float32), efficiency=0.5),
-        several_bits(mask=np.arange(2400).reshape(60, 40) % 7 == 0),
+        several_bits(gain=60.0, dark_counts=np.full((60, 40), 0.3, np.float32), efficiency=0.5),
+        several_bits(gain=60.0, mask=np.arange(2400).reshape(60, 40) % 7 == 0),
         several_bits(gain=[1.0, 8.0, 1.0, 8.0, 30.0]),
     ],
 )

@@ -4,11 +4,12 @@ import hashlib
 
 import numpy as np
 import pytest
+from scipy.stats import poisson
 
 import jotlight as jl
 from jotlight.seeds import seed_bytes
 from reference import sensing
-from reference.chacha import chacha8, uniforms
+from reference.chacha import chacha8, noise, uniforms
 
 IMAGE = np.linspace(0, 1, 77).reshape(7, 11)
 
@@ -35,8 +36,30 @@ def test_a_bit_is_1_if_the_random_number_of_its_position_is_below_its_probabilit
         np.testing.assert_array_equal(bits[frame, row, :, channel], draws < np.rint(probability))
 
 
+def test_draws_of_wide_rows_come_from_several_groups():
+    sensor = jl.Sensor(frames=2, kernel="linear")
+    image = np.random.default_rng(0).random((3, 5000))
+    bits = sensor.expose(image, rng=6, tile=(slice(1, 3), slice(700, 4900))).to_array()
+    draws = uniforms(seed_bytes(6), frame=1, row=2, columns=5000)
+    probability = sensing.probability(sensor, image)[2] * 2**48
+    np.testing.assert_array_equal(bits[1, 1], (draws < np.rint(probability))[700:4900])
+
+
+@pytest.mark.filterwarnings("ignore:read_noise")
+def test_read_noise_has_random_numbers_of_its_own():
+    """Readings are the photons of the random numbers of bits, plus normal numbers."""
+    sensor = jl.Sensor(frames=2, bit_depth=6, read_noise=0.7, dark_counts=20.0)
+    readings = sensor.expose(np.zeros((2, 301)), rng=2, tile=(slice(2), slice(50, 301))).to_array()
+    seed, place = seed_bytes(2), {"frame": 1, "row": 1, "columns": 301}
+    photons = poisson.isf((uniforms(seed, **place) + 0.5) / 2**48, 20)
+    u, v = ((noise(seed, **place) >> np.uint64(12)) + 0.5).T / 2**52
+    normal = np.sqrt(-2 * np.log(u)) * np.cos(2 * np.pi * v)
+    expected = np.clip(np.rint(photons + 0.7 * normal), 0, 63)
+    np.testing.assert_array_equal(readings[1, 1], expected[50:])
+
+
 def test_the_second_random_number_decides_where_the_first_is_equal():
-    """About one in 2¹⁶ random numbers equals the probability in its first 16 bits."""
+    """Some random numbers equal the probability even in their first 16 bits."""
     sensor = jl.Sensor()
     probability = 2.4 / 2**16
     image = np.full((1, 1 << 18), -np.log1p(-probability))
@@ -49,11 +72,11 @@ def test_the_second_random_number_decides_where_the_first_is_equal():
 @pytest.mark.parametrize(
     ("sensor", "digest"),
     [
-        (jl.Sensor(), "46e1cd3980ca546f"),
-        (jl.Sensor(oversampling=5, frames=3, threshold=2, gain=150), "821a54be0019531f"),
+        (jl.Sensor(), "d9b57a1082bbaa2e"),
+        (jl.Sensor(oversampling=5, frames=3, threshold=2, gain=150), "b577489f20ff6806"),
         (
             jl.Sensor(oversampling=4, frames=2, kernel="quadratic", dark_counts=0.01),
-            "231188191876ce4b",
+            "95abbbc051238c99",
         ),
     ],
 )

@@ -12,7 +12,7 @@ import jotlight._engine as engine
 from jotlight.seeds import seed_bytes
 from jotlight.training.parameters import engine_layers, parameter_vector
 from reference import training as twins
-from reference.networks import last_layer, random_network
+from reference.networks import random_network
 
 SEED = np.random.SeedSequence(5)
 CASES = {
@@ -52,12 +52,24 @@ def crops(patches=PATCHES, images=IMAGES):
     return [images[i][top:bottom, left:right] for i, top, bottom, left, right in patches]
 
 
-def patch_bits(sensor, patches=PATCHES):
-    """Bits of each patch: patch i uses the frames from i·T on."""
-    all_frames = sensor.replace(frames=len(patches) * sensor.frames)
+def patch_bits(sensor, patches=PATCHES, *, tied):
+    """Bits of each patch: patch i uses the frames from i·T on.
+
+    With a box kernel, a tied network receives counts. Bits with the same counts represent them.
+    """
+    side, frames = sensor.oversampling, sensor.frames
+    all_frames = sensor.replace(frames=len(patches) * frames)
     for index, crop in enumerate(crops(patches)):
-        mine = slice(index * sensor.frames, (index + 1) * sensor.frames)
-        yield all_frames.expose(crop, SEED, frames=mine).to_array()
+        if tied and sensor.kernel == "box":
+            counts = np.empty(crop.shape, np.int32)
+            arguments = (sensor.engine_arguments(), frames, crop, seed_bytes(SEED), index, counts)
+            engine.draw_counts(*arguments)
+            ones = np.arange(sensor.trials).reshape(frames, 1, side, 1, side)
+            bits = ones < counts[None, :, None, :, None]
+            yield bits.reshape(frames, len(crop) * side, -1)
+        else:
+            mine = slice(index * frames, (index + 1) * frames)
+            yield all_frames.expose(crop, SEED, frames=mine).to_array()
 
 
 def counted_pixels(patches=PATCHES, border=1):
@@ -71,7 +83,7 @@ def network_away_from_knots(case, sensor, *, tied):
         vector = parameter_vector(network)
         gaps = [
             np.abs(plane - end).min()
-            for bits in patch_bits(sensor)
+            for bits in patch_bits(sensor, tied=tied)
             for layer, plane in zip(
                 network.layers, twins.spline_inputs(network, vector, bits), strict=True
             )
@@ -118,7 +130,8 @@ def test_errors_equal_the_twins_over_the_counted_pixels(sensor, border, tied):
     errors, pixels = engine.squared_errors(
         in_float64(network, vector), batch_of(sensor, border=border), None
     )
-    parts = zip(patch_bits(sensor), crops(), counted_pixels(border=border), strict=True)
+    drawn = patch_bits(sensor, tied=tied)
+    parts = zip(drawn, crops(), counted_pixels(border=border), strict=True)
     expected = [
         np.sum((twins.output(network, vector, bits) - crop)[inside] ** 2)
         for bits, crop, inside in parts
@@ -136,7 +149,8 @@ def test_the_matrix_is_the_mean_of_squared_jacobians(case, sensor, tied):
     network, vector = network_away_from_knots(case, sensor, tied=tied)
     batch = batch_of(sensor)
     expected, slope = 0, 0
-    for bits, crop, inside in zip(patch_bits(sensor), crops(), counted_pixels(), strict=True):
+    drawn = patch_bits(sensor, tied=tied)
+    for bits, crop, inside in zip(drawn, crops(), counted_pixels(), strict=True):
 
         def estimate(vector, bits=bits, inside=inside):
             return twins.output(network, vector, bits)[inside]
@@ -162,10 +176,10 @@ def test_the_rim_of_a_whole_image_counts():
     network = random_network(np.random.default_rng(4), sensor, *CASES["two layers"], tied=True)
     whole = [(0, 0, 12, 0, 13)]
     batch = batch_of(sensor, patches=whole, border=5)
-    (error,), (pixels,) = engine.squared_errors(
-        engine_layers(network, parameter_vector(network)), batch, None
-    )
-    estimate = last_layer(network, sensor.expose(IMAGES[0], SEED)).astype(float)
+    vector = parameter_vector(network)
+    (error,), (pixels,) = engine.squared_errors(engine_layers(network, vector), batch, None)
+    (bits,) = patch_bits(sensor, whole, tied=True)
+    estimate = twins.output(network, vector, bits)
     assert pixels == 12 * 13
     assert error == pytest.approx(np.sum((estimate - IMAGES[0]) ** 2), rel=1e-5)
 

@@ -70,8 +70,8 @@ mod _engine {
     };
     #[pymodule_export]
     use super::sensing::{
-        expose, inner_products, kernel_taps, probability, rate, spread_adjoint, spread_forward,
-        spread_normal,
+        draw_counts, expose, inner_products, kernel_taps, probability, rate, spread_adjoint,
+        spread_forward, spread_normal,
     };
     #[pymodule_export]
     use super::tv::{

@@ -82,6 +82,25 @@ pub fn expose(
     })
 }
 
+/// Draw the counts of `frames` frames of an image `(H, W)` into `out`. Counts with different numbers
+/// `index` are independent.
+#[pyfunction]
+#[pyo3(signature = (sensor, frames, image, seed, index, out))]
+pub fn draw_counts(
+    py: Python<'_>,
+    sensor: PySensor<'_>,
+    frames: usize,
+    image: PyImage<'_>,
+    seed: [u8; 32],
+    index: usize,
+    mut out: PyReadwriteArray2<'_, i32>,
+) -> PyResult<()> {
+    let (sensor, image, out) = (sensor.to_engine()?, image.to_engine(), out.as_array_mut());
+    run(py, Some(1), || {
+        sensing::draw_counts(&sensor, frames, image, seed, index, out)
+    })
+}
+
 /// Write the rates of rows of jots into `out`. The first row of `out` is the row `first` of jots.
 #[pyfunction]
 #[pyo3(signature = (sensor, image, first, out, threads))]

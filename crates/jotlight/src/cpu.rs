@@ -119,6 +119,14 @@ pub(crate) fn v4() -> Option<pulp::x86::V4> {
         .flatten()
 }
 
+/// Return the x86-64-v3 instructions if they are the current level.
+#[cfg(target_arch = "x86_64")]
+pub(crate) fn v3() -> Option<pulp::x86::V3> {
+    (Level::current() == Level::V3)
+        .then(pulp::x86::V3::try_new)
+        .flatten()
+}
+
 /// Run `work` with the vector instructions of the current level, and return its result.
 pub(crate) fn run<W: WithSimd>(work: W) -> W::Output {
     match Level::current() {

@@ -8,9 +8,9 @@ QUARTERS = (
 )  # fmt: skip
 
 
-def chacha8(key, stream, blocks):
-    """Return the first words of a stream, 16 per block; counter and stream have 64 bits each."""
-    counters = np.arange(blocks, dtype="<u8").view("<u4").reshape(-1, 2).T
+def chacha8(key, stream, blocks, first=0):
+    """Return words of a stream, 16 per block; counter and stream have 64 bits each."""
+    counters = np.arange(first, first + blocks, dtype="<u8").view("<u4").reshape(-1, 2).T
     constants = np.frombuffer(b"expand 32-byte k" + key + stream.to_bytes(8, "little"), "<u4")
     start = np.tile(constants[:, None], blocks)
     start = np.concatenate([start[:12], counters, start[12:]])
@@ -29,12 +29,33 @@ def chacha8(key, stream, blocks):
     return (x + start).T.astype("<u4").ravel()
 
 
+GROUP = 512
+"""The number of jots whose draws come from the same eight blocks."""
+
+
+def draws(key, stream, columns):
+    """Return the 8-bit draws of the jots of a row.
+
+    The bytes of a group are the first words of its eight blocks, then their second words, and so
+    on.
+    """
+    blocks = chacha8(key, stream, -(-columns // GROUP) * 8).reshape(-1, 8, 16)
+    return np.ascontiguousarray(blocks.transpose(0, 2, 1)).view("<u1").ravel()[:columns]
+
+
 def uniforms(key, *, channel=0, frame=0, row=0, columns):
     """Return U of the jots of a row, in units of 2⁻⁴⁸.
 
-    The upper 16 bits come from one stream, the lower 32 bits from a second one.
+    The upper 8 bits come from one stream, the lower 40 bits from a second one.
     """
     stream = channel << 56 | frame << 24 | row
-    first = chacha8(key, stream, -(-columns // 32)).view("<u2")[:columns]
-    rest = chacha8(key, stream | 1 << 63, -(-columns // 16))[:columns]
-    return first.astype(np.int64) << 32 | rest
+    rest = chacha8(key, stream | 1 << 63, -(-columns // 8)).view("<u8")[:columns]
+    upper = draws(key, stream, columns).astype(np.int64)
+    return upper << 40 | (rest >> np.uint64(24)).astype(np.int64)
+
+
+def noise(key, *, channel=0, frame=0, row=0, columns):
+    """Return the two words of 64 bits for the read noise of the jots of a row, (columns, 2)."""
+    stream = channel << 56 | frame << 24 | row | 1 << 63
+    blocks = chacha8(key, stream, -(-columns // 4), first=1 << 40)
+    return blocks.view("<u8").reshape(-1, 2)[:columns]

@@ -17,8 +17,8 @@ SETTINGS = {
     "exposure-cubic-frames": {"oversampling": 4, "frames": 4, "kernel": "cubic"},
     "exposure-one": {},
 }
-OPERATIONS = 13
-"""Operations per jot: half a word of ChaCha with 8 rounds (25 operations), and a comparison."""
+OPERATIONS = 7
+"""Operations per jot: a byte of ChaCha with 8 rounds (6 operations), and a comparison."""
 
 NUMPY = "NumPy, poisson(s) >= q"
 
@@ -63,7 +63,6 @@ def case(name: str, sensor: jl.Sensor) -> Case:
         tolerance=6,
         operations=OPERATIONS * jots,
         bytes=jots / 8,
-        operations_note="bits are written; each jot takes half a word of ChaCha with 8 rounds, "
-        "which is 25 "
-        "operations, and a comparison",
+        operations_note="bits are written; each jot takes a byte of ChaCha with 8 rounds, which is "
+        "6 operations, and a comparison",
     )

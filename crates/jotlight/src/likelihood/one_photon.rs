@@ -189,7 +189,7 @@ fn store(group: &Group, start: usize, out: &mut [f64]) {
 /// If x = k ln 2 + r and |r| ≤ ½ ln 2, then e^x − 1 = 2^k (e^r − 1) + (2^k − 1). The Taylor series
 /// of e^r − 1 is evaluated up to its 13th term.
 #[inline(always)]
-fn exp_m1(x: &Group) -> Group {
+pub(crate) fn exp_m1(x: &Group) -> Group {
     // After this constant is added, the lowest bits of the sum contain the nearest integer.
     const SHIFT: f64 = 6_755_399_441_055_744.0;
     const SERIES: [f64; 12] = [

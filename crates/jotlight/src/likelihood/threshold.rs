@@ -210,7 +210,7 @@ impl Threshold {
         }
     }
 
-    fn is_one_photon(&self) -> bool {
+    pub(crate) fn is_one_photon(&self) -> bool {
         self.q < 1.5
     }
 

@@ -1,14 +1,15 @@
 //! Random readings of several bits.
 
 use ndarray::{ArrayViewMut1, ArrayViewMut3, Axis};
-use num_integer::Integer;
 use rayon::prelude::*;
 
 use super::Response;
 use super::poisson::poisson_quantile;
 use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::rng::{ALIGNMENT, JotRandom, NOISE_BYTES, RowStream, check_size};
+use crate::rng::{
+    ALIGNMENT, JotRandom, MAX_REFINEMENTS, NOISE_BYTES, REFINEMENT_BITS, RowStream, check_size,
+};
 use crate::sensing::{Exposure, Image, Sensor, Window};
 
 /// The number of jots of a row that are drawn together. It bounds the memory of a thread.
@@ -85,9 +86,8 @@ struct RowDrawer<'r> {
     response: &'r Response,
     /// The rates of the jots of a segment, NaN for dead jots.
     rates: Vec<f64>,
-    high: Vec<u8>,
-    low: Vec<u8>,
-    noise: Vec<u8>,
+    draws: Vec<[u8; ALIGNMENT]>,
+    noise: Vec<[u8; NOISE_BYTES]>,
 }
 
 impl<'r> RowDrawer<'r> {
@@ -96,43 +96,43 @@ impl<'r> RowDrawer<'r> {
             random: JotRandom::new(seed),
             response,
             rates: Vec::new(),
-            high: Vec::new(),
-            low: Vec::new(),
+            draws: Vec::new(),
             noise: Vec::new(),
         }
     }
 
     /// Draw the readings of a segment of a row, which starts at `column`.
     fn draw(&mut self, stream: RowStream, column: usize, out: &mut ArrayViewMut1<'_, u16>) {
-        let first = column.prev_multiple_of(&ALIGNMENT);
-        let offset = column - first;
-        let length = offset + self.rates.len();
-        self.high.resize(length.next_multiple_of(2) * 2, 0);
-        self.low.resize(self.rates.len() * 4, 0);
-        self.random.fill_draws(stream, first, &mut self.high);
-        self.random.fill_refinements(stream, column, &mut self.low);
+        let offset = column % ALIGNMENT;
+        let groups = (offset + self.rates.len()).div_ceil(ALIGNMENT);
+        self.draws.resize(groups, [0; ALIGNMENT]);
+        self.random
+            .fill_draws(stream, column - offset, &mut self.draws);
+        let draws = &self.draws.as_flattened()[offset..];
+        let mut refinements = [0; MAX_REFINEMENTS];
         let sigma = self.response.noise.as_ref().map(super::Noise::sigma);
         if sigma.is_some() {
-            self.noise.resize(self.rates.len() * NOISE_BYTES, 0);
+            self.noise.resize(self.rates.len(), [0; NOISE_BYTES]);
             self.random.fill_noise(stream, column, &mut self.noise);
         }
-        let high = self.high.as_chunks::<2>().0;
-        let low = self.low.as_chunks::<4>().0;
-        let noise = self.noise.as_chunks::<NOISE_BYTES>().0;
         for (index, (&rate, out)) in self.rates.iter().zip(out).enumerate() {
+            if index % MAX_REFINEMENTS == 0 {
+                let columns = std::array::from_fn::<_, MAX_REFINEMENTS, _>(|k| column + index + k);
+                refinements = self.random.refinements(stream, &columns);
+            }
             if rate.is_nan() {
                 *out = 0;
                 continue;
             }
-            let bits = u64::from(u16::from_le_bytes(high[offset + index])) << 32
-                | u64::from(u32::from_le_bytes(low[index]));
+            let refinement = refinements[index % MAX_REFINEMENTS];
+            let bits = u64::from(draws[index]) << REFINEMENT_BITS | refinement;
             // One half makes [u < P] the same as that of bits, whose P is rounded to 48 bits.
             let u = (bits as f64 + 0.5) / 48f64.exp2();
             let reach = sigma.map_or(0.0, |sigma| 10.0 * sigma + 2.0);
             let highest = self.response.highest as f64 + reach;
             let mut level = poisson_quantile(u, rate, highest);
             if let Some(sigma) = sigma {
-                level = (level + sigma * normal(noise[index])).round();
+                level = (level + sigma * normal(self.noise[index])).round();
             }
             let reading = level.clamp(self.response.lowest as f64, self.response.highest as f64);
             *out = (reading - self.response.lowest as f64) as u16;

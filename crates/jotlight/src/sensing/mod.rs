@@ -4,14 +4,21 @@
 //! efficiency η and the dark counts d turn it into the rate η s + d: the expected detections per
 //! jot and frame. A jot reports 1 if at least q photons are detected (equation (3)).
 
+mod compare;
+mod count;
 mod expose;
+mod exposure;
+mod filter;
+mod interleave;
 mod kernel;
 mod probability_table;
 mod rate;
+mod row_sampler;
 mod spread;
 
+pub(crate) use count::can_draw_counts;
+pub(crate) use exposure::Exposure;
 pub(crate) use kernel::mirror_index;
-pub(crate) use rate::Exposure;
 
 use std::ops::Range;
 
@@ -20,6 +27,7 @@ use ndarray::ArrayView2;
 use crate::error::{Error, Result};
 use crate::likelihood::Threshold;
 
+pub use count::draw_counts;
 pub use expose::expose;
 pub use kernel::Kernel;
 pub use rate::{probability, rate};
@@ -107,16 +115,10 @@ impl Sensor<'_> {
         jots_of_pixels(image.shape(), &self.kernel, &self.kernel)
     }
 
-    /// Return (η, d) if all jots of a pixel have the same rate for any image, or else `None`.
-    fn uniform_response(&self) -> Option<(f64, f64)> {
-        match (self.efficiency, self.dark_counts) {
-            (PerJot::Same(efficiency), PerJot::Same(dark_counts))
-                if self.kernel.degree() == 0 && self.dead.is_none() =>
-            {
-                Some((efficiency, dark_counts))
-            }
-            _ => None,
-        }
+    /// Return whether all jots of a pixel have the same rate for any image.
+    pub(crate) fn has_uniform_pixels(&self) -> bool {
+        let maps = (&self.efficiency, &self.dark_counts, &self.dead);
+        self.kernel.degree() == 0 && matches!(maps, (PerJot::Same(_), PerJot::Same(_), None))
     }
 
     pub(crate) fn is_dead(&self, row: usize, column: usize) -> bool {

@@ -1,7 +1,8 @@
 //! A table of detection probabilities, with which random draws are compared (paper, equation (3)).
 //!
 //! The table holds P(b = 1), rounded to 16 bits. The exact probability is computed only for the few
-//! draws that are close to the value of the table.
+//! draws that are close to the value of the table. The threshold 1 needs no table, because a short
+//! polynomial approximates its exponential function.
 
 use std::sync::{Arc, Mutex, MutexGuard};
 
@@ -19,8 +20,11 @@ pub(super) struct ProbabilityTable {
     first: f64,
     /// The index of the last entry that the table uses.
     last: f64,
-    /// The [`ENTRIES`] entries.
+    /// The [`ENTRIES`] entries, none for the threshold 1.
     entries: Vec<u32>,
+    /// The maximum distance between a 16-bit draw and the value of the table for which the exact
+    /// probability must decide, in units of 2⁻¹⁶.
+    margin: u16,
 }
 
 /// The length of a table. No threshold needs more entries. The length is a power of 2, so that
@@ -47,10 +51,12 @@ impl ProbabilityTable {
     /// The number of entries over which P would rise from 0 to 1 at its maximum slope.
     const ENTRIES_AT_MAX_SLOPE: f64 = 1024.0;
 
-    /// The maximum distance between a 16-bit draw and the value of the table for which the exact
-    /// probability must decide, in units of 2⁻¹⁶. P rises by up to 32 units over half an entry.
-    /// Rounding of the value and of the draw adds one unit each.
-    pub const MARGIN: u16 = 34;
+    /// P rises by up to 32 units over half an entry. Rounding of the value and of the draw adds one
+    /// unit each.
+    const MARGIN: u16 = 34;
+
+    /// The polynomial has an error of less than half a unit, and rounding adds as above.
+    const ONE_PHOTON_MARGIN: u16 = 2;
 
     /// Return the table of a threshold. Later calls reuse it.
     pub fn shared(threshold: Threshold) -> Arc<Self> {
@@ -71,6 +77,15 @@ impl ProbabilityTable {
     }
 
     fn new(threshold: Threshold) -> Self {
+        if threshold.is_one_photon() {
+            return Self {
+                density: 0.0,
+                first: 0.0,
+                last: 0.0,
+                entries: Vec::new(),
+                margin: Self::ONE_PHOTON_MARGIN,
+            };
+        }
         let q = f64::from(threshold.photons());
         // The maximum of dP/ds is at s = q − 1.
         let max_slope = threshold.detection_derivative(q - 1.0);
@@ -93,13 +108,36 @@ impl ProbabilityTable {
             first,
             last,
             entries,
+            margin: Self::MARGIN,
         }
     }
 
     /// Replace `probabilities` with P(b = 1) in units of 2⁻¹⁶ for rates of at least 0.
     pub fn look_up(&self, rates: &[f64], probabilities: &mut Vec<u16>) {
         probabilities.resize(rates.len(), 0);
-        look_up(self, rates, probabilities);
+        if self.entries.is_empty() {
+            one_photon(rates, probabilities);
+        } else {
+            look_up(self, rates, probabilities);
+        }
+    }
+
+    /// Return the interval of 16-bit draws that a value of the table does not decide. A jot whose
+    /// draw is below it reports 1, and a jot whose draw is above it reports 0.
+    #[inline(always)]
+    pub fn interval(&self, probability: u16) -> (u16, u16) {
+        (
+            probability.saturating_sub(self.margin),
+            probability.saturating_add(self.margin),
+        )
+    }
+
+    /// Return whether a draw of 48 bits is below a probability, unless a value of the table does
+    /// not decide this.
+    pub fn compare(&self, draw: u64, probability: u16) -> Option<bool> {
+        let draw = (draw >> 32) as u16;
+        let (low, high) = self.interval(probability);
+        (draw < low || draw > high).then_some(draw < low)
     }
 
     /// Return the probabilities of a group of rates.
@@ -129,7 +167,40 @@ impl ProbabilityTable {
 const RATES_PER_GROUP: usize = 64;
 
 levels! {
+    /// Replace `out` with 1 − e⁻ˢ in units of 2⁻¹⁶ for rates s of at least 0.
+    fn one_photon(rates: &[f64], out: &mut [u16]) = one_photon_inlined;
     fn look_up(table: &ProbabilityTable, rates: &[f64], out: &mut [u16]) = look_up_inlined;
+}
+
+#[inline(always)]
+fn one_photon_inlined(rates: &[f64], out: &mut [u16]) {
+    // The Taylor series of 2ᶠ for |f| ≤ ½.
+    const SERIES: [f32; 6] = {
+        let mut series = [1.0; 6];
+        let mut power = 1;
+        while power < series.len() {
+            series[power] = series[power - 1] * std::f32::consts::LN_2 / power as f32;
+            power += 1;
+        }
+        series
+    };
+    for (out, &rate) in out.iter_mut().zip(rates) {
+        // Beyond this limit, P(b = 1) is 1 in units of 2⁻¹⁶.
+        let rate = if rate < 20.0 { rate as f32 } else { 20.0 };
+        let exponent = rate * std::f32::consts::LOG2_E;
+        let (whole, shift) = exponent.nearest();
+        let f = whole - exponent;
+        let [a, b, c, d, e, g] = SERIES;
+        let fraction = a + f * (b + f * (c + f * (d + f * (e + f * g))));
+        let power = f32::from_bits((143 - shift) << 23);
+        let probability = 65536.0 - fraction * power;
+        let probability = if probability < 65535.0 {
+            probability
+        } else {
+            65535.0
+        };
+        *out = probability.nearest().1 as u16;
+    }
 }
 
 #[inline(always)]
@@ -168,13 +239,14 @@ mod tests {
             rates.extend(near_q.filter(|&rate| rate > 0.0));
             rates.extend([0.0, 1e-300, 1e4, 1e300, f64::INFINITY]);
             let mut probabilities = Vec::new();
-            ProbabilityTable::shared(threshold).look_up(&rates, &mut probabilities);
+            let table = ProbabilityTable::shared(threshold);
+            table.look_up(&rates, &mut probabilities);
             for (rate, probability) in rates.iter().zip(probabilities) {
                 let exact = 65536.0 * threshold.detection_probability(*rate);
                 // One unit of the margin belongs to the draw, which is rounded to 16 bits.
                 let error = (f64::from(probability) - exact).abs();
                 assert!(
-                    error <= f64::from(ProbabilityTable::MARGIN - 1),
+                    error <= f64::from(table.margin - 1),
                     "q = {q}, s = {rate}: {error}"
                 );
             }

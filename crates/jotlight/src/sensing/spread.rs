@@ -5,9 +5,9 @@ use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use num_integer::div_rem;
 use rayon::prelude::*;
 
+use super::filter::filter_row;
 use super::jots_of_pixels;
 use super::kernel::{Kernel, mirror_index};
-use super::rate::filter_row;
 use crate::bits::contiguous;
 use crate::error::{Error, Result};
 use crate::{interrupt, memory};

@@ -12,7 +12,10 @@ use crate::numbers::Real;
 
 /// The number of interleaved partial sums. With several, an addition need not wait for the previous
 /// one.
-const INTERLEAVED: usize = 2;
+const INTERLEAVED: usize = 4;
+
+/// The number of pixels that are processed together.
+const GROUP: usize = 64;
 
 /// The number of pixels whose sum is computed in the type of the planes. Sums over more pixels
 /// use `f64`.
@@ -86,16 +89,18 @@ impl<F: Real> Spline<F> {
             if interrupt::is_requested() {
                 return;
             }
-            for (pixel, (&z, gradient)) in inputs.iter().zip(gradient).enumerate() {
-                let (interval, f) = self.locate(z);
-                let interval = interval as usize;
-                let sums = &mut partial_sums[interval * INTERLEAVED + pixel % INTERLEAVED];
-                let squared = *gradient * f * f;
-                let powers = [*gradient, *gradient * f, squared, squared * f];
-                for k in 0..4 {
-                    sums[k] += powers[k];
-                }
-                *gradient *= self.slope_in(interval, f, z);
+            let (groups, rest) = inputs.as_chunks::<GROUP>();
+            let (gradient_groups, gradient_rest) = gradient.as_chunks_mut::<GROUP>();
+            for (inputs, gradient) in groups.iter().zip(gradient_groups) {
+                self.pull_back_group(inputs, gradient, &mut partial_sums);
+            }
+            if !rest.is_empty() {
+                // A gradient of 0 pads the last group.
+                let (mut inputs, mut group) = ([F::zero(); GROUP], [F::zero(); GROUP]);
+                inputs[..rest.len()].copy_from_slice(rest);
+                group[..rest.len()].copy_from_slice(gradient_rest);
+                self.pull_back_group(&inputs, &mut group, &mut partial_sums);
+                gradient_rest.copy_from_slice(&group[..rest.len()]);
             }
             let intervals = partial_sums.chunks_exact_mut(INTERLEAVED);
             for (interval, partial_sums) in intervals.enumerate() {
@@ -107,6 +112,41 @@ impl<F: Real> Spline<F> {
                 }
                 add_products(&mut coefficient_gradient[interval..], sums);
             }
+        }
+    }
+}
+
+impl<F: Real> Spline<F> {
+    /// Do the same for a group of pixels, and add to the sums of the knot intervals.
+    ///
+    /// The compiler vectorizes the first loop. The second one adds four numbers at a time.
+    #[inline(always)]
+    fn pull_back_group(
+        &self,
+        inputs: &[F; GROUP],
+        gradient: &mut [F; GROUP],
+        partial_sums: &mut [[F; 4]],
+    ) {
+        let mut intervals = [0; GROUP];
+        let mut powers = [[F::zero(); GROUP]; 4];
+        let mut positions = [F::zero(); GROUP];
+        for pixel in 0..GROUP {
+            let f;
+            (intervals[pixel], f) = self.locate(inputs[pixel]);
+            positions[pixel] = f;
+            let squared = gradient[pixel] * f * f;
+            powers[0][pixel] = gradient[pixel];
+            powers[1][pixel] = gradient[pixel] * f;
+            powers[2][pixel] = squared;
+            powers[3][pixel] = squared * f;
+        }
+        for pixel in 0..GROUP {
+            let interval = intervals[pixel] as usize;
+            let sums = &mut partial_sums[interval * INTERLEAVED + pixel % INTERLEAVED];
+            for k in 0..4 {
+                sums[k] += powers[k][pixel];
+            }
+            gradient[pixel] *= self.slope_in(interval, positions[pixel], inputs[pixel]);
         }
     }
 }

@@ -148,6 +148,7 @@ impl Batch<'_> {
                 patches.map(|patches| (patches, matrix))
             })
             .collect();
+        // The parts hold the upper triangle.
         let mut matrix = Array2::zeros((parameters, parameters));
         let mut patches = Vec::with_capacity(number);
         for (part, products) in results? {
@@ -158,6 +159,11 @@ impl Batch<'_> {
             matrix += &products;
         }
         matrix /= number as f64;
+        for row in 1..parameters {
+            for column in 0..row {
+                matrix[[row, column]] = matrix[[column, row]];
+            }
+        }
         Ok(NormalEquations {
             gradient: mean_gradient(parameters, patches),
             matrix,

@@ -7,17 +7,21 @@ use ndarray::{Array2, Array3, ArrayView2, Axis, Zip, s};
 
 use super::backward::ForwardPass;
 use super::batch::{Batch, Patch};
-use crate::bits::{PackedBits, packed_width};
+use crate::bits::{PackedBits, packed_width, trials};
 use crate::error::Result;
 use crate::network::first_layer::training_data::FirstLayerData;
 use crate::network::layer::Layer;
 use crate::numbers::Real;
-use crate::sensing::{self, Image, Window};
+use crate::sensing::{self, Image, Window, can_draw_counts};
 use crate::{interrupt, memory};
 
 /// The maximum number of multiplications in a product of rows of the Jacobian. They take about 50
 /// milliseconds.
 const MAX_MULTIPLICATIONS: usize = 1 << 30;
+
+/// The maximum number of rows of the Jacobian in a product. The lower triangle of their own products
+/// is not used.
+const ROWS_PER_PRODUCT: usize = 64;
 
 /// The evaluation of a network on one patch.
 pub(super) struct PatchEvaluation<'a, F> {
@@ -43,24 +47,30 @@ impl<F: Real> PatchEvaluation<'_, F> {
         gradient
     }
 
-    /// Add JᵀJ to a matrix, where J is the Jacobian of the pixels outside the border: equation
-    /// (15).
+    /// Add the upper triangle of JᵀJ to a matrix, where J is the Jacobian of the pixels outside the
+    /// border: equation (15).
     pub fn add_jacobian_products(&self, matrix: &mut Array2<f64>) {
         let rows = self.forward_pass.jacobian(&self.pixels);
         let shape = (rows.parameters.len(), self.pixels.len());
         let Ok(values) = ArrayView2::from_shape(shape, &rows.values) else {
             return;
         };
-        // A product of all rows at once would take too long to be interrupted.
-        let rows_per_product = (MAX_MULTIPLICATIONS / values.len().max(1)).max(1);
-        let parts = values.axis_chunks_iter(Axis(0), rows_per_product);
-        for (values_of_part, part) in parts.zip(rows.parameters.chunks(rows_per_product)) {
+        // A product of all rows at once would take too long to be interrupted, and would contain
+        // the lower triangle.
+        let rows_per_product =
+            (MAX_MULTIPLICATIONS / values.len().max(1)).clamp(1, ROWS_PER_PRODUCT);
+        for first in (0..shape.0).step_by(rows_per_product) {
             if interrupt::is_requested() {
                 return;
             }
-            let products = values_of_part.dot(&values.t());
-            for (&row, products) in part.iter().zip(products.outer_iter()) {
-                for (&column, value) in rows.parameters.iter().zip(products) {
+            let end = (first + rows_per_product).min(shape.0);
+            let products = values
+                .slice(s![first..end, ..])
+                .dot(&values.slice(s![first.., ..]).t());
+            for (index, products) in products.outer_iter().enumerate() {
+                let row = rows.parameters[first + index];
+                let columns = rows.parameters[first..].iter().zip(products);
+                for (&column, value) in columns.skip(index) {
                     matrix[[row, column]] += value.as_f64();
                 }
             }
@@ -81,9 +91,16 @@ impl Batch<'_> {
         let image = self.images[patch.image].slice(s![patch.rows.clone(), patch.columns.clone()]);
         let (height, width) = image.dim();
         let side = self.sensor.kernel.oversampling();
-        let packed = self.expose_patch(index, image)?;
-        let bits = PackedBits::new(packed.view(), width * side)?;
-        let data = FirstLayerData::new(bits, side, is_tied(&layers[0]))?;
+        let packed;
+        let data = if is_tied(&layers[0]) && can_draw_counts(&self.sensor) {
+            // The layer sees only the counts, so their bits need not be drawn.
+            let max = trials(self.frames, side)? as usize;
+            FirstLayerData::Counts(self.draw_patch(index, image)?, max)
+        } else {
+            packed = self.expose_patch(index, image)?;
+            let bits = PackedBits::new(packed.view(), width * side)?;
+            FirstLayerData::new(bits, side, is_tied(&layers[0]))?
+        };
         let forward_pass = ForwardPass::new(layers, &data)?;
 
         let (rows, columns) = self.without_border(patch);
@@ -105,6 +122,20 @@ impl Batch<'_> {
             residual,
             pixels,
         }))
+    }
+
+    /// Return the counts of a patch. Each patch has its own random numbers.
+    fn draw_patch(&self, index: usize, image: ArrayView2<'_, f32>) -> Result<Array2<i32>> {
+        let mut counts = Array2::zeros(image.dim());
+        sensing::draw_counts(
+            &self.sensor,
+            self.frames,
+            Image::F32(image),
+            self.seed,
+            index,
+            counts.view_mut(),
+        )?;
+        Ok(counts)
     }
 
     /// Return the packed bits of a patch. Each patch has its own frames in the random streams, so

@@ -1,0 +1,233 @@
+//! Random counts L ~ Binomial(K, P(b = 1)) of pixels, drawn without their bits (paper, equation
+//! (3)).
+
+use ndarray::ArrayViewMut2;
+
+use super::exposure::convert;
+use super::{Image, PerJot, Sensor};
+use crate::bits::{contiguous, trials};
+use crate::cpu::levels;
+use crate::error::{Error, Result};
+use crate::interrupt;
+use crate::likelihood::one_photon::{ELEMENTS_PER_GROUP, Group, exp_m1};
+use crate::rng::{JotRandom, RowStream, UNIFORMS, check_size};
+
+/// The maximum threshold. The sum for P(b = 0) has as many terms, so bits are faster beyond it.
+const MAX_PHOTONS: u32 = 64;
+
+/// The maximum rate in the sum for P(b = 0), which is 0 beyond it.
+const MAX_RATE: f64 = 709.0;
+
+/// The maximum number of trials that one random number decides. More trials are drawn in parts, so
+/// that no probability of a part is below 2⁻⁶⁴.
+const TRIALS_PER_PART: usize = 64;
+
+/// The number of groups of pixels that take the random numbers of one computation.
+const GROUPS: usize = UNIFORMS / ELEMENTS_PER_GROUP;
+
+/// Return whether [`draw_counts`] supports a sensor: all jots of a pixel must have the same rate.
+pub(crate) fn can_draw_counts(sensor: &Sensor<'_>) -> bool {
+    sensor.has_uniform_pixels() && sensor.threshold.photons() <= MAX_PHOTONS
+}
+
+/// Draw the counts of all pixels of an image from `frames` frames into `out` `(H, W)`.
+///
+/// The counts have the distribution of the sums of bits, but other random numbers. Different
+/// numbers `index` lead to independent counts.
+///
+/// # Errors
+/// [`Error::Shape`] if the shapes do not match. [`Error::Range`] for a sensor with a smooth kernel,
+/// maps, dead jots, or a threshold above 64 photons, and if the counts or the index are too large.
+pub fn draw_counts(
+    sensor: &Sensor<'_>,
+    frames: usize,
+    image: Image<'_>,
+    seed: [u8; 32],
+    index: usize,
+    mut out: ArrayViewMut2<'_, i32>,
+) -> Result<()> {
+    sensor.check(&image)?;
+    if out.dim() != image.shape() {
+        return Err(Error::shape("out", image.shape(), out.dim()));
+    }
+    let (PerJot::Same(efficiency), PerJot::Same(dark_counts), true) = (
+        sensor.efficiency,
+        sensor.dark_counts,
+        can_draw_counts(sensor),
+    ) else {
+        let expected = "a box kernel, no maps, no dead jots, and a threshold of at most 64";
+        return Err(Error::range("sensor", expected, "another sensor"));
+    };
+    let trials = trials(frames, sensor.kernel.oversampling())? as usize;
+    check_size(0, index, trials.div_ceil(TRIALS_PER_PART))?;
+    let tap = sensor.kernel.taps()[0];
+    let factor = efficiency * sensor.gain_per_frame * tap * tap;
+    let columns = out.ncols();
+    let mut rates = vec![0.0; out.len()];
+    for (row, rates) in rates.chunks_exact_mut(columns).enumerate() {
+        match image {
+            Image::F32(image) => convert(factor, dark_counts, &contiguous(image.row(row)), rates),
+            Image::F64(image) => convert(factor, dark_counts, &contiguous(image.row(row)), rates),
+        }
+    }
+    let counts = CountSampler {
+        photons: sensor.threshold.photons(),
+        index,
+        trials,
+    }
+    .draw(&rates, seed);
+    for (out, count) in out.iter_mut().zip(counts) {
+        *out = count;
+    }
+    Ok(())
+}
+
+struct CountSampler {
+    /// The threshold q.
+    photons: u32,
+    index: usize,
+    /// The number K.
+    trials: usize,
+}
+
+impl CountSampler {
+    /// Return the counts of pixels. They are incomplete if the call is interrupted.
+    fn draw(&self, rates: &[f64], seed: [u8; 32]) -> Vec<i32> {
+        let mut random = JotRandom::new(seed);
+        let mut counts = vec![0; rates.len()];
+        let chunks = rates.chunks(UNIFORMS).zip(counts.chunks_mut(UNIFORMS));
+        for (chunk, (rates, counts)) in chunks.enumerate() {
+            let mut probabilities = [Probabilities::default(); GROUPS];
+            compute(self.photons, rates, &mut probabilities);
+            if interrupt::is_requested() {
+                break;
+            }
+            let mut rest = self.trials;
+            for part in 0..self.trials.div_ceil(TRIALS_PER_PART) {
+                let trials = rest.min(TRIALS_PER_PART);
+                rest -= trials;
+                let stream = RowStream::new(0, self.index, part);
+                let uniforms = random.uniforms(stream, chunk);
+                add_binomials(trials, &probabilities, &uniforms, counts);
+            }
+        }
+        counts
+    }
+}
+
+/// The probabilities of a group of pixels. Each is accurate even if it is tiny.
+#[derive(Clone, Copy, Default)]
+struct Probabilities {
+    /// P(b = 1).
+    one: Group,
+    /// P(b = 0).
+    zero: Group,
+}
+
+levels! {
+    /// Compute the probabilities of pixels with the threshold `photons`.
+    fn compute(
+        photons: u32, rates: &[f64], probabilities: &mut [Probabilities; GROUPS],
+    ) = compute_inlined;
+    /// Add random numbers with the distribution Binomial(`trials`, P(b = 1)) to `counts`.
+    fn add_binomials(
+        trials: usize,
+        probabilities: &[Probabilities; GROUPS],
+        uniforms: &[u64; UNIFORMS],
+        counts: &mut [i32],
+    ) = add_binomials_inlined;
+}
+
+#[inline(always)]
+fn compute_inlined(photons: u32, rates: &[f64], probabilities: &mut [Probabilities; GROUPS]) {
+    let groups = rates.chunks(ELEMENTS_PER_GROUP);
+    for (rates, probabilities) in groups.zip(probabilities) {
+        let mut group = [0.0; ELEMENTS_PER_GROUP];
+        group[..rates.len()].copy_from_slice(rates);
+        let exp_m1 = exp_m1(&group);
+        // P(b = 0) = e⁻ˢ Σ sᵏ/k! over k < q, and P(b = 1) is 1 minus it. For q = 1, that difference
+        // is (eˢ − 1) e⁻ˢ, which does not cancel. For a larger q, the difference loses digits of a
+        // tiny P(b = 1), but its absolute error remains below 10⁻¹⁴.
+        for lane in 0..ELEMENTS_PER_GROUP {
+            let rate = group[lane].min(MAX_RATE);
+            let (mut sum, mut term) = (1.0, 1.0);
+            for k in 1..photons {
+                term *= rate / f64::from(k);
+                sum += term;
+            }
+            let scale = 1.0 / (exp_m1[lane] + 1.0);
+            let zero = (sum * scale).min(1.0);
+            probabilities.zero[lane] = zero;
+            probabilities.one[lane] = if photons == 1 {
+                exp_m1[lane] * scale
+            } else {
+                1.0 - zero
+            };
+        }
+    }
+}
+
+#[inline(always)]
+fn add_binomials_inlined(
+    trials: usize,
+    probabilities: &[Probabilities; GROUPS],
+    uniforms: &[u64; UNIFORMS],
+    counts: &mut [i32],
+) {
+    let uniforms = uniforms.as_chunks::<ELEMENTS_PER_GROUP>().0;
+    let groups = counts.chunks_mut(ELEMENTS_PER_GROUP);
+    for ((counts, uniforms), probabilities) in groups.zip(uniforms).zip(probabilities) {
+        let group = binomial(trials, probabilities, uniforms);
+        for (count, value) in counts.iter_mut().zip(group) {
+            *count += value as i32;
+        }
+    }
+}
+
+/// Return the numbers of ones of up to [`TRIALS_PER_PART`] trials: the quantiles of the binomial
+/// distribution at the uniform random numbers.
+#[inline(always)]
+fn binomial(
+    trials: usize,
+    probabilities: &Probabilities,
+    uniforms: &[u64; ELEMENTS_PER_GROUP],
+) -> Group {
+    const LANES: usize = ELEMENTS_PER_GROUP;
+    // The rarer outcome is counted, so the sum begins with a probability of at least 2⁻⁶⁴.
+    let (mut odds, mut power, mut term) = ([0.0; LANES], [0.0; LANES], [1.0; LANES]);
+    let mut uniform = [0.0; LANES];
+    for lane in 0..LANES {
+        let (one, zero) = (probabilities.one[lane], probabilities.zero[lane]);
+        let (rare, frequent) = if one > zero { (zero, one) } else { (one, zero) };
+        odds[lane] = rare / frequent;
+        power[lane] = frequent;
+        // A number in [1, 2) with 52 random bits, minus 1, in the middle of its interval.
+        let bits = uniforms[lane] >> 12 | 1f64.to_bits();
+        uniform[lane] = f64::from_bits(bits) - (1.0 - 0.5 * f64::EPSILON);
+    }
+    let mut exponent = trials;
+    while exponent > 0 {
+        for lane in 0..LANES {
+            if exponent % 2 == 1 {
+                term[lane] *= power[lane];
+            }
+            power[lane] *= power[lane];
+        }
+        exponent /= 2;
+    }
+    let (mut sum, mut count) = ([0.0; LANES], [0.0; LANES]);
+    for rare in 0..trials {
+        let ratio = (trials - rare) as f64 / (rare + 1) as f64;
+        for lane in 0..LANES {
+            sum[lane] += term[lane];
+            count[lane] += if uniform[lane] >= sum[lane] { 1.0 } else { 0.0 };
+            term[lane] *= ratio * odds[lane];
+        }
+    }
+    for lane in 0..LANES {
+        if probabilities.one[lane] > probabilities.zero[lane] {
+            count[lane] = trials as f64 - count[lane];
+        }
+    }
+    count
+}
