@@ -1,10 +1,13 @@
 """Compare two builds of jotlight in turns, with the processor time of reconstructions.
 
     python benchmarks/speed/two_builds.py [--rounds 12] OLD NEW [SIZE:HEIGHT:WIDTH:THREADS ...]
+    python benchmarks/speed/two_builds.py OLD NEW drawing:box:4:1 training:128:32:1
     python benchmarks/speed/two_builds.py --latency [--beside-torch] OLD NEW [...]
 
 OLD and NEW are folders that contain the package `jotlight` with its engine. Each runs in a process
-of its own. They take turns, so that other programs on the machine slow down both. With `--latency`,
+of its own. A case is a reconstruction SIZE:HEIGHT:WIDTH:THREADS, the drawing of bits
+drawing:KERNEL:OVERSAMPLING:THREADS, or a training step training:SCENES:SIDE:THREADS. The builds
+take turns, so that other programs on the machine slow down both. With `--latency`,
 the table shows medians and 99 % quantiles of the elapsed time of 1,000 calls. With
 `--beside-torch`, a thread of the same process multiplies matrices in PyTorch meanwhile.
 """
@@ -17,6 +20,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 CASES = ["small:321:481:1", "medium:321:481:1", "large:321:481:1", "medium:64:64:1"]
@@ -89,26 +93,51 @@ def ask(build: "subprocess.Popen[str]", case: str, calls: int) -> list[list[floa
 
 def work() -> None:
     """Answer each case on the standard input with times."""
-    import jotlight as jl
 
     if os.environ.get("TWO_BUILDS_TORCH"):
         threading.Thread(target=multiply_matrices, daemon=True).start()
-    sensor = jl.Sensor(oversampling=4)
-    inputs: dict[str, Any] = {}
+    known: dict[str, Callable[[], Any]] = {}
     for line in sys.stdin:
         case, calls = line.split()
-        size, height, width, threads = case.split(":")
-        if case not in inputs:
-            image = jl.datasets.uniform_scene((1, int(height), int(width)), rng=0)[0]
-            inputs[case] = jl.pretrained(sensor, size), sensor.expose(image, 0)
-        network, bits = inputs[case]
+        if case not in known:
+            known[case] = prepare(*case.split(":"))
         processor, elapsed = [], []
         for _ in range(int(calls)):
             begin = time.process_time(), time.perf_counter()
-            network.reconstruct(bits, sensor, threads=int(threads))
+            known[case]()
             processor.append(time.process_time() - begin[0])
             elapsed.append(time.perf_counter() - begin[1])
         print(json.dumps([processor, elapsed]), flush=True)
+
+
+def prepare(what: str, first: str, second: str, threads: str) -> Callable[[], Any]:
+    """Return a function that does the work of a case once."""
+    import numpy as np
+
+    import jotlight as jl
+    from jotlight.training.cost import Cost
+    from jotlight.training.parameters import parameter_vector
+    from jotlight.training.patches import PatchSampler
+
+    number = int(threads)
+    if what == "drawing":
+        sensor = jl.Sensor(kernel=first, oversampling=int(second))
+        side = 2048 // sensor.oversampling
+        image = np.random.default_rng(0).uniform(0, 1, (side, side)).astype(np.float32)
+        out = np.empty_like(sensor.expose(image, 0).packed)
+        return lambda: sensor.expose(image, 0, out=out, threads=number)
+    sensor = jl.Sensor(oversampling=4)
+    if what == "training":
+        scenes, side = int(first), int(second)
+        images = jl.datasets.uniform_scene((scenes, side, side), rng=0)
+        network = jl.Network.initial(sensor)
+        examples = PatchSampler(images, sensor, 0, scenes, side, network.halo)
+        cost = Cost(network, examples, 0, 1, jl.training.SafeSet(), number)
+        vector = parameter_vector(network)
+        return lambda: cost.gradient(vector)
+    image = jl.datasets.uniform_scene((1, int(first), int(second)), rng=0)[0]
+    network, bits = jl.pretrained(sensor, what), sensor.expose(image, 0)
+    return lambda: network.reconstruct(bits, sensor, threads=number)
 
 
 def multiply_matrices() -> None:
