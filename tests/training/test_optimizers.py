@@ -58,15 +58,19 @@ def test_projected_gradient_takes_the_step_of_equation_13():
 
 
 def test_the_cost_is_half_the_squared_error_averaged_over_patches():
+    """An untied network is trained with the bits of `Sensor.expose`, a tied one with counts."""
+    network = jl.Network.initial(SENSOR, taps=3, coefficients=20, tied=False)
     examples = PatchSampler(scenes, SENSOR, 0, 3, None, 0)
     batch = examples.batch(0)
     frames = SENSOR.replace(frames=3)
     seed = np.random.SeedSequence(0, spawn_key=(0, 1))
     squares = [
-        np.sum((SMALL.reconstruct(frames.expose(c, seed, frames=slice(i, i + 1)), SENSOR) - c) ** 2)
+        np.sum(
+            (network.reconstruct(frames.expose(c, seed, frames=slice(i, i + 1)), SENSOR) - c) ** 2
+        )
         for i, c in enumerate(batch["images"])
     ]
-    found = Cost(SMALL, examples, 0, 1, SafeSet(), None).value(parameter_vector(SMALL))
+    found = Cost(network, examples, 0, 1, SafeSet(), None).value(parameter_vector(network))
     assert found == pytest.approx(0.5 * np.mean(squares), rel=1e-5)
 
 
