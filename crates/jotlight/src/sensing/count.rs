@@ -6,7 +6,7 @@ use ndarray::ArrayViewMut2;
 use super::exposure::convert;
 use super::{Image, PerJot, Sensor};
 use crate::bits::{contiguous, trials};
-use crate::cpu::levels;
+use crate::cpu::{self, Simd, WithSimd, levels};
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::likelihood::one_photon::{ELEMENTS_PER_GROUP, Group, exp_m1};
@@ -108,7 +108,13 @@ impl CountSampler {
                 rest -= trials;
                 let stream = RowStream::new(0, self.index, part);
                 let uniforms = random.uniforms(stream, chunk);
-                add_binomials(trials, &probabilities, &uniforms, counts);
+                cpu::run(Binomials {
+                    trials,
+                    ratios: ratios(trials),
+                    probabilities: &probabilities,
+                    uniforms: &uniforms,
+                    counts: &mut *counts,
+                });
             }
         }
         counts
@@ -129,13 +135,6 @@ levels! {
     fn compute(
         photons: u32, rates: &[f64], probabilities: &mut [Probabilities; GROUPS],
     ) = compute_inlined;
-    /// Add random numbers with the distribution Binomial(`trials`, P(b = 1)) to `counts`.
-    fn add_binomials(
-        trials: usize,
-        probabilities: &[Probabilities; GROUPS],
-        uniforms: &[u64; UNIFORMS],
-        counts: &mut [i32],
-    ) = add_binomials_inlined;
 }
 
 #[inline(always)]
@@ -148,38 +147,57 @@ fn compute_inlined(photons: u32, rates: &[f64], probabilities: &mut [Probabiliti
         // P(b = 0) = e⁻ˢ Σ sᵏ/k! over k < q, and P(b = 1) is 1 minus it. For q = 1, that difference
         // is (eˢ − 1) e⁻ˢ, which does not cancel. For a larger q, the difference loses digits of a
         // tiny P(b = 1), but its absolute error remains below 10⁻¹⁴.
-        for lane in 0..ELEMENTS_PER_GROUP {
-            let rate = group[lane].min(MAX_RATE);
-            let (mut sum, mut term) = (1.0, 1.0);
-            for k in 1..photons {
-                term *= rate / f64::from(k);
-                sum += term;
+        let (mut sum, mut term) = ([1.0; ELEMENTS_PER_GROUP], [1.0; ELEMENTS_PER_GROUP]);
+        for k in 1..photons {
+            for lane in 0..ELEMENTS_PER_GROUP {
+                term[lane] *= group[lane].min(MAX_RATE) / f64::from(k);
+                sum[lane] += term[lane];
             }
+        }
+        for lane in 0..ELEMENTS_PER_GROUP {
             let scale = 1.0 / (exp_m1[lane] + 1.0);
-            let zero = (sum * scale).min(1.0);
-            probabilities.zero[lane] = zero;
-            probabilities.one[lane] = if photons == 1 {
+            let zero = (sum[lane] * scale).min(1.0);
+            let one = if photons == 1 {
                 exp_m1[lane] * scale
             } else {
                 1.0 - zero
             };
+            (probabilities.zero[lane], probabilities.one[lane]) = (zero, one);
         }
     }
 }
 
-#[inline(always)]
-fn add_binomials_inlined(
+/// The factors from a term of the binomial distribution to the next one, without the odds.
+fn ratios(trials: usize) -> [f64; TRIALS_PER_PART] {
+    let mut ratios = [0.0; TRIALS_PER_PART];
+    for (rare, ratio) in ratios.iter_mut().take(trials).enumerate() {
+        *ratio = (trials - rare) as f64 / (rare + 1) as f64;
+    }
+    ratios
+}
+
+/// The addition of random numbers with the distribution Binomial(`trials`, P(b = 1)) to `counts`.
+struct Binomials<'a> {
     trials: usize,
-    probabilities: &[Probabilities; GROUPS],
-    uniforms: &[u64; UNIFORMS],
-    counts: &mut [i32],
-) {
-    let uniforms = uniforms.as_chunks::<ELEMENTS_PER_GROUP>().0;
-    let groups = counts.chunks_mut(ELEMENTS_PER_GROUP);
-    for ((counts, uniforms), probabilities) in groups.zip(uniforms).zip(probabilities) {
-        let group = binomial(trials, probabilities, uniforms);
-        for (count, value) in counts.iter_mut().zip(group) {
-            *count += value as i32;
+    /// The [`ratios`] of `trials`.
+    ratios: [f64; TRIALS_PER_PART],
+    probabilities: &'a [Probabilities; GROUPS],
+    uniforms: &'a [u64; UNIFORMS],
+    counts: &'a mut [i32],
+}
+
+impl WithSimd for Binomials<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let uniforms = self.uniforms.as_chunks::<ELEMENTS_PER_GROUP>().0;
+        let groups = self.counts.chunks_mut(ELEMENTS_PER_GROUP);
+        for ((counts, uniforms), probabilities) in groups.zip(uniforms).zip(self.probabilities) {
+            let group = binomial(simd, &self.ratios[..self.trials], probabilities, uniforms);
+            for (count, value) in counts.iter_mut().zip(group) {
+                *count += value as i32;
+            }
         }
     }
 }
@@ -187,8 +205,9 @@ fn add_binomials_inlined(
 /// Return the numbers of ones of up to [`TRIALS_PER_PART`] trials: the quantiles of the binomial
 /// distribution at the uniform random numbers.
 #[inline(always)]
-fn binomial(
-    trials: usize,
+fn binomial<S: Simd>(
+    simd: S,
+    ratios: &[f64],
     probabilities: &Probabilities,
     uniforms: &[u64; ELEMENTS_PER_GROUP],
 ) -> Group {
@@ -205,6 +224,7 @@ fn binomial(
         let bits = uniforms[lane] >> 12 | 1f64.to_bits();
         uniform[lane] = f64::from_bits(bits) - (1.0 - 0.5 * f64::EPSILON);
     }
+    let trials = ratios.len();
     let mut exponent = trials;
     while exponent > 0 {
         for lane in 0..LANES {
@@ -215,19 +235,39 @@ fn binomial(
         }
         exponent /= 2;
     }
-    let (mut sum, mut count) = ([0.0; LANES], [0.0; LANES]);
-    for rare in 0..trials {
-        let ratio = (trials - rare) as f64 / (rare + 1) as f64;
-        for lane in 0..LANES {
-            sum[lane] += term[lane];
-            count[lane] += if uniform[lane] >= sum[lane] { 1.0 } else { 0.0 };
-            term[lane] *= ratio * odds[lane];
-        }
-    }
+    let mut count = rare_outcomes(simd, ratios, &odds, &term, &uniform);
     for lane in 0..LANES {
         if probabilities.one[lane] > probabilities.zero[lane] {
             count[lane] = trials as f64 - count[lane];
         }
     }
     count
+}
+
+/// Return how many of the first values of the distribution function are at most `uniform`. The
+/// first term of the distribution is `term`.
+#[inline(always)]
+fn rare_outcomes<S: Simd>(
+    simd: S,
+    ratios: &[f64],
+    odds: &Group,
+    term: &Group,
+    uniform: &Group,
+) -> Group {
+    let mut counts = [0.0; ELEMENTS_PER_GROUP];
+    let [odds, terms, uniform] = [odds, term, uniform].map(|values| S::as_simd_f64s(values).0);
+    let outs = S::as_mut_simd_f64s(&mut counts).0;
+    let (zero, one) = (simd.splat_f64s(0.0), simd.splat_f64s(1.0));
+    for (index, out) in outs.iter_mut().enumerate() {
+        let (mut sum, mut term, mut count) = (zero, terms[index], zero);
+        for &ratio in ratios {
+            let ratio = simd.splat_f64s(ratio);
+            sum = simd.add_f64s(sum, term);
+            let is_above = simd.greater_than_or_equal_f64s(uniform[index], sum);
+            count = simd.add_f64s(count, simd.select_f64s(is_above, one, zero));
+            term = simd.mul_f64s(term, simd.mul_f64s(ratio, odds[index]));
+        }
+        *out = count;
+    }
+    counts
 }
