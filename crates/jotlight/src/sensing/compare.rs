@@ -12,7 +12,7 @@ use crate::cpu::levels;
 /// For 64 jots each: the draws, and their bounds.
 #[derive(Clone, Copy)]
 pub(super) struct Draws<'a> {
-    pub draws: &'a [[u8; 64]],
+    pub values: &'a [[u8; 64]],
     /// A jot whose draw is below this bound reports 1.
     pub lower: &'a [[u8; 64]],
     /// A jot whose draw is above this bound reports 0.
@@ -63,7 +63,8 @@ impl Draws<'_> {
     ) {
         let bounds = self.lower.iter().zip(self.upper);
         let out = words.iter_mut().zip(undecided);
-        for ((draws, (lower, upper)), (word, undecided)) in self.draws.iter().zip(bounds).zip(out) {
+        for ((draws, (lower, upper)), (word, undecided)) in self.values.iter().zip(bounds).zip(out)
+        {
             let (below_lower, up_to_upper) = compare(draws, lower, upper);
             *word = below_lower;
             *undecided = up_to_upper & !below_lower;
@@ -166,7 +167,7 @@ mod tests {
         let mut block = || -> [u8; 64] { std::array::from_fn(|_| byte() >> 4 << 4) };
         let [draws, lower, upper] = [0; 3].map(|_| [(); 20].map(|()| block()));
         let arguments = Draws {
-            draws: &draws,
+            values: &draws,
             lower: &lower,
             upper: &upper,
         };

@@ -93,11 +93,11 @@ fn add_scaled_inlined<F: Copy + Into<f64>>(factor: f64, light: &[F], sums: &mut 
 #[inline(always)]
 fn filter_inlined(taps: &[f64], light: &[f64], out: &mut [f64]) {
     // The compiler vectorizes a loop whose number of taps is fixed.
-    match taps {
-        &[a] => filter_with([a], light, out),
-        &[a, b] => filter_with([a, b], light, out),
-        &[a, b, c] => filter_with([a, b, c], light, out),
-        &[a, b, c, d] => filter_with([a, b, c, d], light, out),
+    match *taps {
+        [a] => filter_with([a], light, out),
+        [a, b] => filter_with([a, b], light, out),
+        [a, b, c] => filter_with([a, b, c], light, out),
+        [a, b, c, d] => filter_with([a, b, c, d], light, out),
         _ => out.fill(0.0),
     }
 }

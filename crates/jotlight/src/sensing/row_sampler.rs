@@ -96,7 +96,7 @@ impl<'t> RowSampler<'t> {
         let first = self.columns.start - self.offset;
         self.random.fill_draws(stream, first, &mut self.draws);
         let draws = Draws {
-            draws: self.draws.as_flattened().as_chunks().0,
+            values: self.draws.as_flattened().as_chunks().0,
             lower: &self.draw_bounds[0],
             upper: &self.draw_bounds[1],
         };
