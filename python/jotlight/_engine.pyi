@@ -29,6 +29,7 @@ __all__ = [
     "differences_adjoint",
     "disagreement",
     "displacement_equations",
+    "draw_counts",
     "draw_readings",
     "equivalent_counts",
     "expose",
