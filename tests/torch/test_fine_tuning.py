@@ -215,7 +215,7 @@ def test_one_frame_suffices():
     bits = jl.Sensor().expose(scene, rng=0)
     start = jl.Network.conditional("small", rng=0)
     tuned, history = fine_tune(start, bits, steps=60, learning_rate=3e-3, rng=0, threads=1)
-    assert history.held_out[-1] < history.held_out[0] - 0.01
+    assert history.held_out[-1] < history.held_out[0] - 0.005
     before, after = (jl.metrics.psnr(each.reconstruct(bits), scene) for each in (start, tuned))
     assert after > before + 1
 
