@@ -28,7 +28,8 @@ LIMITS = {"shake": 0.25, "rotate": 0.35, "fast": 0.35, "spin": 0.45, "flicker": 
     ],
 )
 def test_the_motion_of_the_camera_is_found(motion):
-    scene, _, found = aligned(motion)
+    # One in twenty scenes of this size has another model.
+    scene, _, found = aligned(motion, rng=1)
     assert found.model == "affine"
     assert rms_error(found, scene) < LIMITS[motion]
 

@@ -39,7 +39,7 @@ def test_tiles_are_followed_from_their_velocities(motion, limit):
     assert np.sqrt((errors**2).mean()) < limit
     # It is better than no motion, and than the constant velocity from which it starts.
     still = [scene.motion(time)[:, scene.visible(time)].ravel() for time in blocks.centers]
-    assert (errors**2).mean() < 0.1 * (np.concatenate(still) ** 2).mean()
+    assert (errors**2).mean() < 0.12 * (np.concatenate(still) ** 2).mean()
     assert (track.information[:, [0, 2]] >= 0).all()
 
 

@@ -14,7 +14,7 @@ ALTERNATIVES = {
     "filter": (filtering.OPENCV, filtering.TORCH, filtering.FOURIER, filtering.NDIMAGE),
     "splines": (splines.NUMPY, splines.SCIPY, splines.TORCH),
     "network": (TORCH, COMPILED),
-    "training": (training.TORCH,),
+    "training": (training.TORCH, training.TORCH_BITS),
     "exposure": (exposure.NUMPY,),
 }
 """Software that does the same work without jotlight, by the first part of the task's name."""

@@ -68,7 +68,9 @@ def _size_axes(
     scaling: dict[str, Any], y_label: str, title: str, value: Callable[[dict[str, Any]], float]
 ) -> Axes:
     lines = []
-    for color, operation in zip(COLORS, OPERATIONS, strict=False):
+    measured = {row["operation"] for row in scaling["sizes"]}
+    shown = [operation for operation in OPERATIONS if operation in measured]
+    for color, operation in zip(COLORS, shown, strict=False):
         rows = [row for row in scaling["sizes"] if row["operation"] == operation]
         sides, values = [row["side"] for row in rows], [value(row) for row in rows]
         lines.append(Line(operation, sides, values, color, "o"))
