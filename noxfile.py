@@ -40,10 +40,9 @@ def lint(session: nox.Session) -> None:
     session.run("ruff", "check", ".")
     session.run("ruff", "format", "--check", ".")
     session.run("python", "tools/check_words.py")
-    features = "--workspace", "--features", "jotlight/safetensors"
     for tool, arguments in (
         ("rustfmt", ["fmt", "--all", "--check"]),
-        ("cargo-clippy", ["clippy", *features, "--all-targets", "--", "-D", "warnings"]),
+        ("cargo-clippy", ["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]),
     ):
         if shutil.which(tool):
             session.run("cargo", *arguments, external=True)
@@ -73,10 +72,9 @@ def readme(session: nox.Session) -> None:
 def rust(session: nox.Session) -> None:
     """Run the engine's own tests, and the examples in its documentation."""
     # The session `readme` has compiled most of it already.
-    options = "--workspace", "--features", "jotlight/safetensors"
-    session.run("cargo", "test", "--release", *options, external=True)
+    session.run("cargo", "test", "--release", "--workspace", external=True)
     strict = {"RUSTDOCFLAGS": "-D warnings"}
-    session.run("cargo", "doc", "--no-deps", *options, env=strict, external=True)
+    session.run("cargo", "doc", "--no-deps", "--workspace", env=strict, external=True)
 
 
 @nox.session(tags=["gate"])
@@ -103,9 +101,9 @@ def torch(session: nox.Session) -> None:
     libraries that the tests do not use.
     """
     install_wheel(session, extra="test,deepinv")
-    session.run("pytest", "-m", "slow or not slow", *NEEDS_TORCH, *session.posargs)
-    pages = ("-k", "torch or fine_tuning or tutorial")
-    session.run("pytest", "-m", "slow or not slow", "tests/docs/test_documents.py", *pages)
+    # Of the documents, only these pages need PyTorch.
+    chosen = ("-m", "slow or not slow", "-k", "torch or fine_tuning or tutorial or not documents")
+    session.run("pytest", *chosen, *NEEDS_TORCH, "tests/docs/test_documents.py", *session.posargs)
 
 
 @nox.session(tags=["gate"])
@@ -131,8 +129,7 @@ def gallery(session: nox.Session) -> None:
 @nox.session(venv_backend="none", tags=["release"])
 def overflow(session: nox.Session) -> None:
     """Run the engine's own tests with checks for overflow of integers."""
-    options = "--workspace", "--features", "jotlight/safetensors"
-    session.run("cargo", "test", *options, external=True)
+    session.run("cargo", "test", "--workspace", external=True)
 
 
 @nox.session(tags=["release"])

@@ -53,6 +53,7 @@ def make_task(name="counting", title="Counting", **seconds):
         "items": 10.0,
         "unit": "frames",
         "operations": 100.0,
+        "direct_operations": None,
         "bytes": 500.0,
         "operations_note": "all",
         "same_for_threads": [1, 7],

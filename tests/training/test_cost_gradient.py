@@ -301,8 +301,8 @@ def ticks():
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)
 def test_other_threads_run_during_a_call(call, ticks):
     layers = engine_layers(ONE, parameter_vector(ONE))
-    scenes = np.full((64, 32, 32), 0.5, np.float32)
-    batch = batch_of(PLAIN, images=scenes, patches=[(i, 0, 32, 0, 32) for i in range(64)])
+    scenes = np.full((512, 32, 32), 0.5, np.float32)
+    batch = batch_of(PLAIN, images=scenes, patches=[(i, 0, 32, 0, 32) for i in range(512)])
     seen = 0
     for _ in range(100):
         before = ticks[0]

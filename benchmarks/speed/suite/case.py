@@ -18,6 +18,9 @@ OTHER_THREADS = 7
 """A further number of threads for which the result has to be the same."""
 
 
+OPERATION_FIELDS = "operations", "direct_operations", "bytes", "operations_note"
+
+
 class CannotRunError(Exception):
     """A rival cannot run here. The message says why."""
 
@@ -57,6 +60,8 @@ class Case:
     """Bytes that have to be read and written."""
     operations_note: str
     """What counts as operations and bytes."""
+    direct_operations: float | None = None
+    """Operations with direct convolution, where the engine needs fewer."""
     parts: dict[str, Run] = dataclasses.field(default_factory=dict)
     """Further functions of jotlight that are timed too."""
 
@@ -98,7 +103,7 @@ def measure(case: Case, threads: Sequence[int], effort: Effort) -> dict[str, Any
             field: getattr(case, field)
             for field in ("name", "title", "description", "items", "unit", "agreement", "tolerance")
         },
-        **{field: getattr(case, field) for field in ("operations", "bytes", "operations_note")},
+        **{field: getattr(case, field) for field in OPERATION_FIELDS},
         "same_for_threads": sorted({*threads, OTHER_THREADS}),
         "level_differences": level_differences,
         "differences": differences,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from suite.derived import Task, median, ratio
-from suite.tasks import counting, exposure, filtering, first_layer, splines, training
+from suite.tasks import counting, deep_rivals, exposure, filtering, first_layer, splines, training
 from suite.tasks.two_layer_network import COMPILED, TORCH
 
 ALTERNATIVES = {
@@ -13,7 +13,8 @@ ALTERNATIVES = {
     "first-layer": (first_layer.NUMPY, first_layer.TORCH),
     "filter": (filtering.OPENCV, filtering.TORCH, filtering.FOURIER, filtering.NDIMAGE),
     "splines": (splines.NUMPY, splines.SCIPY, splines.TORCH),
-    "network": (TORCH, COMPILED),
+    "network-two-layer": (TORCH, COMPILED),
+    "network": deep_rivals.SAME_RESULT,
     "training": (training.TORCH, training.TORCH_BITS),
     "exposure": (exposure.NUMPY,),
 }

@@ -159,6 +159,7 @@ def roofline_table(tasks: Sequence[Task], threads: Sequence[int]) -> Table:
         Column("task"),
         Column("unit"),
         Column("operations per unit", format_significant),
+        Column("with direct convolution", format_significant),
         Column("bytes per unit", format_significant),
         Column("limited by"),
     ]
@@ -174,6 +175,7 @@ def roofline_table(tasks: Sequence[Task], threads: Sequence[int]) -> Table:
             task["title"],
             task["unit"].removesuffix("s"),
             task["operations"] / task["items"],
+            (task["direct_operations"] or task["operations"]) / task["items"],
             task["bytes"] / task["items"],
             limiting_resource(task, 1),
         ]

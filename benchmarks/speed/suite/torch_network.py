@@ -63,7 +63,7 @@ class DeepNetwork(Network):
             return sums
         spec, intervals = self.layer_specs[index], coefficients.shape[1] - 3
         first, f = interval_of(sums, intervals, spec.start, spec.spacing)
-        cubics = coefficients.unfold(1, 4, 1) @ BASIS
+        cubics = coefficients.unfold(1, 4, 1) @ BASIS.to(coefficients.dtype)
         channel = torch.arange(len(cubics), dtype=torch.int32).view(1, -1, 1, 1) * cubics.shape[1]
         first = (first.view(sums.shape) + channel).view(-1)
         a, b, c, d = cubics.view(-1, 4).index_select(0, first).view(*sums.shape, 4).unbind(-1)

@@ -1,7 +1,7 @@
 //! Reconstruct an image from packed bits with a network file, and write it as a PGM file.
 //!
 //! ```text
-//! cargo run --release --features safetensors --example reconstruct -- \
+//! cargo run --release --example reconstruct -- \
 //!     NETWORK.safetensors BITS WIDTH HEIGHT FRAMES OVERSAMPLING IMAGE.pgm
 //! ```
 //!

@@ -1,27 +1,22 @@
 """The deep networks: bits in memory to an estimate in floats."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
-from typing import Any
-
-import numpy as np
 
 import jotlight as jl
-from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.graph import scales
-from suite.case import CannotRunError, Case, Rival, relative_difference
+from suite.case import Case, Rival, relative_difference
+from suite.tasks.deep_rivals import rivals
 from suite.tasks.scene import HEIGHT, PIXELS, SENSOR, WIDTH, bits
 from suite.tasks.splines import OPERATIONS
-from suite.tasks.two_layer_network import BM3D, COMPILED, TORCH, noniterative
-
-JOTLIGHT_SPLINES = "PyTorch, with jotlight's splines"
+from suite.tasks.two_layer_network import BM3D, noniterative
 
 
 def cases(size: str, quick: bool) -> Iterator[Case]:
     network = network_of(size)
-    multiply_adds, splines = flops_per_pixel(network)
+    multiply_adds, performed, splines = operations_per_pixel(network)
     yield Case(
         name=f"network-{size}",
         title=f"Network, {size}",
@@ -33,19 +28,18 @@ def cases(size: str, quick: bool) -> Iterator[Case]:
         unit="pixels",
         run=lambda threads: network.reconstruct(bits(), SENSOR, threads=threads),
         rivals=[
-            Rival(TORCH, partial(torch_run, network), "torch"),
-            Rival(COMPILED, partial(compiled_run, network), "torch"),
-            Rival(JOTLIGHT_SPLINES, partial(jotlight_module_run, network), "torch"),
+            *rivals(network, multiply_adds),
             Rival(BM3D, partial(noniterative, "bm3d"), "bm3d", same=False),
         ],
         difference=relative_difference,
         agreement="largest difference relative to the largest intensity",
         tolerance=1e-4,
-        operations=(multiply_adds + OPERATIONS * splines + SENSOR.oversampling) * PIXELS,
+        operations=(performed + OPERATIONS * splines + SENSOR.oversampling) * PIXELS,
+        direct_operations=(multiply_adds + OPERATIONS * splines + SENSOR.oversampling) * PIXELS,
         bytes=bits().packed.nbytes + 4 * PIXELS,
         operations_note="bits are read and the estimate written once; each pixel takes the "
-        "multiply-adds of "
-        "the filters (the engine needs fewer), the splines, and K̂ rows of bits",
+        "multiplications that the filters need by Winograd's algorithm, the splines, and K̂ rows of "
+        "bits",
     )
 
 
@@ -56,56 +50,14 @@ def network_of(size: str) -> jl.Network:
     return jl.Network.residual(SENSOR, size, rng=0)
 
 
-def flops_per_pixel(network: jl.Network) -> tuple[float, float]:
-    """Return the multiply-adds and the splines per pixel."""
-    multiply_adds = splines = 0.0
-    for layer, scale in zip(network.layers, scales(network.layers), strict=True):
-        multiply_adds += math.prod(layer.shape) / (scale * layer.upsampling) ** 2
+def operations_per_pixel(network: jl.Network) -> tuple[float, float, float]:
+    """Return the multiply-adds of direct convolution, those of the engine, and the splines."""
+    multiply_adds = performed = splines = 0.0
+    trials = SENSOR.trials
+    layers = network.layers if network.trials_range is None else network.conditioned_layers(trials)
+    for layer, scale in zip(layers, scales(layers), strict=True):
+        positions = 1 / (scale * layer.upsampling) ** 2
+        multiply_adds += math.prod(layer.shape) * positions
+        performed += layer.engine_layer.multiplications * positions
         splines += layer.channels / scale**2 if layer.coefficients is not None else 0
-    return multiply_adds, splines
-
-
-def torch_run(network: jl.Network, torch: Any) -> Callable[[], np.ndarray]:
-    from suite.torch_network import DeepNetwork
-
-    return layers_run(network, DeepNetwork(network).run_layers)
-
-
-def compiled_run(network: jl.Network, torch: Any) -> Callable[[], np.ndarray]:
-    from suite.torch_network import DeepNetwork
-
-    layers = torch.compile(DeepNetwork(network).run_layers, dynamic=False)
-    run = layers_run(network, layers)
-    try:
-        run()
-    except Exception as error:
-        raise CannotRunError(f"it does not compile here ({type(error).__name__})") from error
-    return run
-
-
-def jotlight_module_run(network: jl.Network, _: Any) -> Callable[[], np.ndarray]:
-    from jotlight.torch import Network
-
-    return layers_run(network, Network(network).run_layers)
-
-
-def layers_run(network: jl.Network, layers: Callable[..., Any]) -> Callable[[], np.ndarray]:
-    """Return the function from bits to an estimate by the layers of a network in PyTorch.
-
-    Those of a K-conditioned network return probabilities of a 1, which become intensities.
-    """
-    import torch
-
-    from suite.torch_network import counts_of
-
-    conditional = network.trials_range is not None
-    trials = SENSOR.trials if conditional else None
-
-    def run() -> np.ndarray:
-        with torch.inference_mode():
-            output = layers(counts_of(bits(), SENSOR.oversampling), trials)[0, 0].numpy()
-        if not conditional:
-            return output
-        return intensity_from_probability(output, SENSOR, torch.get_num_threads())
-
-    return run
+    return multiply_adds, performed, splines

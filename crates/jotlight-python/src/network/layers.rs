@@ -50,6 +50,12 @@ impl PreparedLayer {
     fn new(layer: PyLayer<'_, f32>) -> PyResult<Self> {
         Ok(Self(to_engine(&layer)?))
     }
+
+    /// The number of multiplications of the filters per position of their output.
+    #[getter]
+    fn multiplications(&self) -> f64 {
+        self.0.multiplications()
+    }
 }
 
 /// Return references to the layers of the engine. Threads can use them without the GIL.

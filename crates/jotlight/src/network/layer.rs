@@ -6,7 +6,7 @@ use once_cell::race::OnceBox;
 
 use super::convolution::adjoint::AdjointTaps;
 use super::convolution::filter_taps::FilterTaps;
-use super::convolution::winograd::Winograd;
+use super::convolution::winograd::{self, Winograd};
 use super::spline::channels::build_splines;
 use super::spline::evaluate::Spline;
 use super::tiling::strips::PlanesMut;
@@ -119,6 +119,15 @@ impl<F: Real> Layer<F> {
     #[must_use]
     pub fn parameters(&self) -> usize {
         self.filters.len() + self.splines.iter().map(Spline::len).sum::<usize>()
+    }
+
+    /// Return the number of multiplications of the filters per position of their output.
+    ///
+    /// Winograd's algorithm needs fewer than one per tap.
+    #[must_use]
+    pub fn multiplications(&self) -> f64 {
+        let taps = self.filters.len() as f64;
+        self.winograd().map_or(taps, |_| taps * winograd::SHARE)
     }
 
     /// Apply the splines in place: equations (8) and (10).

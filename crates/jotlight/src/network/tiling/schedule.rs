@@ -1,5 +1,7 @@
 //! The division of an image into bands for the threads, and of the bands into tiles.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::dependencies::required_regions;
@@ -25,7 +27,9 @@ const MAX_TILE_WIDTH: usize = 1024;
 const MIN_TILE_WIDTH: usize = 64;
 /// The minimum height of a band, in heights of the receptive field. It bounds the fraction of rows
 /// that two bands both compute.
-const MIN_BAND_HEIGHT: usize = 4;
+const MIN_BAND_HEIGHT: usize = 2;
+/// The minimum height of a band in the same unit, if a thread has several.
+const MIN_SHORT_BAND_HEIGHT: usize = 8;
 /// The maximum number of bands per thread. If there are several, no thread waits long for another.
 const BANDS_PER_THREAD: usize = 4;
 /// The number of strips per thread if threads share a tile.
@@ -43,16 +47,14 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
     let (height, width) = size;
     let (bands, strips) = divide_among_threads(graph, height);
     let group = TILE * graph.size_divisor;
-    let band_height = height.div_ceil(bands).next_multiple_of(group);
     let values = graph.values_per_pixel;
     let pixels = MAX_TILE_PIXELS.min(MAX_TILE_VALUES / values);
     let tile_width = (pixels / group).clamp(MIN_TILE_WIDTH, MAX_TILE_WIDTH);
     let cached_pixels = pixels.min(MAX_LAYER_BYTES / (values * size_of::<F>()));
-    let bands = image.par_chunks_mut(band_height * width).enumerate();
-    bands.for_each_init(
+    let bands = split_into_bands(image, size, bands, group);
+    bands.into_par_iter().for_each_init(
         CachedWorkspace::default,
-        |CachedWorkspace(workspace), (band, out)| {
-            let rows = band * band_height..(band * band_height + band_height).min(height);
+        |CachedWorkspace(workspace), (rows, out)| {
             for left in (0..width).step_by(tile_width) {
                 if interrupt::is_requested() {
                     return;
@@ -75,6 +77,33 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
             }
         },
     );
+}
+
+/// Divide an image into bands of almost equal heights, which begin at multiples of `group` rows.
+fn split_into_bands<F>(
+    mut image: &mut [F],
+    (height, width): (usize, usize),
+    number: usize,
+    group: usize,
+) -> Vec<(Range<usize>, &mut [F])> {
+    let start = |band: usize| {
+        let groups = (2 * band * height + number * group) / (2 * number * group);
+        if band == number {
+            height
+        } else {
+            (groups * group).min(height)
+        }
+    };
+    let mut bands = Vec::with_capacity(number);
+    for band in 0..number {
+        let rows = start(band)..start(band + 1);
+        if !rows.is_empty() {
+            let (part, rest) = image.split_at_mut(rows.len() * width);
+            bands.push((rows, part));
+            image = rest;
+        }
+    }
+    bands
 }
 
 /// Return the number of bands, and the number of strips per tile.
@@ -100,6 +129,10 @@ fn divide_among_threads<F: Real>(graph: &Graph<'_, F>, height: usize) -> (usize,
         let bands = max_bands.max(1);
         (bands, (STRIPS_PER_THREAD * threads).div_ceil(bands))
     } else {
-        (threads * (max_bands / threads).min(BANDS_PER_THREAD), 1)
+        let short_bands = height / (MIN_SHORT_BAND_HEIGHT * receptive_field);
+        (
+            threads * (short_bands / threads).clamp(1, BANDS_PER_THREAD),
+            1,
+        )
     }
 }

@@ -28,6 +28,8 @@ use crate::numbers::{MAX_LANES, Real};
 const FILTER_SIZE: usize = 3;
 /// The number of rows and of columns of a tile, whose outputs are computed together.
 pub(crate) const TILE: usize = 4;
+/// The multiplications as a share of those of direct convolution.
+pub(crate) const SHARE: f64 = PRODUCTS as f64 / (TILE * TILE * FILTER_SIZE * FILTER_SIZE) as f64;
 
 /// The minimum number of inputs. With fewer, the transforms take longer than the multiplications
 /// that they save.
