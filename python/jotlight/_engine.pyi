@@ -14,6 +14,7 @@ __all__ = [
     "add_block_counts",
     "add_counts",
     "add_counts_of_blocks",
+    "add_object_gain",
     "add_shifted_counts",
     "add_shifted_values",
     "anscombe",
@@ -51,6 +52,7 @@ __all__ = [
     "likelihood_information",
     "likelihood_proximal",
     "log_likelihood",
+    "mark_covered",
     "masked_sums",
     "mle_from_counts",
     "mle_from_jots",
@@ -209,6 +211,23 @@ def add_accepted(
     total_ones: npt.NDArray[np.int32],
     total_trials: npt.NDArray[np.int32],
     mask: npt.NDArray[np.uint8],
+    threads: int | None,
+) -> None: ...
+def add_object_gain(
+    label: int,
+    ones: _Counts,
+    trials: _Counts,
+    predicted: npt.NDArray[np.float32],
+    others: list[tuple[int, npt.NDArray[np.float32], npt.NDArray[np.float32]]],
+    labels: npt.NDArray[np.uint8],
+    out: npt.NDArray[np.float32],
+    threads: int | None,
+) -> None: ...
+def mark_covered(
+    label: int,
+    field: npt.NDArray[np.float32],
+    labels: npt.NDArray[np.uint8],
+    out: npt.NDArray[np.bool_],
     threads: int | None,
 ) -> None: ...
 def brightness(
@@ -372,6 +391,8 @@ def inverse_anscombe_exact(
 @final
 class Layer:
     def __new__(cls, layer: _Layer) -> Layer: ...
+    @property
+    def multiplications(self) -> float: ...
 
 def masked_sums(
     layer: Layer,

@@ -92,7 +92,7 @@ def test_each_pixel_counts_along_its_own_track():
     (one, _), (other, _) = random_track(6), random_track(6)
     other.nodes = other.nodes[::-1].copy()
     labels = np.random.default_rng(2).integers(0, 2, SIZE, np.uint8)
-    paths = Paths([one, other], labels)
+    paths = Paths([one, other], labels, free=1)
     for name in ("ones", "trials"):
         expected = np.where(labels == 1, getattr(other.sums(3), name), getattr(one.sums(3), name))
         np.testing.assert_array_equal(getattr(paths.sums(3), name), expected)
@@ -100,6 +100,19 @@ def test_each_pixel_counts_along_its_own_track():
     np.testing.assert_array_equal(paths.displacements(3), expected)
     assert paths.reference == 12
     assert Paths([one], labels * 0).sums(3).ones.tolist() == one.sums(3).ones.tolist()
+
+
+def test_a_part_of_the_pixels_is_counted_along_the_same_motion():
+    track, _ = random_track(6)
+    pixels = np.random.default_rng(3).random(SIZE) < 0.5
+    part = track.inside(pixels)
+    for name in ("ones", "trials"):
+        expected = np.where(pixels, getattr(track.sums(2), name), 0)
+        np.testing.assert_array_equal(getattr(part.sums(2), name), expected)
+        np.testing.assert_array_equal(getattr(part.nearby_sums(2), name), expected)
+    whole = part.inside(None)
+    np.testing.assert_array_equal(whole.sums(2).trials, track.sums(2).trials)
+    assert whole.nodes is track.nodes
 
 
 @pytest.mark.parametrize(("reference", "expected"), [(12, [3, 2, 4, 1, 5, 0]), (0, [*range(6)])])

@@ -48,6 +48,35 @@ def two_halves(velocities, frames):
     return jl.Bits.from_array(np.concatenate(halves, axis=2))
 
 
+def occluded(velocities, masks, frames=32, seed=0):
+    """Return the bits of planes that move by whole pixels per frame, and what each pixel shows.
+
+    The first plane is the background, and each next one is in front of the ones before. Masks are
+    those of the middle frame.
+    """
+    rng = np.random.default_rng(seed)
+    size = masks[0].shape
+    cells = -(-(size[0] + 160) // 3), -(-(size[1] + 160) // 3)
+    planes = [
+        rng.choice([0.1, 0.3, 0.6], cells).repeat(3, axis=0).repeat(3, axis=1) for _ in velocities
+    ]
+    shown = np.zeros((frames, *size), int)
+    image = np.zeros((frames, *size))
+    for time in range(frames):
+        for index, (velocity, mask) in enumerate(zip(velocities, masks, strict=True)):
+            row, column = (
+                grid - (time - frames // 2) * speed
+                for grid, speed in zip(np.indices(size), velocity, strict=True)
+            )
+            inside = (row >= 0) & (row < size[0]) & (column >= 0) & (column < size[1])
+            covers = inside & mask[row.clip(0, size[0] - 1), column.clip(0, size[1] - 1)]
+            if index == 0:
+                covers = np.ones(size, bool)
+            shown[time][covers] = index
+            image[time][covers] = planes[index][row + 80, column + 80][covers]
+    return jl.Bits.from_array(rng.random((frames, *size)) < image), shown
+
+
 def as_burst_of(array):
     """Return an array of bits (T, H, W) as a burst."""
     from jotlight.motion.burst import as_burst

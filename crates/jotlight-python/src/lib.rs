@@ -56,7 +56,8 @@ mod _engine {
     };
     #[pymodule_export]
     use super::motion_sums::{
-        add_accepted, add_counts, brightness, cost_of_curve, relative_brightness, smooth_curve,
+        add_accepted, add_counts, add_object_gain, brightness, cost_of_curve, mark_covered,
+        relative_brightness, smooth_curve,
     };
     #[pymodule_export]
     use super::multibit::{

@@ -1,8 +1,8 @@
 //! Sums of blocks of frames that follow a moving scene, and the curve of its motion.
 
-use jotlight::motion::{self, Accepted, Counts, Curve, Logarithms};
-use numpy::PyReadwriteArray2;
+use jotlight::motion::{self, Accepted, Counts, Curve, Logarithms, Object, Seen};
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use numpy::{PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
@@ -87,6 +87,63 @@ pub fn relative_brightness(
             },
         );
         run(py, threads, || motion::relative_brightness(&first, &second))
+    })
+}
+
+/// A segment: its label, what its template predicts, and how far its pixels are from others.
+type PySeen<'py> = (u8, PyReadonlyArray3<'py, f32>, PyReadonlyArray3<'py, f32>);
+
+/// Add the gain of an object over other segments in a block to `out`, (3, H, W).
+#[pyfunction]
+#[pyo3(signature = (label, ones, trials, predicted, others, labels, out, threads))]
+#[allow(clippy::too_many_arguments)]
+pub fn add_object_gain(
+    py: Python<'_>,
+    label: u8,
+    ones: PyCounts<'_>,
+    trials: PyCounts<'_>,
+    predicted: PyReadonlyArray3<'_, f32>,
+    others: Vec<PySeen<'_>>,
+    labels: PyReadonlyArray2<'_, u8>,
+    mut out: PyReadwriteArray3<'_, f32>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (labels, out) = (labels.as_array(), out.as_array_mut());
+    let others: Vec<_> = others
+        .iter()
+        .map(|(label, predicted, field)| Seen {
+            label: *label,
+            predicted: predicted.as_array(),
+            field: field.as_array(),
+        })
+        .collect();
+    for_counts!(ones, trials => {
+        let object = Object {
+            label,
+            counts: Counts {
+                ones: ones.as_array(),
+                trials: trials.as_array(),
+            },
+            predicted: predicted.as_array(),
+        };
+        run(py, threads, || motion::add_object_gain(&object, &others, labels, out))
+    })
+}
+
+/// Set `out` to True where pixels are behind a segment in front.
+#[pyfunction]
+#[pyo3(signature = (label, field, labels, out, threads))]
+pub fn mark_covered(
+    py: Python<'_>,
+    label: u8,
+    field: PyReadonlyArray3<'_, f32>,
+    labels: PyReadonlyArray2<'_, u8>,
+    mut out: PyReadwriteArray2<'_, bool>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (field, labels, out) = (field.as_array(), labels.as_array(), out.as_array_mut());
+    run(py, threads, || {
+        motion::mark_covered(label, field, labels, out)
     })
 }
 

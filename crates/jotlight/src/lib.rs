@@ -5,7 +5,7 @@
 //! pixel has `K = T·K̂²` bits. The engine simulates these bits, and estimates the image from them.
 //!
 //! The engine contains all loops over jots and pixels. It does not depend on Python. It reads no
-//! files but those of networks, with the feature `safetensors` ([`network::Network`]). Every
+//! files but those of networks ([`network::Network`], feature `safetensors`, on by default). Every
 //! function returns the same result for any number of threads.
 //!
 //! The equations, sections, and symbols are those of the paper *Learning optimal parameters for

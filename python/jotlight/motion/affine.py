@@ -53,12 +53,18 @@ _MIN_SHARE_OF_OTHERS = 0.3
 """Smallest assumed share of the other blocks in the template."""
 
 
-def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
+def follow(
+    blocks: Blocks,
+    reference: int,
+    segment: Segment,
+    pixels: npt.NDArray[np.bool_] | None = None,
+) -> Track:
     """Return the displacements of all blocks under the affine motion of a segment.
 
-    Bright blocks are aligned with a part of their frames.
+    Bright blocks are aligned with a part of their frames. Only some pixels (H, W) are aligned if
+    they are given.
     """
-    track = start(blocks.with_enough_light(), reference, segment.velocity)
+    track = start(blocks.with_enough_light(), reference, segment.velocity).inside(pixels)
     order = track.from_center()
     total = track.sums(order[0]) + track.sums(order[1])
     template, weights = make_template(total, blocks.threads), segment.weights
@@ -73,7 +79,7 @@ def follow(blocks: Blocks, reference: int, segment: Segment) -> Track:
             template = make_template(total, blocks.threads)
             weights = segment.weights * agreement(sums_of_groups(track), template)
     _align_together(track, segment.weights)
-    return track.over(blocks)
+    return track.inside(None).over(blocks)
 
 
 def _align_together(track: Track, weights: Array) -> None:

@@ -142,6 +142,12 @@ def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst
             "arguments by their names, such as motion=motion"
         )
     if sensor is not None:
+        if sensor.mosaic is not None:
+            raise ValueError(
+                "sensor: expected a gray sensor, because the motion of a mosaic cannot be "
+                f"estimated or merged, got {sensor.mosaic!r}; reconstruct short windows in which "
+                "the scene stands still: jotlight.reconstruct(bits[a:b]) (--frame-range a:b)"
+            )
         require_plain_bits(sensor)
     if isinstance(data, CountStack):
         if sensor is not None and sensor.oversampling > 1:

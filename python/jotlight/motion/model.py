@@ -10,6 +10,8 @@ from jotlight.motion.affine import follow, improve_together
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.deformation import follow_tiles
+from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
+from jotlight.motion.objects import add_objects
 from jotlight.motion.outlines import choose
 from jotlight.motion.scoring import make_blurred_template
 from jotlight.motion.segments import Segment, central_half, energy_of, find_segments
@@ -36,6 +38,12 @@ _CLEAR = 10.0
 
 _MIN_ACCEPTED = 0.6
 """Fraction of the bits of a pixel that must agree with the rest, for its motion to be known."""
+
+_OBJECTS_UNKNOWN = 0.002, 0.04
+"""Fractions of pixels with unknown motion between which further objects are searched.
+
+If more is unknown, objects that keep their shape hardly explain it, and the search takes long.
+"""
 
 _MAX_UNKNOWN = 0.02
 """Fraction of pixels with unknown motion above which each tile gets its own motion."""
@@ -118,11 +126,14 @@ def _with_tiles(
 ) -> tuple[Paths, Consistent | None]:
     """Return paths with the tiles as a further track, and the sums along them.
 
-    If the sums along the given paths are known, and fewer bits agree with the tiles, these paths
-    are returned.
+    The given paths are returned if no pixel follows the tiles, or if fewer bits agree with them.
     """
     tracks = [*paths.tracks, tiles]
-    more = Paths(tracks, choose(tracks))
+    is_free = choose(tracks) == len(paths.tracks)
+    if not is_free.any():
+        return paths, consistent
+    labels = np.where(is_free, np.uint8(len(paths.tracks)), paths.labels)
+    more = Paths(tracks, labels, free=1)
     if consistent is None:
         return more, None
     others = find_consistent(more.with_all_frames())
@@ -146,42 +157,44 @@ def _explain(
     if model == "affine":
         weights = np.ones_like(segments[0].weights)
         segments = [dataclasses.replace(segments[0], weights=weights)]
-    segments, tracks = _follow(blocks, reference, segments)
+    tracks = _follow(blocks, reference, segments)
     advance(0.6)
     paths = Paths(tracks, choose(tracks))
     if len(tracks) > 1:
-        paths = _improve_segments(paths)
+        paths = _from_back_to_front(_improve_segments(paths))
+        paths = without_absent(refine_outlines(_improve_inside(refine_outlines(paths))))
+        alone = Paths(paths.tracks[:1], np.zeros_like(paths.labels))
+        paths = _more_likely(alone, paths)
     advance(0.7)
-    consistent = find_consistent(paths.with_all_frames()) if model == "auto" else None
+    consistent = None
+    if model == "auto":
+        paths, consistent = _with_objects(paths)
     if model == "tiles" or (consistent and _share_of_unknown(consistent) > _MAX_UNKNOWN):
-        tiles = follow_tiles(blocks, reference, _velocity(paths, segments))
+        tiles = follow_tiles(blocks, reference, _velocity(paths))
         paths, consistent = _with_tiles(paths, tiles, consistent)
     advance(0.9)
     used = np.unique(paths.labels)
-    if len(tracks) in used:
+    if paths.free:
         return Found(paths, "tiles", consistent)
     return Found(paths, "affine" if len(used) == 1 else "segments", consistent)
 
 
-def _follow(
-    blocks: Blocks, reference: int, segments: list[Segment]
-) -> tuple[list[Segment], list[Track]]:
-    """Return the segments that move differently, and their tracks.
+def _follow(blocks: Blocks, reference: int, segments: list[Segment]) -> list[Track]:
+    """Return the tracks of the segments that move differently.
 
     The velocity of a scene changes with time. So a segment may have another constant velocity than
     the first one, but the same motion.
     """
-    kept, tracks = segments[:1], [follow(blocks, reference, segments[0])]
+    tracks = [follow(blocks, reference, segments[0])]
     for segment in segments[1:]:
         tiles = segment.weights > 0
         others = [float(_energy_along(track)[tiles].sum()) for track in tracks]
         if max(others) < _EXPLAINED * segment.energy:
-            kept.append(segment)
             tracks.append(follow(blocks, reference, segment))
-    if len(kept) == 1 and len(segments) > 1:
+    if len(tracks) == 1 and len(segments) > 1:
         for _ in range(_ROUNDS):
             improve_together(tracks[0], np.ones_like(segments[0].weights))
-    return kept, tracks
+    return tracks
 
 
 def _energy_along(track: Track) -> Array:
@@ -224,13 +237,59 @@ def _improve_segments(paths: Paths) -> Paths:
     return Paths(paths.tracks, choose(paths.tracks))
 
 
-def _velocity(paths: Paths, segments: list[Segment]) -> Array:
-    """Return the velocity of each tile: that of the segment of most of its pixels."""
+def _from_back_to_front(paths: Paths) -> Paths:
+    """Return paths whose tracks are in their order from back to front."""
+    order = order_by_depth(np.bincount(paths.labels.ravel(), minlength=len(paths.tracks)))
+    labels = np.argsort(order).astype(np.uint8)[paths.labels]
+    return Paths([paths.tracks[index] for index in order], labels)
+
+
+def _improve_inside(paths: Paths) -> Paths:
+    """Return paths with better motions, from the pixels of each segment."""
+    every = np.ones(tile_counts(paths.blocks.size))
+    tracks = []
+    for index, track in enumerate(paths.tracks):
+        pixels = paths.labels == index
+        part = track.inside(pixels)
+        if pixels.any():
+            for _ in range(_ROUNDS):
+                improve_together(part, every)
+        tracks.append(part.inside(None))
+    return dataclasses.replace(paths, tracks=tracks)
+
+
+def _with_objects(paths: Paths) -> tuple[Paths, Consistent]:
+    """Return paths with tracks of objects that nothing explains yet, and the sums along them.
+
+    The given paths are returned if no object is found, or if they explain the bits better.
+    """
+    consistent = find_consistent(paths.with_all_frames())
+    if _OBJECTS_UNKNOWN[0] < _share_of_unknown(consistent) < _OBJECTS_UNKNOWN[1]:
+        more = add_objects(paths)
+        if more is not paths:
+            more = _more_likely(paths, more)
+        if more is not paths:
+            return more, find_consistent(more.with_all_frames())
+    return paths, consistent
+
+
+def _more_likely(fewer: Paths, more: Paths) -> Paths:
+    """Return the paths that explain the bits better: those with fewer tracks, or with more.
+
+    Objects that are not there at the reference time hide good bits of the background.
+    """
+    needed = _PARAMETERS * len(more.blocks.centers) * (len(more.tracks) - len(fewer.tracks))
+    gain = likelihood_gain(more) - likelihood_gain(fewer)
+    return more if gain > needed else fewer
+
+
+def _velocity(paths: Paths) -> Array:
+    """Return the velocity of each tile: that of the track of most of its pixels."""
     shares = [
-        mean_tiles((paths.labels == index).astype(np.float32)) for index in range(len(segments))
+        mean_tiles((paths.labels == index).astype(np.float32)) for index in range(len(paths.tracks))
     ]
     largest = np.argmax(shares, axis=0)
-    return np.asarray(np.choose(largest, [segment.velocity for segment in segments]))
+    return np.asarray(np.choose(largest, [track.velocity() for track in paths.tracks]))
 
 
 def _still(blocks: Blocks, reference: int) -> Track:

@@ -36,7 +36,7 @@ _ENERGY_BLUR = 8.0
 _MIN_TILES = 4
 """Minimum number of tiles of a segment."""
 
-_MIN_ENERGY = 0.05
+_MIN_ENERGY = 0.02
 """Minimum energy of a segment, as a fraction of that of the strongest one."""
 
 _CLEAR, _LESS_CLEAR = 4.0, 2.5

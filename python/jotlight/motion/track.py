@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.motion.blocks import Blocks, Sums, locate
 from jotlight.motion.tiles import interpolate
 
@@ -113,6 +114,8 @@ class Track:
     """The blocks whose displacements are estimated."""
     information: Array
     """Information about the displacements in nats/px², (n, 3, rows, columns)."""
+    pixels: npt.NDArray[np.bool_] | None = None
+    """The pixels that are counted, (H, W). Default: all."""
     _kept: dict[int, _Kept] = dataclasses.field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -126,9 +129,15 @@ class Track:
         """Return the same motion over other frames of the same blocks."""
         return self if blocks.step == self.blocks.step else dataclasses.replace(self, blocks=blocks)
 
+    def inside(self, pixels: npt.NDArray[np.bool_] | None) -> "Track":
+        """Return the same motion, where only some pixels (H, W) are counted, or all for None."""
+        part = dataclasses.replace(self, pixels=pixels)
+        part._kept, part._places = self._kept, self._places
+        return part
+
     def sums(self, block: int) -> Sums:
         """Return the sums of a block along the motion. Their arrays must not be changed."""
-        return self._sums_within(_SAME, block)
+        return self._counted(_SAME, block)
 
     def nearby_sums(self, block: int) -> Sums:
         """Return the sums of a block along nearly the same motion, with the right remainders.
@@ -136,7 +145,12 @@ class Track:
         The normal equations account for remainders to first order. So after small changes of the
         displacements, the bits need not be counted again.
         """
-        return self._sums_within(_NEAR, block)
+        return self._counted(_NEAR, block)
+
+    def _counted(self, distance: float, block: int) -> Sums:
+        """Return the sums of the pixels that are counted."""
+        sums = self._sums_within(distance, block)
+        return sums if self.pixels is None else sums.masked(self.pixels)
 
     def _sums_within(self, distance: float, block: int) -> Sums:
         """Return the sums of a block, counted along displacements up to a distance away."""
@@ -179,6 +193,13 @@ class Track:
         """
         return interpolate(self.nodes[block], self.blocks.size, step)
 
+    def velocity(self) -> Array:
+        """Return the velocity of each tile at the reference time, (2, rows, columns)."""
+        before, after = sorted(int(block) for block in self.from_center()[:2])
+        centers = self.blocks.centers
+        step = self.nodes[after] - self.nodes[before]
+        return np.asarray(step / (centers[after] - centers[before]))
+
     def from_center(self) -> npt.NDArray[np.intp]:
         """Return the blocks in the order of their distance from the reference time."""
         return from_center(self)
@@ -191,6 +212,9 @@ class Paths:
     tracks: list[Track]
     labels: npt.NDArray[np.uint8]
     """Index of the track of each pixel, (H, W)."""
+    free: int = 0
+    """Number of tracks at the end that hide nothing, and are not hidden. The others are in their
+    order from back to front."""
 
     @property
     def blocks(self) -> Blocks:
@@ -205,13 +229,43 @@ class Paths:
     def with_all_frames(self) -> "Paths":
         """Return the same paths over all frames of the blocks."""
         blocks = dataclasses.replace(self.blocks, step=1)
-        return Paths([track.over(blocks) for track in self.tracks], self.labels)
+        tracks = [track.over(blocks) for track in self.tracks]
+        return dataclasses.replace(self, tracks=tracks)
 
     def sums(self, block: int) -> Sums:
-        """Return the sums of a block, of each pixel along its own track."""
+        """Return the sums of a block, of each pixel along its own track while it is not hidden."""
         if len(self.tracks) == 1:
             return self.tracks[0].sums(block)
-        return Sums.select([track.sums(block) for track in self.tracks], self.labels)
+        sums = Sums.select([track.sums(block) for track in self.tracks], self.labels)
+        hidden = self._hidden(block)
+        central = from_center(self)[:2]
+        if block in central:
+            # Each pixel has some bits, even in holes that are smaller than the motion of a block.
+            hidden &= ~np.logical_and.reduce([self._hidden(int(each)) for each in central])
+        return sums.masked(~hidden) if hidden.any() else sums
+
+    def _hidden(self, block: int) -> npt.NDArray[np.bool_]:
+        """Return the pixels that something in front of their own track hides in a block, (H, W)."""
+        hidden = np.zeros(self.labels.shape, bool)
+        for index in range(len(self.tracks) - self.free - 1):
+            hidden |= (self.labels == index) & self.covered(index, block)
+        return hidden
+
+    def covered(self, index: int, block: int) -> npt.NDArray[np.bool_]:
+        """Return whether pixels that follow a track are behind others in a block, (H, W)."""
+        covered = np.zeros(self.labels.shape, bool)
+        for front in range(index + 1, len(self.tracks) - self.free):
+            field = self.relative(index, front, block)
+            engine.mark_covered(front, field, self.labels, covered, self.blocks.threads)
+        return covered
+
+    def relative(self, index: int, other: int, block: int) -> npt.NDArray[np.float32]:
+        """Return how far the pixels of another track that have the same positions are, (2, H, W).
+
+        Motions are so smooth that the displacement of such a pixel is nearly that of the first one.
+        """
+        nodes = self.tracks[index].nodes[block] - self.tracks[other].nodes[block]
+        return interpolate(nodes, self.blocks.size)
 
     def displacements(self, block: int, step: int = 1) -> npt.NDArray[np.float32]:
         """Return the displacements of all pixels in the middle of a block, (2, H, W).

@@ -11,6 +11,8 @@
 //! all tiles together. [`chi_squared`] tests which pixels agree with the template, and
 //! [`disagreement`] compares two parts of the frames.
 //!
+//! [`add_object_gain`] tells where objects explain the bits better than what is behind them.
+//!
 //! Before, [`velocity_scores`] tells how probable velocities are in windows of the scene.
 
 mod affine;
@@ -29,6 +31,7 @@ mod filter;
 mod frames;
 mod gradient;
 mod lines;
+mod object_gain;
 mod rounding;
 mod row;
 mod row_counter;
@@ -56,6 +59,7 @@ pub use equations::{Equations, EquationsView, TILE, normal_equations};
 pub use field::Displacements;
 pub use filter::blur;
 pub use gradient::undo_remainders;
+pub use object_gain::{GAINS, Object, PREDICTIONS, Seen, add_object_gain, mark_covered};
 pub use shifted_counts::{BLOCK, ShiftedCounts, add_shifted_counts};
 pub use shifted_scores::{Peak, peak_of_shifted_scores};
 pub use shifted_values::add_shifted_values;

@@ -76,6 +76,68 @@ def _appear(back: Texture, front: Texture, frames: int, _: np.random.Generator) 
     return [_drifting(back, frames), _object(front, frames, appears=0.6 * frames)]
 
 
+def _several(number: int) -> Maker:
+    """Return the maker of a scene with several objects."""
+
+    def make(back: Texture, front: Texture, frames: int, rng: np.random.Generator) -> list[Plane]:
+        time = np.linspace(-1, 1, frames)
+        turn = rng.uniform(0, 2 * np.pi)
+        planes = [_drifting(back, frames)]
+        for index in range(number):
+            angle = turn + 2 * np.pi * index / number
+            around = np.array([np.sin(angle), np.cos(angle)])
+            course = angle + rng.uniform(0.3, 0.7) * np.pi
+            path = np.outer(time + 0.25 * time**2, [np.sin(course), np.cos(course)])
+            shifts = rng.uniform(10, 16) * path
+            planes.append(
+                Plane(
+                    front,
+                    Path.from_shifts(shifts - shifts[frames // 2]),
+                    _disk(72 * around, 100 / (number + 1)),
+                )
+            )
+        return planes
+
+    return make
+
+
+def _small(back: Texture, front: Texture, frames: int, _: np.random.Generator) -> list[Plane]:
+    path = _object(front, frames).path
+    return [_drifting(back, frames), Plane(front, path, _disk(np.zeros(2), 16))]
+
+
+def _stop(back: Texture, front: Texture, frames: int, _: np.random.Generator) -> list[Plane]:
+    shifts = _object(front, frames).path.shift
+    shifts = shifts[np.minimum(np.arange(frames), int(0.6 * frames))]
+    path = Path.from_shifts(shifts - shifts[frames // 2])
+    return [_drifting(back, frames), Plane(front, path, _blob)]
+
+
+def _person(back: Texture, front: Texture, frames: int, _: np.random.Generator) -> list[Plane]:
+    """Return a figure that walks: its limbs swing around their joints."""
+    walk = _object(front, frames).path.shift * (0.5, 1.0)
+    time = _centered_time(frames)
+    planes = [_drifting(back, frames)]
+    limbs = (
+        ((-14, -12), (36, -26), 9, 0.4),
+        ((-14, 12), (36, 26), 9, -0.4),
+        ((24, -8), (84, -14), 11, -0.3),
+        ((24, 8), (84, 14), 11, 0.3),
+        ((-14, 0), (24, 0), 22, 0.0),
+        ((-52, 0), (-50, 0), 16, 0.0),
+    )
+    for joint, end, radius, swing in limbs:
+        angle = swing * np.sin(0.5 * np.pi * time)
+        around = np.array(joint, np.float64)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        turned = np.stack(
+            [cosine * around[0] - sine * around[1], sine * around[0] + cosine * around[1]], axis=1
+        )
+        path = Path(walk + around - turned, angle, np.ones(frames))
+        planes.append(Plane(front, path, _capsule(around, np.array(end, np.float64), radius)))
+    return planes
+
+
 MOTIONS: dict[str, Maker] = {
     "static": _static,
     "shake": _shake,
@@ -87,6 +149,12 @@ MOTIONS: dict[str, Maker] = {
     "sheet": _sheet,
     "flicker": _flicker,
     "appear": _appear,
+    "two": _several(2),
+    "three": _several(3),
+    "five": _several(5),
+    "small": _small,
+    "stop": _stop,
+    "person": _person,
 }
 """The functions that make the named scenes. :func:`jotlight.datasets.moving` describes them."""
 
@@ -116,6 +184,25 @@ def _blob(points: Array) -> Array:
     angle = np.arctan2(points[0], points[1])
     radius = 52 + 10 * np.cos(3 * angle + 1)
     return np.asarray(np.clip(radius - np.hypot(*points) + 0.5, 0, 1))
+
+
+def _disk(center: Array, radius: float) -> Outline:
+    """Return the outline of a disk."""
+    return _capsule(center, center, radius)
+
+
+def _capsule(start: Array, end: Array, radius: float) -> Outline:
+    """Return the outline of all points within a radius of a line from one point to another."""
+    line = end - start
+    squared = max(float(line @ line), 1e-9)
+
+    def opacity(points: Array) -> Array:
+        row, column = points[0] - start[0], points[1] - start[1]
+        place = np.clip((row * line[0] + column * line[1]) / squared, 0, 1)
+        distance = np.hypot(row - place * line[0], column - place * line[1])
+        return np.asarray(np.clip(radius - distance + 0.5, 0, 1))
+
+    return opacity
 
 
 def _half_plane(slope: float, row: float) -> Outline:

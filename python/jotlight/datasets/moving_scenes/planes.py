@@ -72,7 +72,8 @@ class Plane:
     def intensities(self, time: float, points: Array) -> npt.NDArray[np.float32]:
         """Return the intensities of points at a time."""
         rows, columns = (
-            point + (size - 1) / 2 for point, size in zip(points, self.texture.size, strict=True)
+            self.texture.detail * point + (size - 1) / 2
+            for point, size in zip(points, self.texture.size, strict=True)
         )
         values = self.texture(rows, columns)
         if self.brightness is None:

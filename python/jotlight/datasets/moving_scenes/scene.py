@@ -37,6 +37,8 @@ class MovingScene:
         (H, W) or (H, W, C), in pixels.
     reference : int
         The middle frame, T // 2.
+    detail : int
+        Samples of the light per pixel and dimension. A pixel integrates over all of them.
     bits : Bits
         The recorded bits. Each frame is drawn when it is read, and is the same each time.
     """
@@ -49,30 +51,52 @@ class MovingScene:
         seed: np.random.SeedSequence,
         samples_per_frame: int,
     ) -> None:
+        self.detail = planes[0].texture.detail
         self.sensor = sensor
         self.shape = (*size, *planes[0].texture.channels)
         self.reference = sensor.frames // 2
         self._planes = planes
         self._seed = seed
         self._samples_per_frame = samples_per_frame
-        self._grid = np.stack(
-            np.meshgrid(*[np.arange(length) - (length - 1) / 2 for length in size], indexing="ij")
-        )
+        self._grid = _centered_grid(size, 1)
+        self._samples = _centered_grid(size, self.detail)
         sensor.check_map_shapes(*(length * sensor.oversampling for length in size))
         height, width = (length * sensor.oversampling for length in size)
         shape = (sensor.frames, height, math.ceil(width / 8), *self.shape[2:])
         (self.bits,) = simulated_bits([Frames(shape, self._draw)], width, sensor)
 
-    def image(self, time: float | None = None) -> npt.NDArray[np.float32]:
-        """Return the image at a time, (H, W) or (H, W, C). Default: at the reference frame."""
+    def image(self, time: float | None = None, *, upsample: int = 1) -> npt.NDArray[np.float32]:
+        """Return the image at a time, (H, W) or (H, W, C). Default: at the reference frame.
+
+        Parameters
+        ----------
+        time : float, optional
+            The time.
+        upsample : int
+            Pixels of the image per pixel of the sensor and dimension: a divisor of `detail`.
+
+        Raises
+        ------
+        ValueError
+            When the scene has no such detail.
+        """
+        if upsample < 1 or self.detail % upsample:
+            raise ValueError(
+                f"upsample: expected a divisor of the scene's detail, {self.detail}, got {upsample}"
+            )
         time = self.reference if time is None else time
-        image = np.zeros(self.shape, np.float32)
+        height, width = self._samples.shape[1:]
+        image = np.zeros((height, width, *self.shape[2:]), np.float32)
         for plane in self._planes:
-            points = plane.points(time, self._grid)
+            points = plane.points(time, self._samples)
             opacity = plane.opacity(time, points).astype(np.float32)
             opacity = opacity.reshape(*opacity.shape, *[1] * len(plane.texture.channels))
             image = (1 - opacity) * image + opacity * plane.intensities(time, points)
-        return image
+        side = self.detail // upsample
+        if side == 1:
+            return image
+        blocks = image.reshape(height // side, side, width // side, side, *self.shape[2:])
+        return np.asarray(blocks.mean(axis=(1, 3)))
 
     def motion(self, time: float, at: float | None = None) -> npt.NDArray[np.float32]:
         """Return how far each pixel's scene point has moved, (2, H, W): rows and columns.
@@ -103,6 +127,15 @@ class MovingScene:
             visible &= (shown >= number) | (opacity <= _MAX_HIDDEN)
             visible &= (shown != number) | (time >= plane.appears)
         return np.asarray(visible)
+
+    def planes(self, time: float | None = None) -> npt.NDArray[np.intp]:
+        """Return the number of the plane that each pixel shows at a time, (H, W).
+
+        The background has the number 0, and planes in front have larger numbers. Default: at the
+        reference frame.
+        """
+        time = self.reference if time is None else time
+        return self._moved(time, time)[0]
 
     def with_photons(self, photons: float) -> "MovingScene":
         """Return the same scene with another mean number of photons per jot and frame.
@@ -160,6 +193,12 @@ class MovingScene:
         return f"<MovingScene: {size} pixels, {planes}, {self.sensor!r}>"
 
 
+def _centered_grid(size: tuple[int, int], detail: int) -> Array:
+    """Return positions in pixels relative to the center, (2, rows, columns)."""
+    axes = [(np.arange(detail * length) - (detail * length - 1) / 2) / detail for length in size]
+    return np.stack(np.meshgrid(*axes, indexing="ij"))
+
+
 def moving(
     photograph: npt.ArrayLike | None = None,
     motion: str | npt.ArrayLike = "shake",
@@ -169,6 +208,7 @@ def moving(
     shape: tuple[int, int] | None = None,
     photons: float | None = None,
     samples_per_frame: int = 1,
+    detail: int = 1,
     rng: SeedLike = None,
 ) -> MovingScene:
     """Return a moving scene: exact bits, and the exact image, motion, and occlusion at any time.
@@ -192,21 +232,30 @@ def moving(
         - "sheet": waves of 5 pixels deform a moving background.
         - "flicker": as "shake", while the brightness changes five times by ±30 %.
         - "appear": as "layers", but the object appears after 60 % of the frames.
+        - "two", "three", and "five": as many objects that move differently.
+        - "small": as "layers", but the object is a disk of 32 pixels.
+        - "stop": as "layers", but the object stops after 60 % of the frames.
+        - "person": a figure walks, and its limbs swing.
     sensor : Sensor, optional
         The sensor. Its `frames` are the length T of the burst. Masks of dead jots, maps of dark
         counts (hot jots), and maps of the efficiency are possible. Default:
         ``Sensor(frames=256)``, or as many frames as the array `motion` has.
     foreground : array_like of float, shape (H, W) or (H, W, C), optional
-        The photograph of the objects in "layers", "parallax", and "appear". Default: the
-        background, turned by 180°.
+        The photograph of the objects, and of a plane in "parallax". Default: the background, turned
+        by 180°.
     shape : (int, int), optional
-        Rows and columns of the recorded part, around the center. Default: those of the photograph.
+        Rows and columns of the recorded part, around the center. Default: those of the photograph,
+        divided by `detail`.
     photons : float, optional
         The mean number of photons per jot and frame, at the reference time. It replaces the gain of
         the sensor.
     samples_per_frame : int
         The number of times at which the light of a frame is sampled. The default 1 lets the scene
         stand still during each frame; more samples blur fast motion as a real sensor does.
+    detail : int
+        Number of pixels of the photograph per pixel of the sensor, in each dimension. With 2, each
+        pixel integrates over 2 x 2 pixels of the photograph, and ``image(upsample=2)`` is the
+        exact image with twice as many rows and columns.
     rng : int, numpy.random.Generator, numpy.random.SeedSequence or None
         The seed of the path and of the bits. The same seed yields the same path for all exposures.
 
@@ -238,6 +287,8 @@ def moving(
             f"foreground: expected as many channels as the photograph, shape (H, W, "
             f"{', '.join(map(str, image.shape[2:]))}), got {front.shape}"
         )
+    detail = whole_number_in_range("detail", detail, 1, 16)
+    back, front_texture = Texture(image, detail), Texture(front, detail)
     generator = rng if isinstance(rng, np.random.Generator) else np.random.default_rng(rng)
     if isinstance(motion, str):
         sensor = Sensor(frames=256) if sensor is None else sensor
@@ -245,7 +296,7 @@ def moving(
             raise ValueError(
                 f"motion: expected one of {', '.join(MOTIONS)}, or an array, got {motion!r}"
             )
-        planes = MOTIONS[motion](Texture(image), Texture(front), sensor.frames, generator)
+        planes = MOTIONS[motion](back, front_texture, sensor.frames, generator)
     else:
         path = Path.from_table(motion)
         sensor = Sensor(frames=len(path)) if sensor is None else sensor
@@ -254,8 +305,8 @@ def moving(
                 f"motion: expected a line for each of the sensor's {sensor.frames} frames, "
                 f"got {len(path)}"
             )
-        planes = [Plane(Texture(image), path)]
-    size = image.shape[:2] if shape is None else shape
+        planes = [Plane(back, path)]
+    size = (image.shape[0] // detail, image.shape[1] // detail) if shape is None else shape
     if len(size) != 2 or min(size) < 1:
         raise ValueError(f"shape: expected rows and columns of at least 1, got {shape}")
     whole_number_in_range("samples_per_frame", samples_per_frame, 1, 1000)

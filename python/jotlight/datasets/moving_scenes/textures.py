@@ -18,6 +18,8 @@ class Texture:
     ----------
     photograph : ndarray of float, shape (H, W) or (H, W, C)
         Intensities in [0, 1].
+    detail : int
+        Number of pixels of the photograph per pixel of the sensor, in each dimension.
 
     Examples
     --------
@@ -26,9 +28,10 @@ class Texture:
     [0.5, 0.5]
     """
 
-    def __init__(self, photograph: npt.NDArray[np.floating]) -> None:
+    def __init__(self, photograph: npt.NDArray[np.floating], detail: int = 1) -> None:
         from scipy.ndimage import gaussian_filter, spline_filter
 
+        self.detail = detail
         self.size = photograph.shape[:2]
         self.channels = photograph.shape[2:]
         planes = photograph.reshape(*self.size, -1).astype(np.float64)

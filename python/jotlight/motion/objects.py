@@ -1,0 +1,196 @@
+"""Objects that the segments of a scene do not explain: small or dim ones.
+
+The energy of a small object is lost in that of the background. So the background is subtracted:
+what remains of all blocks is correlated in small windows, pair by pair, and the correlations of all
+pairs are added along each velocity. An object is accepted if the bits gain by it.
+"""
+
+import itertools
+
+import numpy as np
+import numpy.typing as npt
+
+import jotlight._engine as engine
+from jotlight.motion.affine import follow, start
+from jotlight.motion.blocks import Sums
+from jotlight.motion.depth import ComparedBits, object_gains, refine_outlines, without_absent
+from jotlight.motion.equivalent import equivalent_sums
+from jotlight.motion.scoring import make_template
+from jotlight.motion.segments import Segment
+from jotlight.motion.tiles import add_squares, tile_counts
+from jotlight.motion.track import Paths, Track
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+_MAX_OBJECTS = 5
+"""Maximum number of objects that are added."""
+
+_MAX_TRIED, _MAX_FOLLOWED = 8, 2
+"""Maximum numbers of velocities that are tried for each object, and that are followed."""
+
+_SAME = 6.0
+"""Distance in pixels, over the whole burst, up to which velocities are the same."""
+
+_MAX_BLOCKS = 32
+"""Maximum number of blocks that are correlated."""
+
+_LAGS = (1, 2, 3, 4, 6)
+"""Distances in blocks of the pairs that are correlated."""
+
+_BIN = 2
+"""Width of the squares whose residuals are added, in pixels."""
+
+_WINDOW, _STRIDE = 96 // _BIN, 48 // _BIN
+"""Width of a window, and maximum distance of neighboring windows, in bins."""
+
+_RANGE = 0.45
+"""Maximum displacement between two blocks, as a fraction of the width of a window."""
+
+_BAND = 1.0 / _BIN, 12.0 / _BIN
+"""Standard deviations of the filters between which details are correlated, in bins."""
+
+_MIN_PEAK = 3.0
+"""Minimum height of a peak, in standard deviations of the scores."""
+
+_MAX_PEAKS = 3
+"""Maximum number of velocities of a window."""
+
+_SCALE = 256.0
+"""Factor of residuals, which are rounded to whole numbers."""
+
+_MIN_GAIN = 30.0
+"""Minimum gain in nats by an object, beyond the cost of its outline."""
+
+_MIN_SHARE = 0.03
+"""Minimum gain by an object, as a fraction of the largest gain by another one."""
+
+_MIN_PIXELS = 64
+"""Minimum number of pixels of an object."""
+
+
+def add_objects(paths: Paths) -> Paths:
+    """Return paths with further tracks in front, those of objects that move by themselves."""
+    for _ in range(_MAX_OBJECTS):
+        more = _with_object(paths)
+        if more is None:
+            break
+        paths = more
+    return paths
+
+
+def _with_object(paths: Paths) -> Paths | None:
+    """Return paths with the object that gains most, or None if none gains enough."""
+    index = len(paths.tracks)
+    found = []
+    velocities = _residual_velocities(paths)[:_MAX_TRIED]
+    if not velocities:
+        return None
+    bits = ComparedBits.of(paths)
+    for velocity in velocities:
+        gain = bits.with_track(_constant(paths, velocity)).gain(index)
+        pixels = gain.pixels()
+        if pixels.sum() >= _MIN_PIXELS and (net := gain.net(pixels)) > _MIN_GAIN:
+            found.append((net, velocity, pixels))
+    for _, velocity, pixels in sorted(found, key=lambda each: -each[0])[:_MAX_FOLLOWED]:
+        segment = Segment(velocity, np.ones(tile_counts(paths.blocks.size)), 0.0)
+        track = follow(paths.blocks, int(paths.reference), segment, pixels)
+        labels = np.where(pixels, np.uint8(index), paths.labels)
+        more = without_absent(refine_outlines(Paths([*paths.tracks, track], labels)))
+        gains = [
+            gain.net(more.labels == segment) for segment, gain in enumerate(object_gains(more), 1)
+        ]
+        needed = max(_MIN_GAIN, _MIN_SHARE * max(gains))
+        if (more.labels == index).sum() >= _MIN_PIXELS and gains[-1] > needed:
+            return more
+    return None
+
+
+def _constant(paths: Paths, velocity: Array) -> Track:
+    """Return the track of a constant velocity."""
+    track = start(paths.blocks, int(paths.reference), velocity)
+    times = paths.blocks.centers - paths.reference
+    track.nodes = times[:, None, None, None] * velocity
+    track.known[:] = True
+    return track
+
+
+def _residual_velocities(paths: Paths) -> list[Array]:
+    """Return velocities of what no track explains, (2, rows, columns) each, the clearest first."""
+    track, blocks = paths.tracks[0], paths.blocks
+    residuals, frames = _residuals(paths)
+    lags = [lag for lag in _LAGS if lag < len(residuals)]
+    if not lags:
+        return []
+    height, width = residuals.shape[1:]
+    size = min(height, _WINDOW), min(width, _WINDOW)
+    steps = int(_RANGE * min(size))
+    places = np.arange(-steps, steps + 1) / lags[-1]
+    corners = list(itertools.product(_starts(height), _starts(width)))
+    scores = engine.velocity_scores(residuals, corners, size, _BAND, lags, places, blocks.threads)
+    base = track.velocity()
+    found: list[tuple[float, Array]] = []
+    for each in scores:
+        for peak, row, column in _peaks(each):
+            relative = _BIN * np.array([places[row], places[column]]) / frames
+            found.append((peak, base + relative[:, None, None]))
+    found.sort(key=lambda pair: -pair[0])
+    known = [each.velocity() for each in paths.tracks]
+    return _distinct([velocity for _, velocity in found], known, len(blocks.burst))
+
+
+def _peaks(scores: npt.NDArray[np.float32]) -> list[tuple[float, int, int]]:
+    """Return the heights of the highest peaks in standard deviations, with their places."""
+    from scipy.ndimage import maximum_filter
+
+    heights = (scores - scores.mean()) / max(float(scores.std()), 1e-9)
+    is_peak = (heights == maximum_filter(heights, 3)) & (heights >= _MIN_PEAK)
+    is_peak[[0, -1]] = is_peak[:, [0, -1]] = False
+    rows, columns = np.nonzero(is_peak)
+    peaks = [
+        (float(heights[row, column]), int(row), int(column))
+        for row, column in zip(rows, columns, strict=True)
+    ]
+    return sorted(peaks, reverse=True)[:_MAX_PEAKS]
+
+
+def _distinct(velocities: list[Array], known: list[Array], frames: int) -> list[Array]:
+    """Return the velocities that differ from known ones, and from all before."""
+    kept: list[Array] = []
+    for velocity in velocities:
+        if all(
+            float(np.hypot(*(velocity - other)).max()) * frames >= _SAME for other in known + kept
+        ):
+            kept.append(velocity)
+    return kept
+
+
+def _residuals(paths: Paths) -> tuple[npt.NDArray[np.int32], float]:
+    """Return what remains of the counts along the first track, (n, h, w), and frames per block.
+
+    Where objects cover it, nothing remains.
+    """
+    track, number = paths.tracks[0], len(paths.blocks.centers)
+    length = -(-number // _MAX_BLOCKS)
+    groups = [
+        Sums.total(
+            track.sums(block).masked(~paths.covered(0, block))
+            for block in range(first, first + length)
+        )
+        for first in range(0, number - length + 1, length)
+    ]
+    probability = make_template(Sums.total(groups), paths.blocks.threads).probability
+    deviation = np.sqrt(probability * (1 - probability))
+    residuals = []
+    for group in groups:
+        sums = equivalent_sums(group, probability)
+        each = (sums.ones - sums.trials * probability) / deviation
+        residuals.append(add_squares(np.rint(_SCALE * each), _BIN))
+    frames = length * float(np.diff(paths.blocks.edges).mean())
+    return np.stack(residuals).astype(np.int32), frames
+
+
+def _starts(length: int) -> list[int]:
+    """Return the first rows or columns of windows that overlap and cover a length, in bins."""
+    number = 1 + max(0, -(-(length - _WINDOW) // _STRIDE))
+    return [round(place) for place in np.linspace(0, max(0, length - _WINDOW), number)]
