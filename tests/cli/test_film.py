@@ -121,6 +121,10 @@ def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
     assert f"; {np.mean(accepted):.1%} of the bits agree and are used, and " in output
     assert f"and {min(accepted):.1%} or more of each image" in output
     assert run(*arguments, "-o", "film.gif", "--motion-model", "none")[0] == 0
+    assert run(*arguments, "-o", "causal.npy", "--causal")[0] == 0
+    causal = film(moving, window=32, step=16, causal=True)
+    for image, expected in zip(np.load(tmp_path / "causal.npy"), causal, strict=True):
+        np.testing.assert_array_equal(image, jl.mle(expected.merged))
 
 
 @pytest.mark.parametrize(
@@ -140,6 +144,8 @@ def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
         (["-o", "a", "--window", 4, "--depth", 12], "expected 8"),
         (["-o", "a", "--window", 4, "--motion-model", "affine"], "add --motion"),
         (["-o", "a", "--window", 4, "--motion", "--motion-model", "rigid"], "expected auto or"),
+        (["-o", "a", "--window", 4, "--causal"], "causal: is for the motion of the scene; add"),
+        (["-o", "a", "--window", 4, "--upsample", 2], "upsample: is for the motion of the scene"),
         (["-o", "known.npy", "--window", 4], "choose another name"),
     ],
 )

@@ -76,6 +76,19 @@ def test_a_motion_is_used_again(run, moving, tmp_path):
     assert "choose another name" in output
 
 
+def test_a_finer_grid(run, moving, tmp_path):
+    arguments = ["reconstruct", "moving.npy", "--motion", "--upsample", 2, "-o", "a.npy"]
+    status, output = run(*arguments, "--maps", "maps.npz")
+    assert status == 0, output
+    merged = jl.merge(moving, motion=jl.align(moving), upsample=2)
+    expected = jl.reconstruct(merged)
+    assert expected.shape == (96, 128)
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), expected)
+    with np.load("maps.npz") as maps:
+        np.testing.assert_array_equal(maps["trials"], merged.trials)
+    assert f"{np.mean(merged.trials > 0):.1%} of the finer grid has readings" in output
+
+
 @pytest.mark.slow
 def test_counts_are_aligned(run, moving, tmp_path):
     counts = moving.to_array().reshape(24, 2, 48, 64).sum(axis=1).astype(np.uint16)
@@ -133,6 +146,13 @@ def test_uncertainty_is_that_of_the_merged_bits(run, moving, tmp_path):
             "motion-model: is for a new motion; leave out --motion-file",
         ),
         (["--motion", "--motion-file", "moving.npy"], "moving.npy"),
+        (["--upsample", 2], "upsample: is for the motion of the scene; add --motion"),
+        (["--motion", "--upsample", 3], "upsample: expected 1 or 2, got 3"),
+        (["--motion", "--upsample", 2, "-m", "mle"], "upsample: expected a network, but the"),
+        (
+            ["--motion", "--upsample", 2, "--uncertainty", "u.npz"],
+            "uncertainty: is not known for the finer grid",
+        ),
     ],
 )
 def test_bad_input_gets_one_clear_line_and_leaves_no_files(

@@ -73,9 +73,30 @@ def test_the_cost_of_motion_is_printed(run):
         assert f"and {cost.further_seconds:.2g} s for each further image" in output
 
 
+def test_the_frames_that_help_at_a_speed_are_printed(run):
+    arguments = ["plan", "0.01:0.5", "--frames", 64, "--size", "128x100"]
+    status, output = run(*arguments, "--speed", 0.25)
+    assert status == 0, output
+    plan = jl.plan(jl.Sensor(), (0.01, 0.5), frames=[64], speed=0.25, size=(128, 100)).motion
+    assert f"the sum of {plan.best_sum:,} frames is best; longer sums are worse" in output
+    assert f"With --motion, up to {plan.best_aligned:,} frames help" in output
+    assert f"beyond {plan.frames_in_view:,} frames nothing of the image is in view" in output
+    assert f"an error of {plan.registration_error:.2g} pixels" in output
+    status, per_second = run(
+        "plan", "10:500", "--frame-rate", 1000, "--frames", 64, "--size", "128x100",
+        "--speed", 250,
+    )  # fmt: skip
+    assert status == 0
+    assert per_second.splitlines()[-2:] == output.splitlines()[-2:]
+    assert "At rest, all frames help." in run(*arguments, "--speed", 0)[1]
+    output = run("plan", "1e-6", "--speed", 1, "--size", "64x64")[1]
+    assert "There is too little light for --motion at this speed" in output
+
+
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
+        (["1:2", "--speed", -1], "speed: expected pixels per frame from 0 to 1000, got -1"),
         (["2:1"], "MIN:MAX"),
         (["1:2", "--size", "256"], "size: expected HEIGHTxWIDTH in jots"),
         (["1:2", "--size", "0x9"], "size: expected HEIGHTxWIDTH in jots"),

@@ -9,8 +9,9 @@ import pytest
 import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import as_motion
+from jotlight.motion.carrying import carry, divide_by_steps
 from jotlight.motion.consistency import find_consistent
-from jotlight.motion.film import carry, divide_by_steps, film
+from jotlight.motion.film import LiveFilm, film
 from jotlight.motion.merge import as_paths
 from jotlight.motion.scoring import FAST
 from jotlight.sensing.provenance import Provenance
@@ -110,6 +111,100 @@ def test_windows_that_share_few_frames_are_aligned_afresh():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("motion", ["shake", "rotate"])
+def test_a_causal_film_shows_the_last_frame_of_each_window(motion):
+    scene, bits = moving(motion)
+    images = list(film(bits, window=64, step=16, causal=True))
+    others = list(film(bits, window=64, step=16))
+    assert [image.motion.reference for image in images] == [63.0] * len(images)
+    # The middle of a window is about the end of the second window before it.
+    for index, image in enumerate(images[:-2]):
+        truth = scene.image(16 * index + 63)
+        assert quality(image.merged, truth) > quality(others[index + 2].merged, truth) - 1.5
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:the motion does not explain the scene")
+def test_a_causal_film_does_not_depend_on_later_frames():
+    _, bits = moving("shake", 128, (48, 48))
+    rng = np.random.default_rng(0)
+    other = np.array(bits.packed)
+    other[80:] = rng.integers(0, 256, other[80:].shape, dtype=np.uint8)
+    pairs = zip(
+        *(film(jl.Bits(each, 48), window=32, step=8, causal=True) for each in (bits.packed, other)),
+        strict=True,
+    )
+    for index, (one, two) in enumerate(pairs):
+        if 8 * index + 32 > 80:
+            break
+        np.testing.assert_array_equal(one.merged.ones, two.merged.ones)
+        np.testing.assert_array_equal(one.motion.nodes, two.motion.nodes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sizes", [(1,), (7, 30), (100,)])
+def test_frames_that_arrive_in_any_parts_make_the_same_film(sizes):
+    _, bits = moving("shake", 64, (48, 48))
+    live = LiveFilm(bits.sensor, window=32, step=8)
+    images, start = [], 0
+    for size in itertools.cycle(sizes):
+        images += live.add(bits[start : start + size])
+        start += size
+        if start >= len(bits):
+            break
+    expected = list(film(bits, window=32, step=8, causal=True))
+    assert len(images) == len(expected)
+    for one, two in zip(images, expected, strict=True):
+        np.testing.assert_array_equal(one.merged.ones, two.merged.ones)
+        assert one.merged.sensor == two.merged.sensor
+        assert one.is_carried == two.is_carried
+
+
+def test_a_live_film_keeps_a_window_of_frames():
+    _, bits = moving("static", 32, (32, 32))
+    live = LiveFilm(bits.sensor, window=16, step=4, model="none")
+    number = sum(len(live.add(bits)) for _ in range(10))
+    assert number == 1 + (320 - 16) // 4
+    assert live._kept.shape == (16, 32, 4)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"window": 0, "step": 1}, "window: expected"),
+        ({"window": 16, "step": 17}, "step: expected a whole number from 1 to 16"),
+        ({"window": 16, "step": 4, "model": "rigid"}, "model: expected auto or one of"),
+        ({"window": 16, "step": 4, "upsample": 4}, "upsample: expected"),
+    ],
+)
+def test_bad_options_of_a_live_film_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        LiveFilm(jl.Sensor(), **options)
+
+
+def test_other_frames_of_a_live_film_are_refused():
+    live = LiveFilm(jl.Sensor(), window=16, step=4)
+    live.add(jl.Bits.from_array(np.zeros((4, 16, 16), bool)))
+    with pytest.raises(ValueError, match="the size of earlier frames, 16 x 16, got 16 x 15"):
+        live.add(jl.Bits.from_array(np.zeros((4, 16, 15), bool)))
+    with pytest.raises(TypeError, match=r"frames: expected jotlight\.Bits"):
+        live.add(np.zeros((4, 16, 16)))
+
+
+@pytest.mark.slow
+def test_a_film_on_a_finer_grid_has_the_same_motion():
+    _, bits = moving("shake", 48, (48, 48))
+    pairs = zip(*(film(bits, window=32, step=8, upsample=n) for n in (1, 2)), strict=True)
+    for coarse, fine in pairs:
+        assert fine.merged.shape == (96, 96)
+        np.testing.assert_array_equal(fine.motion.nodes, coarse.motion.nodes)
+        inner = slice(10, -10), slice(10, -10)
+        squares = fine.merged.trials.reshape(48, 2, 48, 2).sum(axis=(1, 3))
+        difference = squares[inner].mean() - coarse.merged.trials[inner].mean()
+        assert abs(difference) < 0.5
+
+
+@pytest.mark.slow
 def test_counts_are_filmed_as_bits_are():
     _, bits = moving("shake", 96)
     stack = CountStack(bits.to_array().astype(np.uint8), Provenance("npy", "a.npy"), trials=1)
@@ -178,6 +273,7 @@ def test_the_carried_motion_shows_the_middle_of_its_window():
         ({"window": 33}, "window: expected 1 to the capture's 32 frames"),
         ({"window": 0, "step": 1}, "window: expected 1 to"),
         ({"window": 16, "step": 0}, "step: expected 1 frame or more"),
+        ({"window": 16, "upsample": 3}, "upsample: expected"),
         ({"window": 16, "model": "rigid"}, "model: expected auto or one of"),
         ({"window": 16, "sensor": jl.Sensor(frames=16)}, "sensor: expected 32 frames"),
     ],

@@ -19,7 +19,7 @@ from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
 from jotlight.cli.console import progress, report
 from jotlight.cli.jot_checks import caution_about_jots
 from jotlight.cli.method_options import MethodOptions
-from jotlight.cli.motion_options import MotionOptions
+from jotlight.cli.motion_options import FilmMotionOptions
 from jotlight.cli.output_options import OutputOptions, describe_tone
 from jotlight.cli.reconstruction import Brightness, Inputs, Reconstruction, report_assumptions
 from jotlight.cli.sensor_options import CapturedSensorOptions
@@ -99,13 +99,13 @@ def film(
     method: MethodOptions = MethodOptions(),
     capture: CaptureOptions = CaptureOptions(),
     sensor: CapturedSensorOptions = CapturedSensorOptions(),
-    motion: MotionOptions = MotionOptions(),
+    motion: FilmMotionOptions = FilmMotionOptions(),
     threads: Threads = None,
 ) -> None:
     """Reconstruct a film from bits or counts: an image of each window of frames.
 
-    With --motion, each image shows the middle of its window, and the motion is carried from image
-    to image.
+    With --motion, each image shows the middle of its window, or the last frame with --causal. The
+    motion is carried from image to image.
     """
     inputs = Inputs(data, method, capture, sensor, motion)
     outputs.check()
@@ -126,7 +126,7 @@ def film(
 def _write(
     job: Reconstruction,
     outputs: FilmOptions,
-    motion: MotionOptions,
+    motion: FilmMotionOptions,
     spans: list[slice],
     threads: int | None,
 ) -> Brightness:
@@ -210,7 +210,7 @@ class _Summary:
 def _images(
     job: Reconstruction,
     outputs: FilmOptions,
-    motion: MotionOptions,
+    motion: FilmMotionOptions,
     spans: list[slice],
     summary: _Summary,
     threads: int | None,
@@ -227,6 +227,8 @@ def _images(
         window=outputs.window,
         step=outputs.step,
         model=motion.model,
+        causal=motion.causal,
+        upsample=motion.factor,
         threads=threads,
     ):
         summary.add(image)

@@ -38,11 +38,18 @@ class MotionOptions:
             "explains the bits best."
         ),
     ] = None
+    upsample: Annotated[
+        int | None,
+        Parameter(
+            help="2 for twice as many rows and columns than the jots, from shifts by fractions of "
+            "a pixel. Default: 1."
+        ),
+    ] = None
 
     def check(self) -> None:
         """Raise ValueError for options that do not belong together."""
         for field in dataclasses.fields(self):
-            if not self.motion and getattr(self, field.name) is not None and field.name != "motion":
+            if not self.motion and getattr(self, field.name) not in (None, False):
                 name = field.name.replace("_", "-")
                 raise ValueError(f"{name}: is for the motion of the scene; add --motion")
         if self.model not in ("auto", *MODELS):
@@ -50,14 +57,35 @@ class MotionOptions:
                 f"motion-model: expected auto or one of {', '.join(MODELS)}, got {self.model!r}"
             )
 
+        if self.upsample not in (None, 1, 2):
+            raise ValueError(f"upsample: expected 1 or 2, got {self.upsample}")
+
     def files(self) -> list[Path]:
         """Return the files to read."""
         return []
 
     @property
+    def factor(self) -> int:
+        """Rows and columns of the image in units of those of the jots."""
+        return self.upsample or 1
+
+    @property
     def model(self) -> str:
         """The model of the motion."""
         return self.motion_model or "auto"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FilmMotionOptions(MotionOptions):
+    """How the frames of the images of a film are aligned."""
+
+    causal: Annotated[
+        bool,
+        Parameter(
+            help="Each image shows the last frame of its window, as in live viewing, rather than "
+            "the middle."
+        ),
+    ] = False
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -119,7 +147,15 @@ class ImageMotionOptions(MotionOptions):
                 motion = Motion.load(self.motion_file)
                 _check_times(motion, data, self.motion_file)
             show = begin("merging", 1 - _ALIGNING)
-            merged = merge(data, sensor, self.at, motion, threads=threads, progress=show)
+            merged = merge(
+                data,
+                sensor,
+                self.at,
+                motion,
+                upsample=self.factor,
+                threads=threads,
+                progress=show,
+            )
         return merged, motion
 
     def write(
@@ -164,6 +200,8 @@ def describe(merged: Merged, motion: Motion) -> list[str]:
     """Return what was found, one line each."""
     trials = np.broadcast_to(merged.trials, merged.shape)
     numbers = f"{trials.min():g} trials per pixel or more, {np.median(trials):g} in the median"
+    if merged.upsample > 1:
+        numbers += f"; {np.mean(trials > 0):.1%} of the finer grid has readings"
     if motion.model == "none":
         return [f"motion: none, the scene stands still; {numbers}"]
     # One map at a time: long bursts have hundreds of times.

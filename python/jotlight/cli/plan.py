@@ -10,6 +10,7 @@ from rich.table import Table
 from jotlight.calibration import Calibration
 from jotlight.cli.console import out, report
 from jotlight.cli.sensor_options import PlannedSensorOptions
+from jotlight.estimators.planned_motion import MotionPlan
 from jotlight.estimators.planning import Plan
 from jotlight.estimators.planning import plan as predict
 from jotlight.files import refuse_overwrite
@@ -42,8 +43,15 @@ def plan(
     ] = None,
     size: Annotated[
         str,
-        Parameter(help="Height and width in jots, for the cost of --motion."),
+        Parameter(help="Height and width in jots, for the cost of --motion and for --speed."),
     ] = "256x512",
+    speed: Annotated[
+        float | None,
+        Parameter(
+            help="Speed of the scene in pixels per frame (per second with --frame-rate). The last "
+            "lines state how many frames help. Default: none."
+        ),
+    ] = None,
     plot: Annotated[
         Path | None, Parameter(help="A figure, .png, .pdf, .svg or .jpg. Default: none.")
     ] = None,
@@ -54,6 +62,8 @@ def plan(
     --frames is the last row of the table. PSNR is that of a scene whose light is uniform between
     the minimum and the maximum, with the maximum as peak. SNR is the light over the error of the
     estimate. The number in brackets is the Cramér-Rao bound, the best of any unbiased estimate.
+    With --speed, the scene is a typical photograph that is denoised, rather than pixels by
+    themselves.
     """
     sensor_kwargs = sensor.to_kwargs()
     if frame_rate is not None and not 0 < frame_rate < float("inf"):
@@ -67,6 +77,8 @@ def plan(
 
         check_figure(plot)
         refuse_overwrite(plot, [sensor.calibration, *sensor.map_files()])
+    if speed is not None and frame_rate is not None:
+        speed /= frame_rate
     max_intensity = sensor_kwargs.pop("max_intensity", None)
     last = sensor_kwargs.get("frames", 2 ** (_ROWS - 1))
     if sensor.calibration is None:
@@ -81,9 +93,13 @@ def plan(
         frames=_frame_numbers(last),
         target_psnr=target,
         max_intensity=max_intensity,
+        speed=speed,
+        size=(max(1, height // planned.oversampling), max(1, width // planned.oversampling)),
     )
     out.print(_table(predicted, frame_rate))
     report(*_explanation(predicted, frame_rate), _motion_line(last, (height, width)))
+    if predicted.motion is not None:
+        report(*_motion_lines(predicted.motion))
     if plot is not None:
         from jotlight.plots import save_figure
 
@@ -119,6 +135,30 @@ def _motion_line(frames: int, size: tuple[int, int]) -> str:
         f"{size[0]} x {size[1]} jots, and {cost.further_seconds:.2g} s for each further image of a "
         "film."
     )
+
+
+def _motion_lines(motion: MotionPlan) -> list[str]:
+    """Return how many frames help if the scene moves."""
+    per_frame = f"At {motion.speed:.3g} pixels per frame"
+    if motion.speed == 0:
+        return ["At rest, all frames help."]
+    lines = [
+        f"{per_frame}, without alignment, the sum of {_count(motion.best_sum)} is best; longer "
+        "sums are worse, because the scene is blurred."
+    ]
+    error = f"the displacements have an error of {motion.registration_error:.2g} pixels"
+    if motion.best_aligned is None:
+        return [*lines, f"There is too little light for --motion at this speed: {error}."]
+    return [
+        *lines,
+        f"With --motion, up to {_count(motion.best_aligned)} help; twice as many gain less than "
+        f"0.1 dB, and beyond {_count(motion.frames_in_view)} nothing of the image is in view; "
+        f"{error}.",
+    ]
+
+
+def _count(frames: int) -> str:
+    return f"{frames:,} frame{'s' * (frames > 1)}"
 
 
 def _frame_numbers(last: int) -> list[int]:

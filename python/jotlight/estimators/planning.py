@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from jotlight.estimators.figure import draw_psnr, draw_snr
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
+from jotlight.estimators.planned_motion import MotionPlan, check_motion, plan_motion
 from jotlight.estimators.planned_readings import PlannedReadings
 from jotlight.notebook import card, table_of
 from jotlight.sensing.likelihood import Likelihood
@@ -33,7 +34,7 @@ COUNTS_PER_SIGMA = 100
 """The maximum number of counts per standard deviation in the sums."""
 
 _SATURATED_FRACTION = 0.01
-"""The fraction of pixels with only the largest reading that defines the saturation light."""
+"""Fraction of pixels with only the largest reading, at the saturation light."""
 
 _MAX_ROWS = 20
 """The maximum number of rows of the table in notebooks."""
@@ -69,6 +70,8 @@ class Plan:
     """The requested PSNR in dB."""
     required_frames: int | None = None
     """The number of frames that reaches the requested PSNR, or None if no number does."""
+    motion: MotionPlan | None = None
+    """The quality at the given speed of the scene, or None without a speed."""
 
     @property
     def snr(self) -> Array:
@@ -130,6 +133,8 @@ def plan(
     frames: Sequence[int] | None = None,
     target_psnr: float | None = None,
     max_intensity: float | None = None,
+    speed: float | None = None,
+    size: tuple[int, int] = (256, 512),
 ) -> Plan:
     """Return the expected quality of `jotlight.mle` as a function of the number of frames.
 
@@ -148,10 +153,10 @@ def plan(
     max_intensity : float, optional
         S of the estimates. Default: for each number of frames, the intensity half a count below
         saturation, which is the default of ``jotlight reconstruct`` for captures.
-
-    Returns
-    -------
-    Plan
+    speed : float, optional
+        Pixels per frame, in [0, 1000], for a plan of how many frames help if the scene moves.
+    size : (int, int)
+        H and W in pixels.
 
     Raises
     ------
@@ -168,9 +173,8 @@ def plan(
     may then be below the bound, which holds for unbiased estimates.
 
     To find `required_frames`, the search doubles the number of frames and then bisects. Below about
-    10 dB, a few trials per pixel may be worse than one, so a smaller number may suffice. The number
-    is for maximum likelihood of each pixel alone. Methods that combine neighboring pixels need
-    fewer frames, depending on the scene.
+    10 dB, a few trials per pixel may be worse than one, so fewer may suffice. Methods that combine
+    neighboring pixels need fewer frames.
 
     Examples
     --------
@@ -186,6 +190,7 @@ def plan(
     numbers = _frame_numbers(frames, max_frames)
     if target_psnr is not None and not 0 < target_psnr < 200:
         raise ValueError(f"target_psnr: expected a PSNR in dB between 0 and 200, got {target_psnr}")
+    check_motion(speed or 0, size)
     if max_intensity is not None and not 0 < max_intensity < np.inf:
         raise ValueError(f"max_intensity: expected a number above 0, got {max_intensity}")
     pixel = (_Pixel if sensor.has_plain_bits else PlannedReadings)(sensor, max_intensity)
@@ -207,6 +212,7 @@ def plan(
         optimal_light=float(grid[np.argmax(grid**2 * pixel.information(grid))]),
         target_psnr=target_psnr,
         required_frames=required,
+        motion=None if speed is None else plan_motion(scene.information, speed, size, numbers),
     )
 
 
@@ -267,6 +273,15 @@ class _Scene:
         self._weights = weights / 2
         if min_light == max_light:
             self._levels, self._weights = np.array([max_light]), np.ones(1)
+
+    @property
+    def information(self) -> float:
+        """The information of a frame about the intensity of a pixel, if the maximum light is 1.
+
+        It is the inverse of the mean variance.
+        """
+        of_frame = self._pixel.information(self._levels) * self._pixel.jots * self._max_light**2
+        return float(1 / (self._weights @ (1 / of_frame)))
 
     def psnr(self, frames: int) -> float:
         """Return the PSNR in dB of the estimate from a number of frames."""

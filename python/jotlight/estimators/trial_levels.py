@@ -122,10 +122,25 @@ def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
     >>> local_trials(trials)[0, [0, 44, 45, 89]].round(1)
     array([ 4. ,  5.9,  7. , 16. ], dtype=float32)
     """
-    noise = np.asarray(1 / trials, np.float32)
-    if noise.min() < noise.max():
-        raw, noise = noise, np.empty_like(noise)
-        engine.blur(raw[None], _NEIGHBORHOOD, noise[None], None)
+    return _local_trials_of([trials])[0]
+
+
+def _local_trials_of(maps: Sequence[npt.NDArray[np.floating]]) -> list[LocalTrials]:
+    """Return :func:`local_trials` of maps (H, W), which the engine blurs in one call."""
+    noise = [1 / trials for trials in maps if trials.min() < trials.max()]
+    blurred = np.empty((len(noise), *maps[0].shape), np.float32)
+    if noise:
+        engine.blur(np.array(noise, np.float32), _NEIGHBORHOOD, blurred, None)
+    images = iter(blurred)
+    return [
+        _number_or_map(next(images))
+        if trials.min() < trials.max()
+        else max(1, round(float(trials.flat[0])))
+        for trials in maps
+    ]
+
+
+def _number_or_map(noise: Image) -> LocalTrials:
     if noise.max() <= _NEAR_RATIO * noise.min():
         return max(1, round(1 / float(noise.mean(dtype=np.float64))))
     return np.asarray(1 / noise, np.float32)
@@ -155,17 +170,10 @@ def count_local_trials(pixels: PixelCounts) -> list[LocalTrials]:
     if not isinstance(pixels.trials, np.ndarray):
         return [max(1, round(pixels.trials))] * number
     # The images of a sensor with a mask share one map.
-    if pixels.trials.strides[0] == 0:
-        return [_local_trials_of(pixels.trials[0])] * number
-    return [_local_trials_of(trials) for trials in pixels.trials]
-
-
-def _local_trials_of(trials: npt.NDArray[np.float64]) -> LocalTrials:
-    valid = trials > 0
-    alive = trials[valid]
-    if alive.min() == alive.max():
-        return max(1, round(float(alive[0])))
-    return local_trials(fill_from_nearest(trials, valid))
+    is_shared = pixels.trials.strides[0] == 0
+    maps = pixels.trials[:1] if is_shared else pixels.trials
+    local = _local_trials_of([fill_from_nearest(trials, trials > 0) for trials in maps])
+    return local * number if is_shared else local
 
 
 def share_levels(

@@ -7,48 +7,30 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import whole_number_in_range
 from jotlight.chunks import windows
 from jotlight.errors import JotlightWarning
 from jotlight.formats.capture import CountStack
-from jotlight.motion.affine import SIGMAS, extrapolate, improve, improve_together, template_of
 from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
+from jotlight.motion.carrying import carry
 from jotlight.motion.consistency import find_consistent
-from jotlight.motion.deformation import improve_tiles, improve_tiles_together
-from jotlight.motion.merge import as_paths, merge, merge_along
+from jotlight.motion.merge import as_paths, check_upsample, merge, merge_along
 from jotlight.motion.model import divide
 from jotlight.motion.motion import MODELS, Motion
-from jotlight.motion.outlines import choose
-from jotlight.motion.regularize import fit_affine
-from jotlight.motion.scoring import FAST, normal_equations
-from jotlight.motion.tiles import affine_inverse, mean_tiles, tile_counts
-from jotlight.motion.track import Paths, Track
+from jotlight.motion.scoring import FAST
+from jotlight.motion.track import Paths
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.sensor import Sensor
-
-Array = npt.NDArray[np.float64]
+from jotlight.sensing.sensor import Sensor, require_sensor
 
 _MAX_CARRIED = 33
-"""Number of images after which the motion is estimated afresh."""
+"""Number of images after which the motion is estimated afresh, unless the film is causal."""
 
 _MIN_OVERLAP = 0.75
 """Minimum fraction of a window that the next one shares, for the motion to be carried."""
 
 _MAX_LOSS = 0.03
 """The motion is estimated afresh if the fraction of accepted bits falls by more than this."""
-
-_MIN_BLOCKS, _FRAMES_OF_BLOCK = 16, 16
-"""Windows to which a motion is carried have fewer blocks than others, because it is known already:
-16 or more, and blocks of 16 frames."""
-
-_MIN_FRACTION = 0.5
-"""Minimum fraction of a tile that a segment covers, for the tile to improve its motion."""
-
-_MAX_STILL_GAIN = 18.0
-"""Gain in nats by an affine motion of a block, above which a scene no longer stands still.
-
-Twice the gain is χ² with six degrees of freedom, so this happens by chance once in 300,000 blocks.
-"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,6 +51,8 @@ def film(
     window: int,
     step: int | None = None,
     model: str = "auto",
+    causal: bool = False,
+    upsample: int = 1,
     threads: int | None = None,
 ) -> Iterator[FilmImage]:
     """Return an iterator over the images of a film, each merged along the motion of the scene.
@@ -90,6 +74,12 @@ def film(
         quarter of a window, the motion of each window is estimated afresh.
     model : {"auto", "none", "affine", "segments", "tiles"}
         The model of the motion, as in :func:`jotlight.align`.
+    causal : bool
+        Whether each image shows the last frame of its window, as in live viewing. The motion is
+        then estimated afresh only where many of the new bits disagree. So all other images take
+        the same time. :class:`LiveFilm` takes frames that arrive one after the other.
+    upsample : {1, 2}
+        2 for a grid of half pixels, as in :func:`jotlight.merge`.
     threads : int, optional
         Number of threads. Default: all.
 
@@ -104,189 +94,192 @@ def film(
     >>> scene = moving(motion="shake", sensor=Sensor(frames=48), shape=(64, 64), photons=0.5, rng=1)
     >>> [image.is_carried for image in film(scene.bits, window=32, step=8)]
     [False, True, True]
+    >>> [image.motion.reference for image in film(scene.bits, window=32, step=8, causal=True)]
+    [31.0, 31.0, 31.0]
     """
     burst, sensor = prepare_burst(data, sensor)
-    if model != "auto" and model not in MODELS:
-        raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
     spans = windows(len(data), window, step)
     # A frame of counts has several readings.
     part = sensor.replace(frames=sensor.frames * window // len(burst))
-    return _images(data, part, spans, model, threads)
+    state = _State(part, _checked_model(model), causal, upsample, threads)
+    return (state.next_image(data[span], span.start) for span in spans)
 
 
-def _images(
-    data: Bits | CountStack,
-    sensor: Sensor,
-    spans: list[slice],
-    model: str,
-    threads: int | None,
-) -> Iterator[FilmImage]:
-    """Yield the images of all windows, whose sensor is given."""
-    before: FilmImage | None = None
-    number, usual, step = 0, 0.0, 0
-    for index, span in enumerate(spans):
-        part = data[span]
-        if index:
-            step = span.start - spans[index - 1].start
-        shared = 1 - step / (span.stop - span.start)
+class LiveFilm:
+    """A film of frames that arrive one after the other. Each image shows the latest frame.
+
+    It keeps the frames of a window, and the motion. So the time and the memory of an image do not
+    depend on the number of images before.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor. Its number of frames has no effect.
+    window : int
+        Number of frames of each image.
+    step : int
+        Frames from one image to the next, at most a window.
+    model : {"auto", "none", "affine", "segments", "tiles"}
+        The model of the motion, as in :func:`jotlight.align`.
+    upsample : {1, 2}
+        2 for a grid of half pixels, as in :func:`jotlight.merge`.
+    threads : int, optional
+        Number of threads. Default: all.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When an argument is out of its range.
+
+    Examples
+    --------
+    >>> from jotlight.datasets import moving
+    >>> scene = moving(motion="shake", sensor=Sensor(frames=48), shape=(64, 64), photons=0.5, rng=1)
+    >>> live = LiveFilm(scene.sensor, window=32, step=8)
+    >>> [len(live.add(scene.bits[start : start + 4])) for start in range(0, 48, 4)]
+    [0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1]
+    """
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        *,
+        window: int,
+        step: int,
+        model: str = "auto",
+        upsample: int = 1,
+        threads: int | None = None,
+    ) -> None:
+        require_sensor(sensor)
+        self._window = whole_number_in_range("window", window, 1, 2**31 - 1)
+        self._step = whole_number_in_range("step", step, 1, window)
+        part = sensor.replace(frames=window)
+        self._state = _State(part, _checked_model(model), True, upsample, threads)
+        self._kept: npt.NDArray[np.uint8] | None = None
+        self._width, self._seen = 0, 0
+
+    def add(self, frames: Bits) -> list[FilmImage]:
+        """Return the images that are complete with some further frames, usually none or one.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When the frames are not bits, or differ in size from earlier ones.
+        """
+        if not isinstance(frames, Bits):
+            raise TypeError(
+                f"frames: expected jotlight.Bits, got {type(frames).__name__}; "
+                "Bits.from_array packs frames (T, H, W) of 0 and 1"
+            )
+        packed = np.asarray(frames.packed)
+        if self._kept is None:
+            self._kept, self._width = packed[:0], frames.width
+        if packed.shape[1:] != self._kept.shape[1:] or frames.width != self._width:
+            raise ValueError(
+                f"frames: expected the size of earlier frames, {self._kept.shape[1]} x "
+                f"{self._width}, got {frames.shape[1]} x {frames.width}"
+            )
+        images = []
+        while len(packed):
+            missing = self._window - self._seen
+            if missing <= 0:
+                missing = self._step - (self._seen - self._window) % self._step
+            part, packed = packed[:missing], packed[missing:]
+            self._kept = np.concatenate([self._kept, part])[-self._window :]
+            self._seen += len(part)
+            if len(part) == missing:
+                bits = Bits(self._kept, self._width, self._state.sensor)
+                images.append(self._state.next_image(bits, self._seen - self._window))
+        return images
+
+
+def _checked_model(model: str) -> str:
+    """Return the name of a model after checking it."""
+    if model != "auto" and model not in MODELS:
+        raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
+    return model
+
+
+class _State:
+    """What is carried from image to image."""
+
+    def __init__(
+        self, sensor: Sensor, model: str, causal: bool, upsample: int, threads: int | None
+    ) -> None:
+        check_upsample(upsample, sensor)
+        self.sensor = sensor
+        self._model, self._causal, self._upsample, self._threads = model, causal, upsample, threads
+        self._motion: Motion | None = None
+        """The motion of the last window, as seen from its middle."""
+        self._start, self._number, self._usual = 0, 0, 0.0
+
+    def next_image(self, part: Bits | CountStack, start: int) -> FilmImage:
+        """Return the image of a window, whose first frame has a number."""
+        step, motion = start - self._start, self._motion
+        shared = 1 - step / len(part)
+        is_recent = self._causal or self._number < _MAX_CARRIED
         image = None
-        if before is not None and number < _MAX_CARRIED and shared >= _MIN_OVERLAP:
-            image = _carried_image(before.motion, part, sensor, step, usual - _MAX_LOSS, threads)
+        if motion is not None and is_recent and shared >= _MIN_OVERLAP:
+            image = self._carried_image(motion, part, step)
         if image is None:
-            motion = align(part, sensor, model=model, threads=threads)
-            burst, sensor = prepare_burst(part, sensor)
-            blocks = as_blocks(burst, divide(len(burst)), sensor, threads)
-            merged = _merge(as_paths(motion, blocks), motion, part, sensor)
-            image = FilmImage(merged, motion, False)
-            number, usual = 0, _accepted(merged)
-        number += 1
-        yield image
-        # Where merging has rejected the motion, it is not carried.
-        before = None if image.merged.flags is not None and image.merged.flags.all() else image
+            motion = align(part, self.sensor, model=self._model, threads=self._threads)
+            burst, sensor = prepare_burst(part, self.sensor)
+            blocks = as_blocks(burst, divide(len(burst)), sensor, self._threads)
+            image = self._merge(as_paths(motion, blocks), motion, part, is_carried=False)
+            self._motion, self._number, self._usual = motion, 0, _accepted(image.merged)
+        self._number += 1
+        self._start = start
+        if image.merged.flags is not None and image.merged.flags.all():
+            # Where merging has rejected the motion, it is not carried.
+            self._motion = None
+        return image
+
+    def _carried_image(
+        self, motion: Motion, part: Bits | CountStack, step: int
+    ) -> FilmImage | None:
+        """Return the image of a window along the motion of the one before, or None if lost."""
+        paths = carry(motion, part, self.sensor, step, self._threads)
+        if paths is None:
+            return None
+        carried = as_motion(paths, motion.model)
+        with warnings.catch_warnings():
+            # A motion that is lost is estimated afresh, so a warning about it would mislead.
+            warnings.simplefilter("ignore", JotlightWarning)
+            image = self._merge(paths, carried, part, is_carried=True)
+        if _accepted(image.merged) < self._usual - _MAX_LOSS:
+            return None
+        self._motion = carried
+        return image
+
+    def _merge(
+        self, paths: Paths, motion: Motion, part: Bits | CountStack, *, is_carried: bool
+    ) -> FilmImage:
+        """Return the image of a window along paths, with fast templates."""
+        if self._causal:
+            motion, paths = _seen_from_end(motion, paths)
+        if motion.model == "none" and hot_jots(self.sensor) is not None:
+            # The alignment leaves out hot jots, but merging counts them if nothing moves.
+            merged = merge(
+                part, self.sensor, motion=motion, upsample=self._upsample, threads=self._threads
+            )
+        else:
+            is_still = motion.model == "none"
+            consistent = find_consistent(paths, is_still=is_still, network=FAST)
+            merged = merge_along(paths, motion, self.sensor, consistent, self._upsample)
+        return FilmImage(merged, motion, is_carried)
 
 
-def _carried_image(
-    motion: Motion,
-    part: Bits | CountStack,
-    sensor: Sensor,
-    step: int,
-    min_accepted: float,
-    threads: int | None,
-) -> FilmImage | None:
-    """Return the image of a window along the motion of the one before, or None if it is lost."""
-    paths = carry(motion, part, sensor, step, threads)
-    if paths is None:
-        return None
-    carried = as_motion(paths, motion.model)
-    with warnings.catch_warnings():
-        # A motion that is lost is estimated afresh, so a warning about it would mislead.
-        warnings.simplefilter("ignore", JotlightWarning)
-        merged = _merge(paths, carried, part, sensor)
-    return FilmImage(merged, carried, True) if _accepted(merged) >= min_accepted else None
-
-
-def _merge(paths: Paths, motion: Motion, part: Bits | CountStack, sensor: Sensor) -> Merged:
-    """Return the merged bits of a window, with fast templates."""
-    if motion.model == "none" and hot_jots(sensor) is not None:
-        # The alignment leaves out hot jots, but merging counts them if nothing moves.
-        return merge(part, sensor, motion=motion, threads=paths.blocks.threads)
-    consistent = find_consistent(paths, is_still=motion.model == "none", network=FAST)
-    return merge_along(paths, motion, sensor, consistent)
+def _seen_from_end(motion: Motion, paths: Paths) -> tuple[Motion, Paths]:
+    """Return a motion as seen from the last frame, and its paths."""
+    try:
+        motion = motion.seen_from(float(len(paths.blocks.burst) - 1))
+    except ValueError:
+        # A wrong motion may fold the image, so that its displacements have no bounds. The image
+        # then shows the middle of the window.
+        return motion, paths
+    return motion, as_paths(motion, paths.blocks)
 
 
 def _accepted(merged: Merged) -> float:
     """Return the fraction of the bits that were counted."""
     return 1.0 if merged.acceptance is None else float(merged.acceptance.mean())
-
-
-def carry(
-    motion: Motion,
-    data: Bits | CountStack,
-    sensor: Sensor,
-    step: int,
-    threads: int | None = None,
-) -> Paths | None:
-    """Return the paths of a window, from the motion of the window that begins `step` frames before.
-
-    The blocks that both windows share keep their displacements. New ones are aligned with them.
-    Then all are improved together.
-
-    Returns
-    -------
-    Paths or None
-        None if a scene that stood still begins to move, or if nothing stays in view, as after a cut
-        to another scene, or if the motion folds the image.
-    """
-    burst, sensor = prepare_burst(data, sensor)
-    blocks = as_blocks(burst, divide_by_steps(len(burst), step), sensor, threads)
-    before = dataclasses.replace(
-        motion, times=motion.times - step, reference=motion.reference - step
-    )
-    try:
-        seen = before.seen_from(float(len(burst) // 2))
-    except ValueError:
-        # A wrong motion of tiles may fold the image, so that its displacements have no bounds.
-        return None
-    paths = as_paths(seen, blocks)
-    if not _stays_in_view(paths):
-        return None
-    # Edges are rounded, so centers differ by up to half a frame.
-    known = blocks.centers <= before.times[-1] + 0.5
-    if motion.model == "none":
-        return None if _begins_to_move(paths.tracks[0], known) else paths
-    for field, track in enumerate(paths.tracks):
-        share = mean_tiles((paths.labels == field).astype(np.float32))
-        weights = np.where(share >= _MIN_FRACTION, share, 0)
-        # The field of tiles is the last one.
-        is_of_tiles = motion.model == "tiles" and track is paths.tracks[-1]
-        _add_blocks(track, known, weights if weights.any() else share, is_of_tiles)
-    if not _stays_in_view(paths):
-        return None
-    return Paths(paths.tracks, choose(paths.tracks))
-
-
-def _stays_in_view(paths: Paths) -> bool:
-    """Return whether all displacements are smaller than the image."""
-    longest = max(float(abs(track.nodes).max()) for track in paths.tracks)
-    return longest < max(paths.blocks.size)  # False for NaN, too
-
-
-def divide_by_steps(frames: int, step: int) -> npt.NDArray[np.intp]:
-    """Return the edges of the blocks of a window.
-
-    Blocks have 16 frames, but there are 16 blocks or more. From 512 frames on, there are as many as
-    those of :func:`jotlight.motion.model.divide`. If the step has a block or more, it has a whole
-    number of blocks, so that successive windows share blocks.
-
-    Examples
-    --------
-    >>> divide_by_steps(64, 10).tolist()
-    [0, 5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 64]
-    >>> divide_by_steps(256, 32).tolist() == list(range(0, 257, 16))
-    True
-    """
-    most = len(divide(frames)) - 1
-    length = frames / min(most, max(_MIN_BLOCKS, frames // _FRAMES_OF_BLOCK))
-    if step >= length:
-        length = step / round(step / length)
-    elif step >= frames / most:
-        length = step
-    # Unlike np.round, this rounds all halves upward, so that edges have the same distances.
-    edges = np.floor(np.arange(0, frames - length / 2, length) + 0.5).astype(np.intp)
-    return np.append(edges, frames)
-
-
-def _add_blocks(
-    track: Track, known: npt.NDArray[np.bool_], weights: Array, is_of_tiles: bool
-) -> None:
-    """Align the new blocks of a track with those that are known, and improve all together."""
-    track.known = known.copy()
-    velocity = np.zeros(track.nodes.shape[1:])
-    template = template_of(track)
-    for block in np.flatnonzero(~known):
-        extrapolate(track, int(block), velocity)
-        for sigma in SIGMAS:
-            if is_of_tiles:
-                improve_tiles(track, int(block), template, sigma)
-            else:
-                improve(track, int(block), template, sigma, weights)
-        track.known[block] = True
-    if is_of_tiles:
-        improve_tiles_together(track, template)
-    else:
-        improve_together(track, weights, template=template)
-
-
-def _begins_to_move(track: Track, known: npt.NDArray[np.bool_]) -> bool:
-    """Return whether the new blocks of a scene that stood still have moved."""
-    track.known = known.copy()
-    template = template_of(track)
-    inverse = affine_inverse(tile_counts(track.blocks.size))
-    track.known[:] = True
-    for block in np.flatnonzero(~known):
-        equations = normal_equations(track.sums(int(block)), template, SIGMAS[-1])
-        errors, information = fit_affine(equations, np.ones(track.nodes.shape[2:]))
-        parameters = (errors.reshape(2, -1) @ inverse.T).ravel()
-        if parameters @ information @ parameters / 2 > _MAX_STILL_GAIN:
-            return True
-    return False

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import whole_number_in_range
 from jotlight.errors import warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import (
@@ -18,6 +19,7 @@ from jotlight.motion.align import (
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
 from jotlight.motion.consistency import Consistent, disagreement, find_consistent
+from jotlight.motion.finer import count_fine, double, fine_paths
 from jotlight.motion.flags import find_flags, is_unclear
 from jotlight.motion.flicker import without_saturation
 from jotlight.motion.guard import count_window, find_window
@@ -50,6 +52,7 @@ def merge(
     at: float | None = None,
     motion: Motion | None = None,
     *,
+    upsample: int = 1,
     threads: int | None = None,
     progress: Progress = None,
 ) -> Merged:
@@ -69,6 +72,10 @@ def merge(
         the motion, or the middle, T // 2.
     motion : Motion, optional
         The motion of the scene. Default: :func:`jotlight.align` estimates it.
+    upsample : {1, 2}
+        2 merges onto a grid of half pixels, with twice as many rows and columns. Each reading
+        integrates over 2 x 2 pixels of this grid, which K-conditioned networks take into account.
+        Shifts by fractions of a pixel fill the grid. Where they do not, the trials are 0.
     threads : int, optional
         Number of threads. Default: all.
     progress : bool or callable, optional
@@ -100,8 +107,9 @@ def merge(
     ((64, 64), True)
     """
     burst, sensor = prepare_burst(data, sensor)
+    check_upsample(upsample, sensor)
     with shown_progress(progress, "merging") as update:
-        merged = _merge(data, burst, sensor, at, motion, threads, update)
+        merged = _merge(data, burst, sensor, at, motion, upsample, threads, update)
         update(1.0)
     return merged
 
@@ -112,6 +120,7 @@ def _merge(
     sensor: Sensor,
     at: float | None,
     motion: Motion | None,
+    upsample: int,
     threads: int | None,
     update: Update,
 ) -> Merged:
@@ -136,11 +145,24 @@ def _merge(
     paths = as_paths(motion, blocks)
     if is_still and hot_jots(sensor) is not None:
         consistent = None
-    return merge_along(paths, motion, sensor, consistent)
+    return merge_along(paths, motion, sensor, consistent, upsample)
+
+
+def check_upsample(upsample: int, sensor: Sensor) -> None:
+    """Raise ValueError unless the readings of a sensor can be merged onto a finer grid."""
+    if whole_number_in_range("upsample", upsample, 1, 2) > 1 and sensor.oversampling > 1:
+        raise ValueError(
+            f"upsample: expected 1 for pixels of {sensor.oversampling} x {sensor.oversampling} "
+            "jots; a sensor with an oversampling of 1 shows each jot as a pixel"
+        )
 
 
 def merge_along(
-    paths: Paths, motion: Motion, sensor: Sensor, consistent: Consistent | None = None
+    paths: Paths,
+    motion: Motion,
+    sensor: Sensor,
+    consistent: Consistent | None = None,
+    upsample: int = 1,
 ) -> Merged:
     """Return the counts of the bits along paths, which are those of a motion.
 
@@ -161,14 +183,26 @@ def merge_along(
             "the motion does not explain the scene clearly better than no motion; only "
             f"{len(window)} frames are used, and all pixels are flagged"
         )
+        if upsample > 1:
+            of_channels = [fine_paths(each) for each in of_channels]
         sums = [count_window(each, window) for each in of_channels]
         accepted, flags = np.full_like(accepted, len(window) / len(burst)), np.ones_like(flags)
     else:
         if is_unclear(consistent, disagreements, motion.model):
             flags = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
-        is_gray = len(channels) == 1
-        sums = [consistent.total if is_gray else consistent.count(each) for each in of_channels]
+        sums = _count(of_channels, consistent, upsample)
+    if upsample > 1:
+        return _as_fine(sums, accepted, flags, motion, sensor)
     return _as_merged(sums, accepted, flags, motion, sensor)
+
+
+def _count(of_channels: list[Paths], consistent: Consistent, upsample: int) -> list[Sums]:
+    """Return the sums of each channel along its paths, without bits that disagree."""
+    if upsample > 1:
+        return [count_fine(fine_paths(each), consistent) for each in of_channels]
+    if len(of_channels) == 1:
+        return [consistent.total]
+    return [consistent.count(each) for each in of_channels]
 
 
 def as_paths(motion: Motion, blocks: Blocks) -> Paths:
@@ -180,14 +214,14 @@ def as_paths(motion: Motion, blocks: Blocks) -> Paths:
         Track(blocks, motion.reference, each.astype(np.float64), known, unknown.copy())
         for each in nodes
     ]
-    return Paths(tracks, motion.labels)
+    return Paths(tracks, motion.labels, free=int(motion.model == "tiles"))
 
 
 def _of_channel(paths: Paths, channel: int | None) -> Paths:
     """Return the same paths over the bits of one channel, or of the sum of all."""
     blocks = dataclasses.replace(paths.blocks, channel=channel)
     tracks = [dataclasses.replace(track, blocks=blocks) for track in paths.tracks]
-    return Paths(tracks, paths.labels)
+    return dataclasses.replace(paths, tracks=tracks)
 
 
 def _as_merged(
@@ -218,6 +252,33 @@ def _as_merged(
         _mean_of_pixels(posterior_error(motion), each_jot, side).astype(np.float32),
         _mean_of_pixels(flags.astype(np.float32), each_jot, side) >= _MIN_FLAGGED,
         channel_axis=-1 if color else None,
+    )
+
+
+def _as_fine(
+    channels: list[Sums],
+    accepted: npt.NDArray[np.float32],
+    flags: npt.NDArray[np.bool_],
+    motion: Motion,
+    sensor: Sensor,
+) -> Merged:
+    """Return sums on the fine grid as merged counts. The error is in pixels of this grid."""
+    color = len(channels) > 1
+    efficiency, dark_counts = (
+        value if jots is None else jots
+        for value, jots in zip(reference_jot(sensor), _seen_jots(channels[0]), strict=True)
+    )
+    return Merged(
+        stack_channels([each.ones for each in channels], color=color),
+        stack_channels([each.trials.astype(np.float64) for each in channels], color=color),
+        sensor,
+        dark_counts,
+        efficiency,
+        double(accepted),
+        2 * double(posterior_error(motion)),
+        double(flags),
+        channel_axis=-1 if color else None,
+        upsample=2,
     )
 
 

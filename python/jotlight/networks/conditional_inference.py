@@ -11,6 +11,13 @@ from jotlight.estimators.inverse_response import (
     intensity_from_probability,
 )
 from jotlight.estimators.trial_levels import count_local_trials
+from jotlight.networks.finer_grid import (
+    Prior,
+    Squares,
+    coarse_counts,
+    enlarge,
+    estimate_light,
+)
 from jotlight.networks.inference import Inference, bits_alike
 from jotlight.networks.trials_map import ConditionalDenoiser, Image, denoise_fractions
 from jotlight.networks.zeros import (
@@ -19,8 +26,10 @@ from jotlight.networks.zeros import (
     estimates_zeros,
     zero_layers,
 )
+from jotlight.sensing.gray_outputs import output_of
+from jotlight.sensing.merged import Merged, is_finer
 from jotlight.sensing.output_images import OutputImages
-from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages
+from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages, gray_images
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
@@ -44,6 +53,8 @@ def estimate_intensity(
     With a smooth kernel, the probabilities state the mean light at the jots of each pixel, and the
     intensities follow by deconvolution.
     """
+    if any(is_finer(each) for each in images.data):
+        return _estimate_finer(network, images, sensor, output, threads)
     estimate = estimate_probability(network, images, sensor, output, threads)
     is_zeros = estimates_zeros(network.layers, sensor)
     convert = intensity_from_complement if is_zeros else intensity_from_probability
@@ -55,6 +66,31 @@ def estimate_intensity(
     if sensor.kernel == "box":
         return estimate
     return np.clip(deconvolve(estimate, sensor), 0, np.float32(sensor.max_intensity))
+
+
+def _estimate_finer(
+    network: Network,
+    images: GrayImages,
+    sensor: Sensor,
+    output: OutputImages,
+    threads: int | None,
+) -> Image:
+    """Return the intensities of counts on a grid of half pixels, (N, H, W)."""
+    is_zeros = estimates_zeros(network.layers, sensor)
+    denoiser: ConditionalDenoiser = network
+    if is_zeros:
+        denoiser = ZerosNetwork(network, network.halo)
+    prior = Prior(denoiser, sensor, is_zeros, threads)
+    scale = sensor.light_per_intensity
+    for place, merged in zip(output.images, images.data, strict=True):
+        if not isinstance(merged, Merged) or merged.upsample == 1:
+            raise ValueError("data: expected the same grid in all images, got different ones")
+        coarse = gray_images(coarse_counts(merged))
+        own = output_of(coarse, sensor, None)
+        enlarged = enlarge(estimate_intensity(network, coarse, sensor, own, threads)[0])
+        light = estimate_light(Squares.of(merged), prior, scale * enlarged)
+        place[:] = np.clip(light / scale, 0, sensor.max_intensity)
+    return output.images
 
 
 def estimate_probability(

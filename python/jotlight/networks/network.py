@@ -203,7 +203,8 @@ class Network(TorchHints):
         """Radius of the receptive field in pixels.
 
         Except in a border of this width, a tile's estimate equals that of the whole image, up to
-        rounding.
+        rounding. The tile must begin at a multiple of the product of the strides, such as 4 for
+        "medium", and its sides must be multiples, too.
         """
         return halo_radius(self.layers)
 

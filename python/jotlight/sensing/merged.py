@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts, refuse_masked
+from jotlight.checks import as_counts, refuse_masked, whole_number_in_range
 from jotlight.layout import Layout
 from jotlight.notebook import card, normalize
 from jotlight.sensing.channels import channel_views
@@ -46,6 +46,10 @@ class Merged:
     channel_axis : int, optional
         Axis of `ones`, and of a map of `trials`, that holds color channels. It becomes the last
         axis. Default: none.
+    upsample : {1, 2}
+        2 for the finer grid of :func:`jotlight.merge`: each reading integrates over the 2 x 2
+        pixels from its own to the next ones in rows and columns. Only K-conditioned networks
+        estimate the image of such counts.
 
     Raises
     ------
@@ -71,11 +75,13 @@ class Merged:
     posterior_error: npt.NDArray[np.float32] | None = None
     flags: npt.NDArray[np.bool_] | None = None
     channel_axis: int | None = None
+    upsample: int = 1
 
     def __post_init__(self) -> None:
         if not isinstance(self.sensor, Sensor):
             raise TypeError(f"sensor: expected a jotlight.Sensor, got {type(self.sensor).__name__}")
         require_plain_bits(self.sensor)
+        whole_number_in_range("upsample", self.upsample, 1, 2)
         ones = as_counts(self.ones)
         layout = Layout.of("ones", ones, self.channel_axis)
         if layout.is_stack:
@@ -163,6 +169,21 @@ class Merged:
         low, high = np.min(self.trials), np.max(self.trials)
         size = " x ".join(map(str, self.shape))
         return f"<Merged: {size}, {low:g} to {high:g} trials, {self.sensor!r}>"
+
+
+def is_finer(data: object) -> bool:
+    """Return whether data are merged counts on a finer grid than that of the jots."""
+    return isinstance(data, Merged) and data.upsample > 1
+
+
+def refuse_finer_grid(merged: Merged) -> None:
+    """Raise ValueError for merged counts whose readings overlap, on a finer grid than the jots'."""
+    if is_finer(merged):
+        raise ValueError(
+            "data: expected counts of single pixels, got those of a finer grid, whose readings "
+            "integrate over 2 x 2 pixels; take a K-conditioned network such as "
+            "jotlight.pretrained(merged.sensor), or merge with upsample=1"
+        )
 
 
 def _checked_map(

@@ -1,0 +1,179 @@
+"""Compare films that use only earlier frames with films that also use later ones.
+
+    python benchmarks/studies/causal_films.py PHOTOGRAPHS [--images 3] [--frames 512]
+        [--window 256] [--step 64] [--photons 0.05 0.2 0.7] [--motions shake rotate fast layers]
+        [--size 192]
+
+The PSNR in dB is the mean over the same times: those of the images of the causal film that are also
+those of the other film. Both have the same windows, and the network "medium" estimates all images,
+without a border of 8 pixels. "window" is the best sum of up to 64 earlier frames without alignment,
+chosen with the true image.
+
+    python benchmarks/studies/causal_films.py PHOTOGRAPHS --time [--long 20000]
+
+Measures the time and the memory of a live film of 256 x 512 jots: a shaking camera, whose frames
+are repeated forward and backward. Each line is for an equal part of the images. Times are those of
+the processor, on two threads: merging, the network for the merged counts, and the network alone,
+for counts with the same number of trials everywhere. The ratio is that of an image to the last one.
+"""
+
+import argparse
+import time
+import tracemalloc
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import jotlight as jl
+from jotlight.images.sets import read_image_set
+from jotlight.motion.film import LiveFilm, film
+
+Image = npt.NDArray[Any]
+
+INNER = (slice(8, -8),) * 2
+
+PARTS = 5
+"""Number of lines of the table of time and memory."""
+
+
+def main() -> None:
+    """Print a row for each motion and exposure, or the time and the memory."""
+    options = arguments()
+    images = read_image_set(options.photographs, first=options.images + 1)[1]
+    if options.time:
+        measure_time(images[0], options)
+        return
+    print("| motion | photons | window | causal | with later frames | loss | carried |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
+    for motion in options.motions:
+        for photons in options.photons:
+            rows = [
+                measure(images[number : number + 2], motion, photons, number, options)
+                for number in range(options.images)
+            ]
+            means = np.mean(rows, axis=0)
+            print(
+                f"| {motion} | {photons} | {means[0]:.2f} | {means[1]:.2f} | {means[2]:.2f} | "
+                f"{means[2] - means[1]:.2f} | {means[3]:.0%} |",
+                flush=True,
+            )
+
+
+def arguments() -> argparse.Namespace:
+    """Return the options."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("photographs", type=Path)
+    parser.add_argument("--images", type=int, default=3)
+    parser.add_argument("--frames", type=int, default=512)
+    parser.add_argument("--window", type=int, default=256)
+    parser.add_argument("--step", type=int, default=64)
+    parser.add_argument("--photons", nargs="+", type=float, default=[0.05, 0.2, 0.7])
+    parser.add_argument("--motions", nargs="+", default=["shake", "rotate", "fast", "layers"])
+    parser.add_argument("--size", type=int, default=192)
+    parser.add_argument("--time", action="store_true", help="measure the time and the memory")
+    parser.add_argument("--long", type=int, default=20000, help="frames of the live film")
+    return parser.parse_args()
+
+
+def measure(
+    images: list[Image], motion: str, photons: float, seed: int, options: argparse.Namespace
+) -> list[float]:
+    """Return the mean PSNR of the best window, of both films, and the share of carried images."""
+    scene = jl.datasets.moving(
+        images[0],
+        motion,
+        sensor=jl.Sensor(frames=options.frames),
+        foreground=images[1],
+        shape=(options.size, options.size),
+        photons=photons,
+        rng=seed,
+    )
+    bits = jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
+    window, step = options.window, options.step
+    kinds = {
+        causal: list(film(bits, window=window, step=step, causal=causal))
+        for causal in (True, False)
+    }
+    # The causal image of a window shows its last frame, and the other one its middle.
+    shift = window // 2 // step
+    if window // 2 % step:
+        raise ValueError("step: expected a divisor of half a window")
+    rows = []
+    for number, image in enumerate(kinds[True][: len(kinds[False]) - shift]):
+        now = number * step + window - 1
+        rows.append(
+            [
+                best_window(bits, scene.image(now), now),
+                quality(image.merged, scene.image(now)),
+                quality(kinds[False][number + shift].merged, scene.image(now + 1)),
+                float(image.is_carried),
+            ]
+        )
+    return list(np.mean(rows, axis=0))
+
+
+def best_window(bits: jl.Bits, truth: Image, now: int) -> float:
+    """Return the largest PSNR of sums of frames up to a time."""
+    values = []
+    for length in (1, 2, 4, 8, 16, 32, 64):
+        part = bits[now + 1 - length : now + 1]
+        sensor = bits.sensor.replace(frames=length)
+        values.append(quality(jl.Merged(part.counts(), float(length), sensor), truth))
+    return max(values)
+
+
+def quality(merged: jl.Merged, truth: Image) -> float:
+    """Return the PSNR in dB."""
+    image = jl.pretrained(merged.sensor).reconstruct(merged)
+    return float(jl.metrics.psnr(image[INNER], truth[INNER], data_range=1.0))
+
+
+def measure_time(image: Image, options: argparse.Namespace) -> None:
+    """Print the time and the memory of the images of a live film."""
+    scene = jl.datasets.moving(
+        image, "shake", sensor=jl.Sensor(frames=512), shape=(256, 512), photons=0.2, rng=0
+    )
+    packed = np.asarray(scene.bits.packed)
+    there_and_back = np.concatenate([packed, packed[::-1]])
+    sensor = scene.sensor.replace(frames=options.window)
+    live = LiveFilm(sensor, window=options.window, step=options.step, threads=2)
+    network = jl.pretrained(sensor)
+    merged: list[float] = []
+    estimated: list[float] = []
+    alone: list[float] = []
+    memory: list[int] = []
+    fresh = 0
+    tracemalloc.start()
+    for start in range(0, options.long, options.step):
+        places = np.arange(start, start + options.step) % len(there_and_back)
+        begin = time.process_time()
+        found = live.add(jl.Bits(there_and_back[places], 512))
+        middle = time.process_time()
+        for each in found:
+            network.reconstruct(each.merged, threads=2)
+            merged.append(middle - begin)
+            end = time.process_time()
+            estimated.append(end - middle)
+            # The same network, for counts with the same number of trials everywhere.
+            network.reconstruct(each.merged.ones, sensor, threads=2)
+            alone.append(time.process_time() - end)
+            memory.append(tracemalloc.get_traced_memory()[0])
+            fresh += not each.is_carried
+    print(f"{len(merged)} images, {fresh} of them estimated afresh")
+    print("| images | ms, merging | ms, network | ms, network alone | ratio | images/s | MB |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
+    for places in np.array_split(np.arange(len(merged)), PARTS):
+        of_merging = float(np.mean(np.array(merged)[places]))
+        of_network = float(np.mean(np.array(estimated)[places]))
+        of_alone = float(np.mean(np.array(alone)[places]))
+        print(
+            f"| {places[0]} to {places[-1]} | {1000 * of_merging:.0f} | {1000 * of_network:.0f} | "
+            f"{1000 * of_alone:.0f} | {(of_merging + of_network) / of_alone:.1f} | "
+            f"{1 / (of_merging + of_network):.1f} | {np.mean(np.array(memory)[places]) / 1e6:.1f} |"
+        )
+
+
+if __name__ == "__main__":
+    main()

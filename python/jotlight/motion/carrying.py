@@ -1,0 +1,150 @@
+"""The motion of a window of frames, carried to the next window."""
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.formats.capture import CountStack
+from jotlight.motion.affine import SIGMAS, extrapolate, improve, improve_together, template_of
+from jotlight.motion.align import as_blocks, prepare_burst
+from jotlight.motion.deformation import improve_tiles, improve_tiles_together
+from jotlight.motion.depth import refine_outlines
+from jotlight.motion.merge import as_paths
+from jotlight.motion.model import divide
+from jotlight.motion.motion import Motion
+from jotlight.motion.outlines import choose
+from jotlight.motion.regularize import fit_affine
+from jotlight.motion.scoring import normal_equations
+from jotlight.motion.tiles import affine_inverse, mean_tiles, tile_counts
+from jotlight.motion.track import Paths, Track
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor
+
+Array = npt.NDArray[np.float64]
+
+_MIN_BLOCKS, _FRAMES_OF_BLOCK = 16, 16
+"""Windows to which a motion is carried have fewer blocks than others, because it is known already:
+16 or more, and blocks of 16 frames."""
+
+_MIN_FRACTION = 0.5
+"""Minimum fraction of a tile that a segment covers, for the tile to improve its motion."""
+
+_MAX_STILL_GAIN = 18.0
+"""Gain in nats by an affine motion of a block, above which a scene no longer stands still.
+
+Twice the gain is χ² with six degrees of freedom, so this happens by chance once in 300,000 blocks.
+"""
+
+
+def carry(
+    motion: Motion,
+    data: Bits | CountStack,
+    sensor: Sensor,
+    step: int,
+    threads: int | None = None,
+) -> Paths | None:
+    """Return the paths of a window, from the motion of the window that begins `step` frames before.
+
+    The blocks that both windows share keep their displacements. New ones are aligned with them.
+    Then all are improved together.
+
+    Returns
+    -------
+    Paths or None
+        None if a scene that stood still begins to move, or if nothing stays in view, as after a cut
+        to another scene, or if the motion folds the image.
+    """
+    burst, sensor = prepare_burst(data, sensor)
+    blocks = as_blocks(burst, divide_by_steps(len(burst), step), sensor, threads)
+    before = dataclasses.replace(
+        motion, times=motion.times - step, reference=motion.reference - step
+    )
+    try:
+        seen = before.seen_from(float(len(burst) // 2))
+    except ValueError:
+        # A wrong motion of tiles may fold the image, so that its displacements have no bounds.
+        return None
+    paths = as_paths(seen, blocks)
+    if not _stays_in_view(paths):
+        return None
+    # Edges are rounded, so centers differ by up to half a frame.
+    known = blocks.centers <= before.times[-1] + 0.5
+    if motion.model == "none":
+        return None if _begins_to_move(paths.tracks[0], known) else paths
+    for field, track in enumerate(paths.tracks):
+        share = mean_tiles((paths.labels == field).astype(np.float32))
+        weights = np.where(share >= _MIN_FRACTION, share, 0)
+        # The field of tiles is the last one.
+        is_of_tiles = motion.model == "tiles" and track is paths.tracks[-1]
+        _add_blocks(track, known, weights if weights.any() else share, is_of_tiles)
+    if not _stays_in_view(paths):
+        return None
+    return refine_outlines(dataclasses.replace(paths, labels=choose(paths.tracks)))
+
+
+def _stays_in_view(paths: Paths) -> bool:
+    """Return whether all displacements are smaller than the image."""
+    longest = max(float(abs(track.nodes).max()) for track in paths.tracks)
+    return longest < max(paths.blocks.size)  # False for NaN, too
+
+
+def divide_by_steps(frames: int, step: int) -> npt.NDArray[np.intp]:
+    """Return the edges of the blocks of a window.
+
+    Blocks have 16 frames, but there are 16 blocks or more. From 512 frames on, there are as many as
+    those of :func:`jotlight.motion.model.divide`. If the step has a block or more, it has a whole
+    number of blocks, so that successive windows share blocks.
+
+    Examples
+    --------
+    >>> divide_by_steps(64, 10).tolist()
+    [0, 5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 64]
+    >>> divide_by_steps(256, 32).tolist() == list(range(0, 257, 16))
+    True
+    """
+    most = len(divide(frames)) - 1
+    length = frames / min(most, max(_MIN_BLOCKS, frames // _FRAMES_OF_BLOCK))
+    if step >= length:
+        length = step / round(step / length)
+    elif step >= frames / most:
+        length = step
+    # Unlike np.round, this rounds all halves upward, so that edges have the same distances.
+    edges = np.floor(np.arange(0, frames - length / 2, length) + 0.5).astype(np.intp)
+    return np.append(edges, frames)
+
+
+def _add_blocks(
+    track: Track, known: npt.NDArray[np.bool_], weights: Array, is_of_tiles: bool
+) -> None:
+    """Align the new blocks of a track with those that are known, and improve all together."""
+    track.known = known.copy()
+    velocity = np.zeros(track.nodes.shape[1:])
+    template = template_of(track)
+    for block in np.flatnonzero(~known):
+        extrapolate(track, int(block), velocity)
+        for sigma in SIGMAS:
+            if is_of_tiles:
+                improve_tiles(track, int(block), template, sigma)
+            else:
+                improve(track, int(block), template, sigma, weights)
+        track.known[block] = True
+    if is_of_tiles:
+        improve_tiles_together(track, template)
+    else:
+        improve_together(track, weights, template=template)
+
+
+def _begins_to_move(track: Track, known: npt.NDArray[np.bool_]) -> bool:
+    """Return whether the new blocks of a scene that stood still have moved."""
+    track.known = known.copy()
+    template = template_of(track)
+    inverse = affine_inverse(tile_counts(track.blocks.size))
+    track.known[:] = True
+    for block in np.flatnonzero(~known):
+        equations = normal_equations(track.sums(int(block)), template, SIGMAS[-1])
+        errors, information = fit_affine(equations, np.ones(track.nodes.shape[2:]))
+        parameters = (errors.reshape(2, -1) @ inverse.T).ravel()
+        if parameters @ information @ parameters / 2 > _MAX_STILL_GAIN:
+            return True
+    return False
