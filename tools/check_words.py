@@ -49,8 +49,8 @@ REPLACED = {
     r"\bsurprise\b": "negative log-likelihood",
     r"\bCalibrated\b|\bWanted\b": "AppliedCalibration, OutputOptions",
     r"\bself-supervised\.py|--self-supervised\b": "jotlight fine-tune",
-    # American spelling.
-    r"(?i)\b(multi)?colou?rs?(?<!color)(?<!colors)\b": "color",
+    # American spelling. The name of a package is not ours.
+    r"(?i)\b(multi)?colou?rs?(?<!color)(?<!colors)\b(?!-demosaicing)": "color",
     r"(?i)(?<![A-Za-z])grey(?!scale=)\w*": "gray",  # pypng has a parameter `greyscale`
     r"(?i)\w*(optim|minim|maxim|normal|regular|stabil|recogn|initial|general)is(e|i|a)\w*": "-ize",
     r"(?i)\b(summar|organ|vector|parametr|factor|equal|visual|penal|random)is(e|i|a)\w*": "-ize",

@@ -73,11 +73,21 @@ def gates() -> tuple[Array, Array]:
     return counts[0] / 1000, jl.gates.decay_lifetime(found, times) / 4
 
 
+def mosaic() -> tuple[Array, Array]:
+    """Return a frame of an RGGB mosaic in its colors, and the estimate."""
+    image = np.asarray(jl.datasets.photograph("astronaut")[::2, ::2], np.float64)
+    sensor = jl.Sensor(frames=16, mosaic="RGGB")
+    bits = sensor.expose(image, rng=0)
+    filters = np.eye(3)[sensor.mosaic.full(256, 256)]
+    return bits[0][..., None] * filters, jl.reconstruct(bits)
+
+
 KINDS: dict[str, Callable[[], tuple[Array, Array]]] = {
     "one_bit": one_bit,
     "bracket": bracket,
     "thresholds": thresholds,
     "several_bits": several_bits,
+    "mosaic": mosaic,
     "dead_time": dead_time,
     "gates": gates,
 }
@@ -90,7 +100,7 @@ def main() -> None:
     folder = parser.parse_args().folder
     for name, make in KINDS.items():
         data, estimate = make()
-        both = np.concatenate([data, np.ones((256, 8)), estimate], axis=1)
+        both = np.concatenate([data, np.ones((256, 8, *data.shape[2:])), estimate], axis=1)
         jl.save_image(folder / f"sensor_{name}.jpg", np.clip(both, 0, 1).astype(np.float32))
 
 

@@ -50,7 +50,9 @@ USED_NAMES = {
     "jotlight.estimators.bracketing": ("best_threshold", "intensity_range", "snr_bound"),
     "jotlight.images.io": ("image_writer",),
     "jotlight.images.tone": ("Tone",),
-    "jotlight.motion.film": ("film",),
+    "jotlight.estimators.planned_motion": ("MotionPlan", "SceneModel", "plan_motion"),
+    "jotlight.motion.film": ("FilmImage", "LiveFilm", "film"),
+    "jotlight.sensing.mosaic": ("Mosaic",),
     "jotlight.plots": ("Panel", "bits_panel", "comparison", "training"),
     "jotlight.torch.deepinv": (
         "BitLikelihood",

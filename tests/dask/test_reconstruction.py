@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import jotlight as jl
 from jotlight.dask import estimator, reconstruction
@@ -47,6 +49,29 @@ def test_tiles_of_large_images_are_those_of_the_image(bits, method, exact, monke
     np.testing.assert_allclose(tiled.compute(), whole, rtol=0, atol=0 if exact else 2e-6)
     again = jl.dask.reconstruct(bits.to_dask(9), bits.sensor, 16, method=method)
     np.testing.assert_array_equal(again.compute(), tiled.compute())
+
+
+@pytest.mark.parametrize("kernel", ["box", "quadratic"])
+@pytest.mark.parametrize("quality", ["small", "medium"])
+def test_tiles_of_odd_sizes_begin_where_strides_do(quality, kernel, monkeypatch):
+    sensor = jl.Sensor(frames=16, kernel=kernel)
+    image = jl.datasets.photograph("camera")[:211, 150:383]
+    counts = sensor.expose(image, rng=0)
+    whole = jl.dask.reconstruct(counts, window=16, quality=quality).compute()
+    monkeypatch.setattr(reconstruction, "_MAX_PIXELS", 100)
+    monkeypatch.setattr(reconstruction, "_TILE", 120)
+    tiled = jl.dask.reconstruct(counts, window=16, quality=quality)
+    assert len(tiled.chunks[1]) == len(tiled.chunks[2]) == 2
+    np.testing.assert_allclose(tiled.compute(), whole, rtol=0, atol=2e-6)
+
+
+@given(size=st.integers(1, 5000), halo=st.integers(0, 400), grid=st.sampled_from([1, 2, 4, 6, 256]))
+def test_tiles_are_multiples_of_the_grid_and_not_smaller_than_the_halo(size, halo, grid):
+    side = reconstruction.tile_side(size, halo, grid)
+    last = size - (-(-size // side) - 1) * side
+    assert side == size or (side % grid == 0 and min(side, last) >= halo)
+    if grid <= 6 and halo <= 300:
+        assert side < 1024 + grid
 
 
 def test_sensors_with_maps_are_not_tiled(monkeypatch, bits):

@@ -100,6 +100,12 @@ def calibrate(
     Sensor(frames=16, dark_counts=<64 x 64 map>, mask=<64 x 64 map>)
     """
     check_limits(false_positive_rate, max_dark)
+    if isinstance(flat, Bits) and flat.sensor is not None and flat.sensor.mosaic is not None:
+        raise ValueError(
+            "flat: expected a gray sensor, because color filters would look like differences "
+            f"between jots, got {flat.sensor.mosaic!r}; calibrate with the dark capture alone, "
+            "and state what the filters transmit in the mosaic"
+        )
     known = _provenance(dark=dark, flat=flat) if provenance is None else dict(provenance)
     if "dark" in known and "flat" in known:
         check_same_orientation("flat", known["flat"], "dark", known["dark"])

@@ -55,8 +55,8 @@ def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int 
     threads : int, optional
         Number of threads. Default: all.
     """
-    if not sensor.has_plain_bits:
-        return  # their ones change without motion
+    if not sensor.has_plain_bits or sensor.mosaic is not None:
+        return  # their ones change without motion, or --motion does not take them
     for part in parts:
         trials = max(1, sensor.trials // len(part))
         score = motion_score(part, trials=trials, threshold=sensor.threshold, threads=threads)

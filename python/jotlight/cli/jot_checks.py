@@ -34,8 +34,8 @@ def jot_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, 
     sensor : Sensor
         The sensor, whose dead jots are not compared.
     """
-    if np.ndim(sensor.threshold):
-        return []  # the ones of jots with different thresholds cannot be compared
+    if np.ndim(sensor.threshold) or sensor.mosaic is not None:
+        return []  # the ones of jots with different thresholds or filters cannot be compared
     periodic = None if counts.ndim > 2 else find_periodic_rates(counts)
     if periodic is not None:
         # Under color filters, jots differ from their neighbors without being hot.
@@ -80,6 +80,12 @@ def mask_hot_jots(captured: Captured, threads: int | None = None) -> Captured:
         raise ValueError(
             "find-hot-jots: expected one threshold, because the ones of jots with different "
             "thresholds cannot be compared, got several; pass the known hot jots with --mask"
+        )
+    if captured.sensor.mosaic is not None:
+        raise ValueError(
+            "find-hot-jots: expected a gray sensor, because jots with different filters cannot be "
+            f"compared, got the mosaic {captured.sensor.mosaic!r}; `jotlight calibrate` with a "
+            "dark capture finds hot jots"
         )
     found = _count_jots(captured, threads)
     if found is None:

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from jotlight.cli.common_options import METHOD_PANEL, NAMES, Model, Quality
+from jotlight.estimators.demosaicing import TITLES
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
 from jotlight.evaluation.choice import requested_method
@@ -77,9 +78,19 @@ class MethodOptions:
         Parameter(group=METHOD_PANEL, help="Maximum number of iterations. Default: 500."),
     ] = None
 
+    demosaicing: Annotated[
+        str | None,
+        Parameter(
+            group=METHOD_PANEL,
+            help=f"For a sensor with a mosaic: {' or '.join(TITLES)}. Default: menon for a Bayer "
+            "mosaic, and differences for others.",
+        ),
+    ] = None
+
     def settings(self) -> dict[str, Any]:
         """Return the keyword arguments of `jotlight.reconstruct` that the user set."""
-        return self._options() | ({"fallback": True} if self.fallback else {})
+        settings = self._options() | ({"fallback": True} if self.fallback else {})
+        return settings | ({"demosaicing": self.demosaicing} if self.demosaicing else {})
 
     def _options(self) -> dict[str, Any]:
         """Return the options of the method that the user set."""

@@ -51,6 +51,8 @@ def reconstruct(
     inputs.check_outputs([*outputs.paths(), *motion.paths()])
     image_writer(outputs.output, depth=outputs.depth)
     job = inputs.prepare(outputs.output)
+    if outputs.uncertainty is not None and motion.factor > 1:
+        raise ValueError("uncertainty: is not known for the finer grid of --upsample")
     if outputs.uncertainty is not None:
         check_errors_known(job.method, job.captured.sensor)
     reconstruct_image(job, outputs, motion, threads)

@@ -22,8 +22,10 @@ from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.choice import Choice, choose_method
-from jotlight.evaluation.methods import LARGE_METHOD, METHODS
-from jotlight.evaluation.reconstruct import Info, reconstruct
+from jotlight.evaluation.info import Info
+from jotlight.evaluation.methods import DEFAULT_METHOD, LARGE_METHOD, METHODS
+from jotlight.evaluation.mosaics import plane_sensors
+from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.files import atomic_write_together, refuse_overwrite
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
@@ -106,6 +108,8 @@ class Inputs:
     ) -> Reconstruction:
         """Return the reconstruction of an image from an opened capture, as :meth:`prepare`."""
         request = self.method.request()
+        if self.motion.factor > 1:
+            request = request or DEFAULT_METHOD
         network = None if self.method.model is None else Network.load(self.method.model)
         sensor_kwargs = self.sensor.to_kwargs()
         calibration = None
@@ -137,7 +141,11 @@ class Inputs:
             network=network,
             is_range_known=is_range_known,
         )
-        if choice.quality is not None:
+        if self.motion.factor > 1 and choice.quality is None and network is None:
+            raise ValueError(
+                f"upsample: expected a network, but the method is {choice.method}; leave it out"
+            )
+        if choice.quality is not None and captured.sensor.mosaic is None:
             network = pretrained(captured.sensor, choice.quality)
         captured = _with_max_intensity(captured, choice.max_intensity)
         method = choice.method if network is None else network
@@ -257,18 +265,21 @@ def _origin(job: Reconstruction, checksum: tuple[int, int]) -> dict[str, Any]:
     """Return what an image was made of, and how, in addition to its sensor and method."""
     choice, calibration, sensor = job.choice, job.calibration, job.captured.sensor
     quality = CONDITIONAL_SIZE if choice.method == LARGE_METHOD else choice.quality
-    weights = (
+    is_conditional = "fallback" in job.settings
+    files = {
         job.model
         if quality is None
-        else pretrained_file(sensor, quality, is_conditional="fallback" in job.settings)
-    )
+        else pretrained_file(each, quality, is_conditional=is_conditional)
+        for each in plane_sensors(sensor)
+    }
+    weights = sorted(file_checksum(file) for file in files if file)
     content = "packed" if isinstance(job.captured.data, Bits) else "counts"
     return {
         "capture": Path(job.path).name,
         "bytes": file_state(str(job.path))[0],
         f"{content}_bytes": checksum[0],
         f"{content}_crc32": f"{checksum[1]:08x}",
-        "weights_sha256": weights and file_checksum(weights),
+        "weights_sha256": weights[0] if len(weights) == 1 else weights or None,
         "calibration_sha256": calibration and calibration.sha256,
     }
 
@@ -298,10 +309,11 @@ def _estimate(
     with progress(None) as begin:
         begin(title)
         estimate, info = run()
+    after = info.title.removeprefix(title) if info.title.startswith(title) else ""
     if info.shares is None:
-        return estimate, ""
+        return estimate, after
     shares = [f"{share:.0%} {name}" for name, share in info.shares.items()]
-    return estimate, f" ({', '.join(shares)})"
+    return estimate, f"{after} ({', '.join(shares)})"
 
 
 def _describe_convergence(histories: ConvergenceHistories) -> str:

@@ -1,6 +1,7 @@
 """Options that describe a sensor."""
 
 import dataclasses
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,6 +13,7 @@ from cyclopts import Parameter
 from jotlight.cli.common_options import KNOWN_SENSOR_PANEL, SENSOR_PANEL
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.captures import read_mask
+from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.sensor import KERNELS
 
 _OVERSAMPLING = "K̂: each pixel covers K̂ x K̂ jots, the pixels of the camera."
@@ -104,6 +106,14 @@ class SensorOptions:
             help="σ: standard deviation of the read noise, in photons (electrons). Default: 0."
         ),
     ] = None
+    mosaic: Annotated[
+        str | None,
+        Parameter(
+            help="Color filters of the pixels, from the top left: letters such as RGGB, with / "
+            "between rows of more than 2 x 2; or a .json with pattern, filters, transmission, and "
+            "white_balance. Default: gray."
+        ),
+    ] = None
 
     def _set(self) -> dict[str, Any]:
         fields = (field.name for field in dataclasses.fields(SensorOptions))
@@ -120,6 +130,8 @@ class SensorOptions:
         for name, kind in (("gain", float), ("threshold", int)):
             if name in kwargs:
                 kwargs[name] = _values_of_frames(name, kwargs[name], kind, frames)
+        if str(kwargs.get("mosaic", "")).endswith(".json"):
+            kwargs["mosaic"] = _read_mosaic(Path(kwargs["mosaic"]))
         if "mask" in kwargs:
             kwargs["mask"] = read_mask(Path(kwargs["mask"]))
         return kwargs
@@ -134,8 +146,9 @@ class SensorOptions:
         """Return the files that hold maps."""
         values = self._set()
         maps = [Path(values[name]) for name in _MAPS if name in values]
-        threshold = str(values.get("threshold", ""))
-        return [*maps, *([Path(threshold)] if threshold.endswith(".npy") else [])]
+        others = [("threshold", ".npy"), ("mosaic", ".json")]
+        texts = [(str(values.get(name, "")), ending) for name, ending in others]
+        return [*maps, *(Path(text) for text, ending in texts if text.endswith(ending))]
 
     def to_argv(self) -> list[str]:
         """Return the options as words of a command line."""
@@ -226,6 +239,26 @@ class CapturedSensorOptions(CalibratedSensorOptions):
     def to_argv(self) -> list[str]:
         """Return the options as words of a command line."""
         return [*(["--find-hot-jots"] if self.find_hot_jots else []), *super().to_argv()]
+
+
+def _read_mosaic(path: Path) -> Mosaic:
+    """Return the mosaic in a file of JSON.
+
+    Raises
+    ------
+    ValueError
+        When the file holds no mosaic.
+    """
+    try:
+        content = json.loads(path.read_bytes())
+    except ValueError as error:
+        raise ValueError(f"{path}: expected an object of JSON: {error}") from error
+    if not isinstance(content, dict):
+        raise ValueError(f"{path}: expected an object with pattern and filters")
+    try:
+        return Mosaic.of(content)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{path}: {error}") from error
 
 
 def _number_or_map(text: str) -> float | npt.NDArray[Any]:

@@ -21,6 +21,7 @@ from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.images.io import image_writer, read_image
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, Packed
+from jotlight.sensing.readings import refuse_mosaic
 from jotlight.sensing.sensor import Sensor
 
 
@@ -106,6 +107,8 @@ def simulate(
     """Simulate the bits that a quanta image sensor reports of a photograph."""
     motion.check()
     exposed = Sensor(**sensor.to_kwargs())
+    if exposed.mosaic is not None and motion.motion is not None:
+        refuse_mosaic(exposed)
     maps = [output.with_suffix(f".{name}.npy") for name in exposed.maps()]
     for file in {output, output.with_suffix(".json"), *maps, *companion_files(output)}:
         refuse_overwrite(file, [photo, *sensor.map_files(), *motion.files()])
@@ -133,10 +136,12 @@ def _still_bits(
     Readings of several bits are drawn at once.
     """
     axis = None if image.ndim == 2 else -1
+    exposed.check_map_shapes(*(size * exposed.oversampling for size in image.shape[:2]))
+    channels = image.shape[2:] if exposed.mosaic is None else ()
     if exposed.bit_depth > 1:
         return exposed.expose(image, seed, channel_axis=axis, threads=threads)
     height, width = (size * exposed.oversampling for size in image.shape[:2])
-    shape = (exposed.frames, height, math.ceil(width / 8), *image.shape[2:])
+    shape = (exposed.frames, height, math.ceil(width / 8), *channels)
 
     def draw(start: int, stop: int) -> Packed:
         frames = slice(start, stop)

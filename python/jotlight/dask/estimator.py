@@ -16,6 +16,7 @@ from jotlight.evaluation.methods import LARGE_METHOD, METHODS, check_options
 from jotlight.evaluation.reconstruct import check_fallback
 from jotlight.layout import Layout
 from jotlight.networks.architectures import QUALITIES
+from jotlight.networks.graph import size_divisor
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import (
     CONDITIONAL_SIZE,
@@ -55,8 +56,15 @@ class Estimator:
             return None
         network = self._network()
         if network is not None:
-            return network.halo + (0 if self.sensor.kernel == "box" else DECONVOLUTION_RADIUS)
+            radius = network.halo + (0 if self.sensor.kernel == "box" else DECONVOLUTION_RADIUS)
+            return -(-radius // self.grid) * self.grid
         return 0 if self.method == "mle" else None
+
+    @property
+    def grid(self) -> int:
+        """Tiles and their halos begin at multiples of this number, where strides begin, too."""
+        network = self._network()
+        return 1 if network is None else size_divisor(network.layers)
 
     def _network(self) -> Network | None:
         if self.quality is None:

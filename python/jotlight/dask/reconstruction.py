@@ -17,7 +17,10 @@ _MAX_PIXELS = 1 << 22
 """Maximum number of pixels of an image that is not divided into tiles."""
 
 _TILE = 1024
-"""Maximum side of a tile, in pixels. Tiles depend on the size of the image only, not on chunks."""
+"""Maximum side of a tile in pixels, before it is rounded up.
+
+Tiles depend on the size of the image only, not on chunks.
+"""
 
 
 def reconstruct(
@@ -95,9 +98,8 @@ def reconstruct(
     is_small = counts.shape[1] * counts.shape[2] <= _MAX_PIXELS
     if halo is None or is_small or halo > _TILE // 2:
         return counts.map_blocks(estimator, dtype=np.float32, meta=meta)
-    # Equal tiles, because a tile must not be smaller than the halo.
-    sides = {axis: -(-counts.shape[axis] // -(-counts.shape[axis] // _TILE)) for axis in (1, 2)}
-    tiles = counts.rechunk(sides)
+    grid = estimator.grid
+    tiles = counts.rechunk({axis: tile_side(counts.shape[axis], halo, grid) for axis in (1, 2)})
     return tiles.map_overlap(
         estimator,
         depth={1: halo, 2: halo},
@@ -106,3 +108,24 @@ def reconstruct(
         dtype=np.float32,
         meta=meta,
     )
+
+
+def tile_side(size: int, halo: int, grid: int) -> int:
+    """Return the side of tiles of almost equal sides, a multiple of `grid`, for an image's side.
+
+    The last tile may be smaller, but not smaller than the halo.
+
+    Examples
+    --------
+    >>> tile_side(2001, halo=24, grid=4)  # 1,004 and 997 pixels
+    1004
+    """
+    for number in range(-(-size // _TILE), 1, -1):
+        side = _round_up(-(-size // number), grid)
+        if side >= halo and size - (-(-size // side) - 1) * side >= halo:
+            return side
+    return size
+
+
+def _round_up(number: int, factor: int) -> int:
+    return -(-number // factor) * factor

@@ -1,6 +1,5 @@
 """One call that estimates an image by the best method, by a named one, or by the caller's own."""
 
-import dataclasses
 import time
 from collections.abc import Callable
 from difflib import get_close_matches
@@ -10,18 +9,26 @@ from typing import Any, Literal, cast, overload
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.errors import warn
 from jotlight.estimators.brightness import unit_scale
-from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.choice import choose_method, requested_method
+from jotlight.evaluation.clipping import warn_about_clipping
 from jotlight.evaluation.different_readings import takes_readings, with_one_response
 from jotlight.evaluation.held_out import blend, smooth_kernel_reason
-from jotlight.evaluation.methods import LARGE_METHOD, METHODS, OPTION_DEFAULTS, check_options
+from jotlight.evaluation.info import Info
+from jotlight.evaluation.methods import (
+    DEFAULT_METHOD,
+    LARGE_METHOD,
+    METHODS,
+    OPTION_DEFAULTS,
+    check_options,
+)
+from jotlight.evaluation.mosaics import reconstruct_mosaic
 from jotlight.evaluation.own_method import OwnMethod, run_own
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, pretrained_conditional
 from jotlight.sensing.gray_outputs import output_of
+from jotlight.sensing.merged import is_finer
 from jotlight.sensing.pixel_counts import (
     Data,
     PreparedData,
@@ -29,35 +36,9 @@ from jotlight.sensing.pixel_counts import (
     gray_images,
     prepare_data,
 )
-from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
-
-_PIXELS_AT_ONCE = 1 << 18
-"""Number of pixels that are compared in one call of NumPy."""
-
-_MAX_CLIPPED = 0.9
-"""Fraction of pixels at the largest intensity above which a warning is issued."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Info:
-    """How an image was estimated."""
-
-    method: str
-    """Name of the method, as ``method`` of :func:`reconstruct` takes it; "network" for a network
-    of the caller, and the name of a function of the caller."""
-    title: str
-    """Name of the method in tables."""
-    reason: str
-    """Why this method was chosen."""
-    seconds: float
-    """Computing time."""
-    history: ConvergenceHistories | None = dataclasses.field(default=None, repr=False)
-    """Progress of an iterative method, or a list of it for each channel; None for others."""
-    shares: dict[str, float] | None = None
-    """Mean weight of each method in a blend on held-out bits; None for other methods."""
 
 
 @overload
@@ -70,6 +51,7 @@ def reconstruct(
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
     units: str = ...,
+    demosaicing: str | None = ...,
     out: Image | None = ...,
     threads: int | None = ...,
     fallback: bool = ...,
@@ -86,6 +68,7 @@ def reconstruct(
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
     units: str = ...,
+    demosaicing: str | None = ...,
     out: Image | None = ...,
     threads: int | None = ...,
     fallback: bool = ...,
@@ -103,6 +86,7 @@ def reconstruct(
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
     units: str = "intensity",
+    demosaicing: str | None = None,
     out: Image | None = None,
     threads: int | None = None,
     fallback: bool = False,
@@ -133,6 +117,10 @@ def reconstruct(
     units : {"intensity", "photons", "photons-per-second"}
         Units of the result: intensities; or detected photons per pixel and frame, or per pixel and
         second if the sensor states its `exposure_time`.
+    demosaicing : {"menon", "differences"}, optional
+        For a sensor with a mosaic, whose planes of each color are estimated by the method: how they
+        become an image (:func:`jotlight.estimators.demosaicing.demosaic`). Default: "menon" for a
+        Bayer mosaic, which needs the extra `color`, and "differences" for others.
     out : ndarray of float32, optional
         Array for the result, of its shape, which is returned. It saves the time for new memory,
         which large images notice. Default: a new one.
@@ -153,7 +141,7 @@ def reconstruct(
     -------
     ndarray of float32
         Intensities, or photons as `units` states, of the shape of the counts. Estimates of color
-        bits are (H, W, C).
+        bits are (H, W, C), and those of mosaics (..., H, W, 3).
     Info
         Only with `return_info`.
 
@@ -188,6 +176,28 @@ def reconstruct(
         method = cast(Network, to_network())  # a module of jotlight.torch
     if sensor is None and isinstance(method, Network):
         sensor = carried_sensor(data) or method.default_sensor or method.sensor
+    declared = carried_sensor(data) if sensor is None else sensor
+    if isinstance(declared, Sensor) and declared.mosaic is not None:
+        run: Any = partial(
+            reconstruct,
+            method=method,
+            quality=quality,
+            threads=threads,
+            fallback=fallback,
+            return_info=True,
+            **options,
+        )
+        scale = np.float32(unit_scale(declared, units))
+        arrays: dict[str, Any] = {"trials": trials, "channel_axis": channel_axis, "out": out}
+        colors, info = reconstruct_mosaic(
+            data, declared, run, **arrays, demosaicing=demosaicing, threads=threads
+        )
+        colors *= scale
+        return (colors, info) if return_info else colors
+    if demosaicing is not None:
+        raise ValueError(
+            "demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')"
+        )
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     scale = np.float32(unit_scale(sensor, units))
     start = time.perf_counter()
@@ -202,7 +212,7 @@ def reconstruct(
         info = Info(name, name, "requested", time.perf_counter() - start)
     else:
         estimate, info = _run(data, sensor, method, quality, out, threads, fallback, options)
-        _warn_about_clipping(estimate, sensor)
+        warn_about_clipping(estimate, sensor)
     if scale != 1:
         # A function of the caller may return an array that it still needs.
         is_own = out is not None or isinstance(method, str | Network | None)
@@ -227,6 +237,8 @@ def _run(
         extra = "quality" if quality is not None else next(iter(options))
         raise ValueError(f"{extra}: is not an option of a network; leave it out")
     requested = None if isinstance(method, Network) else _named(method, quality, options)
+    if requested is None and any(is_finer(each) for each in images.data):
+        requested = DEFAULT_METHOD
     start = time.perf_counter()
     are_equivalent = not takes_readings(requested, sensor)
     if are_equivalent:
@@ -285,24 +297,6 @@ def check_fallback(
         raise ValueError(
             "fallback: expected a K-conditioned network, because it runs on a part of the bits; "
             f'got one for {network.sensor.trials} trials alone; quality="medium" selects one'
-        )
-
-
-def _warn_about_clipping(estimate: Image, sensor: Sensor) -> None:
-    """Warn if the largest intensity clips most pixels, although the bits are not saturated."""
-    saturation, highest = saturation_intensity(sensor), np.float32(sensor.max_intensity)
-    if saturation <= sensor.max_intensity:
-        return
-    # In parts: new memory for a large image takes longer than the comparison.
-    number = max(1, _PIXELS_AT_ONCE * len(estimate) // estimate.size)
-    parts = (estimate[start : start + number] for start in range(0, len(estimate), number))
-    clipped = sum(np.count_nonzero(part >= highest) for part in parts) / estimate.size
-    if clipped > _MAX_CLIPPED:
-        warn(
-            f"{clipped:.0%} of the pixels have the largest intensity, {sensor.max_intensity:g}, "
-            f"although the bits saturate only at {saturation:.3g}; "
-            f"sensor.replace(max_intensity={saturation:.3g}) (--max-intensity) lets them be "
-            "brighter"
         )
 
 

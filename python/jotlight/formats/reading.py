@@ -22,6 +22,7 @@ from jotlight.formats.registry import FORMATS
 from jotlight.formats.remote import LocalCopy
 from jotlight.formats.scaled import unscale
 from jotlight.formats.selection import select
+from jotlight.formats.with_mosaic import with_mosaic
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.photon_readings import Readings
@@ -47,6 +48,7 @@ def open(
     counts_scale: float | None = None,
     trials: int | None = None,
     bit_depth: int | None = None,
+    mosaic: object = None,
     storage_options: dict[str, Any] | None = None,
 ) -> Data | list[Data]:
     """Return the bits, or the image of counts, in a file or folder of any size.
@@ -93,6 +95,10 @@ def open(
     bit_depth : int, optional
         For images that are frames of readings of several bits: the bits of a reading, 2 to 16.
         Default: as the file states, and otherwise images are counts.
+    mosaic : str, array_like, or jotlight.sensing.mosaic.Mosaic, optional
+        The color filters of the pixels, such as ``"RGGB"``, as :class:`jotlight.Sensor` takes them.
+        Bits then carry a sensor, with the frames of the file if it states none. Default: as the
+        file states, and otherwise gray.
     storage_options : dict, optional
         Options of the file system of a URL, as in dask and pandas, such as ``{"anon": True}``.
 
@@ -156,9 +162,14 @@ def open(
     if counts_scale is not None:
         capture = unscale(capture, counts_scale, trials)
     if isinstance(capture, Bits):
-        return capture
+        return with_mosaic(capture, mosaic)
     if bit_depth is not None or capture.sensor is not None:
-        return _readings(capture, bit_depth)
+        return with_mosaic(_readings(capture, bit_depth), mosaic)
+    if mosaic is not None:
+        raise ValueError(
+            f"mosaic: {path} holds counts, which carry no sensor; pass it to jotlight.reconstruct, "
+            "such as Sensor(frames=16, mosaic=…)"
+        )
     if len(capture.images) > 1 and frames is None:
         warn(f"{path}: the result is the sum of its {len(capture.images)} images of counts")
     return capture.sum()

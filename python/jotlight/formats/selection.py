@@ -1,5 +1,6 @@
 """Selection of some frames of a capture, and their rotation and mirroring."""
 
+import functools
 from typing import Any, TypeVar
 
 import numpy as np
@@ -64,7 +65,7 @@ def select(
         stated = capture.sensor
         if stated is not None:
             stated = stated if frames is None else stated.select_frames(frames)
-            stated = _orient_sensor(stated, quarters, flip)
+            stated = _orient_sensor(stated, images.shape[1:3], quarters, flip)
         if frames is not None:
             images = images[frames]
             if len(images) == 0:
@@ -80,7 +81,7 @@ def select(
     if not notes:
         return capture
     packed, width = orient_packed(capture.packed, capture.width, quarters, flip)
-    sensor = capture.sensor and _orient_sensor(capture.sensor, quarters, flip)
+    sensor = capture.sensor and _orient_sensor(capture.sensor, capture.shape[1:3], quarters, flip)
     return Bits(packed, width, sensor, capture.provenance and annotate(capture.provenance))
 
 
@@ -99,6 +100,13 @@ def _orient_images(
     return Frames(shape, read, images.dtype)
 
 
-def _orient_sensor(sensor: AnySensor, quarters: int, flip: str | None) -> AnySensor:
+def _orient_sensor(
+    sensor: AnySensor, size: tuple[int, ...], quarters: int, flip: str | None
+) -> AnySensor:
+    """Return the sensor of a rotated and mirrored capture, whose size was in jots."""
     maps = {name: orient_image(map_, quarters, flip) for name, map_ in sensor.maps().items()}
+    if sensor.mosaic is not None:
+        height, width = (length // sensor.oversampling for length in size)
+        orient = functools.partial(orient_image, quarters=quarters, flip=flip)
+        maps["mosaic"] = sensor.mosaic.oriented(orient, height, width)
     return sensor.replace(**maps)

@@ -35,6 +35,8 @@ def html_of(sensor: SensorLike) -> str:
     for name, value in facts.items():
         if isinstance(value, list):
             facts[name] = _values(np.array(value))
+    if sensor.mosaic is not None:
+        facts["mosaic"] = repr(sensor.mosaic)
     maps, image = sensor.maps(), None
     for name, values in maps.items():
         size = " x ".join(map(str, values.shape))

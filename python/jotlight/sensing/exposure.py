@@ -59,7 +59,8 @@ class Exposure(Parameters):
         image : array_like of float, shape (..., H, W)
             Intensities, finite and not negative.
         channel_axis : int, optional
-            The axis of color channels. Default: none.
+            The axis of color channels. Default: none; of a sensor with a mosaic, whose image is
+            (..., H, W, 3), the last one.
         out : ndarray of float32, optional
             The array for the result, of its shape, which is returned. Default: a new one.
         threads : int, optional
@@ -137,7 +138,8 @@ class Exposure(Parameters):
             The seed. A generator yields a new seed each time; None takes fresh entropy.
         channel_axis : int, optional
             The axis of color channels, which are independent. In bits they are the last axis.
-            Default: none, and axes before the last two are those of a stack.
+            Default: none, and axes before the last two are those of a stack. A sensor with a mosaic
+            sees an image (..., H, W, 3) through its filters, and its bits are gray.
         tile : (slice, slice), optional
             Rows and columns of pixels. Default: all.
         frames : slice, optional

@@ -17,13 +17,18 @@ class Parameters:
     frame.
     """
 
+    oversampling: int
+    mosaic: Any
+
     def check_map_shapes(self, height: int, width: int) -> None:
-        """Raise ValueError unless each map has `height` rows and `width` columns of jots."""
+        """Raise ValueError unless maps and mosaic fit `height` rows and `width` columns of jots."""
         for name, map_ in self.maps().items():
             if map_.shape != (expected := (height, width)):
                 raise ValueError(
                     f"{name}: expected one value per jot, shape {expected}, got shape {map_.shape}"
                 )
+        if self.mosaic is not None:
+            self.mosaic.check_size(height // self.oversampling, width // self.oversampling)
 
     def maps(self) -> dict[str, npt.NDArray[Any]]:
         """Return the parameters that are maps over the jots, by name."""
@@ -45,10 +50,12 @@ class Parameters:
     def scalars(self) -> dict[str, Any]:
         """Return the parameters that are neither maps nor None, by name, as values of JSON.
 
-        A value for each frame becomes a list.
+        A value for each frame becomes a list, and a mosaic a dictionary.
         """
         maps = self.maps()
         values = {name: getattr(self, name) for name in self._names() if name not in maps}
+        if self.mosaic is not None:
+            values["mosaic"] = self.mosaic.to_json()
         return {
             name: value.tolist() if isinstance(value, np.ndarray) else value
             for name, value in values.items()
@@ -75,7 +82,8 @@ class Parameters:
             return NotImplemented
         mine, theirs = self.maps(), other.maps()
         return (
-            self.scalars() == other.scalars()
+            self.mosaic == other.mosaic
+            and self.scalars() == other.scalars()
             and mine.keys() == theirs.keys()
             and all(np.array_equal(mine[name], theirs[name]) for name in mine)
         )
@@ -85,8 +93,9 @@ class Parameters:
         scalars = (
             (name, tuple(value) if isinstance(value, list) else value)
             for name, value in self.scalars().items()
+            if name != "mosaic"
         )
-        return hash((*scalars, *maps))
+        return hash((*scalars, self.mosaic, *maps))
 
     def _repr_html_(self) -> str:
         return html_of(self)  # type: ignore[arg-type]

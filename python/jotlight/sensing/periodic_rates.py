@@ -28,6 +28,9 @@ The blocks of JPEG files and the traces of demosaicing are weaker.
 PERIODS = 2, 4
 """Tested periods in jots in ascending order, of a Bayer mosaic and of a quad Bayer mosaic."""
 
+_MAX_RATIO = 0.25
+"""Maximum difference of two filters that are alike, relative to that of the other two."""
+
 _TILE = 16
 """Width of the tiles that are compared, in halves of a period."""
 
@@ -58,31 +61,31 @@ class PeriodicRates:
     side : int
         Side in jots of the squares of equal rates: half of the period, or 1 for a period of 4 if
         neighboring jots differ, too.
+    greens : str, optional
+        The orders of a Bayer mosaic whose green filters are the two that are alike.
     """
 
     period: int
     amplitude: float
     score: float
     side: int
+    greens: str | None = None
 
     def describe(self) -> str:
         """Return what periodic rates mean, and how to reconstruct the capture."""
-        side, phases = self.side, self.period // self.side
+        side = self.side
         mosaic = {(2, 1): "a Bayer mosaic", (4, 2): "a quad Bayer mosaic"}.get(
             (self.period, side), f"a mosaic of {self.period} x {self.period} jots"
         )
         cause = f"for example under the color filters of {mosaic}, or because rows differ"
-        if phases == 2:
-            others = "likewise [0::2, 1::2], [1::2, 0::2], and [1::2, 1::2]"
-        else:
-            others = f"likewise the other starts up to [{phases - 1}::{phases}, "
-            others += f"{phases - 1}::{phases}]"
+        letters = {(2, 1): "RGGB", (4, 2): "RRGG/RRGG/GGBB/GGBB"}.get((self.period, side))
+        order = letters or f"the letters of the filters, with / after each {self.period}"
+        alike = "" if self.greens is None else f". Two of four filters are alike, {self.greens}"
         return (
             f"the rates repeat every {self.period} x {self.period} jots, {cause}; the estimate "
-            "mixes the jots. For colors, load the bits, and reconstruct each color alone: "
-            f"jotlight.reconstruct(bits.counts({side})[0::{phases}, 0::{phases}], "
-            f"sensor.replace(oversampling={side})), and {others}. The sensor states all frames, "
-            "the gain, the dark counts, and the efficiency; its maps need the jots of the color"
+            f"mixes the jots{alike}. For colors, state the filters from the top left: "
+            f'jotlight.reconstruct(bits, sensor.replace(oversampling=1, mosaic="{order}")) '
+            f"(--mosaic {order}) for pixels of one jot"
         )
 
 
@@ -156,8 +159,25 @@ def find_periodic_rates(
         if score > THRESHOLD and amplitude > MIN_AMPLITUDE:
             if found is not None:
                 side, amplitude = found.side, math.hypot(amplitude, found.amplitude)
-            found = PeriodicRates(period, amplitude, score, side)
+            found = PeriodicRates(period, amplitude, score, side, _greens(rates, side))
     return found
+
+
+def _greens(rates: Array, side: int) -> str | None:
+    """Return the orders of a Bayer mosaic whose green filters are the two that are alike.
+
+    Examples
+    --------
+    >>> _greens(np.float32([[4, 9], [9, 1]]), 1)
+    'as in RGGB or BGGR'
+    """
+    height, width = (length // (2 * side) for length in rates.shape)
+    whole = rates[: height * 2 * side, : width * 2 * side]
+    means = whole.reshape(height, 2, side, width, 2, side).mean(axis=(0, 2, 3, 5))
+    main, other = abs(means[0, 0] - means[1, 1]), abs(means[0, 1] - means[1, 0])
+    if min(main, other) > _MAX_RATIO * max(main, other):
+        return None
+    return "as in RGGB or BGGR" if other < main else "as in GRBG or GBRG"
 
 
 def warn_about_periods(data: Iterable[object]) -> None:

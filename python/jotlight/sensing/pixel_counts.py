@@ -14,7 +14,7 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.counting import count_ones
 from jotlight.sensing.maps import constant_or_map, pixel_means, stack_maps
-from jotlight.sensing.merged import Merged
+from jotlight.sensing.merged import Merged, refuse_finer_grid
 from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.photon_readings import Readings, image_of_readings
 from jotlight.sensing.scaled_counts import check_range, check_whole, warn_about_frames
@@ -62,9 +62,8 @@ class PixelCounts:
     @property
     def dead_pixels(self) -> npt.NDArray[np.bool_] | None:
         """The pixels without a valid bit, if there are any."""
-        if np.all(self.trials):
-            return None
-        return np.broadcast_to(np.asarray(self.trials == 0), self.counts.shape)
+        dead = np.asarray(self.trials == 0)
+        return np.broadcast_to(dead, self.counts.shape) if dead.any() else None
 
     def select(self, images: Sequence[int]) -> "PixelCounts":
         """Return the counts of some of N images."""
@@ -162,10 +161,8 @@ def carried_sensor(data: Data) -> Sensor | None:
 
     Raises
     ------
-    TypeError
-        When the sensor of the bits is not a :class:`jotlight.Sensor`.
-    ValueError
-        When the bits of a list have different sensors.
+    TypeError, ValueError
+        When the sensor of the bits is not a :class:`jotlight.Sensor`, or those of a list differ.
     """
     if sensors := [carried_sensor(each) for each in _list_of_data(data)]:
         if any(each != sensors[0] for each in sensors):
@@ -184,10 +181,12 @@ def prepare_data(
     channel_axis: int | None = None,
     *,
     may_differ: bool = False,
+    takes_mosaics: bool = False,
 ) -> tuple[PreparedData, Sensor]:
     """Return the data of a method with their sensor: the given one, or the one that they carry.
 
-    Unless the readings `may_differ`, the sensor must have one gain and one threshold.
+    Unless the readings `may_differ`, the sensor must have one gain and threshold. It must be gray,
+    unless the caller `takes_mosaics`: the returned sensor is without its mosaic.
 
     Stacks and color counts become gray images. Counts with `trials` become merged counts. Pixels
     that the sensor's mask marks have no trials. Bits, and counts of single jots, are tested for
@@ -195,10 +194,9 @@ def prepare_data(
 
     Raises
     ------
-    TypeError
-        When there is no sensor, or bits or merged counts come with `trials` or `channel_axis`.
-    ValueError
-        When the trials or the channel axis do not fit the counts.
+    TypeError, ValueError
+        When there is no sensor, or bits or merged counts come with `trials` or `channel_axis`, or
+        these do not fit the counts.
 
     Warns
     -----
@@ -222,10 +220,14 @@ def prepare_data(
             f"sensor: expected a jotlight.Sensor, because {name} carry none; pass the sensor that "
             "recorded them, such as Sensor(frames=16) for 16 trials per pixel"
         )
+    if has_mosaic := takes_mosaics and sensor.mosaic is not None:
+        sensor = sensor.replace(mosaic=None, gain=sensor.gain)
     require_sensor(sensor, may_differ=may_differ)
+    # The rates follow a map of thresholds or a mosaic.
+    may_repeat = has_mosaic or np.ndim(sensor.threshold) == 2
     several = _list_of_data(data)
     if isinstance(data, Bits | Readings | Merged | GrayImages) or several:
-        if np.ndim(sensor.threshold) < 2:  # the rates follow a map of thresholds
+        if not may_repeat:
             warn_about_periods([data, *several])
         for name, value in (("trials", trials), ("channel_axis", channel_axis)):
             if value is not None:
@@ -242,8 +244,8 @@ def prepare_data(
     counts = as_counts(cast(npt.ArrayLike, data))
     layout = Layout.of("counts", counts, channel_axis)
     images: Any = np.ascontiguousarray(layout.split(counts))
-    # With an oversampling, the jots are not counted. Their rates follow a map of thresholds.
-    if sensor.oversampling == 1 and channel_axis is None and np.ndim(sensor.threshold) < 2:
+    # With an oversampling, the jots are not counted.
+    if sensor.oversampling == 1 and channel_axis is None and not may_repeat:
         warn_about_periods([images])
     warn_about_frames(images, sensor)
     if trials is not None:
@@ -269,9 +271,7 @@ def _gray_images_of_list(data: Sequence[Bits | Readings | Merged]) -> GrayImages
     if len(layouts) > 1:
         raise ValueError("data: expected the same number of channels in all, got different ones")
     layout = layouts.pop()
-    channels: list[Any] = []
-    for images in each:
-        channels += images.data
+    channels: list[Any] = [one for images in each for one in images.data]
     return GrayImages(channels, Layout((len(data), *layout.shape), layout.channel_axis))
 
 
@@ -296,8 +296,7 @@ def gray_images(data: PreparedData) -> GrayImages:
 def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCounts:
     """Return the pixel counts of bits or merged counts (H, W), or of counts (H, W) or (N, H, W).
 
-    Dead jots do not count. Merged counts state the trials, the efficiency, and the dark counts of
-    their pixels.
+    Dead jots do not count. Merged counts state what they are for their own pixels.
 
     Raises
     ------
@@ -305,6 +304,7 @@ def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCo
         When data and sensor do not fit together, or a count is above K.
     """
     if isinstance(data, Merged):
+        refuse_finer_grid(data)
         return PixelCounts(
             sensor,
             data.ones,
@@ -328,7 +328,7 @@ def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCo
 def describe_pixels(counts: npt.NDArray[np.int32], sensor: Sensor) -> PixelCounts:
     """Return counts with the parameters of their pixels, which are those of the sensor."""
     mask, side = sensor.mask, sensor.oversampling
-    trials: float | npt.NDArray[np.float64] = sensor.trials
+    trials: Any = sensor.trials
     if mask is not None:
         trials = Bits.from_array(~mask).counts(side).astype(np.float64) * sensor.frames
     efficiency, efficiency_varies = pixel_means(sensor.efficiency, mask, side)

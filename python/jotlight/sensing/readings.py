@@ -46,6 +46,8 @@ class GroupedSensor(Protocol):
     def read_noise(self) -> float: ...  # noqa: D102
     @property
     def mask(self) -> npt.NDArray[np.bool_] | None: ...  # noqa: D102
+    @property
+    def mosaic(self) -> Any: ...  # noqa: D102
     def replace(self: S, **changes: Any) -> S: ...  # noqa: D102
 
 
@@ -256,6 +258,8 @@ def has_plain_bits(sensor: GroupedSensor) -> bool:
 def require_plain_bits(sensor: GroupedSensor) -> None:
     """Raise ValueError unless the readings are bits with one gain and threshold, without noise.
 
+    The sensor must be gray, too.
+
     Examples
     --------
     >>> from jotlight.sensing.sensor import Sensor
@@ -264,6 +268,7 @@ def require_plain_bits(sensor: GroupedSensor) -> None:
       ...
     ValueError: sensor: expected bits without read noise, got readings of 4 bits; pass ...
     """
+    refuse_mosaic(sensor)
     if sensor.bit_depth == 1 and sensor.read_noise == 0:
         refuse_different_readings(sensor)
         return
@@ -272,6 +277,25 @@ def require_plain_bits(sensor: GroupedSensor) -> None:
     raise ValueError(
         f"sensor: expected bits without read noise, got {depth}{noise}; pass {_ADVICE}"
     )
+
+
+def refuse_mosaic(sensor: GroupedSensor) -> None:
+    """Raise ValueError when a sensor has a color mosaic.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> refuse_mosaic(Sensor(mosaic="RGGB"))
+    Traceback (most recent call last):
+      ...
+    ValueError: sensor: expected a gray sensor, got one with the mosaic Mosaic('RGGB'); ...
+    """
+    if sensor.mosaic is not None:
+        raise ValueError(
+            f"sensor: expected a gray sensor, got one with the mosaic {sensor.mosaic!r}; only "
+            "jotlight.reconstruct estimates the colors, with all methods; "
+            "sensor.replace(mosaic=None) (no --mosaic) takes all pixels for gray ones"
+        )
 
 
 def refuse_different_readings(sensor: GroupedSensor) -> None:

@@ -10,6 +10,7 @@ from jotlight.checks import number_in_range, require_names, whole_number_in_rang
 from jotlight.sensing import readings
 from jotlight.sensing.exposure import Exposure
 from jotlight.sensing.maps import LIMITS, checked_maps
+from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.readings import ReadingGroup
 from jotlight.sensing.simulate import EnginePart
 
@@ -63,6 +64,10 @@ class Sensor(Exposure):
         σ: the standard deviation of the noise that is added to the number of photons before
         rounding, in photons, 0 to 100. A reading is round(Y + σ N), clipped to 0 ... 2^b - 1; one
         of one bit is whether round(Y + σ N) is at least `threshold`.
+    mosaic : str, array_like, or jotlight.sensing.mosaic.Mosaic, optional
+        The color filter of each pixel, which covers all of its K̂ x K̂ jots: letters such as
+        ``"RGGB"``, or anything that a Mosaic takes. The image is then red, green, and blue,
+        (H, W, 3), and so is the estimate. The kernel must be the box. Default: a gray sensor.
 
     Raises
     ------
@@ -98,6 +103,7 @@ class Sensor(Exposure):
     exposure_time: float | None = None
     bit_depth: int = 1
     read_noise: float = 0.0
+    mosaic: Any = None  # __post_init__ makes it a Mosaic, or None
 
     def __post_init__(self) -> None:
         for name, maximum in (("oversampling", 4096), ("frames", 2**31 - 1)):
@@ -119,6 +125,13 @@ class Sensor(Exposure):
             checked[name] = number_in_range(name, getattr(self, name), *LIMITS)
         checked |= readings.checked_response(self.bit_depth, self.read_noise, checked["threshold"])
         checked |= checked_maps(self.dark_counts, self.efficiency, self.mask, checked["threshold"])
+        if self.mosaic is not None:
+            checked["mosaic"] = Mosaic.of(self.mosaic)
+            if self.kernel != "box":
+                raise ValueError(
+                    f"kernel: expected the box kernel with a mosaic, got {self.kernel!r}, which "
+                    "would mix the light of neighboring filters"
+                )
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 
@@ -233,11 +246,15 @@ class Sensor(Exposure):
 
 
 def require_sensor(sensor: object, *, may_differ: bool = False) -> None:
-    """Raise TypeError unless the argument is a sensor, and ValueError unless it has plain bits."""
+    """Raise TypeError unless the argument is a sensor, and ValueError unless it has plain bits.
+
+    The sensor must be gray. Its readings may differ if `may_differ` is true.
+    """
     if not isinstance(sensor, Sensor):
         raise TypeError(
             "sensor: expected a jotlight.Sensor, such as Sensor(frames=16) for 16 trials per "
             f"pixel, got {sensor!r}"
         )
+    readings.refuse_mosaic(sensor)
     if not may_differ:
         readings.require_plain_bits(sensor)

@@ -20,6 +20,8 @@ class SensorLike(Protocol):
     def bit_depth(self) -> int: ...  # noqa: D102
     @property
     def kernel(self) -> str: ...  # noqa: D102
+    @property
+    def mosaic(self) -> Any: ...  # noqa: D102
 
     def replace(self, **changes: Any) -> Self: ...  # noqa: D102
     def select_frames(self, frames: slice) -> Self: ...  # noqa: D102

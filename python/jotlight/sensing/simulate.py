@@ -89,6 +89,8 @@ def checked_images(
 ) -> tuple[npt.NDArray[Any], Layout]:
     """Return images of intensities and their layout, after checks.
 
+    With a mosaic, these are the intensities behind the filters.
+
     Raises
     ------
     TypeError
@@ -98,6 +100,8 @@ def checked_images(
         the maps of the sensor.
     """
     pixels = as_image(image)
+    if sensor.mosaic is not None:
+        pixels, channel_axis = sensor.mosaic.light(pixels, channel_axis), None
     layout = Layout.of("image", pixels, channel_axis)
     sizes = layout.moved(pixels).shape[-2:]
     height, width = (size * sensor.oversampling for size in sizes)
@@ -126,6 +130,8 @@ def crop(sensor: AnySensor, window: Window, image_size: tuple[int, int]) -> AnyS
         return cropped
     jots = window.jot_slices(sensor.oversampling)
     maps = {name: map_[jots] for name, map_ in sensor.maps().items()}
+    if sensor.mosaic is not None:
+        maps["mosaic"] = sensor.mosaic.crop(window.rows, window.columns)
     return cropped.replace(**maps) if maps else cropped
 
 

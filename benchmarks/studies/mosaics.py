@@ -1,0 +1,164 @@
+"""Measure the colors of mosaics on photographs: choices, tables, and images.
+
+    python benchmarks/studies/mosaics.py choices DATA
+    python benchmarks/studies/mosaics.py table DATA
+    python benchmarks/studies/mosaics.py dim DATA
+    python benchmarks/studies/mosaics.py images DATA FOLDER
+
+`choices` uses six photographs of photographs/cid22, on which the constants were chosen: the spread
+of the differences, and planes by position or by filter. `table` and `dim` use the first ten of
+photographs/gb82, which nothing was chosen on. All numbers are PSNR in dB, averaged over the images.
+"""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+import jotlight as jl
+from jotlight.estimators import demosaicing
+from jotlight.evaluation import mosaics
+from jotlight.sensing.mosaic import Mosaic
+
+Array = npt.NDArray[np.floating]
+
+XTRANS = "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG"
+"""The mosaic of X-Trans sensors."""
+
+CLEAR = 0.758
+"""Share of clear pixels in the RGBW mosaic of SwissSPAD2. Each color has 8.07 %."""
+
+
+def photographs(data: Path, folder: str, number: int, side: int | None = None) -> Iterator[Array]:
+    """Yield color photographs from 0 to 1, the first ones of a folder or their middle."""
+    for path in sorted((data / "photographs" / folder).glob("*.webp"))[:number]:
+        image = np.asarray(jl.read_image(path), np.float64)
+        if side is not None:
+            top, left = ((size - side) // 2 for size in image.shape[:2])
+            image = image[top : top + side, left : left + side]
+        yield image
+
+
+def random_rgbw(shape: tuple[int, ...]) -> Mosaic:
+    """Return a random mosaic with the shares of SwissSPAD2, a map of all pixels."""
+    color = (1 - CLEAR) / 3
+    places = np.random.default_rng(0).choice(4, size=shape[:2], p=[color] * 3 + [CLEAR])
+    return Mosaic(places, "RGBW")
+
+
+def psnr(estimate: Array, image: Array) -> float:
+    """Return the PSNR in dB, for a largest value of 1."""
+    return float(-10 * np.log10(np.mean((estimate - image) ** 2)))
+
+
+def measure(mosaic: str, images: list[Array], trials: int, light: float = 1.0, **options) -> float:
+    """Return the mean PSNR of reconstructions of images through a mosaic."""
+    values = []
+    for seed, image in enumerate(images):
+        own = random_rgbw(image.shape) if mosaic == "random RGBW" else Mosaic.of(mosaic)
+        sensor = jl.Sensor(frames=trials, gain=trials * light, mosaic=own)
+        bits = sensor.expose(image, rng=seed)
+        values.append(psnr(jl.reconstruct(bits, **options), image))
+    return float(np.mean(values))
+
+
+def choices(data: Path) -> None:
+    """Print what the spread of differences and the kind of planes change."""
+    images = list(photographs(data, "cid22", 6, 256))
+    spreads = (0.5, 1.0, 1.5, 2.0, 3.0)
+    print("mosaic, K:", *(f"spread {spread}" for spread in spreads))
+    for mosaic in ("RGGB", "RGBW", "RRGG/RRGG/GGBB/GGBB", XTRANS, "random RGBW"):
+        for trials in (4, 64):
+            row = []
+            for demosaicing.SPREAD in spreads:
+                row.append(measure(mosaic, images, trials, demosaicing="differences"))
+            print(mosaic, trials, *(f"{value:.2f}" for value in row), flush=True)
+    demosaicing.SPREAD = 1.5  # the middle of the spreads, for the comparison of planes
+    print("mosaic, K: planes by position, by filter")
+    for mosaic in ("RGGB", "RGBW", "RRGG/RRGG/GGBB/GGBB", XTRANS):
+        for trials in (4, 64):
+            row = []
+            for mosaics.MAX_POSITIONS in (36, 0):
+                row.append(measure(mosaic, images, trials, demosaicing="differences"))
+            print(mosaic, trials, *(f"{value:.2f}" for value in row), flush=True)
+
+
+def table(data: Path) -> None:
+    """Print the table of RGGB: methods and demosaicing, K = 4, 16, and 64."""
+    images = list(photographs(data, "gb82", 10))
+    print("method, demosaicing: K = 4, 16, 64")
+    for method in ("network-medium", "mle"):
+        for after in ("menon", "differences"):
+            row = [
+                measure("RGGB", images, trials, method=method, demosaicing=after)
+                for trials in (4, 16, 64)
+            ]
+            print(method, after, *(f"{value:.2f}" for value in row), flush=True)
+
+
+def dim(data: Path) -> None:
+    """Print RGGB and RGBW side by side in dim light: photons per jot and frame at intensity 1."""
+    images = list(photographs(data, "gb82", 10))
+    print("light with K = 16: RGGB menon, RGGB differences, RGBW, random RGBW")
+    for light in (1.0, 0.25, 0.0625):
+        row = [measure("RGGB", images, 16, light, demosaicing="menon")]
+        row += [
+            measure(mosaic, images, 16, light, demosaicing="differences")
+            for mosaic in ("RGGB", "RGBW", "random RGBW")
+        ]
+        print(light, *(f"{value:.2f}" for value in row), flush=True)
+
+
+def zone_plate(side: int = 256) -> Array:
+    """Return rings whose frequency rises to half a cycle per pixel, as a gray color image."""
+    y, x = np.mgrid[:side, :side] - side / 2
+    rings = 0.5 + 0.5 * np.cos(np.pi * (x**2 + y**2) / side)
+    return np.repeat(rings[..., None], 3, axis=2)
+
+
+def text(side: int = 256) -> Array:
+    """Return black text on white, and white text on a colored ground."""
+    from PIL import Image, ImageDraw
+
+    image = Image.new("RGB", (side, side), "white")
+    draw = ImageDraw.Draw(image)
+    draw.rectangle((0, side // 2, side, side), fill=(30, 60, 160))
+    for row in range(16):
+        ink = "black" if row < 8 else "white"
+        draw.text((6, 16 * row + 2), "Photons arrive one by one. 0123456789", fill=ink)
+    return np.asarray(image, np.float64) / 255
+
+
+def images(data: Path, folder: Path) -> None:
+    """Write estimates of a zone plate and of text, and their deviation from gray or the truth."""
+    for name, image in (("zone_plate", zone_plate()), ("text", text())):
+        for mosaic in ("RGGB", "RGBW"):
+            for after in ("menon", "differences")[mosaic != "RGGB" :]:
+                bits = jl.Sensor(frames=64, mosaic=mosaic).expose(image, rng=0)
+                estimate = jl.reconstruct(bits, demosaicing=after)
+                chroma = estimate - estimate.mean(axis=2, keepdims=True)
+                chroma -= image - image.mean(axis=2, keepdims=True)
+                error = float(np.sqrt(np.mean(chroma**2)))
+                print(f"{name} {mosaic} {after}: PSNR {psnr(estimate, image):.2f}", end=", ")
+                print(f"root mean square error of the color {error:.4f}")
+                both = np.concatenate([image, estimate], axis=1).astype(np.float32)
+                jl.save_image(folder / f"{name}_{mosaic}_{after}.png", both)
+
+
+def main() -> None:
+    """Run one of the measurements."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("what", choices=["choices", "table", "dim", "images"])
+    parser.add_argument("data", type=Path)
+    parser.add_argument("folder", type=Path, nargs="?")
+    arguments = parser.parse_args()
+    if arguments.what == "images":
+        images(arguments.data, arguments.folder)
+    else:
+        {"choices": choices, "table": table, "dim": dim}[arguments.what](arguments.data)
+
+
+if __name__ == "__main__":
+    main()

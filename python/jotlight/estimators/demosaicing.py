@@ -1,0 +1,162 @@
+"""Demosaicing: red, green, and blue of all pixels, from one filter at each pixel."""
+
+import warnings
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.errors import import_extra
+from jotlight.sensing.mosaic import Mosaic, Pattern
+
+Values = npt.NDArray[np.float64]
+
+TITLES = {"menon": "Menon 2007", "differences": "color differences"}
+"""The methods of demosaicing, and their titles."""
+
+BASE_SPREAD = 0.45
+"""Standard deviation of the Gaussian that interpolates the densest filter, in mean distances of its
+pixels."""
+
+SPREAD = 1.0
+"""The same for the differences of other filters from it. A wide Gaussian averages their noise, and
+colors vary less than brightness. Decision 47 has the measurement behind this number."""
+
+_MIN_WEIGHT = 1e-6
+"""Weight below which a pixel has no neighbors within the Gaussian."""
+
+
+def choose_demosaicing(mosaic: Mosaic, method: str | None) -> str:
+    """Return the method of demosaicing: the requested one, or the default of the mosaic.
+
+    Raises
+    ------
+    ValueError
+        When the method is unknown, or does not serve the mosaic.
+
+    Examples
+    --------
+    >>> choose_demosaicing(Mosaic("RGGB"), None), choose_demosaicing(Mosaic("RGBW"), None)
+    ('menon', 'differences')
+    """
+    if method is None:
+        return "menon" if mosaic.bayer else "differences"
+    if method not in TITLES:
+        raise ValueError(f"demosaicing: expected one of {', '.join(TITLES)}, got {method!r}")
+    if method == "menon" and mosaic.bayer is None:
+        raise ValueError(
+            f"demosaicing: menon is for RGGB, BGGR, GRBG, and GBRG, got {mosaic!r}; "
+            'demosaicing="differences" (--demosaicing differences) takes every mosaic'
+        )
+    return method
+
+
+def demosaic(
+    values: npt.NDArray[np.floating], mosaic: Mosaic, method: str | None = None
+) -> npt.NDArray[np.float64]:
+    """Return red, green, and blue of all pixels.
+
+    Parameters
+    ----------
+    values : ndarray of float, shape (H, W)
+        The intensity behind the filter of each pixel, divided by the sensitivity of the filter, so
+        that all pixels of a white image have the same value.
+    mosaic : Mosaic
+        The filters.
+    method : {"menon", "differences"}, optional
+        "menon" is directional filtering with a-posteriori decision, for Bayer mosaics, by the
+        package colour-demosaicing (extra `color`). "differences" interpolates the values of the
+        densest filter, and adds local means of the differences of the others from it. Default:
+        "menon" for a Bayer mosaic, and "differences" for others.
+
+    Returns
+    -------
+    ndarray of float64, shape (H, W, 3)
+        Colors, with the inverse of the transmission and with the white balance. They are not
+        clipped.
+
+    Raises
+    ------
+    MissingExtraError
+        When "menon" needs the extra `color`, which is not installed.
+    ValueError
+        When the mosaic does not fit the values, or the method does not fit the mosaic.
+
+    Notes
+    -----
+    D. Menon, S. Andriani, G. Calvagno, "Demosaicing with directional filtering and a posteriori
+    decision", IEEE Transactions on Image Processing 16 (2007). H. Knutsson, C.-F. Westin,
+    "Normalized and differential convolution", CVPR 1993: the local mean at a pixel is that of the
+    known values with Gaussian weights.
+
+    Examples
+    --------
+    >>> gray = np.full((6, 6), 0.25)
+    >>> demosaic(gray, Mosaic("RGBW"))[3, 3].round(6).tolist()
+    [0.25, 0.25, 0.25]
+    """
+    method = choose_demosaicing(mosaic, method)
+    image = np.asarray(values, np.float64)
+    places = mosaic.full(*image.shape)
+    share = np.bincount(places.ravel(), minlength=len(mosaic.filters)) / places.size
+    if method == "menon":
+        assert mosaic.bayer is not None, "choose_demosaicing checked it"
+        planes = _menon(image, mosaic.bayer)
+        planes = planes[..., ["RGB".index(letter) for letter in mosaic.filters]]
+    else:
+        planes = _differences(image, places, share)
+    return mosaic.colors(planes, share * mosaic.sensitivity)
+
+
+def _menon(values: Values, order: str) -> Values:
+    """Return the values of a Bayer mosaic behind each of the filters R, G, and B."""
+    with warnings.catch_warnings():
+        # The package imports an old name of SciPy, and warns of packages that it does without.
+        warnings.simplefilter("ignore")
+        package = import_extra("colour_demosaicing", "color", "the colors of a Bayer mosaic")
+        return np.asarray(package.demosaicing_CFA_Bayer_Menon2007(values, order), np.float64)
+
+
+def _differences(values: Values, places: Pattern, share: Values) -> Values:
+    """Return the values behind each filter, (H, W, N), from differences to the densest one."""
+    densest = int(np.argmax(share))
+    known = places == densest
+    base = np.where(known, values, local_mean(values, known, BASE_SPREAD))
+    planes = np.repeat(base[..., None], len(share), axis=2)
+    for index in np.flatnonzero(share):
+        if index != densest:
+            planes[..., index] += local_mean(values - base, places == index, SPREAD)
+    return planes
+
+
+def local_mean(values: Values, known: npt.NDArray[np.bool_], spread: float) -> Values:
+    """Return the mean of the known values around each pixel, with Gaussian weights.
+
+    Where no known pixel is near, the Gaussian is wider.
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (H, W)
+        The values.
+    known : ndarray of bool, shape (H, W)
+        The pixels with a known value, at least one.
+    spread : float
+        The standard deviation of the Gaussian, in mean distances of the known pixels.
+
+    Examples
+    --------
+    >>> known = np.array([[True, False, True]])
+    >>> local_mean(np.array([[1.0, 9.0, 3.0]]), known, 0.45).round(2).tolist()
+    [[1.0, 2.0, 3.0]]
+    """
+    from scipy.ndimage import gaussian_filter
+
+    weights, weighted = known.astype(np.float64), np.where(known, values, 0.0)
+    result = np.zeros(values.shape)
+    missing, sigma = np.ones(values.shape, bool), spread / np.sqrt(known.mean())
+    while missing.any():
+        weight = gaussian_filter(weights, sigma, mode="constant")
+        near = missing & (weight > _MIN_WEIGHT)
+        result[near] = gaussian_filter(weighted, sigma, mode="constant")[near] / weight[near]
+        missing &= ~near
+        sigma *= 2
+    return result

@@ -1,0 +1,64 @@
+"""How an image was estimated."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from jotlight.estimators.problem import ConvergenceHistories
+
+
+@dataclasses.dataclass(frozen=True)
+class Info:
+    """How an image was estimated."""
+
+    method: str
+    """Name of the method, as ``method`` of :func:`reconstruct` takes it; "network" for a network
+    of the caller, and the name of a function of the caller."""
+    title: str
+    """Name of the method in tables."""
+    reason: str
+    """Why this method was chosen."""
+    seconds: float
+    """Computing time."""
+    history: ConvergenceHistories | None = dataclasses.field(default=None, repr=False)
+    """Progress of an iterative method, or a list of it for each channel; None for others."""
+    shares: dict[str, float] | None = None
+    """Mean weight of each method in a blend on held-out bits; None for other methods."""
+
+
+def join_infos(infos: Sequence[Info], ending: str, seconds: float) -> Info:
+    """Return how an image of several planes was estimated.
+
+    Parameters
+    ----------
+    infos : sequence of Info
+        How the planes were estimated, all by the same method.
+    ending : str
+        What follows the estimates of the planes, for the title.
+    seconds : float
+        Computing time in total.
+
+    Examples
+    --------
+    >>> one = Info("mle", "maximum likelihood", "requested", 0.5)
+    >>> join_infos([one, one], "color differences", 1.5).title
+    'maximum likelihood, color differences'
+    """
+    first = infos[0]
+    histories = []
+    for info in infos:
+        if info.history is not None:
+            histories += info.history if isinstance(info.history, list) else [info.history]
+    shares = None
+    if first.shares is not None:
+        each = [info.shares or {} for info in infos]
+        names = dict.fromkeys(name for some in each for name in some)
+        shares = {name: float(np.mean([some.get(name, 0.0) for some in each])) for name in names}
+    return dataclasses.replace(
+        first,
+        title=f"{first.title}, {ending}",
+        seconds=seconds,
+        history=histories or None,
+        shares=shares,
+    )

@@ -1,0 +1,39 @@
+"""Captures whose mosaic the caller states."""
+
+from typing import TypeVar
+
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.sensor import Sensor
+
+AnyBits = TypeVar("AnyBits", Bits, Readings)
+
+
+def with_mosaic(data: AnyBits, mosaic: object) -> AnyBits:
+    """Return bits or readings whose sensor has a mosaic; None leaves them as they are.
+
+    Parameters
+    ----------
+    data : Bits or Readings
+        The data. Bits without a sensor get one with their frames.
+    mosaic : str, array_like, Mosaic, or None
+        The mosaic, as :class:`jotlight.Sensor` takes it.
+
+    Raises
+    ------
+    ValueError
+        When the mosaic does not fit the data.
+
+    Examples
+    --------
+    >>> with_mosaic(Bits.from_array([[[0, 1], [1, 1]]]), "RGGB").sensor
+    Sensor(mosaic=Mosaic('RGGB'))
+    """
+    if mosaic is None:
+        return data
+    stated = data.sensor
+    known = stated if isinstance(stated, Sensor) else Sensor(frames=len(data))
+    sensor = known.replace(mosaic=mosaic, gain=known.gain)
+    if isinstance(data, Readings):
+        return Readings(data.frames, sensor, data.provenance)
+    return Bits(data.packed, data.width, sensor, data.provenance)

@@ -1,0 +1,276 @@
+"""Color mosaics: which filter lies on each pixel, and the light that it passes."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.sensing import mosaic_checks, mosaic_text
+
+Pattern = npt.NDArray[np.uint8]
+Colors = npt.NDArray[np.float64]
+
+MAX_PERIOD = 16
+"""Maximum rows and columns of a pattern that repeats. A larger one is a map of all pixels."""
+
+_BAYER = ("RGGB", "BGGR", "GRBG", "GBRG")
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Mosaic:
+    """A color filter on each pixel of a sensor.
+
+    A pixel with a filter that passes the shares t of red, green, and blue sees the light of the
+    intensity ``t[0] * red + t[1] * green + t[2] * blue``.
+
+    Parameters
+    ----------
+    pattern : str or array_like
+        The filter of each pixel, from the top left: letters, where four are 2 x 2 pixels, ``/``
+        ends a row, and others are one row, such as ``"RGGB"``, ``"RGB"``, ``"RGBW/BWRG"``; a
+        2-D array of letters; a 2-D array of whole numbers, places in `filters`, such as
+        ``raw_pattern`` of rawpy; or an image (H, W, 3), whose pixels are the shares of red, green,
+        and blue that pass. A pattern of up to 16 x 16 pixels repeats. A larger one is a map of all
+        pixels.
+    filters : str, optional
+        A letter for each filter, such as ``"RGBG"``. Whole numbers need it. Default: the letters of
+        the pattern, R, G, B, W, C, M, Y before others.
+    transmission : array_like of float, shape (N, 3), optional
+        The shares of red, green, and blue light that each of the `filters` passes, 0 to 1. Default:
+        ideal filters, for the letters R, G, B, W (white, 1 for all three), C, M, and Y.
+    white_balance : array_like of float, shape (3,)
+        Factors of red, green, and blue in estimates.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the pattern has another form or unknown letters, an array has another shape or values
+        out of range, or the filters do not tell red, green, and blue apart.
+
+    Examples
+    --------
+    >>> Mosaic("RGGB").pattern.tolist(), Mosaic("RGGB").filters
+    ([[0, 1], [1, 2]], 'RGB')
+    >>> Mosaic([[0, 1], [3, 2]], filters="RGBG") == Mosaic("RGGB")  # as rawpy states it
+    True
+    >>> Mosaic("RGBW").light(np.full((2, 2, 3), 0.5)).tolist()
+    [[0.5, 0.5], [0.5, 1.5]]
+    """
+
+    pattern: Pattern
+    filters: str = None  # type: ignore[assignment]  # __post_init__ replaces None
+    transmission: Colors = None  # type: ignore[assignment]
+    white_balance: Colors = dataclasses.field(default_factory=lambda: np.ones(3))
+
+    def __post_init__(self) -> None:
+        given: Any = self.pattern
+        filters: Any = self.filters
+        transmission: Any = self.transmission
+        if mosaic_checks.is_image(given):
+            if filters is not None or transmission is not None:
+                raise ValueError(
+                    "mosaic: expected no filters and no transmission beside an image (H, W, 3), "
+                    "which states what each pixel passes; omit them"
+                )
+            pattern, transmission = mosaic_checks.of_image(np.asarray(given))
+            filters = "".join(
+                map(mosaic_checks.letter_of, transmission.tolist(), range(len(transmission)))
+            )
+        else:
+            pattern, filters = mosaic_text.read_pattern(given, filters)
+        matrix = mosaic_checks.checked_transmission(transmission, filters)
+        pattern, filters, matrix = mosaic_checks.unite(pattern, filters, matrix)
+        if np.linalg.matrix_rank(matrix) < 3:
+            raise ValueError(
+                f"mosaic: expected filters that tell red, green, and blue apart, got {filters} "
+                f"with the transmission {matrix.round(3).tolist()}; a gray sensor has mosaic=None"
+            )
+        checked = {
+            "pattern": pattern,
+            "filters": filters,
+            "transmission": matrix,
+            "white_balance": mosaic_checks.checked_white_balance(self.white_balance),
+        }
+        for name, value in checked.items():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def of(cls, value: object) -> Self:
+        """Return a mosaic from what ``Sensor(mosaic=)`` takes, or from :meth:`to_json`.
+
+        Examples
+        --------
+        >>> Mosaic.of(Mosaic("GRBG").to_json())
+        Mosaic('GRBG')
+        """
+        if isinstance(value, cls):
+            return value
+        if isinstance(value, dict):
+            try:
+                return cls(**{**value, "pattern": mosaic_text.pattern_of_json(value)})
+            except (KeyError, TypeError) as error:
+                raise ValueError(
+                    "mosaic: expected an object with pattern and filters, and optionally "
+                    f"transmission and white_balance, but {error}"
+                ) from error
+        return cls(value)  # type: ignore[arg-type]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the mosaic as values of JSON, which :meth:`of` reads."""
+        return {
+            "pattern": mosaic_text.pattern_to_json(self.pattern, MAX_PERIOD),
+            "filters": self.filters,
+            "transmission": self.transmission.tolist(),
+            "white_balance": self.white_balance.tolist(),
+        }
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the pattern repeats, rather than being a map of all pixels."""
+        return bool(max(self.pattern.shape) <= MAX_PERIOD)
+
+    @property
+    def bayer(self) -> str | None:
+        """The order of a Bayer mosaic, such as "RGGB", or None for other mosaics."""
+        letters = mosaic_text.letters_of(self.pattern, self.filters)
+        return letters if self.pattern.shape == (2, 2) and letters in _BAYER else None
+
+    @property
+    def sensitivity(self) -> Colors:
+        """The light that each filter passes of white light with intensity 1 in all colors, (N,)."""
+        return np.asarray(self.transmission.sum(axis=1))
+
+    def check_size(self, height: int, width: int) -> None:
+        """Raise ValueError unless the mosaic fits an image of some pixels.
+
+        Examples
+        --------
+        >>> Mosaic(np.random.default_rng(0).integers(3, size=(40, 50)), "RGB").check_size(40, 48)
+        Traceback (most recent call last):
+          ...
+        ValueError: mosaic: expected a map of 40 x 48 pixels, or a pattern of up to 16 x 16 ...
+        """
+        if not self.repeats and self.pattern.shape != (height, width):
+            rows, columns = self.pattern.shape
+            raise ValueError(
+                f"mosaic: expected a map of {height} x {width} pixels, or a pattern of up to "
+                f"{MAX_PERIOD} x {MAX_PERIOD} that repeats, got {rows} x {columns}; a mosaic has a "
+                "filter for each pixel, which covers oversampling x oversampling jots"
+            )
+
+    def full(self, height: int, width: int) -> Pattern:
+        """Return the places in `filters` of all pixels of an image, (H, W)."""
+        self.check_size(height, width)
+        rows, columns = self.pattern.shape
+        tiles = -(-height // rows), -(-width // columns)
+        return np.tile(self.pattern, tiles)[:height, :width]
+
+    def crop(self, rows: range, columns: range) -> Self:
+        """Return the mosaic of a part of the image.
+
+        Examples
+        --------
+        >>> Mosaic("RGGB").crop(range(1, 5), range(0, 4))
+        Mosaic('GBRG')
+        """
+        if self.repeats:
+            shifted = np.roll(self.pattern, (-rows.start, -columns.start), (0, 1))
+            return dataclasses.replace(self, pattern=shifted)
+        return dataclasses.replace(
+            self, pattern=self.pattern[rows.start : rows.stop, columns.start : columns.stop]
+        )
+
+    def oriented(self, orient: Callable[[Pattern], Pattern], height: int, width: int) -> Self:
+        """Return the mosaic of an image of some pixels that `orient` rotates or mirrors."""
+        if not self.repeats:
+            return dataclasses.replace(self, pattern=orient(self.pattern))
+        rows, columns = orient(self.pattern).shape
+        pattern = orient(self.full(height, width))[:rows, :columns]
+        return dataclasses.replace(self, pattern=pattern)
+
+    def light(
+        self, image: npt.NDArray[np.floating], channel_axis: int | None = None
+    ) -> npt.NDArray[np.floating]:
+        """Return the intensities that the pixels see of color images, (..., H, W).
+
+        Parameters
+        ----------
+        image : ndarray of float, shape (..., H, W, 3)
+            Red, green, and blue.
+        channel_axis : int, optional
+            The axis of the colors. Default: the last one.
+
+        Raises
+        ------
+        ValueError
+            When an image has no axis of three colors, or the mosaic does not fit it.
+        """
+        axis = -1 if channel_axis is None else channel_axis
+        if image.ndim < 3 or not -image.ndim <= axis < image.ndim or image.shape[axis] != 3:
+            raise ValueError(
+                "image: expected red, green, and blue, (..., H, W, 3), for a sensor with a mosaic, "
+                f"got shape {image.shape}; for a gray scene, pass "
+                "numpy.stack([image] * 3, axis=-1)"
+            )
+        colors = np.moveaxis(image, axis, -1)
+        shares = self.transmission[self.full(*colors.shape[-3:-1])].astype(image.dtype)
+        return np.asarray(np.einsum("...c,...c->...", colors, shares))
+
+    def colors(self, values: npt.NDArray[np.floating], weights: npt.ArrayLike) -> Colors:
+        """Return red, green, and blue of what the filters see, with the white balance.
+
+        Parameters
+        ----------
+        values : ndarray, shape (..., N)
+            The intensity behind each filter, divided by its :attr:`sensitivity`.
+        weights : array_like of float, shape (N,)
+            How much the values of each filter count, if there are more than three filters. Filters
+            with weight 0 are ignored.
+
+        Raises
+        ------
+        ValueError
+            When the filters with a weight do not tell red, green, and blue apart.
+
+        Examples
+        --------
+        >>> mixed = Mosaic("RGGB", transmission=[[0.8, 0.1, 0.1], [0, 1, 0], [0, 0, 1]])
+        >>> mixed.colors(np.array([0.5, 0.2, 0.1]), [1, 2, 1]).round(4)
+        array([0.5875, 0.2   , 0.1   ])
+        """
+        scale = np.sqrt(np.asarray(weights, np.float64))[:, None]
+        matrix = self.transmission / self.sensitivity[:, None] * scale
+        if np.linalg.matrix_rank(matrix) < 3:
+            used = "".join(np.array(list(self.filters))[np.asarray(weights) > 0])
+            raise ValueError(
+                f"mosaic: expected pixels of filters that tell red, green, and blue apart, got "
+                f"{used}; reconstruct a larger image"
+            )
+        inverse = np.linalg.pinv(matrix) * scale.T
+        return np.asarray(values @ inverse.T * self.white_balance)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Mosaic):
+            return NotImplemented
+        return self.filters == other.filters and all(
+            np.array_equal(getattr(self, name), getattr(other, name))
+            for name in ("pattern", "transmission", "white_balance")
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.filters, self.pattern.tobytes(), self.transmission.tobytes()))
+
+    def __repr__(self) -> str:
+        rows, columns = self.pattern.shape
+        if rows * columns > 2 * MAX_PERIOD:
+            return f"<Mosaic: {rows} x {columns} pixels, filters {self.filters}>"
+        parts = [repr(mosaic_text.letters_of(self.pattern, self.filters))]
+        if not mosaic_checks.are_ideal(self.filters, self.transmission):
+            parts.append(f"transmission={self.transmission.tolist()}")
+        if (self.white_balance != 1).any():
+            parts.append(f"white_balance={self.white_balance.tolist()}")
+        return f"Mosaic({', '.join(parts)})"

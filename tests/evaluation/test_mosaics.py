@@ -1,0 +1,155 @@
+"""Colors of mosaics: planes, their sensors, all kinds of data, and the command line."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.datasets import photograph
+from jotlight.estimators.demosaicing import demosaic
+from jotlight.sensing.mosaic import Mosaic
+
+SCENE = photograph("astronaut")[:256:4, 100:356:4].astype(np.float64)
+RANDOM = Mosaic(np.random.default_rng(0).integers(4, size=(64, 64)), "RGBW")
+LINEAR = {"demosaicing": "differences"}
+
+
+def psnr(estimate, truth=SCENE):
+    return -10 * np.log10(np.mean((estimate - truth) ** 2))
+
+
+@pytest.mark.parametrize("order", ["RGGB", "GBRG", "RGBW", "RGB"])
+def test_planes_are_the_images_of_each_position_of_the_period(order):
+    mosaic = Mosaic(order)
+    sensor = jl.Sensor(oversampling=2, frames=4, dark_counts=0.02, max_intensity=2, mosaic=order)
+    bits = sensor.expose(SCENE[:, :63], rng=0)  # rows and columns that are no multiples
+    counts, values = bits.counts(), np.zeros((64, 63))
+    rows, columns = mosaic.pattern.shape
+    for (row, column), place in np.ndenumerate(mosaic.pattern):
+        own = jl.Sensor(
+            oversampling=2, frames=4, dark_counts=0.02, max_intensity=2,
+            gain=16 * mosaic.sensitivity[place],
+        )  # fmt: skip
+        part = (slice(row, None, rows), slice(column, None, columns))
+        values[part] = jl.reconstruct(counts[part], own, quality="small")
+    expected = np.clip(demosaic(values, mosaic, "differences"), 0, 2)
+    found, info = jl.reconstruct(bits, quality="small", return_info=True, **LINEAR)
+    np.testing.assert_allclose(found, expected, atol=2e-6)
+    assert found.shape == (64, 63, 3)
+    assert found.dtype == np.float32
+    assert (info.method, info.title) == ("network-small", "network, small, color differences")
+
+
+@pytest.mark.parametrize("mosaic", ["RGGB", "RGBW", RANDOM], ids=repr)
+def test_networks_are_better_than_maximum_likelihood(mosaic):
+    bits = jl.Sensor(frames=16, mosaic=mosaic).expose(SCENE, rng=0)
+    assert psnr(jl.reconstruct(bits, quality="small", **LINEAR)) > 1 + psnr(
+        jl.reconstruct(bits, method="mle", **LINEAR)
+    )
+
+
+@pytest.mark.parametrize("mosaic", ["RGGB", "RGB", "RRGG/RRGG/GGBB/GGBB", RANDOM], ids=repr)
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"dark_counts": 0.1, "efficiency": 0.5, "gain": 4000.0},
+        {"gain": np.repeat([1.0, 2.0], 1000)},
+        {"bit_depth": 3},
+        {"threshold": 2, "gain": 4000.0},
+        {"dark_counts": np.linspace(0, 0.5, 4096).reshape(64, 64).astype(np.float32)},
+        {"mask": np.random.default_rng(3).random((64, 64)) < 0.05},
+    ],
+    ids=lambda options: next(iter(options)),
+)
+@pytest.mark.filterwarnings("ignore:.*have no valid bit")  # those of the mask
+def test_many_photons_give_the_color_of_a_uniform_scene(mosaic, options):
+    sensor = jl.Sensor(frames=2000, max_intensity=2.0, mosaic=mosaic, **options)
+    side = 64 // sensor.oversampling
+    color = np.array([0.5, 0.3, 0.2])
+    data = sensor.expose(np.broadcast_to(color, (side, side, 3)), rng=0)
+    found = jl.reconstruct(data, method="mle", **LINEAR)
+    np.testing.assert_allclose(found.mean(axis=(0, 1)), color, atol=0.01)
+
+
+def test_counts_lists_stacks_and_out_agree_with_bits():
+    sensor = jl.Sensor(frames=8, mosaic="RGGB")
+    bits = [sensor.expose(SCENE, rng=seed) for seed in (0, 1)]
+    expected = [jl.reconstruct(each, quality="small", **LINEAR) for each in bits]
+    counts = np.stack([each.counts() for each in bits])
+    options = {"quality": "small", **LINEAR}
+    np.testing.assert_array_equal(jl.reconstruct(bits, **options), expected)
+    np.testing.assert_array_equal(jl.reconstruct(counts, sensor, **options), expected)
+    np.testing.assert_array_equal(
+        jl.reconstruct(counts[0], sensor, trials=8, **options), expected[0]
+    )
+    out = np.empty((2, 64, 64, 3), np.float32)
+    assert jl.reconstruct(bits, out=out, **options) is out
+    np.testing.assert_array_equal(out, expected)
+    photons = jl.reconstruct(bits[0], units="photons", **options)
+    gray = jl.reconstruct(counts[0], sensor.replace(mosaic=None), units="photons", quality="small")
+    assert photons.mean() == pytest.approx(gray.mean(), rel=0.3)
+
+
+def test_a_stated_mosaic_is_not_reported_and_a_gray_estimate_stays():
+    light = np.full((128, 128, 3), [0.2, 0.4, 0.1])
+    sensor = jl.Sensor(frames=400, mosaic="RGGB")
+    captured = jl.Bits(sensor.expose(light, rng=0).packed, 128, sensor)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for data in (captured, captured.counts()):
+            found = jl.reconstruct(data, sensor, method="mle", **LINEAR)
+            np.testing.assert_allclose(found.mean(axis=(0, 1)), [0.2, 0.4, 0.1], atol=0.01)
+    with pytest.warns(jl.PeriodicRatesWarning, match='mosaic="RGGB"'):
+        jl.reconstruct(captured, sensor.replace(mosaic=None), method="mle")
+
+
+def test_bad_data_are_refused():
+    sensor = jl.Sensor(frames=8, mosaic="RGGB")
+    with pytest.raises(ValueError, match=r"expected gray bits or counts.*got color channels"):
+        jl.reconstruct(np.zeros((8, 8, 3), int), sensor, channel_axis=-1, **LINEAR)
+    with pytest.raises(ValueError, match="demosaicing: is for a sensor with a mosaic"):
+        jl.reconstruct(np.zeros((8, 8), int), jl.Sensor(frames=8), **LINEAR)
+    with pytest.raises(ValueError, match="out: expected a writeable array of float32 of shape"):
+        jl.reconstruct(np.zeros((8, 8), int), sensor, out=np.zeros((8, 8), np.float32), **LINEAR)
+
+
+def test_the_command_line_simulates_and_reconstructs_a_mosaic(run, tmp_path):
+    jl.save_image(tmp_path / "scene.png", SCENE.astype(np.float32))
+    arguments = ("-k", 1, "-t", 16, "--mosaic", "RGGB", "-o", "bits.npy")
+    assert run("simulate", "scene.png", *arguments)[0] == 0
+    bits = jl.open(tmp_path / "bits.npy")
+    assert bits.sensor == jl.Sensor(frames=16, mosaic="RGGB")
+    differences = ("--demosaicing", "differences")
+    status, printed = run("reconstruct", "bits.npy", "-o", "out.npy", *differences)
+    assert status == 0, printed
+    found = np.load(tmp_path / "out.npy")
+    np.testing.assert_allclose(found, jl.reconstruct(bits, **LINEAR), atol=1e-6)
+    assert "color differences" in printed
+    np.save(tmp_path / "raw.npy", np.asarray(bits.packed))
+    options = ("-o", "raw_out.npy", "-t", 16, "--max-intensity", 1, "--mosaic", "RGGB")
+    assert run("reconstruct", "raw.npy", *options, *differences)[0] == 0
+    np.testing.assert_array_equal(np.load(tmp_path / "raw_out.npy"), found)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("simulate", "s.png", "--mosaic", "RXGB", "-o", "b.npy"), "got X"),
+        (("simulate", "s.png", "--gray", "--mosaic", "RGGB", "-o", "b.npy"), "red, green, and"),
+        (("simulate", "s.png", "--mosaic", "m.json", "-o", "b.npy"), "m.json: .* shape"),
+        (("simulate", "s.png", "--motion", "shake", "--mosaic", "RGGB", "-o", "b.npy"), "gray"),
+        (("reconstruct", "c.npy", "--motion", "-o", "o.png"), "motion of a mosaic"),
+        (("reconstruct", "c.npy", "--find-hot-jots", "-o", "o.png"), "different filters"),
+        (("reconstruct", "c.npy", "--window", "8", "-o", "o.zarr"), "gray sensor"),
+    ],
+)
+def test_bad_commands_say_what_to_do(run, tmp_path, arguments, message):
+    jl.save_image(tmp_path / "s.png", SCENE.astype(np.float32))
+    (tmp_path / "m.json").write_text('{"pattern": "RGGB", "filters": "RGB", "transmission": [[1]]}')
+    jl.save(jl.Sensor(frames=32, mosaic="RGGB").expose(SCENE, rng=0), tmp_path / "c.npy")
+    status, printed = run(*arguments)
+    assert status == 1
+    assert np.any(
+        [message.replace(".*", "") in printed, all(m in printed for m in message.split(" .* "))]
+    )
