@@ -14,7 +14,8 @@ import nox
 from nox.command import CommandFailed
 
 nox.needs_version = ">=2024.10.9"
-nox.options.default_venv_backend = "venv"
+# uv installs packages in a fraction of pip's time.
+nox.options.default_venv_backend = "uv|venv"
 nox.options.reuse_existing_virtualenvs = True
 nox.options.tags = ["gate"]
 
@@ -31,6 +32,17 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SITE = ROOT / "docs" / "_build" / "html"
 PROGRAMS = "Scripts" if sys.platform == "win32" else "bin"
 MANYLINUX = "manylinux_2_17_x86_64"  # manylinux2014
+# uv reads other variables than pip. Each setting of pip holds for both.
+SETTINGS = {
+    "PIP_INDEX_URL": "UV_DEFAULT_INDEX",
+    "PIP_EXTRA_INDEX_URL": "UV_INDEX",
+    "PIP_FIND_LINKS": "UV_FIND_LINKS",
+    "PIP_CERT": "SSL_CERT_FILE",
+}
+for of_pip, of_uv in SETTINGS.items():
+    if of_pip in os.environ:
+        os.environ.setdefault(of_uv, os.environ[of_pip])
+os.environ.setdefault("UV_INDEX_STRATEGY", "unsafe-best-match")  # the rule of pip
 
 
 @nox.session(tags=["gate"])
@@ -137,7 +149,7 @@ def release(session: nox.Session) -> None:
     """Build the manylinux2014 wheel, the sdist, and the crate; run the wheel without a compiler."""
     if sys.platform != "linux":
         session.skip("wheels for manylinux2014 are built on Linux")
-    session.install("maturin[zig]>=1.9.4,<2", "auditwheel>=6")
+    session.install("maturin[zig]>=1.9.4,<2", "auditwheel>=6", "pip")
     output = DIST / "release"
     shutil.rmtree(output, ignore_errors=True)
     options = ("--zig", "--compatibility", "manylinux2014", "--out", str(output))
@@ -258,4 +270,4 @@ def install_wheel(session: nox.Session, *others: str, extra: str = "") -> None:
     if len(wheels) != 1:
         session.error(f"expected one wheel in {DIST}, got {len(wheels)}: run `nox -s wheel` first")
     session.install(f"{wheels[0]}[{extra}]" if extra else str(wheels[0]), *others)
-    session.run("pip", "install", "--quiet", "--force-reinstall", "--no-deps", str(wheels[0]))
+    session.install("--quiet", "--force-reinstall", "--no-deps", str(wheels[0]))
