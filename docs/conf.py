@@ -88,7 +88,7 @@ html_theme_options = {
 # Without it, the theme logs an error on the first visit.
 html_context = {"default_mode": "auto"}
 # A sidebar without links would only take room from these pages.
-html_sidebars = dict.fromkeys(["index", "install", "notation", "changelog", "contributing"], [])
+html_sidebars = {page: [] for page in ("index", "install", "notation", "changelog", "contributing")}
 
 
 def setup(app: Sphinx) -> None:
