@@ -87,7 +87,8 @@ html_theme_options = {
 }
 # Without it, the theme logs an error on the first visit.
 html_context = {"default_mode": "auto"}
-html_sidebars = {"index": [], "install": [], "changelog": []}
+# A sidebar without links would only take room from these pages.
+html_sidebars = {page: [] for page in ("index", "install", "notation", "changelog", "contributing")}
 
 
 def setup(app: Sphinx) -> None:

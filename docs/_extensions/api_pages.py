@@ -29,7 +29,7 @@ SECTIONS = {
     "formats": "Captures",
     "calibration": "Calibration",
     "evaluation": "Reconstruction and comparison",
-    "estimators": "Classical methods",
+    "estimators": "Classical methods and planning",
     "networks": "Networks",
     "training": "Training",
     "torch": "PyTorch",
