@@ -107,7 +107,7 @@ def test_a_worker_that_is_killed_is_replaced(capture, expected, tmp_path, monkey
             pids = list(self.client.run(os.getpid).values())
             os.kill(random.choice(pids), signal.SIGKILL)
             deaths.append(1)
-        return submit(self, completed, tasks)
+        yield from submit(self, completed, tasks)
 
     monkeypatch.setattr(running.Cluster, "_take", take)
     options = ("--workers", "2", "--chunks", "64KiB")
