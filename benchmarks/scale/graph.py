@@ -19,6 +19,11 @@ from jotlight.dask.store import VideoStore
 GIB = 1 << 30
 FRAME_BYTES = 512 * 64
 CHUNK, MAX_GROUPS = 1 << 27, 1024
+GROUPS = 5
+"""Units of a capture of 655 MB. Another task holds the job."""
+
+THREADS = 64
+"""Threads of the cluster. A run submits four tasks per thread ahead of time."""
 
 
 def tasks_of(captures, size):
@@ -63,28 +68,30 @@ def main():
 
     with (
         LocalCluster(
-            n_workers=1, threads_per_worker=4, processes=False, dashboard_address=None
+            n_workers=1, threads_per_worker=THREADS, processes=False, dashboard_address=None
         ) as cluster,
         Client(cluster) as client,
     ):
-        groups = 1000
 
         def units():
-            for number in range(options.tasks // groups):
-                job = make_job(number, groups)
-                for unit in range(groups):
+            for number in range(options.tasks // (GROUPS + 1)):
+                job = make_job(number, GROUPS)
+                for unit in range(GROUPS):
                     yield number, job, unit
 
+        shown = [10**exponent for exponent in range(3, 10)] + [options.tasks]
         start = time.perf_counter()
-        for done, (_, _, error) in enumerate(Cluster(client).run(units()), 1):
+        for units_done, (_, _, error) in enumerate(Cluster(client).run(units()), 1):
             assert error is None, error
-            if done in (1000, 10_000, 100_000) or done == options.tasks:
+            done = units_done + units_done // GROUPS  # each job is a task, too
+            if done >= shown[0] or done == options.tasks // (GROUPS + 1) * (GROUPS + 1):
+                shown.pop(0)
                 seconds, cpu = time.perf_counter() - start, time.process_time()
                 memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
                 times = f"{1000 * seconds / done:.2f} ms, {1000 * cpu / done:.2f} CPU ms"
                 print(
-                    f"{done:8} tasks: {times} per task; scheduler, client, and worker together "
-                    f"take at most {memory:.0f} MiB",
+                    f"{done:8} tasks in {seconds:.0f} s: {times} per task; scheduler, client, and "
+                    f"worker together take at most {memory:.0f} MiB",
                     flush=True,
                 )
 

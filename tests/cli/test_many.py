@@ -184,3 +184,80 @@ def test_a_single_image_states_its_origin(run, captures, ending, depth):
     weights = Path(jl.__file__).parent / "networks/weights/medium.safetensors"
     assert hashlib.sha256(weights.read_bytes()).hexdigest() in out
     assert "1.npy" in out
+
+
+def read_crc(path):
+    """Return the line of `jotlight info` about the frames that were read for a result."""
+    packed = np.asarray(jl.open(path).packed).tobytes()
+    return f"{len(packed)} bytes, crc32 {zlib.crc32(packed):08x}"
+
+
+def test_a_single_npy_and_the_files_beside_it_state_their_origin(run, captures):
+    options = ("--preview", "p.png", "--uncertainty", "u.npz")
+    assert run("reconstruct", captures[0], "-o", "one.npy", "-m", "mle", *options)[0] == 0
+    for name in ("one.npy", "p.png"):
+        code, out = run("info", name)
+        assert code == 0
+        assert read_crc(captures[0]) in out, name
+        assert "1.npy" in out
+    assert "crc32" in Path("u.npz.json").read_text()
+
+
+@pytest.mark.parametrize("name", ["f.npy", "f.tif", "f.gif", "f"])
+def test_a_film_states_its_origin(run, captures, name):
+    options = ("--window", 16, "--step", 8, "-m", "mle")
+    assert run("film", captures[0], "-o", name, *options)[0] == 0
+    record = json.loads(Path(f"{name}.json").read_text())
+    packed = np.asarray(jl.open(captures[0]).packed).tobytes()
+    assert record["origin"]["packed_crc32"] == f"{zlib.crc32(packed):08x}"
+    assert record["origin"]["step"] == 8
+    if name != "f":
+        assert read_crc(captures[0]) in run("info", name)[1]
+
+
+def test_a_record_of_another_file_is_not_shown(run, captures):
+    run("reconstruct", captures[0], "-o", "one.npy", "-m", "mle")
+    np.save("one.npy", np.zeros((16, 24), np.float32))
+    out = run("info", "one.npy")[1]
+    assert "unknown: one.npy.json is the record of another file" in out
+    assert "crc32" not in out
+
+
+def test_a_file_that_is_not_a_record_is_not_replaced(run, captures):
+    for name in ("one.npy.json", "c.npy.run.json"):
+        Path(name).write_text('{"mine": 1}')
+    code, err = run("reconstruct", captures[0], "-o", "one.npy", "-m", "mle")
+    assert code == 1
+    assert "one.npy.json: the record of the origin belongs here" in " ".join(err.split())
+    code, err = run("convert", captures[0], "-o", "c.npy")
+    assert code == 1
+    assert "the record of the copy belongs here" in " ".join(err.split())
+    assert not Path("one.npy").exists()
+    assert not Path("c.npy").exists()
+
+
+@pytest.mark.filterwarnings("ignore:.*has no place for the sensor")
+@pytest.mark.parametrize("output", ["c.npy", "c.h5", "c.zarr", "c.tif", "folder"])
+@pytest.mark.parametrize("many", [False, True])
+def test_a_copy_states_its_origin(run, captures, output, many):
+    to = ("--to", "matlab") if output == "folder" else ()
+    files = captures if many else captures[:1]
+    name = f"{{name}}/{output}" if many else output
+    assert run("convert", *files, "-o", name, *to)[0] == 0
+    copy = f"a/1/{output}" if many else output
+    code, out = run("info", copy)
+    assert code == 0
+    size, checksum = read_crc(captures[0]).split(" bytes, ")
+    assert f"{size} bytes of packed frames, {checksum}" in out
+    assert "1.npy" in out
+
+
+def test_a_conversion_that_was_killed_before_its_record_is_made_again(run, captures):
+    args = ("convert", captures[0], captures[1], "-o", "c/{name}.zarr")
+    assert run(*args)[0] == 0
+    record = next(Path("c").rglob("*.run.json"))
+    record.write_text(json.dumps({"run": json.loads(record.read_text())["run"]}))
+    code, out = run(*args)
+    assert code == 0
+    assert "1 made, 1 complete before" in out
+    assert "input" in json.loads(record.read_text())

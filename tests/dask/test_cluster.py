@@ -1,5 +1,7 @@
 """Runs on clusters of processes: the same bytes everywhere, deaths of workers, and bad input."""
 
+import contextlib
+import json
 import os
 import random
 import signal
@@ -9,12 +11,15 @@ import time
 from pathlib import Path
 
 import dask
+import distributed
 import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight._engine import __version__
 from jotlight.cli.app import run
 from jotlight.dask.cluster import check_workers, connected
+from jotlight.dask.running import compute_unit
 
 pytestmark = pytest.mark.slow
 
@@ -107,7 +112,7 @@ def test_a_worker_that_is_killed_is_replaced(capture, expected, tmp_path, monkey
             pids = list(self.client.run(os.getpid).values())
             os.kill(random.choice(pids), signal.SIGKILL)
             deaths.append(1)
-        return submit(self, completed, tasks)
+        yield from submit(self, completed, tasks)
 
     monkeypatch.setattr(running.Cluster, "_take", take)
     options = ("--workers", "2", "--chunks", "64KiB")
@@ -167,8 +172,77 @@ def test_a_worker_with_another_version():
         def run(self, function, on_error):
             return {"tcp://a": function(), "tcp://b": "0.0.1"}
 
-    with pytest.raises(RuntimeError, match=r"1 have another one, such as 0.0.1 on tcp://b"):
+    with pytest.raises(ValueError, match=r"1 have another one, such as 0.0.1 on tcp://b"):
         check_workers(Client())
+
+
+@contextlib.contextmanager
+def scheduler_with_workers(folder, *preloads):
+    """Yield the address of a scheduler with a worker process for each preloaded module."""
+    file = folder / "scheduler.json"
+    command = [sys.executable, "-m", "distributed.cli.dask_"]
+    starts = [("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")]
+    for preload in preloads:
+        options = ("--preload", str(preload)) if preload else ()
+        starts.append(("worker", "--nthreads", "1", "--no-nanny", "--no-dashboard", *options))
+    with contextlib.ExitStack() as stack:
+        for kind, *options in starts:
+            process = subprocess.Popen(
+                [*command[:2], command[2] + kind, "--scheduler-file", str(file), *options],
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                cwd=folder,
+            )
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+        deadline = time.monotonic() + 60
+        while not file.exists() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        address = json.loads(file.read_text())["address"]
+        with distributed.Client(address) as client:
+            client.wait_for_workers(len(preloads), timeout=60)
+        yield address
+
+
+def test_a_worker_process_with_another_version_is_refused_before_work(capture, tmp_path, capsys):
+    preload = tmp_path / "older.py"
+    preload.write_text("import jotlight._engine\njotlight._engine.__version__ = '0.0.1'\n")
+    output = tmp_path / "video.zarr"
+    command = ["reconstruct", str(capture), "-o", str(output), *WINDOW]
+    with scheduler_with_workers(tmp_path, None, preload) as address:
+        assert run([*command, "--scheduler", address]) == 1
+    error = " ".join(capsys.readouterr().err.split())
+    assert (
+        f"expected jotlight {__version__} on all 2, but 1 have another one, such as 0.0.1" in error
+    )
+    assert "install the same version everywhere" in error
+    assert list(tmp_path.glob("video*")) == []
+
+
+def test_a_worker_process_without_jotlight_is_refused_before_work(capture, tmp_path, capsys):
+    preload = tmp_path / "missing.py"
+    preload.write_text(
+        "import sys\nsys.modules['jotlight'] = sys.modules['jotlight.dask'] = None\n"
+    )
+    output = tmp_path / "video.zarr"
+    command = ["reconstruct", str(capture), "-o", str(output), *WINDOW]
+    with scheduler_with_workers(tmp_path, preload) as address:
+        assert run([*command, "--scheduler", address]) == 1
+    error = " ".join(capsys.readouterr().err.split())
+    assert "1 have another one, such as none that can be imported" in error
+    assert list(tmp_path.glob("video*")) == []
+
+
+def test_a_worker_with_another_version_that_joins_later_computes_nothing(tmp_path):
+    preload = tmp_path / "older.py"
+    preload.write_text("import jotlight._engine\njotlight._engine.__version__ = '0.0.1'\n")
+    with (
+        scheduler_with_workers(tmp_path, preload) as address,
+        distributed.Client(address) as client,
+    ):
+        task = client.submit(compute_unit, None, 0, __version__)
+        with pytest.raises(RuntimeError, match=f"expected jotlight {__version__} .* got 0.0.1"):
+            task.result(timeout=60)
 
 
 def test_the_command_runs_on_a_scheduler(capture, expected, tmp_path, capsys):

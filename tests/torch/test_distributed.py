@@ -15,6 +15,7 @@ import jotlight as jl
 torch = pytest.importorskip("torch")
 from jotlight.torch import fine_tune, fine_tuning, train  # noqa: E402
 from jotlight.torch.distributed import ProcessGroup, choose_device, rank  # noqa: E402
+from servers import http_server  # noqa: E402
 
 SCENE = np.kron([[0.1, 0.7, 0.3], [0.9, 0.2, 0.5], [0.4, 0.8, 0.1]], np.ones((16, 16)))
 BITS = jl.Sensor(frames=8).expose(SCENE, rng=0)
@@ -80,6 +81,7 @@ def test_the_gradients_of_two_processes_add_up_to_that_of_one(monkeypatch):
             fine_tuning, "process_group", lambda _, group=group: contextlib.nullcontext(group)
         )
         monkeypatch.setattr(ProcessGroup, "broadcast", lambda *_: None)
+        monkeypatch.setattr(ProcessGroup, "shared_network", lambda _, network: network)
         fine_tune(
             jl.Network.conditional("small", rng=0), BITS, steps=1, batch=5, patch=24, rng=3,
             threads=1, device="cpu",
@@ -119,3 +121,35 @@ def test_a_missing_gpu_is_an_error_unless_the_choice_is_free(monkeypatch):
     assert choose_device(None) == torch.device("cpu")
     with pytest.raises(ValueError, match="device: expected cpu, since PyTorch finds no GPU"):
         choose_device("cuda")
+
+
+@pytest.mark.slow
+def test_torchrun_trains_on_examples_from_a_folder_of_urls(tmp_path):
+    pytest.importorskip("fsspec")
+    rng = np.random.default_rng(0)
+    (tmp_path / "photographs").mkdir()
+    for index in range(3):
+        jl.save_image(tmp_path / "photographs" / f"{index}.png", rng.random((150, 150, 3)))
+    script = tmp_path / "own.py"
+    with http_server(tmp_path) as server:
+        url = f"{server.url}/photographs/"
+        script.write_text(
+            "import os\n"
+            "import jotlight as jl\n"
+            "from jotlight.training import UrlPhotographs\n"
+            f"source = UrlPhotographs({url!r}, max_side=128)\n"
+            "network = jl.Network.residual(jl.Sensor(frames=16), 'small')\n"
+            "network, history = jl.torch.train(network, source, steps=2, rng=0)\n"
+            "network.save(f\"{os.environ['RANK']}.safetensors\")\n"
+        )
+        command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2"]
+        environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+        subprocess.run(
+            [*command, str(script)], cwd=tmp_path, env=environment, check=True, timeout=300
+        )
+        fetched = {path for path, _ in server.requests if path.endswith(".png")}
+    assert fetched <= {f"/photographs/{index}.png" for index in range(3)}
+    assert fetched
+    networks = [jl.Network.load(tmp_path / f"{rank}.safetensors") for rank in (0, 1)]
+    for first, second in zip(networks[0].layers, networks[1].layers, strict=True):
+        np.testing.assert_array_equal(first.filters, second.filters)

@@ -1,10 +1,8 @@
 """The calibration that ``jotlight reconstruct`` applies, and its record beside the output."""
 
-import contextlib
 import dataclasses
 import hashlib
 import json
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Self
 
@@ -12,11 +10,12 @@ import numpy as np
 
 from jotlight._engine import __version__
 from jotlight.calibration import Calibration
-from jotlight.files import atomic_write, write_file
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
-_FORMAT = "jotlight image"
+FORMAT = "jotlight image"
+"""Value of "format" in a record beside a result."""
+
 _MAX_JSON_BYTES = 1 << 20
 _RECORDED = (
     "provenance",
@@ -50,7 +49,7 @@ class AppliedCalibration:
         """
         calibration = Calibration.load(path)
         record = output.with_name(f"{output.name}.json")
-        if record.exists() and not _is_record(record):
+        if record.exists() and not is_record(record):
             raise ValueError(
                 f"{record}: the record of the calibration belongs here, but this file is not from "
                 "jotlight; choose another name for the output"
@@ -89,7 +88,7 @@ class AppliedCalibration:
     ) -> dict[str, Any]:
         """Return the contents of the record."""
         return {
-            "format": _FORMAT,
+            "format": FORMAT,
             "version": 1,
             "jotlight": __version__,
             "data": data,
@@ -110,32 +109,12 @@ class AppliedCalibration:
         }
 
 
-@contextlib.contextmanager
-def recorded(applied: AppliedCalibration | None) -> Iterator[Callable[..., None]]:
-    """Create the record of a calibration, which appears when the block ends without an error.
-
-    Yields
-    ------
-    callable
-        Takes the sensor, the method, the name of the data, and their provenance.
-    """
-    if applied is None:
-        yield lambda *_: None
-        return
-    with atomic_write(applied.record) as temporary:
-
-        def record(sensor: Sensor, method: str, data: str, provenance: Provenance | None) -> None:
-            description = applied.description(sensor, method, data, provenance)
-            write_file(temporary, json.dumps(description, indent=2) + "\n")
-
-        yield record
-
-
-def _is_record(path: Path) -> bool:
+def is_record(path: Path) -> bool:
+    """Return whether a file is a record that jotlight wrote beside a result."""
     try:
         if path.stat().st_size > _MAX_JSON_BYTES:
             return False
         record = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return False
-    return isinstance(record, dict) and record.get("format") == _FORMAT
+    return isinstance(record, dict) and record.get("format") == FORMAT

@@ -1,15 +1,22 @@
 """``jotlight convert``: a capture in another format."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from jotlight._engine import __version__
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import provenance_notes, refuse_capture_overwrite
 from jotlight.cli.console import progress, report
 from jotlight.cli.run_options import CapturePaths, RunOptions
+from jotlight.dask.jobs import conversion_record, conversion_text
+from jotlight.dask.store import read_json
+from jotlight.files import atomic_write, write_file
+from jotlight.formats.capture import Capture
+from jotlight.formats.checked_reading import with_checksum
 from jotlight.formats.description import companion_files
+from jotlight.formats.locations import file_state
 from jotlight.formats.registry import WRITERS
 from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.sensing.bits import Bits
@@ -71,22 +78,55 @@ def _convert_one(data: Path, output: Path, to: str | None, capture: CaptureOptio
         outputs |= companion_files(output)
     for file in outputs:
         refuse_capture_overwrite(file, data)
-    opened = capture.open(data)
-    provenance = opened.provenance
+    opened, checksum = with_checksum(capture.open(data))
+    record = conversion_record(output)
+    if record.exists() and "run" not in read_json(record):
+        raise ValueError(f"{record}: the record of the copy belongs here; choose another name")
+    run = _run(data, opened, name)
+    content = "packed" if isinstance(opened, Bits) else "counts"
+    with atomic_write(record) as temporary:
+        # If there is no space for the record, nothing is written. It does not become longer.
+        write_file(temporary, conversion_text(run, _bytes_of(opened), 0, content))
+        written = _write(opened, output, name)
+        write_file(temporary, conversion_text(run, *checksum(), content))
+    report(f"{output}: {name}, {written}", *provenance_notes(opened.provenance))
+
+
+def _write(opened: Capture, output: Path, name: str) -> str:
+    """Write a copy in the format `name`, and return what was written."""
     with progress(1) as begin:
         update = begin("converting")
         if isinstance(opened, Bits):
             write_capture(opened, output, name, update)
-            written = f"{opened!r}" if WRITERS[name].bits else f"counts of {opened!r}"
-        else:
-            if opened.sensor is not None:
-                write_capture(opened.readings(), output, name)
-                report(f"{output}: {name}, {opened.readings()!r}", *provenance_notes(provenance))
-                return
-            if isinstance(opened.images, Frames):
-                opened.images.verify()
-            counts = opened.sum(update)
-            write_capture(counts, output, name, trials=opened.total_trials, provenance=provenance)
-            size = " x ".join(map(str, counts.shape))
-            written = f"<counts: {size}, {counts.min()} to {counts.max()}>"
-    report(f"{output}: {name}, {written}", *provenance_notes(provenance))
+            return f"{opened!r}" if WRITERS[name].bits else f"counts of {opened!r}"
+        if opened.sensor is not None:
+            write_capture(opened.readings(), output, name)
+            return f"{opened.readings()!r}"
+        if isinstance(opened.images, Frames):
+            opened.images.verify()
+        counts = opened.sum(update)
+        trials, provenance = opened.total_trials, opened.provenance
+        write_capture(counts, output, name, trials=trials, provenance=provenance)
+        size = " x ".join(map(str, counts.shape))
+        return f"<counts: {size}, {counts.min()} to {counts.max()}>"
+
+
+def _bytes_of(opened: Capture) -> int:
+    return opened.packed.nbytes if isinstance(opened, Bits) else opened.images.nbytes
+
+
+def _run(data: Path, opened: Capture, name: str) -> dict[str, Any]:
+    """Return what a copy in the format `name` is made of."""
+    provenance = opened.provenance
+    shape = opened.shape if isinstance(opened, Bits) else opened.images.shape
+    size, modified = file_state(str(data))
+    return {
+        "jotlight": __version__,
+        "capture": data.name,
+        "bytes": size,
+        "modified": modified,
+        "format": provenance.format if provenance else None,
+        "provenance": provenance.describe() if provenance else [],
+        "bits" if isinstance(opened, Bits) else "counts": list(shape),
+        "to": name,
+    }

@@ -12,7 +12,6 @@ from cyclopts import Parameter
 
 from jotlight.chunks import windows
 from jotlight.cli.advice import caution_about_motion
-from jotlight.cli.applied_calibration import recorded
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import sum_counts
 from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
@@ -22,10 +21,13 @@ from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import FilmMotionOptions
 from jotlight.cli.output_options import OutputOptions, describe_tone
 from jotlight.cli.reconstruction import Brightness, Inputs, Reconstruction, report_assumptions
+from jotlight.cli.records import Records, origin_of
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.files import atomic_write_together
 from jotlight.formats.capture import Capture
+from jotlight.formats.checked_reading import with_checksum
 from jotlight.images.io import image_writer
 from jotlight.images.tone import Tone
 from jotlight.images.video import check_fps, is_floats, video_writer
@@ -134,11 +136,13 @@ def _write(
 
     One window at a time is in memory.
     """
-    data, scale = job.captured.data, outputs.scale(job.captured.sensor)
+    scale = outputs.scale(job.captured.sensor)
+    data, checksum = with_checksum(job.captured.data)
+    records = Records([outputs.output], job.calibration, every=True)
     minimum, maximum, brightness = np.inf, 0.0, 0.0
     summary = _Summary()
     start = time.perf_counter()
-    with recorded(job.calibration) as record:
+    with atomic_write_together(records.paths()) as files:
         with progress(len(spans)) as begin:
             tone = None
             if not is_floats(outputs.output):
@@ -149,7 +153,9 @@ def _write(
             with video_writer(
                 outputs.output, len(spans), tone=tone, fps=outputs.fps, depth=outputs.depth
             ) as add:
-                images = _images(job, outputs, motion, spans, summary, threads)
+                captured = dataclasses.replace(job.captured, data=data)
+                watched = dataclasses.replace(job, captured=captured)
+                images = _images(watched, outputs, motion, spans, summary, threads)
                 for number in range(len(spans)):
                     begin(f"image {number + 1} of {len(spans)}")
                     image = next(images)
@@ -158,7 +164,10 @@ def _write(
                     brightness = max(brightness, float(np.quantile(image, BRIGHTNESS_QUANTILE)))
                     add(image * scale)
         seconds = time.perf_counter() - start
-        record(*job.record_arguments)
+        facts = outputs.metadata(job.captured.sensor, job.choice.title, job.captured.provenance)
+        facts |= {"window": outputs.window, "step": outputs.step or outputs.window}
+        facts |= origin_of(job, checksum())
+        records.write(files, [outputs.output], job, facts)
     unused = len(data) - spans[-1].stop
     each = job.captured.sensor.frames // outputs.window
     report(

@@ -15,7 +15,7 @@ from jotlight.cli.capture_facts import bits_facts, notes, readings_facts
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import out, progress
 from jotlight.cli.jot_checks import jot_remarks
-from jotlight.cli.origins import origin_facts
+from jotlight.cli.origins import origin_facts, video_facts
 from jotlight.files import refuse_overwrite
 from jotlight.formats import open_capture
 from jotlight.formats.archives import describe_npz_arrays, read_npz_label
@@ -123,10 +123,9 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
         if stored_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
         return _network_facts(file, Network.load(file))
-    origin = origin_facts(file)
-    if origin and file.is_dir():
-        return origin
-    return [*_content_facts(file, capture), *origin]
+    if file.is_dir() and (video := video_facts(file)):
+        return video
+    return [*_content_facts(file, capture), *origin_facts(file)]
 
 
 def _content_facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:

@@ -3,7 +3,10 @@
 from pathlib import Path
 from typing import Any
 
+from jotlight.cli.records import record_path
+from jotlight.dask.jobs import conversion_record
 from jotlight.dask.store import PART, open_unfinished, read_json, read_record
+from jotlight.formats.checksums import file_checksum
 from jotlight.images.io import read_note
 
 _NOTED = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
@@ -12,35 +15,49 @@ _NOTED = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
 Facts = list[tuple[str, str]]
 
 
+def video_facts(path: Path) -> Facts:
+    """Return the rows about a zarr folder of images, finished or not; none for other folders."""
+    if path.name.endswith(PART) and (path / "run.json").is_file():
+        store = open_unfinished(path)
+        done = store.groups - len(store.missing())
+        state = f"unfinished: {done} of {store.groups} groups of images"
+        return [("kind", f"video, {state}"), _images(store.shape), *_run_facts(store.run)]
+    record = read_record(path) if (path / "zarr.json").is_file() else {}
+    if not isinstance(record.get("run"), dict):
+        return []
+    shape = read_json(path / "zarr.json").get("shape", [])
+    is_counts = record["run"].get("values") == "int32"
+    kind = "counts of windows" if is_counts else "video"
+    return [("kind", kind), _images(shape), *_record_facts(record)]
+
+
 def origin_facts(path: Path) -> Facts:
     """Return the rows about what a result was made of, and how; none for other files.
 
     Parameters
     ----------
     path : path
-        A zarr folder of images, finished or not; or an image or a copy with a record beside it.
+        An image, a film, or a copy of a capture, which contains a note or has a record beside it.
     """
-    if path.is_dir():
-        if path.name.endswith(PART) and (path / "run.json").is_file():
-            store = open_unfinished(path)
-            done = store.groups - len(store.missing())
-            state = f"unfinished: {done} of {store.groups} groups of images"
-            return [("kind", f"video, {state}"), _images(store.shape), *_run_facts(store.run)]
-        record = read_record(path) if (path / "zarr.json").is_file() else {}
-        if not isinstance(record.get("run"), dict):
-            return []
-        shape = read_json(path / "zarr.json").get("shape", [])
-        is_counts = record["run"].get("values") == "int32"
-        kind = "counts of windows" if is_counts else "video"
-        return [("kind", kind), _images(shape), *_record_facts(record)]
-    record_path = path.with_name(f"{path.name}.json")
-    if not record_path.is_file():
-        return _note_facts(path)
+    for record_file in (conversion_record(path), record_path(path)):
+        record = _read_record(record_file)
+        if record is None:
+            continue
+        if path.is_file() and record.get("sha256", "") not in ("", file_checksum(path)):
+            return [("origin", f"unknown: {record_file.name} is the record of another file")]
+        if isinstance(record.get("origin"), dict):
+            return _origin_rows(record["origin"])
+        if isinstance(record.get("run"), dict):
+            return _record_facts(record)
+    return _note_facts(path)
+
+
+def _read_record(path: Path) -> dict[str, Any] | None:
+    """Return a record beside a result, or None if there is none."""
     try:
-        record = read_json(record_path)
+        return read_json(path) if path.is_file() else None
     except ValueError:  # the description of a capture, which its reader checks
-        return []
-    return _record_facts(record) if isinstance(record.get("run"), dict) else []
+        return None
 
 
 def _note_facts(path: Path) -> Facts:
@@ -50,15 +67,22 @@ def _note_facts(path: Path) -> Facts:
     note = read_note(path)
     if "jotlight" in note:
         return _record_facts(note["jotlight"])
-    names = ("capture", "bytes", "method", "weights_sha256", "calibration_sha256", "software")
-    facts = [(name.replace("_sha256", ""), _text(note[name])) for name in names if note.get(name)]
-    facts += [
-        ("read", f"{note.get(f'{content}_bytes')} bytes, crc32 {note[f'{content}_crc32']}")
-        for content in ("packed", "counts")
-        if f"{content}_crc32" in note
+    return _origin_rows(note)
+
+
+def _origin_rows(origin: dict[str, Any]) -> Facts:
+    first = ("capture", "bytes", "window", "step", "method")
+    names = (*first, "weights_sha256", "calibration_sha256", "software")
+    facts = [
+        (name.replace("_sha256", ""), _text(origin[name])) for name in names if origin.get(name)
     ]
-    if isinstance(note.get("sensor"), dict):
-        facts.append(("sensor", _text(note["sensor"])))
+    facts += [
+        ("read", f"{origin.get(f'{content}_bytes')} bytes, crc32 {origin[f'{content}_crc32']}")
+        for content in ("packed", "counts")
+        if f"{content}_crc32" in origin
+    ]
+    if isinstance(origin.get("sensor"), dict):
+        facts.append(("sensor", _text(origin["sensor"])))
     return facts
 
 
@@ -70,19 +94,24 @@ def _images(shape: Any) -> tuple[str, str]:
 def _record_facts(record: dict[str, Any]) -> Facts:
     facts = _run_facts(record["run"])
     read = record.get("input", {})
-    if "packed_crc32" in read:
-        used = f"{read.get('packed_bytes')} bytes of packed frames, crc32 {read['packed_crc32']}"
-        facts.append(("read", used))
+    for content, title in (("packed", "packed frames"), ("counts", "counts")):
+        if f"{content}_crc32" in read:
+            size, checksum = read.get(f"{content}_bytes"), read[f"{content}_crc32"]
+            facts.append(("read", f"{size} bytes of {title}, crc32 {checksum}"))
     if "minimum" in record:
         facts.append(("values", f"{record['minimum']:.4g} to {record['maximum']:.4g}"))
     return facts
+
+
+def _shapes(run: dict[str, Any]) -> Facts:
+    return [(name, " x ".join(map(str, run[name]))) for name in ("bits", "counts") if name in run]
 
 
 def _run_facts(run: dict[str, Any]) -> Facts:
     facts = [
         ("capture", f"{run.get('file') or run.get('capture')}, {run.get('bytes')} bytes"),
         ("format", str(run.get("format"))),
-        ("bits", " x ".join(map(str, run.get("bits", [])))),
+        *_shapes(run),
     ]
     if "window" in run:
         facts.append(("windows", f"{run['window']} frames, one from each {run.get('step')}"))

@@ -1,6 +1,7 @@
 """Options that name the output files of an image, and their writing."""
 
 import dataclasses
+import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -92,6 +93,19 @@ class OutputOptions:
         """Return the tone curve for estimates that are displayed."""
         return Tone.fit(estimates, self.curve or _DEFAULT_CURVE, white=self.white)
 
+    def metadata(
+        self, sensor: Sensor, method: str, provenance: Provenance | None
+    ) -> dict[str, Any]:
+        """Return the facts that a file of floats states about itself."""
+        return {
+            "software": f"jotlight {__version__}",
+            "units": UNITS[self.units],
+            "largest_value": sensor.max_intensity * float(self.scale(sensor)),
+            "method": method,
+            "sensor": {**sensor.scalars(), **dict.fromkeys(sensor.maps(), "a map")},
+            "provenance": None if provenance is None else provenance.to_json(),
+        }
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImageOutputOptions(OutputOptions):
@@ -170,7 +184,7 @@ class ImageOutputOptions(OutputOptions):
             write(remaining.pop(0), estimate * scale)
         if self.preview is not None:
             tones.append(self.fit_tone(estimate))
-            image_writer(self.preview)(remaining.pop(0), tones[-1](estimate))
+            image_writer(self.preview, note=metadata)(remaining.pop(0), tones[-1](estimate))
         if self.uncertainty is not None:
             known = uncertainty(
                 data,
@@ -183,7 +197,8 @@ class ImageOutputOptions(OutputOptions):
                 threads=threads,
             )
             if self.uncertainty.suffix.lower() == _SHOWN:
-                known.plot().savefig(remaining.pop(0), format="png")
+                description = {"Description": json.dumps(metadata)}
+                known.plot().savefig(remaining.pop(0), format="png", metadata=description)
             else:
                 flags = "1 unlit, 2 saturated, 4 dead, 8 unlikely"
                 facts = {**metadata, "level": self.level, "flags": flags}
@@ -201,16 +216,3 @@ class ImageOutputOptions(OutputOptions):
         if self.curve is not None:
             return self.fit_tone(estimate)
         return Tone("linear", self.white or white or find_white(estimate))
-
-    def metadata(
-        self, sensor: Sensor, method: str, provenance: Provenance | None
-    ) -> dict[str, Any]:
-        """Return the facts that a file of floats states about itself."""
-        return {
-            "software": f"jotlight {__version__}",
-            "units": UNITS[self.units],
-            "largest_value": sensor.max_intensity * float(self.scale(sensor)),
-            "method": method,
-            "sensor": {**sensor.scalars(), **dict.fromkeys(sensor.maps(), "a map")},
-            "provenance": None if provenance is None else provenance.to_json(),
-        }

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from jotlight.chunks import windows
 from jotlight.cli.advice import range_advice
-from jotlight.cli.applied_calibration import AppliedCalibration, recorded
+from jotlight.cli.applied_calibration import AppliedCalibration
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import Captured, add_sensor, frames_of_each, refuse_capture_overwrite
 from jotlight.cli.console import caution, live_iterations, progress, report
@@ -18,21 +18,19 @@ from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import ImageMotionOptions, MotionOptions, describe
 from jotlight.cli.output_options import ImageOutputOptions, describe_tone
+from jotlight.cli.records import Records, origin_of
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.choice import Choice, choose_method
 from jotlight.evaluation.info import Info
-from jotlight.evaluation.methods import DEFAULT_METHOD, LARGE_METHOD, METHODS
-from jotlight.evaluation.mosaics import plane_sensors
+from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.files import atomic_write_together, refuse_overwrite
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
-from jotlight.formats.checksums import file_checksum
-from jotlight.formats.locations import file_state
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, pretrained_file
+from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.channels import last_channel_axis
@@ -59,7 +57,7 @@ class Reconstruction:
 
     @property
     def record_arguments(self) -> tuple[Any, ...]:
-        """Arguments of the function that :func:`recorded` yields."""
+        """Arguments of :meth:`AppliedCalibration.description`."""
         captured = self.captured
         return captured.sensor, self.choice.method, Path(self.path).name, captured.provenance
 
@@ -212,25 +210,23 @@ def reconstruct_image(
     """Write and report the estimate of one image."""
     captured, title = job.captured, job.choice.title
     found = []
-    paths = outputs.paths()
-    with (
-        # Creating the files reveals a folder that cannot be written before any work.
-        atomic_write_together([*paths, *motion.paths()]) as files,
-        recorded(job.calibration) as record,
-    ):
+    paths, all_paths = outputs.paths(), [*outputs.paths(), *motion.paths()]
+    records = Records(all_paths, job.calibration)
+    # Creating the files reveals a folder that cannot be written before any work.
+    with atomic_write_together([*all_paths, *records.paths()]) as files:
         metadata = outputs.metadata(captured.sensor, title, captured.provenance)
         watched, checksum = with_checksum(captured.data)
         captured = dataclasses.replace(captured, data=watched)
         if motion.motion:
-            metadata |= _origin(job, checksum())
+            metadata |= origin_of(job, checksum())
             merged, path = motion.align(captured, threads)
-            motion.write(files[len(paths) :], merged, path, metadata)
+            motion.write(files[len(paths) : len(all_paths)], merged, path, metadata)
             found = describe(merged, path)
         data = merged if motion.motion else captured.summed()
         start = time.perf_counter()
         estimate, ending = _estimate(job, data, threads)
         seconds = time.perf_counter() - start
-        metadata |= _origin(job, checksum())
+        metadata |= origin_of(job, checksum())
         tones = outputs.write(
             files[: len(paths)],
             estimate,
@@ -241,7 +237,7 @@ def reconstruct_image(
             metadata=metadata,
             threads=threads,
         )
-        record(*job.record_arguments)
+        records.write(files[len(all_paths) :], files, job, metadata)
     scale = outputs.scale(captured.sensor)
     units = "intensities" if outputs.units == "intensity" else UNITS[outputs.units]
     display = [f" ({describe_tone(tone)})" for tone in tones]
@@ -259,29 +255,6 @@ def reconstruct_image(
     report_assumptions(
         job, Brightness(float(estimate.max()), float(np.quantile(estimate, BRIGHTNESS_QUANTILE)))
     )
-
-
-def _origin(job: Reconstruction, checksum: tuple[int, int]) -> dict[str, Any]:
-    """Return what an image was made of, and how, in addition to its sensor and method."""
-    choice, calibration, sensor = job.choice, job.calibration, job.captured.sensor
-    quality = CONDITIONAL_SIZE if choice.method == LARGE_METHOD else choice.quality
-    is_conditional = "fallback" in job.settings
-    files = {
-        job.model
-        if quality is None
-        else pretrained_file(each, quality, is_conditional=is_conditional)
-        for each in plane_sensors(sensor)
-    }
-    weights = sorted(file_checksum(file) for file in files if file)
-    content = "packed" if isinstance(job.captured.data, Bits) else "counts"
-    return {
-        "capture": Path(job.path).name,
-        "bytes": file_state(str(job.path))[0],
-        f"{content}_bytes": checksum[0],
-        f"{content}_crc32": f"{checksum[1]:08x}",
-        "weights_sha256": weights[0] if len(weights) == 1 else weights or None,
-        "calibration_sha256": calibration and calibration.sha256,
-    }
 
 
 def _estimate(

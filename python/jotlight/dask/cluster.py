@@ -45,10 +45,8 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
         When dask is not installed.
     OSError
         When nothing listens at the address.
-    RuntimeError
-        When a worker has another version of jotlight.
     ValueError
-        When the number of workers is below 1.
+        When a worker has another version of jotlight, or the number of workers is below 1.
     """
     distributed = import_distributed()
     if scheduler is not None:
@@ -125,11 +123,11 @@ def _client(distributed: Any, address: str) -> Any:
 
 
 def check_workers(client: Any) -> None:
-    """Raise RuntimeError unless each worker can run this version of jotlight.
+    """Raise ValueError unless each worker can run this version of jotlight.
 
     Raises
     ------
-    RuntimeError
+    ValueError
         When there is no worker, a worker has no jotlight or another version, or its dask is not
         compatible.
     """
@@ -137,7 +135,7 @@ def check_workers(client: Any) -> None:
         try:
             client.wait_for_workers(1, timeout=_TIMEOUT)
         except TimeoutError as error:
-            raise RuntimeError(
+            raise ValueError(
                 "scheduler: has no workers; start some with `dask worker ADDRESS`"
             ) from error
     found = client.run(_version, on_error="return")
@@ -148,7 +146,7 @@ def check_workers(client: Any) -> None:
     }
     if others:
         address, version = next(iter(others.items()))
-        raise RuntimeError(
+        raise ValueError(
             f"workers: expected jotlight {__version__} on all {len(found)}, but {len(others)} have "
             f"another one, such as {version} on {address}; install the same version everywhere"
         )

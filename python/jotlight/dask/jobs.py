@@ -7,6 +7,7 @@ its results itself, and can be repeated.
 import dataclasses
 import functools
 import json
+import shutil
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -18,6 +19,8 @@ from jotlight.dask.estimator import Estimator
 from jotlight.dask.store import Record, VideoStore, check_same_run, read_json
 from jotlight.dask.streaming import WindowCounter
 from jotlight.files import atomic_write_together, write_file
+from jotlight.formats.checked_reading import with_checksum
+from jotlight.formats.checksums import file_checksum
 from jotlight.formats.reading import open_capture
 from jotlight.formats.writing import write_capture
 from jotlight.images.io import DISPLAYED, image_writer
@@ -202,8 +205,9 @@ class ImageJob:
         if self.output.suffix.lower() in DISPLAYED:
             image = Tone("linear", find_white(image))(image)
         with atomic_write_together([self.record, self.output]) as (text, file):
-            write_file(text, json.dumps({"format": "jotlight image", **record}, indent=1))
             write(file, image)
+            content = {"format": "jotlight image", **record, "sha256": file_checksum(file)}
+            write_file(text, json.dumps(content, indent=1))
 
     def finish(self) -> None:
         """Do nothing: the image is complete."""
@@ -223,24 +227,44 @@ class ConversionJob:
     @property
     def record(self) -> Path:
         """The record beside the copy."""
-        return self.output.with_name(f"{self.output.name}.run.json")
+        return conversion_record(self.output)
 
     def is_complete(self) -> bool:
-        """Return whether the copy and its record exist."""
-        return _is_complete(self.output, self.record, self.run)
+        """Return whether the copy and its complete record exist."""
+        exists = _is_complete(self.output, self.record, self.run)
+        return exists and "input" in read_json(self.record)
 
     def prepare(self) -> list[int]:
-        """Write the record, and return the only unit. The copy appears later, and completely."""
+        """Write the beginning of the record, and return the only unit."""
         self.output.parent.mkdir(parents=True, exist_ok=True)
         write_file(self.record, json.dumps({"run": self.run}, indent=1))
+        if self.output.is_dir():  # of the same run, which was killed before it wrote the record
+            shutil.rmtree(self.output)
         return [0]
 
     def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
-        """Convert the capture, which must match its checksums."""
-        write_capture(self.capture.open(), self.output, self.format)
+        """Convert the capture, which must match its checksums, and complete the record."""
+        bits, checksum = with_checksum(self.capture.open())
+        assert isinstance(bits, Bits), "bits"
+        write_capture(bits, self.output, self.format)
+        write_file(self.record, conversion_text(self.run, *checksum()))
 
     def finish(self) -> None:
         """Do nothing: the copy is complete."""
+
+
+def conversion_record(output: Path) -> Path:
+    """Return the path of the record beside a copy in another format."""
+    return output.with_name(f"{output.name}.run.json")
+
+
+def conversion_text(run: Record, size: int, checksum: int, content: str = "packed") -> str:
+    """Return the record of a complete copy, with the size and the CRC-32 of the frames.
+
+    `content` is "packed" for packed bits, or "counts".
+    """
+    read = {f"{content}_bytes": size, f"{content}_crc32": f"{checksum:08x}"}
+    return json.dumps({"run": run, "input": read}, indent=1)
 
 
 def _is_complete(output: Path, record: Path, run: Record) -> bool:

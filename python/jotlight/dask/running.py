@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import itertools
 import shutil
 from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
@@ -80,27 +81,37 @@ class Cluster:
         jobs: dict[int, Any] = {}
         completed = as_completed()
         with contextlib.closing(units):
-            for number, job, unit in units:
-                if number not in jobs:
-                    jobs = {number: self.client.submit(_return, job, pure=False)}
-                future = self.client.submit(
-                    compute_unit, jobs[number], unit, __version__, pure=False
+            # One message for many units takes the scheduler less time than one for each.
+            while group := list(itertools.islice(units, limit // 2)):
+                new = {number: job for number, job, _ in group if number not in jobs}
+                added = self.client.map(_return, list(new.values()), pure=False)
+                needed = {number for number, *_ in group}
+                jobs = {number: job for number, job in jobs.items() if number in needed}
+                jobs |= zip(new, added, strict=True)
+                futures = self.client.map(
+                    compute_unit,
+                    [jobs[number] for number, *_ in group],
+                    [unit for *_, unit in group],
+                    version=__version__,
+                    pure=False,
                 )
-                running[future] = number, unit
-                completed.add(future)
-                while len(running) >= limit:
-                    yield self._take(completed, running)
+                for future, (number, _, unit) in zip(futures, group, strict=True):
+                    running[future] = number, unit
+                completed.update(futures)
+                while len(running) > limit // 2:
+                    yield from self._take(completed, running)
             while running:
-                yield self._take(completed, running)
+                yield from self._take(completed, running)
 
     def _take(
         self, completed: Any, running: dict[Any, tuple[int, int]]
-    ) -> tuple[int, int, BaseException | None]:
-        future = next(completed)
-        number, unit = running.pop(future)
-        error = future.exception() if future.status != "finished" else None
-        future.release()
-        return number, unit, error
+    ) -> Iterator[tuple[int, int, BaseException | None]]:
+        """Yield all units that are complete, after waiting for one."""
+        for future in completed.next_batch():
+            number, unit = running.pop(future)
+            error = future.exception() if future.status != "finished" else None
+            future.release()
+            yield number, unit, error
 
 
 def _return(job: Job) -> Job:

@@ -18,6 +18,7 @@ from jotlight.formats.arrays import (
     ARCHIVE_ERRORS,
     HEADER_ERRORS,
     objects_error,
+    open_npy_array,
     read_header,
     reason,
 )
@@ -30,6 +31,7 @@ from jotlight.formats.checksums import (
 from jotlight.formats.compressed import check_end, naming_file, stream_npy
 from jotlight.formats.labels import MAX_LABEL_BYTES
 from jotlight.formats.limits import check_claimed_size
+from jotlight.formats.stubs import open_binary, remote_file
 from jotlight.sensing.frames import Frames
 
 _LABEL = "jotlight.json"
@@ -37,6 +39,11 @@ _LABEL = "jotlight.json"
 
 _MAX_MEMBERS = 1000
 """Maximum number of arrays in an archive, each of which takes time to describe."""
+
+
+def _open_zip(path: Path) -> zipfile.ZipFile:
+    """Return an open archive, which may be at a URL."""
+    return zipfile.ZipFile(path if remote_file(path) is None else open_binary(path))
 
 
 def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArray[Any]:
@@ -67,7 +74,7 @@ def read_npz(path: str | os.PathLike[str], key: str | None = None) -> npt.NDArra
     path = Path(path)
     key = select_npz_array(path, key)
     try:
-        with zipfile.ZipFile(path) as archive:
+        with _open_zip(path) as archive:
             shape, dtype = _read_member_header(archive, f"{key}.npy")
             size, stored = math.prod(shape) * dtype.itemsize, archive.getinfo(f"{key}.npy")
             check_claimed_size(key, size, stored.compress_size, frame_bytes=size)
@@ -112,7 +119,7 @@ def describe_npz_arrays(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype
     """
     described = {}
     names = list_npz_arrays(path)
-    with naming_file(str(path)), zipfile.ZipFile(path) as archive:
+    with naming_file(str(path)), _open_zip(path) as archive:
         for name in names:
             with naming_file(f"{path}: {name}"):
                 described[name] = _read_member_header(archive, f"{name}.npy")
@@ -168,7 +175,7 @@ def list_npz_arrays(path: Path) -> list[str]:
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
     try:
-        with zipfile.ZipFile(path) as archive:
+        with _open_zip(path) as archive:
             size = path.stat().st_size
             members = [_check_member(member, size).filename for member in archive.infolist()]
     except (ValueError, *ARCHIVE_ERRORS) as error:
@@ -191,9 +198,13 @@ def stream_npz(path: Path, key: str | None, *, verified: bool = False) -> npt.ND
     :func:`jotlight.formats.compressed.stream_npy` for `verified`.
     """
     key = select_npz_array(path, key)
+    if remote_file(path) is not None:
+        verified = True  # not by reading everything before the first frame
+        if (place := _stored_place(path, f"{key}.npy")) is not None:
+            return open_npy_array(path, *place)
 
     def reopen() -> BufferedIOBase:
-        return cast(BufferedIOBase, zipfile.ZipFile(path).open(f"{key}.npy"))
+        return cast(BufferedIOBase, _open_zip(path).open(f"{key}.npy"))
 
     try:
         return stream_npy(reopen, path, f"{path}: {key}", verified=verified)
@@ -201,6 +212,19 @@ def stream_npz(path: Path, key: str | None, *, verified: bool = False) -> npt.ND
         if "Fortran" not in str(error):
             raise
         return read_npz(path, key)
+
+
+def _stored_place(path: Path, name: str) -> tuple[int, int] | None:
+    """Return the begin and the end of a member in its archive; None if it is compressed."""
+    with naming_file(f"{path}: {name}"), _open_zip(path) as archive, open_binary(path) as file:
+        member = archive.getinfo(name)
+        if member.compress_type != zipfile.ZIP_STORED or member.flag_bits & 1:
+            return None
+        file.seek(member.header_offset + 26)  # the lengths of the name and of an extra field
+        lengths = file.read(4)
+    begin = member.header_offset + 30
+    begin += sum(int.from_bytes(lengths[at : at + 2], "little") for at in (0, 2))
+    return begin, begin + member.file_size
 
 
 def read_npz_label(path: Path) -> str | None:
@@ -211,7 +235,7 @@ def read_npz_label(path: Path) -> str | None:
     ValueError
         When the label is damaged.
     """
-    with naming_file(f"{path}: {_LABEL}"), zipfile.ZipFile(path) as archive:
+    with naming_file(f"{path}: {_LABEL}"), _open_zip(path) as archive:
         if _LABEL not in archive.namelist():
             return None
         with archive.open(_LABEL) as member:

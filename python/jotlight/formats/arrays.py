@@ -18,6 +18,7 @@ import numpy.typing as npt
 from isal.igzip_lib import IsalError
 
 from jotlight.formats.file_reader import FileReader
+from jotlight.formats.stubs import open_binary
 from jotlight.sensing.frames import Frames, read_in_chunks
 
 HEADER_ERRORS = (
@@ -63,8 +64,9 @@ def check_header(file: IO[bytes]) -> None:
 
     NumPy allocates memory for the length that the header claims before it reads the header.
     """
+    begin = file.tell()
     start = file.read(12)
-    file.seek(0)
+    file.seek(begin)
     if start[:6] != np.lib.format.MAGIC_PREFIX:
         raise ValueError("expected a .npy file, but it does not begin like one")
     if start[6:7] > b"\x01" and int.from_bytes(start[8:12], "little") > _MAX_HEADER_BYTES:
@@ -127,11 +129,14 @@ def read_npy(path: str | os.PathLike[str]) -> npt.NDArray[Any]:
     return np.asarray(open_npy_array(path))
 
 
-def open_npy_array(path: str | os.PathLike[str]) -> npt.NDArray[Any] | Frames:
+def open_npy_array(
+    path: str | os.PathLike[str], begin: int = 0, end: int | None = None
+) -> npt.NDArray[Any] | Frames:
     """Return the array of a `.npy` file as frames, which are read when they are needed.
 
-    An array without dimensions is read completely, and so is an array in Fortran order, because its
-    frames are not contiguous.
+    `begin` and `end` are the positions of the `.npy` file in a file that contains it. An array
+    without dimensions is read completely, and so is an array in Fortran order, because its frames
+    are not contiguous.
 
     Raises
     ------
@@ -145,12 +150,14 @@ def open_npy_array(path: str | os.PathLike[str]) -> npt.NDArray[Any] | Frames:
         raise FileNotFoundError(f"there is no file {path}")
     reader = FileReader(path)
     try:
-        with path.open("rb") as file:
+        with open_binary(path) as file:
+            file.seek(begin)
             check_header(file)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     try:
-        with path.open("rb") as file:
+        with open_binary(path) as file:
+            file.seek(begin)
             shape, fortran_order, dtype = read_header(file)
             start = file.tell()
     except HEADER_ERRORS as error:
@@ -158,7 +165,8 @@ def open_npy_array(path: str | os.PathLike[str]) -> npt.NDArray[Any] | Frames:
     if dtype.hasobject:
         raise objects_error(str(path))
     possible = all(0 <= size < _MAX_SIZE for size in shape)
-    if not possible or math.prod(shape) * dtype.itemsize > reader.size - start:
+    available = (reader.size if end is None else min(end, reader.size)) - start
+    if not possible or math.prod(shape) * dtype.itemsize > available:
         raise ValueError(
             f"{path}: expected a complete .npy file, but its size does not fit its header, or the "
             f"header is damaged (claims {dtype} of shape {shape}, has {reader.size} bytes)"

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
-from jotlight.formats.stubs import remote_file
+from jotlight.formats.stubs import open_binary, remote_file
 
 _READ_BYTES = 1 << 23
 """Number of bytes of a remote file that are read at a time."""
@@ -167,7 +167,7 @@ def check_appended(path: Path) -> bool:
     True
     """
     covered = path.stat().st_size - len(_PLACEHOLDER)
-    with path.open("rb") as file:
+    with open_binary(path) as file:
         file.seek(max(0, path.stat().st_size - len(END_PLACEHOLDER)))
         found = _END.fullmatch(file.read())
         if found is None:
@@ -175,6 +175,17 @@ def check_appended(path: Path) -> bool:
         if _hash_beginning(file, covered).encode() != found[1]:
             raise differs_error(path)
     return True
+
+
+def check_opened(path: Path) -> bool:
+    """Return :func:`check_appended` of a file that is opened.
+
+    At a URL, the content is not compared, because it would be read as a whole. Conversions do.
+    """
+    if (remote := remote_file(path)) is None:
+        return check_appended(path)
+    size = remote.size
+    return _END.fullmatch(remote.read(max(0, size - len(END_PLACEHOLDER)), size)) is not None
 
 
 def _hash_beginning(file: IO[bytes], size: int) -> str:

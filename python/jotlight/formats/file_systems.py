@@ -74,12 +74,18 @@ def expand_url(url: str, storage_options: Mapping[str, Any] | None) -> list[str]
         return sorted(fs.unstrip_protocol(each) for each in fs.glob(path))
 
 
+def is_remote_folder(fs: Any, path: str) -> bool:
+    """Return whether a path is a folder. For HTTP, only a URL that ends with a slash is one."""
+    is_web = "http" in (fs.protocol if isinstance(fs.protocol, tuple) else (fs.protocol,))
+    return path.endswith("/") if is_web else fs.info(path).get("type") == "directory"
+
+
 def url_state(url: str, storage_options: Mapping[str, Any] | None) -> tuple[int, int]:
     """Return the size of the files at a URL, and a number that changes with their content."""
     fs, path = open_file_system(url, storage_options)
     with explained(url):
-        info = fs.info(path)
-        found = fs.find(path, detail=True) if info.get("type") == "directory" else {path: info}
+        is_folder = is_remote_folder(fs, path)
+        found = fs.find(path, detail=True) if is_folder else {path: fs.info(path)}
     facts = sorted(
         (str(name), int(each.get("size") or 0), _tag(each)) for name, each in found.items()
     )

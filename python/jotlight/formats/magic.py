@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Literal
 
+from jotlight.formats.stubs import BLOCK_BYTES, open_binary, remote_file
+
 ByteOrder = Literal["little", "big"]
 """The order of the bytes of a number in a file."""
 
@@ -39,12 +41,15 @@ def file_type(path: Path) -> str | None:
     >>> file_type(path)
     'tiff'
     """
-    with path.open("rb") as file:
+    is_remote = remote_file(path) is not None
+    with open_binary(path) as file:
         start = file.read(16)
         for first, name in _SIGNATURES:
             if start.startswith(first):
                 return name
         for exponent in _USER_BLOCKS:
+            if is_remote and 1 << exponent >= BLOCK_BYTES:
+                break  # one request suffices for the smaller blocks
             file.seek(1 << exponent)
             start = file.read(len(_HDF5))
             if start == _HDF5:

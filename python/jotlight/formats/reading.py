@@ -59,8 +59,8 @@ def open(
     ----------
     path : path
         A file, or a folder of files; a URL that fsspec supports, such as ``s3://bucket/a.npy``; or
-        a glob of many captures, such as ``captures/*.npy``. `.npy`, raw frames, and zarr are read
-        in ranges from URLs. Other formats are fetched as a whole.
+        a glob of many captures, such as ``captures/*.npy``. Captures at URLs are read in ranges,
+        except for those compressed by gzip, which are fetched as a whole.
     format : str, optional
         One of ``jotlight.formats.FORMATS``. Default: detected from the content. Raw frames
         (`.bin`) have no header, so their format is required.
@@ -207,9 +207,7 @@ def open_capture(
 
 def _open_url(url: str, storage_options: dict[str, Any] | None, options: dict[str, Any]) -> Capture:
     """Return the capture at a URL."""
-    name = options.get("format")
-    whole = name in FORMATS and not FORMATS[name].is_raw and name not in ("npy", "zarr")
-    copy = LocalCopy(url, storage_options, whole=whole)
+    copy = LocalCopy(url, storage_options)
     try:
         capture = _open_once(copy.path, **options)
     except (OSError, ValueError) as error:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.errors import warn
 from jotlight.formats.file_lists import list_files, natural_sort_key
+from jotlight.formats.file_reader import FileReader
 from jotlight.formats.format import Format, FrameLayout, OpenOptions, Writer
 from jotlight.formats.magic import file_type
 from jotlight.formats.orientation import rotate_packed, transpose_packed
@@ -73,14 +74,13 @@ def _has_trailer(path: Path) -> bool:
     size = path.stat().st_size
     if size <= len(_TRAILER):
         return False
-    with path.open("rb") as file:
-        file.seek(size - len(_TRAILER))
-        return file.read() == _TRAILER
+    return FileReader(path).read(size - len(_TRAILER), len(_TRAILER)).tobytes() == _TRAILER
 
 
 def _looks_sparse(path: Path) -> bool:
     """Return whether a file with the trailer is sparse, judged from its first words."""
-    words = np.fromfile(path, "<u4", min(_END_OF_FRAME + 1, path.stat().st_size // 4 - 1))
+    file = FileReader(path)
+    words = file.read(0, 4 * min(_END_OF_FRAME + 1, file.size // 4 - 1)).view("<u4")
     ends = int((words == _END_OF_FRAME).sum())
     # In dark frames of a dense file most words are 0, but in a sparse frame 0 occurs at most once.
     return ends > 0 and words.max() <= _END_OF_FRAME and int((words == 0).sum()) <= ends + 1

@@ -12,6 +12,7 @@ import torch.distributed
 from torch import Tensor
 
 from jotlight.checks import whole_number
+from jotlight.networks.network import Network
 
 _SHUTDOWN_SECONDS = 0.2
 """Pause after the group is destroyed, for its threads to release their tensors."""
@@ -51,6 +52,13 @@ class ProcessGroup:
         """Replace the tensor by that of the main process, in place."""
         if self.world_size > 1:
             torch.distributed.broadcast(tensor, 0)
+
+    def shared_network(self, network: Network) -> Network:
+        """Return the main process's network: one that was drawn at random differs elsewhere."""
+        shared = [network]
+        if self.world_size > 1:
+            torch.distributed.broadcast_object_list(shared, 0)
+        return shared[0]
 
     def shared_seed(self, rng: int | None) -> int:
         """Return the main process's seed: `rng`, or a fresh one if it is None.

@@ -164,7 +164,7 @@ def fine_tune(
         thread_limit(threads),
         shown_steps(group.is_main and progress, steps, callback) as report,
     ):
-        seed = group.shared_seed(rng)
+        network, seed = group.shared_network(network), group.shared_seed(rng)
         settings: dict[str, object] = {
             "network": fingerprint_network(network),
             "sensor": sensor.scalars(),

@@ -169,7 +169,7 @@ def train(
                 f"batch: expected at least one patch for each of the {group.world_size} "
                 f"processes, got {batch}"
             )
-        seed = group.shared_seed(rng)
+        network, seed = group.shared_network(network), group.shared_seed(rng)
         loader = PatchLoader(source, network, patch_sensor(sensor), seed, batch, side)
         settings = {**_settings(loader, tests, learning_rate, steps), "precision": precision}
         with thread_limit(threads):

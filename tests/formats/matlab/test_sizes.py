@@ -51,10 +51,10 @@ def test_flips_in_a_stream_are_refused_if_its_checksum_detects_them(tmp_path):
         flipped[bit // 8] ^= 1 << bit % 8
         path.write_bytes(with_stream(flipped))
         if is_valid(flipped):  # Adler-32 is weak for few bytes of 0 and 1
-            check_streams(path)
+            check_streams(io.BytesIO(path.read_bytes()))
         else:
             with pytest.raises((ValueError, zlib.error)):
-                check_streams(path)
+                check_streams(io.BytesIO(path.read_bytes()))
             refused += 1
     assert refused >= 0.98 * len(bits)
 
@@ -70,10 +70,10 @@ def test_flips_in_a_stream_are_refused_if_its_checksum_detects_them(tmp_path):
 def test_a_stream_of_another_length_or_checksum_is_refused(tmp_path, stream):
     path = tmp_path / "a.mat"
     path.write_bytes(with_stream(STREAM))
-    check_streams(path)
+    check_streams(io.BytesIO(path.read_bytes()))
     path.write_bytes(with_stream(stream))
     with pytest.raises((ValueError, zlib.error)):
-        check_streams(path)
+        check_streams(io.BytesIO(path.read_bytes()))
     with pytest.raises(ValueError, match=r"a\.mat"):
         jl.open(path).to_array()
 

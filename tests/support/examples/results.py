@@ -9,7 +9,7 @@ import jotlight as jl
 from examples.encodings import PNG_CHECKSUMS
 from examples.models import save_calibration
 from examples.reader import Reader
-from jotlight.cli.applied_calibration import AppliedCalibration, recorded
+from jotlight.cli.applied_calibration import AppliedCalibration
 from jotlight.experiments import EXPERIMENTS
 from jotlight.experiments.experiment import Data, RunContext
 from jotlight.experiments.png import decode_png, encode_png
@@ -58,8 +58,8 @@ def _read_record(path):
 
 def _record(path):
     save_calibration(path.with_name("calibration.safetensors"))
-    with recorded(_read_record(path)) as record:
-        record(jl.Sensor(), "mle", "a", None)
+    description = _read_record(path).description(jl.Sensor(), "mle", "a", None)
+    path.with_name(f"{path.name}.json").write_text(json.dumps(description, indent=2) + "\n")
 
 
 RESULTS = {

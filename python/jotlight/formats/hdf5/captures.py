@@ -22,6 +22,7 @@ from jotlight.formats.hdf5.library import DataSet, Hdf5Library
 from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_stored_array
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
+from jotlight.formats.stubs import open_binary, raise_failure, remote_file
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_in_chunks
@@ -62,7 +63,12 @@ def load_library(isolate: bool) -> Library:
 
     Use one library for all files of a capture, so that they share the child process.
     """
-    return IsolatedLibrary() if isolate else Hdf5Library()
+    return IsolatedLibrary() if isolate else Hdf5Library(_opened)
+
+
+def _opened(path: str) -> Any:
+    """Return what h5py opens: the path, or a file object that reads ranges from a URL."""
+    return path if remote_file(Path(path)) is None else open_binary(Path(path))
 
 
 @contextlib.contextmanager
@@ -77,6 +83,7 @@ def _naming_file(path: Path) -> Iterator[None]:
     except (FileNotFoundError, PermissionError, ChildProcessError):
         raise
     except Exception as error:  # the library raises many exceptions for damaged files
+        raise_failure([path])
         if str(path) in str(error) and isinstance(error, ValueError):
             raise
         raise ValueError(f"{path}: the HDF5 file is damaged ({error})") from error
@@ -137,7 +144,7 @@ def open_hdf5(path: Path, options: OpenOptions) -> Capture:
 
 def _verify(path: Path) -> int:
     """Return 1 if a file matches its SHA-256, or 0 if jotlight did not write the file."""
-    with path.open("rb") as file:
+    with open_binary(path) as file:
         start = file.read(_USER_BLOCK_BYTES)
     if not any(mark in start for mark in _MARKS):
         return 0

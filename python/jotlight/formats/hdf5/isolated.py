@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from jotlight.formats.hdf5 import library
 from jotlight.formats.hdf5.library import SECONDS, DataSet, receive, send
+from jotlight.formats.stubs import RemoteFile, RemoteStream, remote_file
 
 _ERRORS = {
     each.__name__: each for each in (ImportError, FileNotFoundError, PermissionError, ValueError)
@@ -76,8 +77,13 @@ class IsolatedLibrary:
         process = cast("subprocess.Popen[bytes]", self._process)
         stdin, stdout = cast(BinaryIO, process.stdin), cast(BinaryIO, process.stdout)
         try:
-            send(stdin, request)
+            remote = remote_file(Path(path))
+            known = {} if remote is None else {"path": path, "remote_bytes": remote.size}
+            send(stdin, {**request, **known})
             reply = receive(stdout)
+            while remote is not None and "wanted" in reply:
+                send(stdin, {}, _remote_bytes(remote, reply["wanted"]))
+                reply = receive(stdout)
             if content is not None and "error" not in reply:
                 if reply.get("bytes") != content.nbytes:
                     raise ValueError(f"expected {content.nbytes} bytes, got {reply.get('bytes')}")
@@ -159,6 +165,16 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
         # Closing writes the rest of the buffer, and fails because nobody reads it.
         with contextlib.suppress(OSError):
             cast(BinaryIO, stream).close()
+
+
+def _remote_bytes(file: RemoteFile, wanted: Any) -> memoryview:
+    """Return the bytes that the child process wants to know."""
+    start, stop = map(int, wanted)
+    if not 0 <= start < stop <= file.size:
+        raise ValueError(f"expected a part of {file.size} bytes, got {start} to {stop}")
+    stream = RemoteStream(file)
+    stream.seek(start)
+    return memoryview(stream.read(stop - start) or b"")
 
 
 def _checked_data_set(path: str, fields: dict[str, Any]) -> DataSet:

@@ -5,12 +5,14 @@ nothing of jotlight, and it imports NumPy and h5py only when it needs them.
 """
 
 import dataclasses
+import io
 import json
 import math
 import os
 import signal
 import sys
 import weakref
+from collections.abc import Callable
 from typing import Any, BinaryIO
 
 _MAX_DATA_SETS = 1000
@@ -59,7 +61,9 @@ class Hdf5Library:
     FileNotFoundError and PermissionError mean that the file cannot be opened.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, open_file: Callable[[str], Any] = str) -> None:
+        """`open_file` returns what h5py opens for a path: the path itself, or a file object."""
+        self._open_file = open_file
         self._files: dict[str, dict[str, Any]] = {}
         _LIBRARIES.add(self)
 
@@ -92,7 +96,7 @@ class Hdf5Library:
             return True if len(found) >= _MAX_DATA_SETS else None
 
         # visititems follows no links, so a file cannot lead to another file.
-        h5py.File(path, "r").visititems(visit)
+        h5py.File(self._open_file(path), "r").visititems(visit)
         # HDF5 closes a file when nothing refers to its data sets any more.
         while len(files) >= _MAX_OPEN_FILES:
             del files[next(iter(files))]
@@ -164,9 +168,61 @@ def receive(stream: BinaryIO) -> dict[str, Any]:
     return header
 
 
+class _RemoteFiles:
+    """Files at URLs, whose bytes the parent process sends to this one on request."""
+
+    def __init__(self, requests: BinaryIO, replies: BinaryIO) -> None:
+        self._requests, self._replies = requests, replies
+        self._sizes: dict[str, int] = {}
+
+    def note(self, request: dict[str, Any]) -> None:
+        """Note the size of the file of a request, if it is at a URL."""
+        if request.get("remote_bytes") is not None:
+            self._sizes[request["path"]] = request["remote_bytes"]
+
+    def open(self, path: str) -> Any:
+        """Return a file at a URL as a file object, and the path of another one."""
+        size = self._sizes.get(path)
+        return path if size is None else _RemoteFile(size, self._read)
+
+    def _read(self, start: int, stop: int) -> bytes:
+        send(self._replies, {"wanted": [start, stop]})
+        receive(self._requests)
+        return self._requests.read(stop - start)
+
+
+class _RemoteFile(io.RawIOBase):
+    def __init__(self, size: int, read: Callable[[int, int], bytes]) -> None:
+        self._size, self._read, self._position = size, read, 0
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self._position
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        start = {io.SEEK_SET: 0, io.SEEK_CUR: self._position, io.SEEK_END: self._size}[whence]
+        self._position = start + offset
+        return self._position
+
+    def readinto(self, buffer: Any) -> int:
+        view = memoryview(buffer).cast("B")
+        stop = min(self._position + len(view), self._size)
+        number = max(0, stop - self._position)
+        if number:
+            view[:number] = self._read(self._position, stop)
+        self._position += number
+        return number
+
+
 def _serve(requests: BinaryIO, replies: BinaryIO) -> None:
     """Answer requests until the other process closes the stream or ends."""
-    library = Hdf5Library()
+    remote = _RemoteFiles(requests, replies)
+    library = Hdf5Library(remote.open)
     while True:
         try:
             request = receive(requests)
@@ -176,6 +232,7 @@ def _serve(requests: BinaryIO, replies: BinaryIO) -> None:
         content = None
         try:
             _limit_resources(request)
+            remote.note(request)
             if "attribute" in request:
                 found = library.list_data_sets(request["path"], request["attribute"])
                 reply["data_sets"] = [dataclasses.asdict(each) for each in found]

@@ -16,17 +16,24 @@ from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import Capture, as_count_stack, is_single_image
-from jotlight.formats.checksums import append_checksum, check_appended, missing_error
+from jotlight.formats.checksums import append_checksum, check_appended, check_opened, missing_error
 from jotlight.formats.file_lists import list_files
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.format import Format, OpenOptions, Writer
-from jotlight.formats.images.png_chunks import GRAYSCALE, PALETTE, check_png
+from jotlight.formats.images.png_chunks import (
+    GRAYSCALE,
+    HEADER_BYTES,
+    PALETTE,
+    check_png,
+    read_png_header,
+)
 from jotlight.formats.images.tiff_directories import open_checked_tiff
 from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.labels import COUNTS, READINGS, make_readings_label, parse_label
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
+from jotlight.formats.stubs import open_binary, raise_failure, remote_file
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate
@@ -88,7 +95,7 @@ def _open_images(
 def _read_tiff(path: Path) -> tuple[Frames, str | None]:
     """Return the images of a TIFF file, (T, H, W) or (T, H, W, C), and its description."""
     file = FileReader(path)
-    verified = check_appended(path)
+    verified = check_opened(path)
     try:
         with open_checked_tiff(path) as tiff:
             series = tiff.series[0]
@@ -100,6 +107,7 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
             frame_bytes = size // shape[0] if paged else size
             check_claimed_size("the header", size, file.size, frame_bytes=frame_bytes)
     except Exception as error:  # tifffile may raise any exception for a damaged file
+        raise_failure([path])
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
     is_own = any(parse_label(description, kind) for kind in (COUNTS, READINGS))
     if not verified and is_own:
@@ -121,6 +129,7 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
                         check_segments(tiff, part)
                     return np.asarray(series.asarray().reshape(stack_shape)[start:stop])
             except Exception as error:
+                raise_failure([path])
                 raise ValueError(f"{path}: the TIFF file is damaged ({error})") from error
 
     return Frames(stack_shape, read, dtype.newbyteorder("=")), description
@@ -165,8 +174,24 @@ def _read_png(path: Path) -> tuple[Frames, None]:
         except (OSError, ValueError, SyntaxError, Warning, Image.DecompressionBombError) as error:
             raise ValueError(f"{path}: the PNG cannot be read as counts ({error})") from error
 
-    image = load()
-    return Frames(image.shape, lambda start, stop: load()[start:stop], image.dtype), None
+    if remote_file(path) is None:
+        image = load()
+        shape, dtype = image.shape, image.dtype
+    else:
+        shape, dtype = _describe_png(path)
+    return Frames(shape, lambda start, stop: load()[start:stop], dtype), None
+
+
+def _describe_png(path: Path) -> tuple[tuple[int, int, int], np.dtype[Any]]:
+    """Return the shape and the type of the levels of a PNG from its header alone."""
+    try:
+        with open_binary(path) as file:
+            header = read_png_header(file.read(HEADER_BYTES))
+    except ValueError as error:
+        raise ValueError(f"{path}: the PNG cannot be read as counts ({error})") from error
+    is_bits = header.depth == 1 and header.color_type == GRAYSCALE
+    kind = np.bool_ if is_bits else np.uint16 if header.depth == 16 else np.uint8
+    return (1, header.height, header.width), np.dtype(kind)
 
 
 def _decode_png(content: bytes) -> npt.NDArray[Any]:

@@ -10,6 +10,9 @@ from collections.abc import Iterator
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 """First bytes of a PNG."""
 
+HEADER_BYTES = len(SIGNATURE) + 8 + 13
+"""Number of bytes up to the end of the data of the first chunk, the header."""
+
 GRAYSCALE, PALETTE = 0, 3
 """Color types of images with one level per pixel. Levels of a palette have assigned colors."""
 
@@ -91,6 +94,20 @@ def check_png(content: bytes, *, trailing: bool = False) -> PngHeader:
         raise ValueError("it has no header")
     _check_levels(levels, header.data_bytes())
     return header
+
+
+def read_png_header(beginning: bytes) -> PngHeader:
+    """Return the header from the first :data:`HEADER_BYTES` bytes of a PNG.
+
+    Raises
+    ------
+    ValueError
+        When the header is damaged.
+    """
+    if not beginning.startswith(SIGNATURE):
+        raise ValueError("it does not begin like a PNG")
+    start = len(SIGNATURE) + 8
+    return _read_header(beginning[start - 4 : start], beginning[start:HEADER_BYTES])
 
 
 def _read_chunks(content: bytes) -> Iterator[tuple[bytes, int, int]]:

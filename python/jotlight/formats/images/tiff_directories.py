@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from jotlight.formats.magic import ByteOrder
+from jotlight.formats.stubs import open_binary, remote_file
 
 _TYPE_BYTES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4}
 _TYPE_BYTES |= {16: 8, 17: 8, 18: 8}
@@ -38,8 +39,9 @@ def open_checked_tiff(path: Path) -> Any:
     import tifffile
 
     check_directories(path)
+    source = path if remote_file(path) is None else open_binary(path)
     logging.getLogger("tifffile").addHandler(_NO_OUTPUT)
-    return tifffile.TiffFile(path, is_ome=False, is_mmstack=False, is_ndtiff=False)
+    return tifffile.TiffFile(source, is_ome=False, is_mmstack=False, is_ndtiff=False)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,8 +86,9 @@ def check_directories(path: Path) -> None:
     Together, the directories may have no more bytes than the file. A cycle, or directories that
     overlap, exceed this limit.
     """
-    with path.open("rb") as file:
-        size = os.fstat(file.fileno()).st_size
+    with open_binary(path) as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(0)
         layout = _read_layout(file)
         file.seek(layout.first_offset_position)
         waiting = [layout.read_number(file, layout.offset_bytes)]

@@ -1,20 +1,23 @@
 """Frames in one `.mat` file: versions 5 to 7, which SciPy reads, and 7.3, which is HDF5."""
 
+import hashlib
+import io
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import SeveralArraysError
-from jotlight.formats.checksums import check_file
+from jotlight.formats.checksums import check_file, differs_error
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.hdf5.captures import Library, list_data_sets
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.locks import ProcessLock
 from jotlight.formats.magic import has_type
-from jotlight.formats.matlab.sizes import check_sizes, check_streams
+from jotlight.formats.matlab.sizes import check_sizes, check_streams, extract_variable
+from jotlight.formats.stubs import open_binary, raise_failure, remote_file
 from jotlight.sensing.frames import Frames
 
 VARIABLE = "OUTPUT"
@@ -40,7 +43,7 @@ def open_mat(path: Path, key: str | None, library: Library, checksum: str | None
     checksum : str, optional
         SHA-256 of the file, which is checked when frames are read.
     """
-    with path.open("rb") as file:
+    with open_binary(path) as file:
         start = file.read(128)
     if b"MATLAB 7.3" in start or has_type(path, "hdf5"):
         if checksum is not None:
@@ -56,14 +59,17 @@ def _open_version_5(path: Path, key: str | None, checksum: str | None) -> Frames
     file = FileReader(path)
     try:
         sizes = check_sizes(path)
-        listed = list(zip(whosmat(path), sizes, strict=True))
+        with open_binary(path) as opened:
+            listed = list(zip(whosmat(opened), sizes, strict=True))
     except Exception as error:  # SciPy may raise any exception for a damaged file
+        raise_failure([path])
         raise ValueError(f"{path}: expected a MATLAB file ({error})") from error
     numeric: dict[str, tuple[tuple[int, ...], int]] = {}
     for (name, shape, kind), size in listed:
         if kind in _NUMERIC_CLASSES:
             numeric.setdefault(name, (shape, size))  # SciPy, too, reads the first of equal names
     name = _select_variable(path, numeric, key)
+    number = next(index for index, ((each, *_), _) in enumerate(listed) if each == name)
     shape, size = tuple(map(int, numeric[name][0])), numeric[name][1]
     shape = (*shape, 1) if len(shape) == 2 else shape
     if len(shape) != 3 or min(shape) < 0:
@@ -77,12 +83,15 @@ def _open_version_5(path: Path, key: str | None, checksum: str | None) -> Frames
     lock = ProcessLock()
 
     def load() -> npt.NDArray[Any]:
-        if checksum is not None:
+        if checksum is not None and remote_file(path) is None:
             check_file(path, checksum)
         try:
-            check_streams(path)
-            array = loadmat(path, variable_names=[name], chars_as_strings=False)[name]
+            with _opened(path, number, checksum) as opened:
+                check_streams(opened)
+                opened.seek(0)
+                array = loadmat(opened, variable_names=[name], chars_as_strings=False)[name]
         except Exception as error:
+            raise_failure([path])
             raise ValueError(f"{path}: {name} is damaged ({error})") from error
         if not isinstance(array, np.ndarray) or array.size != math.prod(shape):
             raise ValueError(f"{path}: {name} is damaged")
@@ -97,6 +106,19 @@ def _open_version_5(path: Path, key: str | None, checksum: str | None) -> Frames
         return _as_integers(path, array[start:stop])
 
     return Frames((shape[2], *shape[:2]), read, np.int64)
+
+
+def _opened(path: Path, number: int, checksum: str | None) -> BinaryIO:
+    """Return a file that contains a variable. At a URL, nothing is read twice."""
+    if remote_file(path) is None:
+        return path.open("rb")
+    with open_binary(path) as file:
+        if checksum is None:
+            return io.BytesIO(extract_variable(file, number))
+        content = file.read()
+    if hashlib.sha256(content).hexdigest() != checksum:
+        raise differs_error(path)
+    return io.BytesIO(content)
 
 
 def _open_version_7_3(path: Path, key: str | None, library: Library) -> Frames:

@@ -4,6 +4,8 @@ The sizes that the file states are checked before SciPy allocates memory for the
 compressed variables are checked because SciPy ignores them.
 """
 
+import itertools
+import os
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +13,7 @@ from typing import BinaryIO
 
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import ByteOrder
+from jotlight.formats.stubs import open_binary
 
 _COMPRESSED = 15
 """Type of a compressed variable."""
@@ -38,7 +41,7 @@ def check_sizes(path: Path) -> list[int]:
         When a variable, or a part of it, claims more bytes than the file can hold.
     """
     sizes = []
-    with path.open("rb") as file:
+    with open_binary(path) as file:
         order = _byte_order(file.read(_HEADER_BYTES))
         for kind, size in _read_tags(file, order, path.stat().st_size):
             prefix = file.read(min(size, _PREFIX_BYTES))
@@ -50,13 +53,26 @@ def check_sizes(path: Path) -> list[int]:
     return sizes
 
 
-def check_streams(path: Path) -> None:
+def check_streams(file: BinaryIO) -> None:
     """Raise ValueError unless all compressed variables are complete and fit their checksums."""
-    with path.open("rb") as file:
-        order = _byte_order(file.read(_HEADER_BYTES))
-        for kind, size in _read_tags(file, order, path.stat().st_size):
-            if kind == _COMPRESSED:
-                _check_stream(file, size, order)
+    file_bytes = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    order = _byte_order(file.read(_HEADER_BYTES))
+    for kind, size in _read_tags(file, order, file_bytes):
+        if kind == _COMPRESSED:
+            _check_stream(file, size, order)
+
+
+def extract_variable(file: BinaryIO, number: int) -> bytes:
+    """Return a file with one of the variables of a file, counted from 0. Only it is read."""
+    file_bytes = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    header = file.read(_HEADER_BYTES)
+    tags = _read_tags(file, _byte_order(header), file_bytes)
+    _, size = next(itertools.islice(tags, number, None))
+    start = file.tell() - _TAG_BYTES
+    file.seek(start)
+    return header + file.read(_TAG_BYTES + size)
 
 
 def _byte_order(header: bytes) -> ByteOrder:

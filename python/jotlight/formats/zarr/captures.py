@@ -19,6 +19,7 @@ from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.labeled import ATTRIBUTE, StoredArray, open_stored_array
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.safe_paths import list_below
+from jotlight.formats.stubs import raise_failure
 from jotlight.formats.zarr.manifest import (
     MANIFEST,
     MANIFESTS,
@@ -166,6 +167,7 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
                 rows = slice(block[0].start - start, block[0].stop - start)
                 part[(rows, *block[1:])] = array[block]
         except Exception as error:
+            raise_failure(file.path for file in files.values())
             raise ValueError(f"{path}: a chunk is damaged ({error})") from error
         return part
 

@@ -14,6 +14,7 @@ from typing import Any
 from jotlight.formats.checksums import check_file, check_seal, file_checksum, seal
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.safe_paths import check_inside
+from jotlight.formats.stubs import open_binary
 from jotlight.formats.zarr.shards import (
     CHECKSUM_BYTES,
     chunks_per_shard,
@@ -116,7 +117,8 @@ def verify_chunks(folder: Path, checksums: Mapping[str, str]) -> int:
 
     for name, checksum in checksums.items():
         path = folder / name
-        content = path.read_bytes()
+        with open_binary(path) as file:
+            content = file.read()
         parts = [content]
         with contextlib.suppress(ValueError):  # a damaged index differs from its checksum
             if is_shard(checksum):

@@ -1,0 +1,157 @@
+"""Records of the origin of results: notes in files that have a place for them, or files beside."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from jotlight._engine import __version__
+from jotlight.cli.applied_calibration import FORMAT, AppliedCalibration, is_record
+from jotlight.cli.captured import Captured
+from jotlight.evaluation.choice import Choice
+from jotlight.evaluation.methods import LARGE_METHOD
+from jotlight.evaluation.mosaics import plane_sensors
+from jotlight.files import write_file
+from jotlight.formats.checksums import file_checksum
+from jotlight.formats.locations import file_state
+from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained_file
+from jotlight.sensing.bits import Bits
+
+_NO_PLACE = (".npy", ".npz")
+"""Endings of files that have no place for a note."""
+
+
+class Made(Protocol):
+    """What a result was made of, and how: a ``jotlight.cli.reconstruction.Reconstruction``."""
+
+    @property
+    def path(self) -> Path | str:
+        """The capture."""
+
+    @property
+    def captured(self) -> Captured:
+        """Its content, and the sensor."""
+
+    @property
+    def choice(self) -> Choice:
+        """The method."""
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Arguments of the method."""
+
+    @property
+    def calibration(self) -> AppliedCalibration | None:
+        """The calibration that is applied."""
+
+    @property
+    def model(self) -> Path | None:
+        """File of the user's network."""
+
+    @property
+    def record_arguments(self) -> tuple[Any, ...]:
+        """Arguments of :meth:`AppliedCalibration.description`."""
+
+
+class Records:
+    """The records `OUTPUT.json` beside the outputs of a reconstruction.
+
+    An output has one if its format has no place for a note, and the first output also if a
+    calibration is applied.
+
+    Parameters
+    ----------
+    outputs : sequence of paths
+    calibration : AppliedCalibration or None
+    every : bool
+        Whether each output has one.
+
+    Raises
+    ------
+    ValueError
+        When a record would replace a file that is not a record.
+    """
+
+    def __init__(
+        self,
+        outputs: Sequence[Path],
+        calibration: AppliedCalibration | None,
+        *,
+        every: bool = False,
+    ) -> None:
+        self._calibration = calibration
+        self._places = [
+            (index, record_path(output))
+            for index, output in enumerate(outputs)
+            if every
+            or output.suffix.lower() in _NO_PLACE
+            or (index == 0 and calibration is not None)
+        ]
+        for path in self.paths():
+            if path.exists() and not is_record(path):
+                raise ValueError(
+                    f"{path}: the record of the origin belongs here, but this file is not from "
+                    "jotlight; choose another name for the output"
+                )
+
+    def paths(self) -> list[Path]:
+        """Return the paths of the records."""
+        return [path for _, path in self._places]
+
+    def write(
+        self,
+        files: Sequence[Path],
+        outputs: Sequence[Path],
+        job: Made,
+        origin: Mapping[str, Any],
+    ) -> None:
+        """Write temporary files, in the order of :meth:`paths`.
+
+        `outputs` are the files of the outputs, which are complete, and `origin` is what they were
+        made of.
+        """
+        for file, (index, _) in zip(files, self._places, strict=True):
+            content: dict[str, Any] = {"format": FORMAT, "version": 1, "jotlight": __version__}
+            if index == 0 and self._calibration is not None:
+                content = self._calibration.description(*job.record_arguments)
+            content["origin"] = dict(origin)
+            if outputs[index].is_file():
+                content["sha256"] = file_checksum(outputs[index])
+            write_file(file, json.dumps(content, indent=2) + "\n")
+
+
+def record_path(output: Path) -> Path:
+    """Return the path of the record beside an output.
+
+    Examples
+    --------
+    >>> record_path(Path("images/a.npy")).name
+    'a.npy.json'
+    """
+    return output.with_name(f"{output.name}.json")
+
+
+def origin_of(job: Made, checksum: tuple[int, int]) -> dict[str, Any]:
+    """Return what a result was made of, and how, in addition to its sensor and method.
+
+    `checksum` is the size and the CRC-32 of the frames.
+    """
+    choice, calibration, sensor = job.choice, job.calibration, job.captured.sensor
+    quality = CONDITIONAL_SIZE if choice.method == LARGE_METHOD else choice.quality
+    is_conditional = "fallback" in job.settings
+    files = {
+        job.model
+        if quality is None
+        else pretrained_file(each, quality, is_conditional=is_conditional)
+        for each in plane_sensors(sensor)
+    }
+    weights = sorted(file_checksum(file) for file in files if file)
+    content = "packed" if isinstance(job.captured.data, Bits) else "counts"
+    return {
+        "capture": Path(job.path).name,
+        "bytes": file_state(str(job.path))[0],
+        f"{content}_bytes": checksum[0],
+        f"{content}_crc32": f"{checksum[1]:08x}",
+        "weights_sha256": weights[0] if len(weights) == 1 else weights or None,
+        "calibration_sha256": calibration and calibration.sha256,
+    }
