@@ -86,9 +86,11 @@ def cover(needed: npt.NDArray[np.bool_], halo: int) -> list[Band]:
           runs=(slice(60, 84, None), slice(276, 300, None)))]
     """
     height, width = needed.shape
-    in_rows = np.flatnonzero(needed.any(axis=1)) // _CELL
+    # A byte of packed pixels is a row of a cell.
+    packed = np.packbits(needed, axis=1)
+    in_rows = np.flatnonzero(packed.any(axis=1)) // _CELL
     side = max(1, -(-height // (_MAX_ROWS * _CELL)))
-    cells = _any_of_cells(needed, side)
+    cells = np.logical_or.reduceat(packed, np.arange(0, height, side * _CELL), axis=0)
     bands: list[Band] = []
     if not len(in_rows):
         return bands
@@ -96,16 +98,9 @@ def cover(needed: npt.NDArray[np.bool_], halo: int) -> list[Band]:
         top, bottom = np.searchsorted(in_rows, (side * first, side * end))
         last = int(in_rows[bottom - 1])
         rows = slice(_CELL * int(in_rows[top]), min(_CELL * (last + 1), height))
-        runs = _runs(cells[first:end].any(axis=0), halo, width)
+        runs = _runs(np.logical_or.reduce(cells[first:end], axis=0), halo, width)
         bands.append(Band(rows, _widen(rows, halo, height), runs))
     return bands
-
-
-def _any_of_cells(needed: npt.NDArray[np.bool_], side: int) -> npt.NDArray[np.bool_]:
-    """Return whether groups of `side` cells, one below the other, have a needed pixel."""
-    columns = np.logical_or.reduceat(needed, np.arange(0, needed.shape[1], _CELL), axis=1)
-    rows = np.logical_or.reduceat(columns, np.arange(0, len(needed), side * _CELL), axis=0)
-    return np.asarray(rows, np.bool_)
 
 
 def _divide(
@@ -113,16 +108,16 @@ def _divide(
 ) -> list[tuple[int, int]]:
     """Return the first row of cells and the end of each band that has needed cells."""
     number, height = len(cells), side * _CELL
+    widths = _widths(cells, halo, size[1])
+    starts = np.arange(0, number * height, height)
+    rows = np.minimum(starts + height + halo, size[0]) - np.maximum(starts - halo, 0)[:, None]
+    times = rows * np.where(widths > 0, _ROW_COST + widths, 0)
     # The least time for all rows from one on, and the end of the first band then.
     least, ends = np.zeros(number + 1), np.zeros(number, int)
     for first in range(number - 1, -1, -1):
-        union = np.logical_or.accumulate(cells[first:], axis=0)
-        bottoms = np.minimum(height * np.arange(first + 1, number + 1) + halo, size[0])
-        rows = bottoms - max(height * first - halo, 0)
-        times = rows * (_ROW_COST + _widths(union, halo, size[1])) * union.any(axis=1)
-        times = times + least[first + 1 :]
-        best = int(np.argmin(times))
-        least[first], ends[first] = times[best], first + 1 + best
+        of_rest = times[first, first:] + least[first + 1 :]
+        best = int(np.argmin(of_rest))
+        least[first], ends[first] = of_rest[best], first + 1 + best
     bands, first = [], 0
     while first < number:
         if cells[first : ends[first]].any():
@@ -132,11 +127,18 @@ def _divide(
 
 
 def _widths(cells: npt.NDArray[np.bool_], halo: int, width: int) -> npt.NDArray[np.intp]:
-    """Return about how many columns the parts of bands have, each given by a row of cells."""
-    reach = -(-halo // _CELL)
-    sums = np.cumsum(np.pad(cells, ((0, 0), (reach + 1, reach))), axis=1)
-    near = sums[:, 2 * reach + 1 :] > sums[:, : cells.shape[1]]
-    return np.asarray(np.minimum(_CELL * near.sum(axis=1), width))
+    """Return about how many columns the parts have of bands from each row of cells to each other.
+
+    They are 0 for bands without needed cells.
+    """
+    near, reach = cells.copy(), -(-halo // _CELL)
+    for shift in range(1, min(reach, cells.shape[1] - 1) + 1):
+        near[:, shift:] |= cells[:, :-shift]
+        near[:, :-shift] |= cells[:, shift:]
+    rows = np.arange(len(cells))
+    bands = near & (rows >= rows[:, None])[:, :, None]
+    np.logical_or.accumulate(bands, axis=1, out=bands)
+    return np.asarray(np.minimum(_CELL * np.count_nonzero(bands, axis=2), width))
 
 
 def _runs(cells: npt.NDArray[np.bool_], halo: int, width: int) -> tuple[slice, ...]:
