@@ -32,7 +32,7 @@ RATIO_OF_PASS = 16.0
 _SHARE_OF_HALO = 2
 """A region has a halo around it: that of the network divided by this number.
 
-The outer half of the receptive field changes estimates by 1e-5 of the intensity, and the weights of
+The outer half of the receptive field changes estimates by about 1e-4 of the intensity, and the weights of
 a level tend to 0 at the border of its region.
 """
 

@@ -39,7 +39,9 @@ impl Bounds {
         let magnitude = |range: [f32; 2]| max(-range[0], range[1]);
         let magnitude = 3.0 * magnitude(first) + 3.0 * magnitude(change);
         // Equal values stay exactly equal when they are interpolated. So even halves are certain.
-        let are_equal = first[0] == first[1] && change[0] == change[1];
+        let are_equal = [first, change]
+            .iter()
+            .all(|range| range[0].to_bits() == range[1].to_bits());
         Self {
             first,
             change,
