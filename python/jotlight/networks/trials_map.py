@@ -32,8 +32,8 @@ RATIO_OF_PASS = 16.0
 _SHARE_OF_HALO = 2
 """A region has a halo around it: that of the network divided by this number.
 
-The outer half of the receptive field changes estimates by about 1e-4 of the intensity, and the weights of
-a level tend to 0 at the border of its region.
+The outer half of the receptive field changes estimates by about 1e-4 of the intensity, and the
+weights of a level tend to 0 at the border of its region.
 """
 
 
