@@ -58,6 +58,15 @@ def test_counts_are_those_of_the_twin(burst):
     np.testing.assert_allclose(remainders, expected[2], atol=scale)
 
 
+@pytest.mark.parametrize("tile", [None, 16])
+def test_constant_velocities_are_exact_at_halves(tile):
+    bits = np.random.default_rng(0).random((33, 20, 70)) < 0.4
+    first = np.full((2, 20, 70) if tile is None else (2, 2, 5), 4, np.float32)
+    times = np.linspace(0, 1, 33)  # displacements are multiples of 1/4
+    expected = shifted_counts(bits, first, -first, tile, times)[:2]
+    np.testing.assert_array_equal(count(bits, (first, -first), tile, times)[:2], expected)
+
+
 @given(bursts(), st.integers(1, 4))
 def test_counts_are_the_same_for_any_number_of_threads(burst, threads):
     bits, first, last, tile, times, valid = burst

@@ -172,12 +172,18 @@ class Layer:
         weights : ndarray, shape (M,)
             Weights of the sets (:func:`jotlight.networks.conditioning.conditioning_weights`).
         """
-        filters, coefficients = self.filters, self.coefficients
-        if filters.ndim == 5:
-            filters = np.tensordot(weights, filters, 1).astype(np.float32)
-        if coefficients is not None and coefficients.ndim == 3:
-            coefficients = np.tensordot(weights, coefficients, 1).astype(np.float32)
-        return dataclasses.replace(self, filters=filters, coefficients=coefficients)
+        parts = {}
+        for name, dimensions in (("filters", 4), ("coefficients", 2)):
+            sets = getattr(self, name)
+            if sets is not None and sets.ndim > dimensions:
+                parts[name] = _weighted_sum(weights, sets)
+        if any(not np.isfinite(part).all() for part in parts.values()):
+            raise ValueError("weights: expected finite sums of the parameter sets")
+        # The shapes were checked with the sets. Films need other layers for every image.
+        layer = object.__new__(type(self))
+        layer.__dict__.update(self.__dict__ | parts)
+        layer.__dict__.pop("_engine_layer", None)
+        return layer
 
     def metadata(self) -> dict[str, Any]:
         """Return all fields except the arrays, as values that JSON can hold."""
@@ -209,6 +215,21 @@ class Layer:
         """Return the layer for `pickle` and `copy`, without the engine's part that they reject."""
         fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return functools.partial(type(self), **fields), ()
+
+
+def _weighted_sum(
+    weights: npt.NDArray[np.floating], sets: npt.NDArray[np.float32]
+) -> npt.NDArray[np.float32]:
+    """Return the read-only sum of parameter sets (M, ...). Most weights are 0."""
+    if len(weights) != len(sets):
+        raise ValueError(f"weights: expected {len(sets)}, one per set, got {len(weights)}")
+    used = weights.nonzero()[0]
+    part = slice(used[0], used[-1] + 1) if len(used) else slice(0, 1)
+    total = np.asarray(weights, np.float64)[part] @ sets[part].reshape(len(sets[part]), -1)
+    with np.errstate(over="ignore"):
+        result = total.astype(np.float32).reshape(sets.shape[1:])
+    result.flags.writeable = False
+    return result
 
 
 def _read_only_float32(name: str, value: Any, dimensions: int) -> npt.NDArray[np.float32]:

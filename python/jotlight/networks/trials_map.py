@@ -21,7 +21,7 @@ from jotlight.estimators.trial_levels import (
     local_trials,
     share_levels,
 )
-from jotlight.networks.regions import cover, widen
+from jotlight.networks.regions import cover
 
 Image = npt.NDArray[np.float32]
 
@@ -30,10 +30,10 @@ RATIO_OF_PASS = 16.0
 
 
 _SHARE_OF_HALO = 2
-"""A region is widened by the halo of the network divided by this number.
+"""A region has a halo around it: that of the network divided by this number.
 
-The outer half of the receptive field changes estimates by 1e-5 of the intensity, and the weights of
-a level tend to 0 at the border of its region.
+The outer half of the receptive field changes estimates by about 1e-4 of the intensity, and the
+weights of a level tend to 0 at the border of its region.
 """
 
 
@@ -149,24 +149,24 @@ def _denoise_at_levels(
 ) -> Image:
     """Return the probabilities in [0, 1], interpolated between the levels of K."""
     result, halo = np.zeros(fractions.shape, np.float32), -(-network.halo // _SHARE_OF_HALO)
-    whole = slice(0, fractions.shape[1]), slice(0, fractions.shape[2])
     for level, groups in share_levels(trials):
         parts = [
-            (image, region, weights)
+            (image, band, weights)
             for images, weights in groups
-            for region in ([whole] if weights is None else cover(weights > 0, halo))
+            for band in ([None] if weights is None else cover(weights > 0, halo))
             for image in images
         ]
-        wide = [(image, widen(region, halo, fractions.shape[1:])) for image, region, _ in parts]
-        inputs = [np.ascontiguousarray(fractions[image][region]) for image, region in wide]
+        inputs = [
+            np.ascontiguousarray(fractions[image] if band is None else band.cut(fractions[image]))
+            for image, band, _ in parts
+        ]
         outputs = network.denoise_probabilities(inputs, level, threads=threads)
-        for (image, region, weights), (_, (rows, columns)), output in zip(
-            parts, wide, outputs, strict=True
-        ):
-            place = result[image][region]
-            top, left = region[0].start - rows.start, region[1].start - columns.start
-            inner = output[top : top + place.shape[0], left : left + place.shape[1]]
-            place += inner if weights is None else weights[region] * inner
+        for (image, band, weights), output in zip(parts, outputs, strict=True):
+            if band is None or weights is None:
+                result[image] += output
+                continue
+            for place, values in band.pieces(output):
+                result[image][place] += weights[place] * values
     return np.clip(result, 0, 1, out=result)
 
 

@@ -38,11 +38,18 @@ impl Bounds {
         let [first, change] = [0, 1].map(|index| [fold(&low[index], min), fold(&high[index], max)]);
         let magnitude = |range: [f32; 2]| max(-range[0], range[1]);
         let magnitude = 3.0 * magnitude(first) + 3.0 * magnitude(change);
-        let margin = margin(0.0, magnitude);
+        // Equal values stay exactly equal when they are interpolated. So even halves are certain.
+        let are_equal = [first, change]
+            .iter()
+            .all(|range| range[0].to_bits() == range[1].to_bits());
         Self {
             first,
             change,
-            margin,
+            margin: if are_equal {
+                0.0
+            } else {
+                margin(0.0, magnitude)
+            },
         }
     }
 
@@ -55,5 +62,31 @@ impl Bounds {
         let low = self.first[0] + min(min(a, b), min(c, d));
         let high = self.first[1] + max(max(a, b), max(c, d));
         [round(low - self.margin), round(high + self.margin)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_displacements_have_one_shift_even_at_halves() {
+        let bounds = Bounds::new(&[0.25; 18], &[1000.25; 18]);
+        for index in 0..=1000u16 {
+            let time = f32::from(index) / 1000.0;
+            let shift = round(0.25 + time * 1000.0);
+            assert_eq!(bounds.shifts([time; 2]), [shift; 2]);
+        }
+        assert_eq!(bounds.shifts([0.25e-3; 2]), [0; 2]);
+        assert_eq!(bounds.shifts([0.0, 1.0]), [0, 1000]);
+    }
+
+    #[test]
+    fn displacements_that_differ_have_a_margin() {
+        let mut last = [1000.25; 18];
+        last[3] += 0.001;
+        let bounds = Bounds::new(&[0.25; 18], &last);
+        assert_eq!(bounds.shifts([0.25e-3; 2]), [0, 1]);
+        assert_eq!(bounds.shifts([0.1; 2]), [100; 2]);
     }
 }
