@@ -111,7 +111,9 @@ def test_a_calibration_and_its_maps_lead_to_the_same_estimate(
     maps = ("--dark-counts", "d.npy", "--efficiency", "e.npy", "--mask", "m.npy")
     assert run(*command, "-o", "b.npy", *maps, "--gain", 16 * calibrated.scale)[0] == 0
     np.testing.assert_array_equal(np.load("a.npy"), np.load("b.npy"))
-    assert not (captures / "b.npy.json").exists()
+    recorded = {name: json.loads((captures / f"{name}.npy.json").read_text()) for name in "ab"}
+    assert "calibration" in recorded["a"]
+    assert "calibration" not in recorded["b"]
 
 
 def test_the_applied_calibration_is_recorded_beside_the_estimate(run, captures, calibrated):

@@ -223,11 +223,11 @@ def _weighted_sum(
     """Return the read-only sum of parameter sets (M, ...). Most weights are 0."""
     if len(weights) != len(sets):
         raise ValueError(f"weights: expected {len(sets)}, one per set, got {len(weights)}")
-    used = weights.nonzero()[0]
-    part = slice(used[0], used[-1] + 1) if len(used) else slice(0, 1)
-    total = np.asarray(weights, np.float64)[part] @ sets[part].reshape(len(sets[part]), -1)
+    total = np.zeros(sets.shape[1:])
+    for index in weights.nonzero()[0]:
+        total += np.multiply(sets[index], weights[index], dtype=np.float64)
     with np.errstate(over="ignore"):
-        result = total.astype(np.float32).reshape(sets.shape[1:])
+        result = total.astype(np.float32)
     result.flags.writeable = False
     return result
 
