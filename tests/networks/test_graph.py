@@ -39,10 +39,10 @@ LAST = layer(1, 2)
             "layer 2 to have its 2 channels and its size, got the output of layer 0",
         ),
         ([FIRST, layer(2, 2)], "one output channel of the last layer"),
-        ([FIRST, layer(1, 2, stride=2)], "one output channel of the last layer, in the size of"),
+        ([FIRST, layer(1, 2, stride=2)], "outputs of the last layer in the size of the estimate"),
         (
             [FIRST, layer(4, 2, upsampling=2)],
-            "one output channel of the last layer, in the size of",
+            "outputs of the last layer in the size of the estimate",
         ),
         (
             [FIRST, layer(3, 2), layer(1, 2, input=0)],

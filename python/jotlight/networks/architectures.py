@@ -189,7 +189,7 @@ def build_conditional(name: str, rng: np.random.Generator) -> list[Layer]:
     probability = fit_spline(lambda z: np.sin(z) ** 2, 0.0, np.pi / 2, _FIT_COEFFICIENTS)
     if name == TWO_LAYER:
         last = Layer(smooth, *probability, trainable="filters")
-        return [_with_sets(Layer(one, coefficients, low, spacing)), last]
+        return [with_sets(Layer(one, coefficients, low, spacing)), last]
     centered = coefficients - np.float32(np.pi / 4)
     start = [
         Layer(one, *identity_spline(1.0), trainable="nothing"),
@@ -198,7 +198,7 @@ def build_conditional(name: str, rng: np.random.Generator) -> list[Layer]:
     ]
     builder = Builder(start, rng)
     add_unet(builder, find_architecture(name), source=2)
-    return [_with_sets(layer) for layer in add_head(builder, probability, skip=1)]
+    return [with_sets(layer) for layer in add_head(builder, probability, skip=1)]
 
 
 class Builder:
@@ -265,12 +265,13 @@ def add_head(builder: Builder, spline: Spline, skip: int) -> list[Layer]:
 
     Its filters are 0, so before training its output is φ of layer `skip`.
     """
-    zeros = np.zeros((4, builder.layers[-1].channels, 3, 3), np.float32)
+    outputs = len(spline[0])
+    zeros = np.zeros((4 * outputs, builder.layers[-1].channels, 3, 3), np.float32)
     builder.layers.append(Layer(zeros, *spline, upsampling=2, skip=skip, trainable="filters"))
     return builder.layers
 
 
-def _with_sets(layer: Layer) -> Layer:
+def with_sets(layer: Layer) -> Layer:
     """Return the layer with M equal sets of its trainable parameters."""
     if layer.trainable == "nothing":
         return layer

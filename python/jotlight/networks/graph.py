@@ -37,8 +37,7 @@ def scales(layers: Sequence[Layer]) -> list[Fraction]:
     ------
     ValueError
         When the layers cannot be connected: an input or skip index is out of range, channels or
-        resolutions differ, an output is unused, or the last layer is not one channel at full
-        resolution.
+        resolutions differ, an output is unused, or the last layer is not at full resolution.
     """
     first = layers[0]
     if sources(layers)[0] != -1 or first.skip is not None or first.stride * first.upsampling != 1:
@@ -83,10 +82,10 @@ def _check_outputs(layers: Sequence[Layer], last_scale: Fraction) -> None:
             raise ValueError(
                 f"layers: expected another layer to use the output of layer {index}, got none"
             )
-    if layers[-1].channels != 1 or last_scale != 1:
+    if last_scale != 1:
         raise ValueError(
-            f"layers: expected one output channel of the last layer, in the size of the estimate, "
-            f"got {layers[-1].channels} at a scale of {last_scale}"
+            f"layers: expected outputs of the last layer in the size of the estimate, got a scale "
+            f"of {last_scale}"
         )
 
 

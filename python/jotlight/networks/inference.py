@@ -176,7 +176,7 @@ class Inference:
 
         p is the first layer's value before its splines.
         """
-        engine.forward(self._engine_layers, sums, out, self.threads)
+        engine.forward(self._engine_layers, sums, [image[None] for image in out], self.threads)
 
     @property
     def _tied_weights(self) -> npt.NDArray[np.float32]:

@@ -37,6 +37,11 @@ def check_layers(
             f"layer, or (C, 1, 1, 1) when it is tied, got {layers[0].filters.shape}"
         )
     size_divisor(layers)
+    if layers[-1].channels != 1:
+        raise ValueError(
+            f"layers: expected one output channel of the last layer, got {layers[-1].channels}; "
+            "jotlight.ColorNetwork has three"
+        )
     if trials_range is None:
         if any(layer.set_counts for layer in layers):
             raise ValueError(

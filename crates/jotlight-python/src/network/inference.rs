@@ -3,8 +3,10 @@
 use jotlight::bits::PackedBits;
 use jotlight::error::Result;
 use jotlight::network::{self, Layer};
-use ndarray::{ArrayViewMut2, Axis};
-use numpy::{IntoPyArray, PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2};
+use ndarray::{ArrayViewMut, Axis, Dimension};
+use numpy::{
+    IntoPyArray, PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray2, PyReadwriteArray3,
+};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
@@ -40,20 +42,21 @@ pub fn masked_sums<'py>(
     Ok(sums.into_iter().map(|sums| sums.into_pyarray(py)).collect())
 }
 
-/// Write the images that the network computes from the sums p of its first layer, `(C, H, W)` for
-/// each image, into `out`. Images may differ in size.
+/// Write the planes that the network computes from the sums p of its first layer, `(C, H, W)` for
+/// each image, into `out`, `(1, H, W)` for gray images. Images may differ in size.
 #[pyfunction]
 #[pyo3(signature = (layers, sums, out, threads))]
 pub fn forward(
     py: Python<'_>,
     layers: Vec<Py<PreparedLayer>>,
     sums: Vec<PyReadonlyArray3<'_, f32>>,
-    out: Vec<PyReadwriteArray2<'_, f32>>,
+    mut out: Vec<PyReadwriteArray3<'_, f32>>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let sums: Vec<_> = sums.iter().map(PyReadonlyArray3::as_array).collect();
+    let out = out.iter_mut().map(|out| out.as_array_mut()).collect();
     write_images(py, &layers, threads, &sums, out, |layers, sums, out| {
-        network::forward(layers, sums, out)
+        network::forward_planes(layers, sums, out)
     })
 }
 
@@ -65,11 +68,12 @@ pub fn forward_counts(
     layers: Vec<Py<PreparedLayer>>,
     counts: PyReadonlyArray3<'_, i32>,
     sums: PyReadonlyArray2<'_, f32>,
-    out: Vec<PyReadwriteArray2<'_, f32>>,
+    mut out: Vec<PyReadwriteArray2<'_, f32>>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (counts, sums) = (counts.as_array(), sums.as_array());
     let counts: Vec<_> = counts.axis_iter(Axis(0)).collect();
+    let out = out.iter_mut().map(|out| out.as_array_mut()).collect();
     write_images(py, &layers, threads, &counts, out, |layers, counts, out| {
         network::forward_counts(layers, counts, sums, out)
     })
@@ -86,11 +90,12 @@ pub fn forward_tied_bits(
     width: usize,
     oversampling: usize,
     sums: PyReadonlyArray2<'_, f32>,
-    out: Vec<PyReadwriteArray2<'_, f32>>,
+    mut out: Vec<PyReadwriteArray2<'_, f32>>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let packed: Vec<_> = packed.iter().map(PyReadonlyArray3::as_array).collect();
     let sums = sums.as_array();
+    let out = out.iter_mut().map(|out| out.as_array_mut()).collect();
     write_images(py, &layers, threads, &packed, out, |layers, packed, out| {
         let bits = PackedBits::new(packed, width)?;
         network::forward_tied_bits(layers, &bits, oversampling, sums, out)
@@ -105,10 +110,11 @@ pub fn forward_bits(
     layers: Vec<Py<PreparedLayer>>,
     packed: Vec<PyReadonlyArray3<'_, u8>>,
     width: usize,
-    out: Vec<PyReadwriteArray2<'_, f32>>,
+    mut out: Vec<PyReadwriteArray2<'_, f32>>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let packed: Vec<_> = packed.iter().map(PyReadonlyArray3::as_array).collect();
+    let out = out.iter_mut().map(|out| out.as_array_mut()).collect();
     write_images(py, &layers, threads, &packed, out, |layers, packed, out| {
         network::forward_bits(layers, &PackedBits::new(packed, width)?, out)
     })
@@ -116,22 +122,22 @@ pub fn forward_bits(
 
 /// Run `evaluate` without the GIL for each input, which writes an image. Small images are evaluated
 /// in parallel, the others one after another, because each of them runs on all threads.
-fn write_images<Input: Copy + Send + Sync>(
+fn write_images<Input: Copy + Send + Sync, D: Dimension>(
     py: Python<'_>,
     layers: &[Py<PreparedLayer>],
     threads: Option<isize>,
     inputs: &[Input],
-    mut out: Vec<PyReadwriteArray2<'_, f32>>,
-    evaluate: impl Fn(&[&Layer<f32>], Input, ArrayViewMut2<'_, f32>) -> Result<()> + Send + Sync,
+    out: Vec<ArrayViewMut<'_, f32, D>>,
+    evaluate: impl Fn(&[&Layer<f32>], Input, ArrayViewMut<'_, f32, D>) -> Result<()> + Send + Sync,
 ) -> PyResult<()> {
     check_length("out", inputs.len(), out.len())?;
     let layers = engine_layers(layers);
-    let out: Vec<_> = out.iter_mut().map(|out| out.as_array_mut()).collect();
     run(py, threads, || {
         let places = inputs.iter().zip(out);
         let (small, large): (Vec<_>, Vec<_>) =
             places.partition(|(_, image)| image.len() <= MAX_PIXELS_IN_PARALLEL);
-        let write = |(input, out): (&Input, ArrayViewMut2<'_, f32>)| evaluate(&layers, *input, out);
+        let write =
+            |(input, out): (&Input, ArrayViewMut<'_, f32, D>)| evaluate(&layers, *input, out);
         large.into_iter().try_for_each(write)?;
         small.into_par_iter().try_for_each(write)
     })

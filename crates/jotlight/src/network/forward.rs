@@ -1,6 +1,6 @@
 //! The forward pass: from bits, counts, or sums p to an image (equations (8) to (11)).
 
-use ndarray::{Array3, ArrayView2, ArrayView3, ArrayViewMut2};
+use ndarray::{Array3, ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
 use rayon::prelude::*;
 
 use super::first_layer::bit_tables::BitTables;
@@ -50,9 +50,23 @@ pub fn forward<F: Real>(
     sums: ArrayView3<'_, F>,
     out: ArrayViewMut2<'_, F>,
 ) -> Result<()> {
+    forward_planes(layers, sums, out.insert_axis(Axis(0)))
+}
+
+/// Write the planes that the network computes from the sums p of its first layer into `out`.
+///
+/// The shape of `sums` is `(C, H, W)`, and that of `out` begins with the channels of the last layer.
+///
+/// # Errors
+/// [`Error::Shape`] and [`Error::Range`] if the layers, the sums, and `out` do not match.
+pub fn forward_planes<F: Real>(
+    layers: &[&Layer<F>],
+    sums: ArrayView3<'_, F>,
+    out: ArrayViewMut3<'_, F>,
+) -> Result<()> {
     let (channels, height, width) = sums.dim();
     let graph = checked_graph(layers, channels, (height, width))?;
-    let out = rows_of_image(out, (height, width))?;
+    let out = rows_of_planes(out, &graph, (height, width))?;
     let sums = contiguous_planes("sums", sums)?;
     evaluate_in_tiles(&graph, (height, width), out, |region, out| {
         for (plane, sums) in sums.chunks_exact(height * width).enumerate() {
@@ -81,7 +95,7 @@ pub fn forward_counts<F: Real>(
     let (channels, length) = sums.dim();
     let graph = checked_graph(layers, channels, counts.dim())?;
     let (height, width) = counts.dim();
-    let out = rows_of_image(out, (height, width))?;
+    let out = rows_of_image(out, &graph, (height, width))?;
     let counts = contiguous_planes("counts", counts)?;
     // A negative count becomes a large unsigned number, so one comparison detects counts below 0
     // and above K.
@@ -119,7 +133,7 @@ pub fn forward_tied_bits<F: Real>(
     let (channels, length) = sums.dim();
     let size = bits.pixel_shape(oversampling)?;
     let graph = checked_graph(layers, channels, size)?;
-    let out = rows_of_image(out, size)?;
+    let out = rows_of_image(out, &graph, size)?;
     let max = trials(bits.shape().0, oversampling)?;
     check_table(max.cast_unsigned() as usize, length)?;
     let tables = activated_tables(layers[0], sums)?;
@@ -151,7 +165,7 @@ pub fn forward_bits<F: Real>(
     let (graph, first) = (Graph::new(layers)?, layers[0]);
     let (height, width) = pixel_grid(first.filters(), bits)?;
     check_planes(first.channels(), first.channels(), (height, width))?;
-    let out = rows_of_image(out, (height, width))?;
+    let out = rows_of_image(out, &graph, (height, width))?;
     let mut tables = BitTables::new(first.filters(), height * width);
     let activated = tables.activate(first.splines());
     evaluate_in_tiles(&graph, (height, width), out, |region, out| {
@@ -186,14 +200,28 @@ fn check_table(max: usize, length: usize) -> Result<()> {
     ))
 }
 
-/// Return the values of an image, row after row. Check its size.
-fn rows_of_image<F>(out: ArrayViewMut2<'_, F>, size: (usize, usize)) -> Result<&mut [F]> {
+/// Return the values of a gray image, row after row. Check its size.
+fn rows_of_image<'a, F: Real>(
+    out: ArrayViewMut2<'a, F>,
+    graph: &Graph<'_, F>,
+    size: (usize, usize),
+) -> Result<&'a mut [F]> {
+    rows_of_planes(out.insert_axis(Axis(0)), graph, size)
+}
+
+/// Return the values of planes, plane after plane. Check their number and size.
+fn rows_of_planes<'a, F: Real>(
+    out: ArrayViewMut3<'a, F>,
+    graph: &Graph<'_, F>,
+    (height, width): (usize, usize),
+) -> Result<&'a mut [F]> {
+    let expected = (graph.channels(), height, width);
     let received = (out.dim(), out.strides().to_vec());
     match out.into_slice() {
-        Some(rows) if received.0 == size => Ok(rows),
+        Some(rows) if received.0 == expected => Ok(rows),
         _ => Err(Error::Shape {
             what: "out",
-            expected: format!("contiguous rows of the shape {size:?}"),
+            expected: format!("contiguous rows of the shape {expected:?}"),
             received: format!("the shape {:?} with strides {:?}", received.0, received.1),
         }),
     }

@@ -53,9 +53,9 @@ impl<'a, F: Real> Graph<'a, F> {
     /// # Errors
     /// [`Error::Shape`] and [`Error::Range`] if a layer reads or adds planes of the wrong shape, if
     /// no layer uses the output of a layer, if the network is too large, or if the last layer does
-    /// not return one plane of the image's size.
+    /// not return planes of the image's size.
     pub fn new(layers: &[&'a Layer<F>]) -> Result<Self> {
-        let Some((first, last)) = layers.first().zip(layers.last()) else {
+        let Some(first) = layers.first() else {
             return Err(Error::range("layers", "at least one", 0));
         };
         if first.wiring != Wiring::default() {
@@ -84,10 +84,13 @@ impl<'a, F: Real> Graph<'a, F> {
             let received = format!("an unused output of the layer with index {unused}");
             return Err(Error::range("layers", expected, received));
         }
-        if (last.channels(), graph.scales.last()) != (1, Some(&Scale { image: 1, plane: 1 })) {
-            let expected = format_args!("1 channel of the size of the image");
-            let received = format_args!("{} channels or another size", last.channels());
-            return Err(Error::shape("output of the last layer", expected, received));
+        if graph.scales.last() != Some(&Scale { image: 1, plane: 1 }) {
+            let expected = "planes of the size of the image";
+            return Err(Error::shape(
+                "output of the last layer",
+                expected,
+                "another size",
+            ));
         }
         Ok(graph)
     }
@@ -139,6 +142,11 @@ impl<'a, F: Real> Graph<'a, F> {
         self.inputs.push(input);
         self.scales.push(scale);
         Ok(())
+    }
+
+    /// Return the number of planes that the network computes.
+    pub fn channels(&self) -> usize {
+        self.layers.last().map_or(0, |last| last.channels())
     }
 
     /// Return the number of rows and of columns of a layer's planes.

@@ -26,7 +26,9 @@ mod spline;
 mod tiling;
 mod training;
 
-pub use forward::{forward, forward_bits, forward_counts, forward_tied_bits, masked_sums};
+pub use forward::{
+    forward, forward_bits, forward_counts, forward_planes, forward_tied_bits, masked_sums,
+};
 pub use layer::{Layer, Wiring};
 pub use model::{LayerParameters, Network, Reconstruction, SensorModel, Served};
 pub use spline::channels::Splines;

@@ -3,9 +3,10 @@
 use jotlight::bits::PackedBits;
 use jotlight::error::{Error, Result};
 use jotlight::network::{
-    Layer, Wiring, forward, forward_bits, forward_counts, forward_tied_bits, masked_sums,
+    Layer, Wiring, forward, forward_bits, forward_counts, forward_planes, forward_tied_bits,
+    masked_sums,
 };
-use ndarray::{Array2, Array3, Array4, ArrayView3, Axis, s};
+use ndarray::{Array, Array2, Array3, Array4, ArrayView3, Axis, Dimension, s};
 
 use crate::random::Random;
 
@@ -52,7 +53,7 @@ fn convolved(layer: &Layer<f64>, planes: ArrayView3<'_, f64>, stride: usize) -> 
 }
 
 /// Return the output of a network by its definition. The strides must divide the image size.
-fn naive_forward(layers: &[Layer<f64>], wiring: &[Wiring], sums: &Array3<f64>) -> Array2<f64> {
+fn naive_forward(layers: &[Layer<f64>], wiring: &[Wiring], sums: &Array3<f64>) -> Array3<f64> {
     let mut planes: Vec<Array3<f64>> = Vec::new();
     for (index, (layer, wiring)) in layers.iter().zip(wiring).enumerate() {
         let mut output = sums.clone();
@@ -74,7 +75,7 @@ fn naive_forward(layers: &[Layer<f64>], wiring: &[Wiring], sums: &Array3<f64>) -
         }
         planes.push(output);
     }
-    planes[planes.len() - 1].index_axis(Axis(0), 0).to_owned()
+    planes.swap_remove(planes.len() - 1)
 }
 
 fn wiring(stride: usize, upsampling: usize, input: Option<usize>, skip: Option<usize>) -> Wiring {
@@ -104,7 +105,8 @@ fn connected_layers(random: &mut Random) -> Result<(Vec<Layer<f64>>, Vec<Wiring>
     Ok((built?, layers.map(|(_, wiring)| wiring).to_vec()))
 }
 
-/// Return layers whose Winograd convolutions have skip connections and upsampling.
+/// Return layers whose Winograd convolutions have skip connections and upsampling. The last one has
+/// three channels.
 fn winograd_layers(random: &mut Random) -> Result<(Vec<Layer<f64>>, Vec<Wiring>)> {
     let layers = [
         ((3, 1, 1, 1), Wiring::default()),
@@ -112,7 +114,7 @@ fn winograd_layers(random: &mut Random) -> Result<(Vec<Layer<f64>>, Vec<Wiring>)
         ((17, 17, 3, 3), wiring(1, 1, None, Some(1))),
         ((26, 17, 3, 3), wiring(1, 1, None, None)),
         ((12, 26, 3, 3), wiring(1, 2, None, Some(0))),
-        ((1, 3, 3, 3), wiring(1, 1, None, None)),
+        ((3, 3, 3, 3), wiring(1, 1, None, None)),
     ];
     let built: Result<Vec<_>> = layers
         .iter()
@@ -121,7 +123,7 @@ fn winograd_layers(random: &mut Random) -> Result<(Vec<Layer<f64>>, Vec<Wiring>)
     Ok((built?, layers.map(|(_, wiring)| wiring).to_vec()))
 }
 
-fn largest_difference(a: &Array2<f64>, b: &Array2<f64>) -> f64 {
+fn largest_difference<D: Dimension>(a: &Array<f64, D>, b: &Array<f64, D>) -> f64 {
     let differences = a.iter().zip(b).map(|(a, b)| (a - b).abs());
     differences.fold(0.0, f64::max)
 }
@@ -139,8 +141,8 @@ fn the_forward_pass_agrees_with_its_definition() -> Result<()> {
                 8.0 * (random.fraction() - 0.5)
             });
             let expected = naive_forward(&layers, &wiring, &sums);
-            let mut found = Array2::zeros((height, width));
-            forward(&references, sums.view(), found.view_mut())?;
+            let mut found = Array3::zeros(expected.raw_dim());
+            forward_planes(&references, sums.view(), found.view_mut())?;
             assert!(largest_difference(&found, &expected) < 1e-9);
         }
     }
@@ -154,8 +156,8 @@ fn images_of_any_size_have_a_forward_pass() -> Result<()> {
     let references: Vec<&Layer<f64>> = layers.iter().collect();
     for size in [(1, 1), (1, 9), (7, 1), (3, 5), (5, 3), (33, 131)] {
         let sums = Array3::from_shape_simple_fn((3, size.0, size.1), || random.fraction() - 0.5);
-        let mut found = Array2::from_elem(size, f64::NAN);
-        forward(&references, sums.view(), found.view_mut())?;
+        let mut found = Array3::from_elem((3, size.0, size.1), f64::NAN);
+        forward_planes(&references, sums.view(), found.view_mut())?;
         assert!(found.iter().all(|value| value.is_finite()));
     }
     Ok(())
@@ -240,6 +242,9 @@ fn layers_that_do_not_match_are_refused() -> Result<()> {
 fn images_that_cannot_be_written_are_refused() -> Result<()> {
     let layer = Random(7).layer((1, 1, 1, 1), Wiring::default())?;
     let sums = Array3::zeros((1, 4, 6));
+    let mut planes = Array3::zeros((3, 4, 6));
+    let result = forward_planes(&[&layer], sums.view(), planes.view_mut());
+    assert!(matches!(result, Err(Error::Shape { what: "out", .. })));
     let mut image = Array2::zeros((8, 6));
     for (end, step) in [(3, 1), (8, 2)] {
         let out = image.slice_mut(s![..end; step, ..]);

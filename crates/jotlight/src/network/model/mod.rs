@@ -125,6 +125,11 @@ impl Network {
             _ => {}
         }
         let layers = network.layers_for(trials, false)?;
+        let channels = layers.last().map_or(0, Layer::channels);
+        if channels != 1 {
+            let what = "output channels of the last layer";
+            return Err(Error::shape(what, 1, channels));
+        }
         network.halo = halo(&layers.iter().collect::<Vec<_>>())?;
         Ok(network)
     }

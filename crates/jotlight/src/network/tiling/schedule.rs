@@ -35,7 +35,7 @@ const BANDS_PER_THREAD: usize = 4;
 /// The number of strips per thread if threads share a tile.
 const STRIPS_PER_THREAD: usize = 2;
 
-/// Write the image that a network computes into `image`, row after row.
+/// Write the planes that a network computes into `image`, plane after plane, and row after row.
 ///
 /// `first_layer` writes a region of the first layer's output.
 pub(crate) fn evaluate_in_tiles<F: Real>(
@@ -54,7 +54,7 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
     let bands = split_into_bands(image, size, bands, group);
     bands.into_par_iter().for_each_init(
         CachedWorkspace::default,
-        |CachedWorkspace(workspace), (rows, out)| {
+        |CachedWorkspace(workspace), (rows, mut out)| {
             for left in (0..width).step_by(tile_width) {
                 if interrupt::is_requested() {
                     return;
@@ -68,10 +68,12 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
                 });
                 let column = TileColumn::new(graph, size, strips, &first_layer);
                 column.evaluate(workspace, tiles, |region, planes| {
-                    let out = &mut out[(region.rows.start - rows.start) * width..];
-                    for (row, out) in region.rows.clone().zip(out.chunks_exact_mut(width)) {
-                        let row = &planes.row(row).plane(0)[left - planes.columns.start..];
-                        out[columns.clone()].copy_from_slice(&row[..columns.len()]);
+                    for (plane, out) in out.iter_mut().enumerate() {
+                        let out = &mut out[(region.rows.start - rows.start) * width..];
+                        for (row, out) in region.rows.clone().zip(out.chunks_exact_mut(width)) {
+                            let row = &planes.row(row).plane(plane)[left - planes.columns.start..];
+                            out[columns.clone()].copy_from_slice(&row[..columns.len()]);
+                        }
                     }
                 });
             }
@@ -80,12 +82,14 @@ pub(crate) fn evaluate_in_tiles<F: Real>(
 }
 
 /// Divide an image into bands of almost equal heights, which begin at multiples of `group` rows.
+///
+/// Each band has its rows of each plane.
 fn split_into_bands<F>(
-    mut image: &mut [F],
+    image: &mut [F],
     (height, width): (usize, usize),
     number: usize,
     group: usize,
-) -> Vec<(Range<usize>, &mut [F])> {
+) -> Vec<(Range<usize>, Vec<&mut [F]>)> {
     let start = |band: usize| {
         let groups = (2 * band * height + number * group) / (2 * number * group);
         if band == number {
@@ -94,13 +98,16 @@ fn split_into_bands<F>(
             (groups * group).min(height)
         }
     };
-    let mut bands = Vec::with_capacity(number);
-    for band in 0..number {
-        let rows = start(band)..start(band + 1);
-        if !rows.is_empty() {
-            let (part, rest) = image.split_at_mut(rows.len() * width);
-            bands.push((rows, part));
-            image = rest;
+    let bands = (0..number).map(|band| start(band)..start(band + 1));
+    let mut bands: Vec<_> = bands
+        .filter(|rows| !rows.is_empty())
+        .map(|rows| (rows, Vec::new()))
+        .collect();
+    for mut plane in image.chunks_exact_mut(height * width) {
+        for (rows, parts) in &mut bands {
+            let (part, rest) = plane.split_at_mut(rows.len() * width);
+            parts.push(part);
+            plane = rest;
         }
     }
     bands
