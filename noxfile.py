@@ -30,6 +30,7 @@ NEEDS_TORCH = (
 )
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SITE = ROOT / "docs" / "_build" / "html"
+SLOW = "slow and not exhaustive"
 PROGRAMS = "Scripts" if sys.platform == "win32" else "bin"
 MANYLINUX = "manylinux_2_17_x86_64"  # manylinux2014
 # uv reads other variables than pip. Each setting of pip holds for both.
@@ -43,6 +44,8 @@ for of_pip, of_uv in SETTINGS.items():
     if of_pip in os.environ:
         os.environ.setdefault(of_uv, os.environ[of_pip])
 os.environ.setdefault("UV_INDEX_STRATEGY", "unsafe-best-match")  # the rule of pip
+# Otherwise each process compiles all modules of Python anew.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 @nox.session(tags=["gate"])
@@ -77,7 +80,7 @@ def readme(session: nox.Session) -> None:
         # All sessions share this target folder, so the engine is compiled once.
         env = {"CARGO_TARGET_DIR": str(ROOT / "target"), "JOTLIGHT_DATA": str(DATA)}
         session.run("bash", "-ec", blocks[1], env=env, external=True)
-        session.run("bash", "-ec", f".venv/{PROGRAMS}/pytest -m slow", env=env, external=True)
+        session.run("bash", "-ec", f".venv/{PROGRAMS}/pytest -m '{SLOW}'", env=env, external=True)
 
 
 @nox.session(venv_backend="none", tags=["gate"])
@@ -114,8 +117,9 @@ def torch(session: nox.Session) -> None:
     """
     install_wheel(session, extra="test,deepinv")
     # Of the documents, only these pages need PyTorch.
-    chosen = ("-m", "slow or not slow", "-k", "torch or fine_tuning or tutorial or not documents")
-    session.run("pytest", *chosen, *NEEDS_TORCH, "tests/docs/test_documents.py", *session.posargs)
+    chosen = ("-m", "not exhaustive", "-k", "torch or fine_tuning or tutorial or not documents")
+    # The pages take longest, so they begin first.
+    session.run("pytest", *chosen, "tests/docs/test_documents.py", *NEEDS_TORCH, *session.posargs)
 
 
 @nox.session(tags=["gate"])

@@ -20,7 +20,8 @@ from jotlight.experiments.report.markdown import render_markdown
 from jotlight.experiments.report.report import read_report
 from reference.datasets import TEST, make_data
 
-pytestmark = pytest.mark.slow
+# The tutorial, which a test runs, contains the same command.
+pytestmark = [pytest.mark.slow, pytest.mark.exhaustive]
 
 
 @pytest.fixture(scope="module")

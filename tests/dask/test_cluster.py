@@ -22,6 +22,7 @@ from jotlight.dask.cluster import check_workers, connected
 from jotlight.dask.running import compute_unit
 
 pytestmark = pytest.mark.slow
+exhaustive = pytest.mark.exhaustive
 
 WINDOW = ("--window", "40", "--step", "30", "-m", "mle")
 
@@ -54,9 +55,9 @@ def expected(capture, tmp_path_factory):
 @pytest.mark.parametrize(
     "options",
     [
-        ("--workers", "1"),
-        ("--workers", "2"),
-        ("--workers", "4"),
+        pytest.param(("--workers", "1"), marks=exhaustive),
+        pytest.param(("--workers", "2"), marks=exhaustive),
+        pytest.param(("--workers", "4"), marks=exhaustive),
         ("--chunks", "64KiB"),
         ("--chunks", "1MiB"),
         ("--chunks", "1GiB"),
@@ -70,7 +71,7 @@ def test_the_bytes_do_not_depend_on_workers_and_chunks(capture, expected, option
     assert content(output) == expected
 
 
-@pytest.mark.parametrize("total", [3, 64])
+@pytest.mark.parametrize("total", [3, pytest.param(64, marks=exhaustive)])
 def test_the_bytes_do_not_depend_on_parts(capture, expected, total, tmp_path):
     output = tmp_path / "video.zarr"
     base = ["reconstruct", str(capture), "-o", str(output), *WINDOW, "--chunks", "64KiB"]
@@ -81,7 +82,9 @@ def test_the_bytes_do_not_depend_on_parts(capture, expected, total, tmp_path):
     assert content(output) == expected
 
 
-@pytest.mark.parametrize("scheduler", ["sync", "threads", "processes"])
+@pytest.mark.parametrize(
+    "scheduler", ["sync", "threads", pytest.param("processes", marks=exhaustive)]
+)
 def test_lazy_videos_do_not_depend_on_the_scheduler(capture, expected, scheduler):
     bits = jl.open(capture)
     video = jl.dask.reconstruct(bits, window=40, step=30, method="mle")
@@ -90,7 +93,9 @@ def test_lazy_videos_do_not_depend_on_the_scheduler(capture, expected, scheduler
     assert images[3].tobytes() == expected["c.3.0.0"][:-4]
 
 
-@pytest.mark.parametrize("workers", [1, 2, 4])
+@pytest.mark.parametrize(
+    "workers", [pytest.param(1, marks=exhaustive), 2, pytest.param(4, marks=exhaustive)]
+)
 def test_lazy_videos_do_not_depend_on_the_number_of_workers(capture, expected, workers):
     bits = jl.open(capture)
     with connected(None, workers):
@@ -156,6 +161,7 @@ def test_a_damaged_capture_is_reported_at_the_end(capture, expected, tmp_path, c
         }
 
 
+@exhaustive
 def test_an_address_where_nothing_listens(capture, tmp_path, capsys):
     output = tmp_path / "video.zarr"
     address = ("--scheduler", "tcp://127.0.0.1:9")
@@ -219,6 +225,7 @@ def test_a_worker_process_with_another_version_is_refused_before_work(capture, t
     assert list(tmp_path.glob("video*")) == []
 
 
+@exhaustive
 def test_a_worker_process_without_jotlight_is_refused_before_work(capture, tmp_path, capsys):
     preload = tmp_path / "missing.py"
     preload.write_text(
@@ -233,6 +240,7 @@ def test_a_worker_process_without_jotlight_is_refused_before_work(capture, tmp_p
     assert list(tmp_path.glob("video*")) == []
 
 
+@exhaustive
 def test_a_worker_with_another_version_that_joins_later_computes_nothing(tmp_path):
     preload = tmp_path / "older.py"
     preload.write_text("import jotlight._engine\njotlight._engine.__version__ = '0.0.1'\n")
@@ -254,6 +262,7 @@ def test_the_command_runs_on_a_scheduler(capture, expected, tmp_path, capsys):
     assert content(output) == expected
 
 
+@exhaustive
 def test_workers_that_die_while_they_start_are_replaced():
     import multiprocessing
 

@@ -37,7 +37,10 @@ def test_eight_concurrent_callers_get_the_same_results(expected):
     assert found == [expected[name] for name in names]
 
 
-@pytest.mark.parametrize("kind", [pytest.param("fork", marks=needs_fork), "spawn"])
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param("fork", marks=needs_fork), pytest.param("spawn", marks=pytest.mark.exhaustive)],
+)
 def test_workers_get_the_same_results(kind, expected):
     # The parent has idle threads of the engine, which a fork does not copy.
     assert all_digests() == expected

@@ -124,6 +124,7 @@ def test_a_missing_gpu_is_an_error_unless_the_choice_is_free(monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.exhaustive
 def test_torchrun_trains_on_examples_from_a_folder_of_urls(tmp_path):
     pytest.importorskip("fsspec")
     rng = np.random.default_rng(0)

@@ -216,7 +216,7 @@ class BitSplitter:
         """
         total = bits = 0.0
         for split in self.held_out:
-            counts = split.counts[0].numpy()
+            counts: npt.NDArray[np.float32] = split.counts[0].numpy()
             if network.trials_range is not None:
                 trials = split.input_trials
                 fractions = counts[:1] / np.float32(trials)
