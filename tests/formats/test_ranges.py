@@ -161,6 +161,7 @@ def served_bytes(server, folder):
     return total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "write", "options", "number", "fraction"),
     CASES,

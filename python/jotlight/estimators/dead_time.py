@@ -186,6 +186,8 @@ class FreeRunning:
             if rest > 0:
                 # The derivative of P(n + 1, r w) is w times a Poisson probability.
                 after = rest * np.exp(xlogy(count, rate * rest) - rate * rest - gammaln(count + 1))
+            if count > rate.max(initial=0) and not (before.any() or after.any()):
+                break  # probabilities of more detections are too small for a number, too
             probability = self.probability(count, levels)
             slope = self.efficiency * (before - after)
             information += np.divide(
