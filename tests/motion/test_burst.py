@@ -144,5 +144,6 @@ def test_long_bursts_take_no_more_memory_than_short_ones(monkeypatch):
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
         assert 0 < merged.trials.min() <= merged.trials.max() <= frames
-    # The displacements and the accepted pixels of each block remain in memory: a few kB each.
-    assert peaks[2] < peaks[1] + 1.5e6
+    # The displacements and the accepted pixels of each block remain in memory: a few kB each. The
+    # network keeps its parameters for other K, too.
+    assert peaks[2] < peaks[1] + 2.5e6
