@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 import jotlight as jl
 from jotlight.estimators import demosaicing
-from jotlight.evaluation import mosaics
+from jotlight.networks import mosaic_planes
 from jotlight.sensing.mosaic import Mosaic
 
 Array = npt.NDArray[np.floating]
@@ -80,7 +80,7 @@ def choices(data: Path) -> None:
     for mosaic in ("RGGB", "RGBW", "RRGG/RRGG/GGBB/GGBB", XTRANS):
         for trials in (4, 64):
             row = []
-            for mosaics.MAX_POSITIONS in (36, 0):
+            for mosaic_planes.MAX_POSITIONS in (36, 0):
                 row.append(measure(mosaic, images, trials, demosaicing="differences"))
             print(mosaic, trials, *(f"{value:.2f}" for value in row), flush=True)
 
@@ -89,6 +89,8 @@ def table(data: Path) -> None:
     """Print the table of RGGB: methods and demosaicing, K = 4, 16, and 64."""
     images = list(photographs(data, "gb82", 10))
     print("method, demosaicing: K = 4, 16, 64")
+    row = [measure("RGGB", images, trials) for trials in (4, 16, 64)]
+    print("color network", *(f"{value:.2f}" for value in row), flush=True)
     for method in ("network-medium", "mle"):
         for after in ("menon", "differences"):
             row = [
@@ -101,11 +103,12 @@ def table(data: Path) -> None:
 def dim(data: Path) -> None:
     """Print RGGB and RGBW side by side in dim light: photons per jot and frame at intensity 1."""
     images = list(photographs(data, "gb82", 10))
-    print("light with K = 16: RGGB menon, RGGB differences, RGBW, random RGBW")
+    print("light, K = 16: RGGB menon; RGGB, RGBW, random RGBW by differences and by the network")
     for light in (1.0, 0.25, 0.0625):
         row = [measure("RGGB", images, 16, light, demosaicing="menon")]
         row += [
-            measure(mosaic, images, 16, light, demosaicing="differences")
+            measure(mosaic, images, 16, light, demosaicing=each)
+            for each in ("differences", "network")
             for mosaic in ("RGGB", "RGBW", "random RGBW")
         ]
         print(light, *(f"{value:.2f}" for value in row), flush=True)
@@ -135,7 +138,7 @@ def images(data: Path, folder: Path) -> None:
     """Write estimates of a zone plate and of text, and their deviation from gray or the truth."""
     for name, image in (("zone_plate", zone_plate()), ("text", text())):
         for mosaic in ("RGGB", "RGBW"):
-            for after in ("menon", "differences")[mosaic != "RGGB" :]:
+            for after in ("menon", "differences", "network")[mosaic != "RGGB" :]:
                 bits = jl.Sensor(frames=64, mosaic=mosaic).expose(image, rng=0)
                 estimate = jl.reconstruct(bits, demosaicing=after)
                 chroma = estimate - estimate.mean(axis=2, keepdims=True)

@@ -43,6 +43,7 @@ from .images.saving import save_image as save_image
 from .motion.align import align as align
 from .motion.merge import merge as merge
 from .motion.motion import Motion as Motion
+from .networks.color_network import ColorNetwork as ColorNetwork
 from .networks.layer import Layer as Layer
 from .networks.network import Network as Network
 from .networks.pretrained import pretrained as pretrained

@@ -33,7 +33,8 @@ def test_color_videos_have_channels_last():
     rng = np.random.default_rng(0)
     bits = jl.Bits.from_array(rng.random((16, 24, 32, 3)) < 0.4, jl.Sensor(frames=16))
     video = jl.dask.reconstruct(bits, window=8, quality="medium").compute()
-    expected = jl.reconstruct(bits[:8].counts(), jl.Sensor(frames=8), channel_axis=-1)
+    counts = bits[:8].counts()
+    expected = jl.reconstruct(counts, jl.Sensor(frames=8), quality="medium", channel_axis=-1)
     np.testing.assert_array_equal(video[0], expected)
 
 

@@ -1,5 +1,6 @@
 """Colors of mosaics: planes, their sensors, all kinds of data, and the command line."""
 
+import json
 import warnings
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 import jotlight as jl
 from jotlight.datasets import photograph
 from jotlight.estimators.demosaicing import demosaic
+from jotlight.formats.checksums import file_checksum
+from jotlight.networks.pretrained import COLOR_FILE
 from jotlight.sensing.mosaic import Mosaic
 
 SCENE = photograph("astronaut")[:256:4, 100:356:4].astype(np.float64)
@@ -47,6 +50,62 @@ def test_networks_are_better_than_maximum_likelihood(mosaic):
     assert psnr(jl.reconstruct(bits, quality="small", **LINEAR)) > 1 + psnr(
         jl.reconstruct(bits, method="mle", **LINEAR)
     )
+
+
+@pytest.mark.parametrize("mosaic", ["RGGB", "GBRG", "RGBW"])
+@pytest.mark.parametrize("trials", [4, 64])
+def test_the_color_network_is_the_default_and_better_than_differences(mosaic, trials):
+    bits = jl.Sensor(frames=trials, mosaic=mosaic).expose(SCENE, rng=0)
+    found, info = jl.reconstruct(bits, return_info=True)
+    assert (info.method, info.title) == ("network-color", "network, color")
+    assert found.shape == (64, 64, 3)
+    assert 0 <= found.min() <= found.max() <= 1
+    np.testing.assert_array_equal(jl.reconstruct(bits, demosaicing="network"), found)
+    assert psnr(found) > 0.2 + psnr(jl.reconstruct(bits, quality="medium", **LINEAR))
+
+
+def test_the_color_network_estimates_each_image_with_the_white_balance():
+    mosaic = Mosaic("RGGB", white_balance=[0.5, 1.0, 0.8])
+    plain = jl.Sensor(frames=8, mosaic="RGGB", max_intensity=3)
+    bits = [plain.expose(SCENE, rng=seed) for seed in (0, 1)]
+    counts = np.stack([each.counts() for each in bits])
+    expected = np.stack([jl.reconstruct(each) for each in bits])
+    np.testing.assert_array_equal(jl.reconstruct(counts, plain, trials=8), expected)
+    balanced = jl.reconstruct(counts, plain.replace(mosaic=mosaic, gain=plain.gain))
+    np.testing.assert_allclose(balanced, expected * np.float32([0.5, 1.0, 0.8]), rtol=1e-6)
+
+
+def test_dead_pixels_are_filled_by_the_color_network():
+    mask = np.random.default_rng(3).random((64, 64)) < 0.02
+    bits = jl.Sensor(frames=64, mosaic="RGGB", mask=mask).expose(SCENE, rng=0)
+    with pytest.warns(jl.JotlightWarning, match="have no valid bit"):
+        found = jl.reconstruct(bits)
+    whole = jl.reconstruct(jl.Sensor(frames=64, mosaic="RGGB").expose(SCENE, rng=0))
+    assert psnr(found) > psnr(whole) - 0.5
+
+
+@pytest.mark.parametrize(
+    "options", [{"frames": 2000}, {"frames": 8, "bit_depth": 3}, {"frames": 8, "trials": True}]
+)
+def test_other_data_have_planes_by_default(options):
+    has_map = options.pop("trials", False)
+    sensor = jl.Sensor(mosaic="RGBW", **options)
+    data = sensor.expose(SCENE[:32, :32], rng=0)
+    arguments = (data.counts(), sensor) if has_map else (data,)
+    maps = {"trials": np.full((32, 32), 8.0)} if has_map else {}
+    _, info = jl.reconstruct(*arguments, return_info=True, **maps)
+    assert "color differences" in info.title
+    with pytest.raises(ValueError, match='demosaicing: "network" estimates colors from the bits'):
+        jl.reconstruct(*arguments, demosaicing="network", **maps)
+
+
+@pytest.mark.parametrize(
+    "options", [{"method": "mle"}, {"quality": "small"}, {"fallback": True}, {"weight": 1.0}]
+)
+def test_the_color_network_takes_no_method(options):
+    bits = jl.Sensor(frames=8, mosaic="RGGB").expose(SCENE, rng=0)
+    with pytest.raises(ValueError, match="it takes no method, quality, fallback, or options"):
+        jl.reconstruct(bits, demosaicing="network", **options)
 
 
 @pytest.mark.parametrize("mosaic", ["RGGB", "RGB", "RRGG/RRGG/GGBB/GGBB", RANDOM], ids=repr)
@@ -126,6 +185,12 @@ def test_the_command_line_simulates_and_reconstructs_a_mosaic(run, tmp_path):
     found = np.load(tmp_path / "out.npy")
     np.testing.assert_allclose(found, jl.reconstruct(bits, **LINEAR), atol=1e-6)
     assert "color differences" in printed
+    status, printed = run("reconstruct", "bits.npy", "-o", "network.npy")
+    assert status == 0, printed
+    assert "by network, color in" in printed
+    np.testing.assert_allclose(np.load(tmp_path / "network.npy"), jl.reconstruct(bits), atol=1e-6)
+    record = json.loads((tmp_path / "network.npy.json").read_text())["origin"]
+    assert file_checksum(COLOR_FILE) in record["weights_sha256"]
     np.save(tmp_path / "raw.npy", np.asarray(bits.packed))
     options = ("-o", "raw_out.npy", "-t", 16, "--max-intensity", 1, "--mosaic", "RGGB")
     assert run("reconstruct", "raw.npy", *options, *differences)[0] == 0

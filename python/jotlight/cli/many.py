@@ -40,6 +40,7 @@ from jotlight.images.io import image_writer
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.lazy import frames_per_chunk
+from jotlight.sensing.readings import refuse_mosaic
 from jotlight.sensing.sensor import Sensor
 
 _MIN_CHUNK = 1 << 27
@@ -266,6 +267,7 @@ def _video_job(
 def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor]) -> Estimator:
     """Return the method as the workers run it. Captures of equal sensors share one object."""
     sensor = sensors.setdefault(job.captured.sensor, job.captured.sensor)
+    refuse_mosaic(sensor)
     check_countable(sensor)
     if sensor.kernel != "box" and job.choice.quality is None and not _own_network(job, inputs):
         raise ValueError(

@@ -82,8 +82,8 @@ class MethodOptions:
         str | None,
         Parameter(
             group=METHOD_PANEL,
-            help=f"For a sensor with a mosaic: {' or '.join(TITLES)}. Default: menon for a Bayer "
-            "mosaic, and differences for others.",
+            help=f"For a sensor with a mosaic: network, {', '.join(TITLES)}. Default: network if "
+            "no method is requested, else menon for a Bayer mosaic, and differences for others.",
         ),
     ] = None
 

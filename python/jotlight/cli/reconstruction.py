@@ -22,10 +22,10 @@ from jotlight.cli.records import Records, origin_of
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.problem import ConvergenceHistories
-from jotlight.evaluation.choice import Choice, choose_method
+from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
-from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.reconstruct import JOINT, reconstruct
 from jotlight.files import atomic_write_together, refuse_overwrite
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
@@ -45,8 +45,8 @@ class Reconstruction:
     captured: Captured
     """The capture, whose sensor has the frames of one image."""
     choice: Choice
-    method: str | Network
-    """The name of the method, or the network."""
+    method: str | Network | None
+    """The name of the method, or the network. None: the color network."""
     settings: dict[str, Any]
     """Keyword arguments of the method."""
     calibration: AppliedCalibration | None
@@ -99,15 +99,25 @@ class Inputs:
             Number of frames of the image. Default: all.
         """
         opened = self.capture.open(self.path, self.sensor.stated_trials(), self.sensor.bit_depth)
-        return self.prepare_opened(opened, output, window=window)
+        takes_colors = window is None and not self.motion.motion
+        return self.prepare_opened(opened, output, window=window, takes_colors=takes_colors)
 
     def prepare_opened(
-        self, opened: Capture, output: Path, *, window: int | None = None
+        self,
+        opened: Capture,
+        output: Path,
+        *,
+        window: int | None = None,
+        takes_colors: bool = False,
     ) -> Reconstruction:
-        """Return the reconstruction of an image from an opened capture, as :meth:`prepare`."""
+        """Return the reconstruction of an image from an opened capture, as :meth:`prepare`.
+
+        With `takes_colors`, the method may be the color network.
+        """
         request = self.method.request()
         if self.motion.factor > 1:
             request = request or DEFAULT_METHOD
+        is_joint = self.method.demosaicing in (None, JOINT) and not self.method.fallback
         network = None if self.method.model is None else Network.load(self.method.model)
         sensor_kwargs = self.sensor.to_kwargs()
         calibration = None
@@ -138,6 +148,7 @@ class Inputs:
             requested=request,
             network=network,
             is_range_known=is_range_known,
+            is_color=takes_colors and is_joint and captured.sensor.mosaic is not None,
         )
         if self.motion.factor > 1 and choice.quality is None and network is None:
             raise ValueError(
@@ -146,7 +157,9 @@ class Inputs:
         if choice.quality is not None and captured.sensor.mosaic is None:
             network = pretrained(captured.sensor, choice.quality)
         captured = _with_max_intensity(captured, choice.max_intensity)
-        method = choice.method if network is None else network
+        # The color network is the default for colors, and has no name.
+        named = None if choice.method == COLOR_NETWORK else choice.method
+        method = named if network is None else network
         settings = self.method.settings()
         white = choice.max_intensity if is_range_known else None
         return Reconstruction(
@@ -232,7 +245,7 @@ def reconstruct_image(
             estimate,
             data,
             captured.sensor,
-            method=job.method,
+            method=job.method or DEFAULT_METHOD,
             white=job.white,
             metadata=metadata,
             threads=threads,

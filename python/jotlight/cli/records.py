@@ -8,13 +8,13 @@ from typing import Any, Protocol
 from jotlight._engine import __version__
 from jotlight.cli.applied_calibration import FORMAT, AppliedCalibration, is_record
 from jotlight.cli.captured import Captured
-from jotlight.evaluation.choice import Choice
+from jotlight.evaluation.choice import COLOR_NETWORK, Choice
 from jotlight.evaluation.methods import LARGE_METHOD
-from jotlight.evaluation.mosaics import plane_sensors
 from jotlight.files import write_file
 from jotlight.formats.checksums import file_checksum
 from jotlight.formats.locations import file_state
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained_file
+from jotlight.networks.mosaic_planes import plane_sensors
+from jotlight.networks.pretrained import COLOR_FILE, CONDITIONAL_SIZE, pretrained_file
 from jotlight.sensing.bits import Bits
 
 _NO_PLACE = (".npy", ".npz")
@@ -145,6 +145,9 @@ def origin_of(job: Made, checksum: tuple[int, int]) -> dict[str, Any]:
         else pretrained_file(each, quality, is_conditional=is_conditional)
         for each in plane_sensors(sensor)
     }
+    if choice.method == COLOR_NETWORK:
+        medium = pretrained_file(sensor, CONDITIONAL_SIZE, is_conditional=True)
+        files = {COLOR_FILE, medium}
     weights = sorted(file_checksum(file) for file in files if file)
     content = "packed" if isinstance(job.captured.data, Bits) else "counts"
     return {

@@ -19,6 +19,12 @@ from jotlight.sensing.sensor import Sensor
 OWN_NETWORK = "network"
 """Name of the method that runs a network from the caller."""
 
+COLOR_NETWORK = "network-color"
+"""Name of the method that runs the color network."""
+
+TITLES = {OWN_NETWORK: "network, own", COLOR_NETWORK: "network, color"}
+"""Names of the methods that are not in :data:`METHODS`, in tables and messages."""
+
 
 def requested_method(method: str | None, options: Collection[str] = ()) -> str | None:
     """Return the requested method: the named one, or the one that an option selects.
@@ -66,7 +72,7 @@ class Choice:
     """The method for some data, and the range of its estimate."""
 
     method: str
-    """Key of :data:`METHODS`, or :data:`OWN_NETWORK`."""
+    """Key of :data:`METHODS`, :data:`OWN_NETWORK`, or :data:`COLOR_NETWORK`."""
     quality: str | None
     """Size of the shipped network to load, or None for other methods."""
     max_intensity: float
@@ -83,7 +89,7 @@ class Choice:
     @property
     def title(self) -> str:
         """Name of the method in tables and messages."""
-        return "network, own" if self.method == OWN_NETWORK else METHODS[self.method].title
+        return TITLES.get(self.method) or METHODS[self.method].title
 
 
 def choose_method(
@@ -92,6 +98,7 @@ def choose_method(
     requested: str | None = None,
     network: Network | None = None,
     is_range_known: bool = True,
+    is_color: bool = False,
 ) -> Choice:
     """Return the method for some data: the requested one, or the best one for the sensor.
 
@@ -101,12 +108,15 @@ def choose_method(
         Sensor of the data.
     requested : str, optional
         Key of :data:`METHODS`, as returned by :func:`requested_method`. Default: the network
-        `DEFAULT_METHOD`, or `LARGE_METHOD` if K is above `LARGE_TRIALS` and the kernel is the box.
+        `DEFAULT_METHOD`, or `LARGE_METHOD` if K is above `LARGE_TRIALS` and the kernel is the box,
+        or else `COLOR_NETWORK` for colors.
     network : Network, optional
         Network of the caller. It replaces the request.
     is_range_known : bool
         Whether the data or the user state the largest intensity S. Otherwise, with a box kernel, S
         rises to the saturation of the bits, if the method allows it.
+    is_color : bool
+        Whether the data are those of a mosaic, and the caller can run the color network.
 
     Returns
     -------
@@ -124,10 +134,13 @@ def choose_method(
         method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
     else:
         is_large = sensor.trials > LARGE_TRIALS and sensor.kernel == "box"
-        method = requested or (LARGE_METHOD if is_large else DEFAULT_METHOD)
+        is_color = is_color and sensor.kernel == "box" and sensor.has_plain_bits
+        default = COLOR_NETWORK if is_color else DEFAULT_METHOD
+        method = requested or (LARGE_METHOD if is_large else default)
         if requested is None:
-            reason = f"recommended for {sensor.trials:,} trials per pixel"
-        quality = METHODS[method].quality
+            kind = "colors" if method == COLOR_NETWORK else f"{sensor.trials:,} trials per pixel"
+            reason = f"recommended for {kind}"
+        quality = None if method == COLOR_NETWORK else METHODS[method].quality
         # K-conditioned networks serve any S. Networks for one K were trained for S = 1.
         has_fixed_range = quality is not None and not uses_conditional(sensor, quality)
     max_intensity = sensor.max_intensity

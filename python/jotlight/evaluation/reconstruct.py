@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
-from jotlight.evaluation.choice import choose_method, requested_method
+from jotlight.evaluation.choice import COLOR_NETWORK, choose_method, requested_method
 from jotlight.evaluation.clipping import warn_about_clipping
 from jotlight.evaluation.different_readings import takes_readings, with_one_response
 from jotlight.evaluation.held_out import blend, smooth_kernel_reason
@@ -22,7 +22,7 @@ from jotlight.evaluation.methods import (
     OPTION_DEFAULTS,
     check_options,
 )
-from jotlight.evaluation.mosaics import reconstruct_mosaic
+from jotlight.evaluation.mosaics import LIMITS, reconstruct_mosaic, takes_colors
 from jotlight.evaluation.own_method import OwnMethod, run_own
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.network import Network
@@ -39,6 +39,9 @@ from jotlight.sensing.pixel_counts import (
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
+
+JOINT = "network"
+"""The `demosaicing` by the color network."""
 
 
 @overload
@@ -117,10 +120,12 @@ def reconstruct(
     units : {"intensity", "photons", "photons-per-second"}
         Units of the result: intensities; or detected photons per pixel and frame, or per pixel and
         second if the sensor states its `exposure_time`.
-    demosaicing : {"menon", "differences"}, optional
+    demosaicing : {"network", "menon", "differences"}, optional
         For a sensor with a mosaic, whose planes of each color are estimated by the method: how they
-        become an image (:func:`jotlight.estimators.demosaicing.demosaic`). Default: "menon" for a
-        Bayer mosaic, which needs the extra `color`, and "differences" for others.
+        become an image (:func:`jotlight.estimators.demosaicing.demosaic`). "network" is the color
+        network, which improves "differences" with the bits of all filters. Default: "network"
+        without a method, for up to 1,000 trials per pixel; else "menon" for a Bayer mosaic, which
+        needs the extra `color`, and "differences" for others.
     out : ndarray of float32, optional
         Array for the result, of its shape, which is returned. It saves the time for new memory,
         which large images notice. Default: a new one.
@@ -178,20 +183,13 @@ def reconstruct(
         sensor = carried_sensor(data) or method.default_sensor or method.sensor
     declared = carried_sensor(data) if sensor is None else sensor
     if isinstance(declared, Sensor) and declared.mosaic is not None:
-        run: Any = partial(
-            reconstruct,
-            method=method,
-            quality=quality,
-            threads=threads,
-            fallback=fallback,
-            return_info=True,
-            **options,
+        run = partial(reconstruct, method=method, quality=quality, fallback=fallback, **options)
+        arrays: dict[str, Any] = {"trials": trials, "channel_axis": channel_axis, "out": out}
+        is_default = method is None and quality is None and not fallback and not options
+        colors, info = _run_mosaic(
+            data, declared, run, demosaicing, threads, arrays, is_default=is_default
         )
         scale = np.float32(unit_scale(declared, units))
-        arrays: dict[str, Any] = {"trials": trials, "channel_axis": channel_axis, "out": out}
-        colors, info = reconstruct_mosaic(
-            data, declared, run, **arrays, demosaicing=demosaicing, threads=threads
-        )
         colors *= scale
         return (colors, info) if return_info else colors
     if demosaicing is not None:
@@ -218,6 +216,27 @@ def reconstruct(
         is_own = out is not None or isinstance(method, str | Network | None)
         estimate = np.multiply(estimate, scale, out=estimate if is_own else None)
     return (estimate, info) if return_info else estimate
+
+
+def _run_mosaic(
+    data: Data,
+    sensor: Sensor,
+    run: Callable[..., Any],
+    demosaicing: str | None,
+    threads: int | None,
+    arrays: dict[str, Any],
+    *,
+    is_default: bool,
+) -> tuple[Image, Info]:
+    """Return the colors of a mosaic by the color network, or by the method that `run` estimates."""
+    is_default = is_default and takes_colors(data, arrays["trials"])
+    choice = choose_method(sensor, is_color=is_default)
+    is_joint = choice.method == COLOR_NETWORK and demosaicing in (None, JOINT)
+    if demosaicing == JOINT and not is_joint:
+        raise ValueError(f'demosaicing: "network" {LIMITS}')
+    estimate = None if is_joint else partial(run, threads=threads, return_info=True)
+    after = None if is_joint else demosaicing
+    return reconstruct_mosaic(data, sensor, estimate, **arrays, demosaicing=after, threads=threads)
 
 
 def _run(

@@ -26,9 +26,12 @@ class WritableNetwork(Protocol):
 
     layers: tuple[Layer, ...]
     sensor: Sensor
-    trials_range: tuple[int, int] | None
     rotations: int
     history: dict[str, Any]
+
+    @property
+    def trials_range(self) -> tuple[int, int] | None:
+        """Smallest and largest K of a K-conditioned network."""
 
 
 def write_network(

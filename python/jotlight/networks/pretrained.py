@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from jotlight.networks.architectures import EXTRA_LARGE, QUALITIES
+from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.network import Network
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
@@ -24,6 +25,9 @@ MAX_TRIALS = 256
 
 FOLDER = Path(__file__).parent / "weights"
 """Folder of the files: `small-k16.safetensors`, for example, with its card `small-k16.md`."""
+
+COLOR_FILE = FOLDER / "color.safetensors"
+"""The network for colors, of mosaics and of channels."""
 
 _MAX_DARK_COUNTS = 0.05
 """Largest dark counts per jot and frame that networks for one K serve.
@@ -116,6 +120,17 @@ def pretrained_conditional(sensor: Sensor, quality: str) -> Network:
     """
     check_quality(quality)
     return _load(pretrained_file(sensor, quality, is_conditional=True), sensor, quality)
+
+
+def pretrained_color() -> ColorNetwork:
+    """Return the trained network for colors.
+
+    Examples
+    --------
+    >>> pretrained_color().trials_range
+    (1, 256)
+    """
+    return ColorNetwork.load(COLOR_FILE)
 
 
 def _load(file: Path, sensor: Sensor, quality: str) -> Network:

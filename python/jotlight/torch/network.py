@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from jotlight.networks.conditioning import conditioning_weights, count_sets
 from jotlight.networks.graph import size_divisor
+from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import refuse_rotations
 from jotlight.networks.network import Network as EngineNetwork
 from jotlight.networks.served_sensors import choose_sensor
@@ -57,6 +58,9 @@ class Network(nn.Module):
     torch.Size([1, 1, 20, 30])
     """
 
+    load_network = staticmethod(EngineNetwork.load)
+    """Function that reads the network of the engine from a file; a subclass can replace it."""
+
     def __init__(
         self,
         source: EngineNetwork | str | os.PathLike[str],
@@ -64,7 +68,7 @@ class Network(nn.Module):
         device: torch.device | str | int | None = None,
     ) -> None:
         super().__init__()
-        network = source if isinstance(source, EngineNetwork) else EngineNetwork.load(source)
+        network = self.load_network(source) if isinstance(source, str | os.PathLike) else source
         refuse_rotations(network.rotations, "jotlight.torch.Network")
         self.origin = network
         self.filter_dtype = torch.float32
@@ -200,6 +204,10 @@ class Network(nn.Module):
             )
             for index, layer in enumerate(self.origin.layers)
         ]
+        return self.rebuild(layers)
+
+    def rebuild(self, layers: list[Layer]) -> EngineNetwork:
+        """Return a network of the engine with other layers; a subclass can override it."""
         origin = self.origin
         range_ = origin.trials_range
         network = EngineNetwork(layers, origin.sensor, origin.history, trials_range=range_)
@@ -230,8 +238,7 @@ class Network(nn.Module):
         self, data: Tensor, filters: list[Tensor], coefficients: list[Tensor | None]
     ) -> Tensor:
         """Return the input of the last spline."""
-        data = data.to(filters[0].dtype)
-        sums = correlate(data, filters[0], self._pixel_side, self.filter_dtype)
+        sums = self.first_sums(data.to(filters[0].dtype), filters[0])
         height, width = sums.shape[-2:]
         divisor = self._size_divisor
         sums = mirror_pad(sums, (0, -height % divisor), (0, -width % divisor))
@@ -243,6 +250,18 @@ class Network(nn.Module):
             if spec.skip is not None:
                 sums = sums + outputs[spec.skip]
         return sums[..., :height, :width]
+
+    def first_sums(self, data: Tensor, filters: Tensor) -> Tensor:
+        """Return the input of the first layer's splines, (N, C, H, W); a subclass can override it.
+
+        Parameters
+        ----------
+        data : Tensor
+            Counts or bits, as for :meth:`forward`.
+        filters : Tensor, shape (C, T, K̂, K̂) or (C, 1, 1, 1)
+            Filters of the first layer.
+        """
+        return correlate(data, filters, self._pixel_side, self.filter_dtype)
 
     def _interpolate(
         self, trials: int | None, *, is_zeros: bool = False

@@ -111,7 +111,7 @@ class Batch:
         return relative.mean((1, 2, 3))
 
 
-class _Exposures(NamedTuple):
+class Exposures(NamedTuple):
     """Exposures of the patches of a step, for a K-conditioned network."""
 
     trials: int
@@ -168,14 +168,14 @@ class PatchLoader:
         ]
         patches = [self.source.draw(generator, self.side) for generator in generators]
         if exposures is not None:
-            return _exposed_batch(patches, exposures, generators, shard)
+            return self._expose_conditional(patches, exposures, generators, shard)
         truth = np.stack([patch.values for patch in patches])
         data = self._expose(truth, factors[shard], generators, threads)
         max_intensity = np.float32(self.sensor.max_intensity)
         truth = np.minimum(truth * factors[shard, None, None], max_intensity)
         return Batch(data, torch.from_numpy(truth)[:, None])
 
-    def _draw_exposures(self, rng: np.random.Generator) -> _Exposures | None:
+    def _draw_exposures(self, rng: np.random.Generator) -> Exposures | None:
         """Return random exposures for a K-conditioned network, and None for another one."""
         if self.network.trials_range is None:
             return None
@@ -197,7 +197,7 @@ class PatchLoader:
         light = np.where(chance < _USUAL_LIGHT_FRACTION, usual_light, light)
         light = np.where(chance >= 1 - _EXTREME_FRACTION, extreme_light, light)
         dark_counts = np.where(rng.random(self.batch_size) < 1 / 2, 0, dark_counts)
-        return _Exposures(trials, light, dark_counts)
+        return Exposures(trials, light, dark_counts)
 
     def _draw_factors(self, rng: np.random.Generator) -> npt.NDArray[np.float32]:
         """Return the brightness of each patch, relative to its image."""
@@ -227,29 +227,53 @@ class PatchLoader:
             data.append(counts.astype(np.float32))
         return torch.from_numpy(np.stack(data))
 
+    def _expose_conditional(
+        self,
+        patches: list[Patch],
+        exposures: Exposures,
+        generators: list[np.random.Generator],
+        shard: slice,
+    ) -> Batch:
+        """Return a batch for a K-conditioned network."""
+        dark_counts = exposures.dark_counts[shard]
+        means = np.array([patch.image_mean for patch in patches])
+        slopes = (exposures.light[shard] / np.maximum(means, 1e-6)).astype(np.float32)
+        trials, data = exposures.trials, []
+        each = zip(patches, slopes, dark_counts, generators, strict=True)
+        for patch, slope, dark, generator in each:
+            data.append(self.expose_patch(patch.values, slope, dark, trials, generator))
+        truth = np.stack([patch.values for patch in patches])
+        return Batch(
+            torch.from_numpy(np.stack(data)),
+            torch.from_numpy(truth if truth.ndim == 4 else truth[:, None]),
+            trials,
+            torch.from_numpy(slopes),
+            torch.from_numpy(dark_counts.astype(np.float32)),
+        )
 
-def _exposed_batch(
-    patches: list[Patch],
-    exposures: _Exposures,
-    generators: list[np.random.Generator],
-    shard: slice,
-) -> Batch:
-    """Return a batch for a K-conditioned network."""
-    dark_counts = exposures.dark_counts[shard]
-    means = np.array([patch.image_mean for patch in patches])
-    slopes = (exposures.light[shard] / np.maximum(means, 1e-6)).astype(np.float32)
-    truth = np.stack([patch.values for patch in patches])
-    rates = truth * slopes[:, None, None] + dark_counts[:, None, None]
-    counts = np.stack(
-        [
-            generator.binomial(exposures.trials, detection_probability(1, rate))
-            for rate, generator in zip(rates.astype(np.float64), generators, strict=True)
-        ]
-    ).astype(np.float32)
-    return Batch(
-        torch.from_numpy(counts)[:, None],
-        torch.from_numpy(truth)[:, None],
-        exposures.trials,
-        torch.from_numpy(slopes),
-        torch.from_numpy(dark_counts.astype(np.float32)),
-    )
+    def expose_patch(
+        self,
+        values: npt.NDArray[np.float32],
+        slope: np.float32,
+        dark_counts: np.float64,
+        trials: int,
+        generator: np.random.Generator,
+    ) -> npt.NDArray[np.float32]:
+        """Return what a K-conditioned network reads of a patch: counts (1, H, W).
+
+        Parameters
+        ----------
+        values : ndarray
+            Intensities of the patch.
+        slope : float
+            Light per jot and frame at intensity 1.
+        dark_counts : float
+            Dark counts per jot and frame.
+        trials : int
+            K.
+        generator : numpy.random.Generator
+            Draws the bits.
+        """
+        rate = values * slope + dark_counts
+        counts = generator.binomial(trials, detection_probability(1, rate))
+        return counts.astype(np.float32)[None]

@@ -10,9 +10,12 @@ from torch import Tensor
 
 from jotlight.checks import positive_number, whole_number
 from jotlight.metrics import psnr
+from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.network import Network
 from jotlight.progress import Progress
 from jotlight.sensing.sensor import Sensor
+from jotlight.torch.color_network import ColorNetwork as TorchColorNetwork
+from jotlight.torch.color_patches import ColorPatchLoader
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import PatchLoader
@@ -159,6 +162,9 @@ def train(
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
     source = as_patch_source(images)
     side = _patch_side(source, patch)
+    is_color = isinstance(network, ColorNetwork)
+    if is_color and test is not None:
+        raise ValueError("test: expected none for a color network; measure it after the training")
     tests = None if test is None else check_images(test)
     with (
         process_group(chosen_device) as group,
@@ -170,10 +176,11 @@ def train(
                 f"processes, got {batch}"
             )
         network, seed = group.shared_network(network), group.shared_seed(rng)
-        loader = PatchLoader(source, network, patch_sensor(sensor), seed, batch, side)
+        kind = ColorPatchLoader if is_color else PatchLoader
+        loader = kind(source, network, patch_sensor(sensor), seed, batch, side)
         settings = {**_settings(loader, tests, learning_rate, steps), "precision": precision}
         with thread_limit(threads):
-            module = TorchNetwork(network).to(chosen_device)
+            module = (TorchColorNetwork if is_color else TorchNetwork)(network).to(chosen_device)
             module.filter_dtype = filter_dtype
             trainer = ImageTrainer(module, loader, settings, learning_rate, tests, group)
             trainer.begin(checkpoint, resume)

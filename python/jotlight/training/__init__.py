@@ -3,11 +3,13 @@
 In reading order: `loop` (the function `train`), `patches` and `images` (training examples), `cost`
 (the objective and its gradient), `parameters` (all parameters as one vector), `admissible` (the set
 that they stay in), `optimizer`, `optimizers`, and `gauss_newton` (steps), `history` and
-`checkpoint` (records and state of a run). `patch_sources`, `photographs`, `url_photographs`, and
-`synthetic_patches` are sources of patches for :func:`jotlight.torch.train`.
+`checkpoint` (records and state of a run). `patch_sources`, `photographs`, `color_patches`,
+`url_photographs`, and `synthetic_patches` are sources of patches for
+:func:`jotlight.torch.train`.
 """
 
 from jotlight.training.admissible import AdmissibleSet, SafeSet
+from jotlight.training.color_patches import ColorPatches
 from jotlight.training.cost import Cost
 from jotlight.training.gauss_newton import GaussNewton
 from jotlight.training.history import History, Record
@@ -30,6 +32,7 @@ __all__ = [
     "OPTIMIZERS",
     "Adam",
     "AdmissibleSet",
+    "ColorPatches",
     "Cost",
     "GaussNewton",
     "GeneratedPatches",

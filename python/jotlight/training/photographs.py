@@ -121,6 +121,13 @@ class PhotographPatches(PatchSource):
         planes, means = self._photograph(int(rng.integers(len(self))))
         is_color = rng.random() < self.color and len(planes) > 1
         plane = int(rng.integers(1, len(planes))) if is_color else 0
+        values, is_linear = self._cut(rng, planes[plane : plane + 1], side)
+        return Patch(values[0], float(means[int(is_linear), plane]))
+
+    def _cut(
+        self, rng: np.random.Generator, planes: Planes, side: int
+    ) -> tuple[npt.NDArray[np.float32], bool]:
+        """Return a random patch of planes, (P, side, side), and whether it is linear in light."""
         is_linear = bool(rng.random() < self.linear)
         size = np.array(planes.shape[1:])
         scale = 1.0
@@ -132,9 +139,9 @@ class PhotographPatches(PatchSource):
         else:
             corner = rng.uniform(0, np.maximum(size - scale * side, 0))
         tones = _LINEAR if is_linear else _ENCODED
-        values = _average_areas(planes[plane], tones, corner, scale, side)
-        values = apply_symmetry(values, int(rng.integers(8)))
-        return Patch(values, float(means[int(is_linear), plane]))
+        values = [_average_areas(plane, tones, corner, scale, side) for plane in planes]
+        symmetry = int(rng.integers(8))
+        return np.stack([apply_symmetry(each, symmetry) for each in values]), is_linear
 
     def fingerprint(self) -> str:
         """Return a digest of the photographs and of the settings."""

@@ -13,7 +13,7 @@ from jotlight.estimators.mle_iterative import SOLVERS
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
 from jotlight.evaluation.methods import METHODS
-from jotlight.networks.pretrained import FOLDER
+from jotlight.networks.pretrained import COLOR_FILE, FOLDER
 
 SLOW_STRIDE = 17
 """Stride of BM3D, which takes 0.6 s even for one pixel, because it pads to 16 x 16."""
@@ -58,7 +58,8 @@ def build_methods() -> dict[str, SweptMethod]:
         found[f"uncertainty ({limit})"] = SweptMethod(partial(_confidence_limit, limit))
     denoised = partial(jl.noniterative, denoiser=_absurd_denoiser, threads=1)
     found["noniterative (absurd denoiser)"] = SweptMethod(denoised)
-    for path in sorted(FOLDER.glob("*.safetensors")):
+    found["colors"] = SweptMethod(_run_color)
+    for path in sorted(set(FOLDER.glob("*.safetensors")) - {COLOR_FILE}):
         found[f"network {path.stem}"] = SweptMethod(partial(_run_network, path.stem), path.stem)
     return found
 
@@ -92,3 +93,14 @@ def _run_method(name: str, options: dict[str, Any], bits: jl.Bits, sensor: jl.Se
 
 def _run_network(name: str, bits: jl.Bits, sensor: jl.Sensor) -> Any:
     return load(name).reconstruct(bits, sensor, threads=1)
+
+
+def _run_color(bits: jl.Bits, sensor: jl.Sensor) -> Any:
+    """Return the green of bits behind an RGGB mosaic, of each channel of color bits."""
+    # Masks may leave no pixel of a filter, which is an error.
+    sensor = sensor.without_maps().replace(kernel="box")
+    if min(bits.shape[1:3]) < 2 * sensor.oversampling:  # not all filters have a pixel
+        return jl.reconstruct(bits, sensor, threads=1)
+    own = sensor.replace(mosaic="RGGB", gain=sensor.gain)
+    each = [jl.reconstruct(one, own, threads=1)[..., 1] for one in bits.channels()]
+    return np.stack(each, axis=-1) if len(bits.shape) == 4 else np.ascontiguousarray(each[0])

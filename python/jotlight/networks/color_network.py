@@ -1,0 +1,156 @@
+"""A network that estimates colors jointly, from pixels behind color filters or from channels."""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Self, cast
+
+import numpy as np
+import numpy.typing as npt
+
+import jotlight._engine as engine
+from jotlight.networks.bounds import output_bounds
+from jotlight.networks.color_layers import COLORS, build_color
+from jotlight.networks.color_planes import PLANES, Filtered, color_planes
+from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.graph import halo_radius, size_divisor
+from jotlight.networks.layer import Layer
+from jotlight.networks.network_files import read_network, write_network
+from jotlight.sensing.sensor import Sensor
+
+Image = npt.NDArray[np.float32]
+
+_LARGEST_INPUT = np.pi / 2
+"""Largest absolute value of a plane."""
+
+
+class ColorNetwork:
+    """A K-conditioned network that improves classical colors with the bits of all filters.
+
+    :func:`jotlight.reconstruct` uses it for sensors with a mosaic.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        The first layer has the planes of :mod:`jotlight.networks.color_planes`, and the last one
+        three channels: P(b = 1) of red, green, and blue.
+    history : mapping, optional
+        How the network was made, in values that JSON can hold.
+    trials_range : (int, int)
+        Smallest and largest K of the network.
+
+    Raises
+    ------
+    ValueError
+        When the layers do not fit each other or the planes.
+
+    Examples
+    --------
+    >>> network = ColorNetwork.initial("small", rng=0)
+    >>> network.halo
+    8
+    """
+
+    def __init__(
+        self,
+        layers: Sequence[Layer],
+        history: Mapping[str, Any] | None = None,
+        *,
+        trials_range: tuple[int, int],
+    ) -> None:
+        self.layers = tuple(layers)
+        self.trials_range = trials_range
+        self.history = dict(history or {})
+        self.sensor, self.rotations, self.tied = Sensor(), 1, True
+        self.default_sensor: Sensor | None = None
+        _check_color_layers(self.layers)
+        output_bounds(self.layers, _LARGEST_INPUT)
+
+    @classmethod
+    def initial(
+        cls,
+        architecture: str = "medium",
+        *,
+        trials_range: tuple[int, int] = (1, 256),
+        rng: int | None = None,
+    ) -> Self:
+        """Return an untrained network, whose output is its start, the classical colors.
+
+        Parameters
+        ----------
+        architecture : {"small", "medium", "large"}
+            Layers and channels: :data:`jotlight.networks.architectures.ARCHITECTURES`.
+        trials_range : (int, int)
+            Smallest and largest K, the number of trials per pixel.
+        rng : int, optional
+            Seed of the filters. Default: a fresh one.
+        """
+        layers = build_color(architecture, np.random.default_rng(rng))
+        history = {"start": f"{architecture}, starts at classical colors"}
+        return cls(layers, history, trials_range=trials_range)
+
+    @property
+    def halo(self) -> int:
+        """Radius of the receptive field in pixels, without that of the classical estimate."""
+        return halo_radius(self.layers)
+
+    def check_sensor(self, sensor: Sensor) -> None:
+        """Raise ValueError for a sensor whose kernel spreads light over several filters."""
+        if sensor.kernel != "box":
+            raise ValueError(f"sensor: expected the box kernel for colors, got {sensor.kernel}")
+
+    def estimate_probability(
+        self,
+        filters: Sequence[Filtered],
+        start: npt.NDArray[np.floating],
+        to_probability: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]],
+        trials: float,
+        *,
+        threads: int | None = None,
+    ) -> Image:
+        """Return P(b = 1) of red, green, and blue light, (3, H, W).
+
+        The first parameters are those of :func:`jotlight.networks.color_planes.color_planes`.
+        `trials` is the usual number of readings behind a pixel. Outside of the range of the
+        network, its nearest parameters are used.
+        """
+        planes = color_planes(filters, start, to_probability)
+        served = float(np.clip(trials, *self.trials_range))
+        weights = conditioning_weights(served, self.trials_range, count_sets(self.layers))
+        layers = [layer.interpolate(weights).engine_layer for layer in self.layers]
+        out = np.empty((COLORS, *planes.shape[1:]), np.float32)
+        engine.forward(layers, [planes], [out], threads)
+        return out
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the network to a `.safetensors` file."""
+        write_network(path, self)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Return the network in a file that :meth:`save` wrote. No code in the file is executed.
+
+        Raises
+        ------
+        OSError, ValueError
+            When the file does not exist, or is not the file of a color network.
+        """
+
+        def make(
+            layers: Sequence[Layer], _: Sensor, history: Mapping[str, Any], **options: Any
+        ) -> "ColorNetwork":
+            return cls(layers, history, trials_range=options["trials_range"])
+
+        return cast(Self, read_network(path, make))
+
+
+def _check_color_layers(layers: Sequence[Layer]) -> None:
+    if not layers:
+        raise ValueError("layers: expected at least one, got none")
+    size_divisor(layers)
+    first, last = layers[0].channels, layers[-1].channels
+    if (first, last) != (PLANES, COLORS) or layers[0].shape[1:] != (1, 1, 1):
+        raise ValueError(
+            f"layers: expected {PLANES} channels of the first layer and {COLORS} of the last one, "
+            f"got {first} and {last}"
+        )
+    count_sets(layers)

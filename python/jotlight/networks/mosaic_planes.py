@@ -1,0 +1,145 @@
+"""The planes of a mosaic: gray images of the pixels of each filter."""
+
+import dataclasses
+import warnings
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.errors import JotlightWarning
+from jotlight.estimators.inpaint import warn_about_dead_pixels
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.mosaic import Mosaic, Pattern
+from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.sensor import Sensor
+
+Image = npt.NDArray[np.float32]
+
+I = TypeVar("I")  # noqa: E741
+
+MAX_POSITIONS = 4
+"""Maximum number of pixels of a period whose positions are planes of their own. In longer periods,
+the pixels of one position are too far apart, so the pixels of each filter are one plane."""
+
+
+def estimate_values(
+    counted: PixelCounts,
+    sensor: Sensor,
+    mosaic: Mosaic,
+    estimate: Callable[[Any, Sensor], tuple[Image, I]],
+) -> tuple[Image, list[I]]:
+    """Return the estimated intensity behind each pixel's filter, divided by its sensitivity.
+
+    Parameters
+    ----------
+    counted : PixelCounts
+        The counts of the pixels, (H, W).
+    sensor : Sensor
+        Their sensor, without the mosaic.
+    mosaic : Mosaic
+        The filters.
+    estimate : callable
+        ``estimate(planes, sensor)`` returns the estimates of gray planes, (N, h, w), and
+        information about them.
+
+    Returns
+    -------
+    ndarray of float32, shape (H, W)
+        The intensities.
+    list
+        The information about the planes.
+    """
+    places = mosaic.full(*counted.counts.shape)
+    by_filter = mosaic.pattern.size > MAX_POSITIONS
+    if by_filter and (dead := counted.dead_pixels) is not None:
+        warn_about_dead_pixels(dead[None])
+    values = np.zeros(counted.counts.shape, np.float32)
+    infos = []
+    for index, planes in _planes(places, mosaic):
+        own = _plane_sensor(sensor, float(mosaic.sensitivity[index]))
+        with warnings.catch_warnings():
+            if by_filter:
+                # The pixels of other filters are not dead.
+                warnings.filterwarnings("ignore", ".*have no valid bit", JotlightWarning)
+            estimates, info = estimate(_plane_data(counted, sensor, own, planes), own)
+        infos.append(info)
+        for plane, image in zip(planes, estimates, strict=True):
+            plane.write(values, image)
+    return values, infos
+
+
+@dataclasses.dataclass(frozen=True)
+class _Plane:
+    """The pixels of a filter: every n-th row and column, or those where `own` is True."""
+
+    rows: slice
+    columns: slice
+    own: npt.NDArray[np.bool_] | None = None
+
+    def take(self, value: Any) -> Any:
+        """Return the values of the pixels, if they have several."""
+        return value[self.rows, self.columns] if isinstance(value, np.ndarray) else value
+
+    def write(self, values: Image, image: Image) -> None:
+        """Write the pixels of the image."""
+        if self.own is None:
+            values[self.rows, self.columns] = image
+        else:
+            values[self.own] = image[self.own]
+
+
+def _planes(places: Pattern, mosaic: Mosaic) -> Iterator[tuple[int, list[_Plane]]]:
+    """Yield the place of each filter with its planes, which have the same size in each list."""
+    height, width = mosaic.pattern.shape
+    if mosaic.pattern.size > MAX_POSITIONS:
+        for index in np.unique(places).tolist():
+            yield index, [_Plane(slice(None), slice(None), places == index)]
+        return
+    planes: dict[tuple[int, tuple[int, ...]], list[_Plane]] = {}
+    for (row, column), index in np.ndenumerate(mosaic.pattern):
+        plane = _Plane(slice(row, None, height), slice(column, None, width))
+        shape = plane.take(places).shape
+        if 0 not in shape:
+            planes.setdefault((int(index), shape), []).append(plane)
+    for (index, _), same in planes.items():
+        yield index, same
+
+
+def _plane_sensor(sensor: Sensor, sensitivity: float) -> Sensor:
+    """Return the sensor of the pixels of a filter, which sees white light of intensity 1 as 1."""
+    return sensor.without_maps().replace(gain=sensor.gain * sensitivity)
+
+
+def plane_sensors(sensor: Sensor) -> list[Sensor]:
+    """Return the sensors of the planes of each filter of a mosaic; a gray sensor is its own plane.
+
+    Examples
+    --------
+    >>> plane_sensors(Sensor(frames=4, mosaic="RGBW"))[-1]
+    Sensor(frames=4, gain=12.0)
+    """
+    if sensor.mosaic is None:
+        return [sensor]
+    gray = sensor.replace(mosaic=None, gain=sensor.gain)
+    return [_plane_sensor(gray, float(each)) for each in sensor.mosaic.sensitivity]
+
+
+def _plane_data(counted: PixelCounts, sensor: Sensor, own: Sensor, planes: list[_Plane]) -> Any:
+    """Return the counts of planes, (N, h, w), or merged counts if their pixels differ."""
+    # Merged counts may have other numbers than the sensor.
+    are_usual = not sensor.maps() and all(
+        np.array_equal(getattr(counted, name), getattr(sensor, name))
+        for name in ("trials", "efficiency", "dark_counts")
+    )
+    if planes[0].own is None and are_usual:
+        return np.stack([plane.take(counted.counts) for plane in planes])
+    data = []
+    for plane in planes:
+        ones, trials = plane.take(counted.counts), plane.take(counted.trials)
+        if plane.own is not None:
+            ones, trials = np.where(plane.own, ones, 0), np.where(plane.own, trials, 0.0)
+        dark, efficiency = plane.take(counted.dark_counts), plane.take(counted.efficiency)
+        data.append(Merged(ones.astype(np.int32), trials, own, dark, efficiency))
+    return data

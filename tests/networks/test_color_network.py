@@ -1,0 +1,53 @@
+"""Color networks: their start, their files, and their errors."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.networks.color_network import ColorNetwork
+from jotlight.networks.color_planes import Filtered
+
+
+def data(shape):
+    """Return what pixels saw, the classical colors, and the response of a sensor."""
+    rng = np.random.default_rng(0)
+    fractions, start = rng.integers(0, 17, (3, *shape)) / 16, rng.random((3, *shape))
+    every = np.ones(shape)
+    seen = [Filtered(share, each, every) for share, each in zip(np.eye(3), fractions, strict=True)]
+    return seen, start, lambda intensity: np.clip(intensity, 0, 1)
+
+
+@pytest.mark.parametrize("size", ["small", "medium", "large"])
+@pytest.mark.parametrize("shape", [(16, 24), (9, 7)])
+def test_an_untrained_network_returns_the_classical_colors(size, shape):
+    network = ColorNetwork.initial(size, rng=0)
+    seen, start, response = data(shape)
+    found = network.estimate_probability(seen, start, response, 16)
+    np.testing.assert_allclose(found, start, atol=1e-5)
+
+
+def test_files_keep_a_network(tmp_path):
+    network = ColorNetwork.initial("small", trials_range=(2, 32), rng=0)
+    network.save(tmp_path / "c.safetensors")
+    loaded = ColorNetwork.load(tmp_path / "c.safetensors")
+    assert loaded.trials_range == (2, 32)
+    for layer, other in zip(network.layers, loaded.layers, strict=True):
+        np.testing.assert_array_equal(layer.filters, other.filters)
+    found, expected = (
+        each.estimate_probability(*data((8, 8)), 1000)  # the nearest K is used
+        for each in (loaded, network)
+    )
+    np.testing.assert_array_equal(found, expected)
+    with pytest.raises(ValueError, match=r"one output channel of the last layer, got 3"):
+        jl.Network.load(tmp_path / "c.safetensors")
+
+
+def test_other_layers_and_kernels_are_refused(tmp_path):
+    gray = jl.Network.conditional("small", rng=0)
+    gray.save(tmp_path / "gray.safetensors")
+    with pytest.raises(ValueError, match="expected 11 channels of the first layer and 3"):
+        ColorNetwork.load(tmp_path / "gray.safetensors")
+    with pytest.raises(ValueError, match="layers: expected at least one"):
+        ColorNetwork([], trials_range=(1, 4))
+    with pytest.raises(ValueError, match="expected the box kernel for colors, got cubic"):
+        ColorNetwork.initial("small", rng=0).check_sensor(jl.Sensor(kernel="cubic"))

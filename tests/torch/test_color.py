@@ -1,0 +1,70 @@
+"""Color networks in PyTorch: agreement with the engine, patches behind mosaics, and training."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+
+torch = pytest.importorskip("torch")
+from jotlight.networks.color_network import ColorNetwork as EngineColorNetwork  # noqa: E402
+from jotlight.networks.color_planes import Filtered, color_planes  # noqa: E402
+from jotlight.torch import train  # noqa: E402
+from jotlight.torch.color_network import ColorNetwork  # noqa: E402
+from jotlight.torch.color_patches import ColorPatchLoader  # noqa: E402
+from jotlight.training import ColorPatches, ImagePatches  # noqa: E402
+
+START = EngineColorNetwork.initial("small", rng=0)
+PHOTOGRAPH = (jl.datasets.photograph("astronaut")[::4, ::4] * 255).astype(np.uint8)
+SOURCE = ColorPatches([PHOTOGRAPH])
+OPTIONS = {"steps": 4, "batch": 4, "patch": 16, "rng": 3, "threads": 1, "device": "cpu"}
+
+
+def test_the_module_agrees_with_the_engine():
+    trained, _ = train(START, SOURCE, **{**OPTIONS, "steps": 6})
+    rng = np.random.default_rng(1)
+    every, start = np.ones((16, 24)), rng.random((3, 16, 24))
+    seen = [Filtered(share, rng.random((16, 24)), every) for share in np.eye(3)]
+
+    def response(intensity):
+        return np.clip(intensity, 0, 1)
+
+    found = trained.estimate_probability(seen, start, response, 9)
+    planes = torch.from_numpy(color_planes(seen, start, response))[None]
+    with torch.no_grad():
+        expected = ColorNetwork(trained).run_layers(planes, 9)[0]
+    assert (trained.layers[-1].filters != START.layers[-1].filters).any()
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    rebuilt = ColorNetwork(trained).to_network()
+    np.testing.assert_array_equal(rebuilt.estimate_probability(seen, start, response, 9), found)
+
+
+def test_a_batch_holds_different_mosaics_and_the_true_colors():
+    loader = ColorPatchLoader(SOURCE, START, jl.Sensor(), seed=0, batch_size=24, side=16)
+    batch = loader.batch(0, slice(None), 1)
+    assert batch.data.shape == (24, 11, 16, 16)
+    assert batch.truth.shape == (24, 3, 16, 16)
+    shares = batch.data[:, 4:8]
+    assert len({tuple(each[:, :2, :2].flatten().tolist()) for each in shares}) > 3
+    torch.testing.assert_close(shares.sum(1), torch.ones(24, 16, 16))  # one filter per pixel
+    part = loader.batch(0, slice(1, 3), 1)
+    torch.testing.assert_close(part.data, batch.data[1:3])
+
+
+def test_training_lowers_the_error():
+    loader = ColorPatchLoader(SOURCE, START, jl.Sensor(), seed=5, batch_size=16, side=24)
+    batch = loader.batch(0, slice(None), 1)
+    trained, _ = train(START, SOURCE, **{**OPTIONS, "steps": 60, "patch": 24, "batch": 8})
+
+    def error(network):
+        with torch.no_grad():
+            return float(batch.squared_errors(ColorNetwork(network)).mean())
+
+    assert error(trained) < 0.95 * error(START)
+
+
+def test_gray_patches_and_tests_are_refused():
+    gray = ImagePatches(np.random.default_rng(0).random((2, 20, 20), np.float32))
+    with pytest.raises(ValueError, match="images: expected color patches"):
+        train(START, gray, **OPTIONS)
+    with pytest.raises(ValueError, match="test: expected none for a color network"):
+        train(START, SOURCE, test=[np.ones((20, 20))], **OPTIONS)
