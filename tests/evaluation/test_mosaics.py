@@ -100,6 +100,17 @@ def test_other_data_have_planes_by_default(options):
 
 
 @pytest.mark.parametrize(
+    "mosaic", [RANDOM, "CMYG", Mosaic("RGGB", transmission=0.8 * np.eye(3) + 0.1)], ids=repr
+)
+def test_other_mosaics_have_planes_by_default(mosaic):
+    bits = jl.Sensor(frames=8, mosaic=mosaic).expose(SCENE, rng=0)
+    with pytest.raises(ValueError, match="and mosaics of ideal filters R, G, B, and W that repeat"):
+        jl.reconstruct(bits, demosaicing="network")
+    _, info = jl.reconstruct(bits, return_info=True, **LINEAR)
+    assert info.method == "network-medium"
+
+
+@pytest.mark.parametrize(
     "options", [{"method": "mle"}, {"quality": "small"}, {"fallback": True}, {"weight": 1.0}]
 )
 def test_the_color_network_takes_no_method(options):

@@ -168,7 +168,7 @@ def bucket(folder):
         yield options
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("name", ["capture.npy", "small.npy.gz", "array.zarr"])
 def test_captures_on_s3(folder, bucket, name):
     local = jl.open(folder / name)
@@ -178,7 +178,7 @@ def test_captures_on_s3(folder, bucket, name):
     np.testing.assert_array_equal(packed(pickle.loads(pickle.dumps(found))), packed(local))
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_globs_on_s3(bucket):
     assert expand("s3://bucket/day/cap*.npy", bucket) == [
         "s3://bucket/day/capture.mask.npy",
@@ -188,7 +188,7 @@ def test_globs_on_s3(bucket):
     assert size == 3000 * 32 * 8 + 128
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_credentials_that_fail(bucket, monkeypatch):
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_PROFILE"):
         monkeypatch.delenv(name, raising=False)

@@ -229,7 +229,7 @@ def _run_mosaic(
     is_default: bool,
 ) -> tuple[Image, Info]:
     """Return the colors of a mosaic by the color network, or by the method that `run` estimates."""
-    is_default = is_default and takes_colors(data, arrays["trials"])
+    is_default = is_default and takes_colors(data, sensor.mosaic, arrays["trials"])
     choice = choose_method(sensor, is_color=is_default)
     is_joint = choice.method == COLOR_NETWORK and demosaicing in (None, JOINT)
     if demosaicing == JOINT and not is_joint:

@@ -134,6 +134,11 @@ class Mosaic:
         return bool(max(self.pattern.shape) <= MAX_PERIOD)
 
     @property
+    def is_ideal(self) -> bool:
+        """Whether each filter passes what its letter says: W passes all light, R only red."""
+        return mosaic_checks.are_ideal(self.filters, self.transmission)
+
+    @property
     def bayer(self) -> str | None:
         """The order of a Bayer mosaic, such as "RGGB", or None for other mosaics."""
         letters = mosaic_text.letters_of(self.pattern, self.filters)
@@ -280,7 +285,7 @@ class Mosaic:
         if rows * columns > 2 * MAX_PERIOD:
             return f"<Mosaic: {rows} x {columns} pixels, filters {self.filters}>"
         parts = [repr(mosaic_text.letters_of(self.pattern, self.filters))]
-        if not mosaic_checks.are_ideal(self.filters, self.transmission):
+        if not self.is_ideal:
             parts.append(f"transmission={self.transmission.tolist()}")
         if (self.white_balance != 1).any():
             parts.append(f"white_balance={self.white_balance.tolist()}")
