@@ -69,11 +69,11 @@ def smooth_bits(kernel, oversampling, threshold, **options):
     ("kernel", "oversampling", "threshold"),
     [
         ("linear", 2, 2),
-        ("linear", 4, 1),
+        pytest.param("linear", 4, 1, marks=pytest.mark.exhaustive),
         ("quadratic", 2, 1),
-        ("quadratic", 3, 2),
+        pytest.param("quadratic", 3, 2, marks=pytest.mark.exhaustive),
         ("cubic", 3, 2),
-        pytest.param("cubic", 4, 1, marks=pytest.mark.slow),
+        pytest.param("cubic", 4, 1, marks=pytest.mark.exhaustive),
     ],
 )
 @pytest.mark.slow

@@ -35,7 +35,7 @@ def test_the_motion_of_the_camera_is_found(motion):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("photons", [0.05, 0.3])
+@pytest.mark.parametrize("photons", [0.05, pytest.param(0.3, marks=pytest.mark.exhaustive)])
 @pytest.mark.parametrize("motion", LIMITS)
 def test_the_motion_of_the_camera_is_found_in_larger_scenes(motion, photons):
     for seed in range(2):

@@ -6,7 +6,7 @@ use jotlight::network::{
     Layer, Wiring, forward, forward_bits, forward_counts, forward_planes, forward_tied_bits,
     masked_sums,
 };
-use ndarray::{Array, Array2, Array3, Array4, ArrayView3, Axis, Dimension, s};
+use ndarray::{Array, Array2, Array3, Array4, ArrayView3, Dimension, s};
 
 use crate::random::Random;
 
