@@ -77,7 +77,7 @@ def render(name: str, network: jl.Network, recipe: str, scores: str) -> str:
         scores=scores,
         limits=_limits(network),
     )
-    return "".join(_wrap(line) + "\n" for line in card.splitlines())
+    return "".join(wrap(line) + "\n" for line in card.splitlines())
 
 
 def _limits(network: jl.Network) -> str:
@@ -87,7 +87,7 @@ def _limits(network: jl.Network) -> str:
     return (ONE_EXPOSURE if network.trials_range is None else "") + TWO_LAYER_LIMITS
 
 
-def _wrap(line: str) -> str:
+def wrap(line: str) -> str:
     indent = "  " if line.startswith("- ") else ""
     return textwrap.fill(
         line, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False

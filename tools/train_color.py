@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import training_data
+from model_cards import wrap
 
 import jotlight as jl
 from jotlight.metrics import psnr
@@ -35,25 +36,7 @@ GRAY_WEIGHTS = dict.fromkeys(range(3), 0.6) | {3: 0.8} | dict.fromkeys((8, 9, 10
 NOISE = 0.15
 """Factor of the random filters that are added to them."""
 
-CARD = """\
-# color
-
-The layers have {channels} output channels and {parameters:,} parameters. An
-estimate takes {kiloflops:.1f} kFLOP per pixel. The gray network medium, whose estimate it improves,
-takes 19.6.
-
-- **For**: red, green, and blue of mosaics of color filters; every K from 1 to 256; exposures with
-  0.02 to 3 detections per jot and frame on average; box kernel.
-- **Trained on**: the color photographs of the other networks: 335 of BSDS500 (no license stated;
-  please cite P. Arbelaez, M. Maire, C. Fowlkes and J. Malik, IEEE TPAMI 33(5), 2011), 186 of CID22
-  (CC BY-SA 4.0), 24 of CLIC 2025 (Unsplash License), and 15 of GB82 (public domain). Of the
-  patches, 85 % are behind RGGB, 9 % behind RGBW, and 6 % behind quad Bayer and X-Trans. The
-  network file contains no part of the photographs.
-- **How**: {recipe}
-- **Measured** by the same command: mean PSNR on the middle 320 × 320 pixels of every tenth
-  photograph of CID22 behind RGGB, for α = K: {scores}.
-- **Not for**: smooth kernels, films, and scenes unlike photographs.
-"""
+TEMPLATE = Path(__file__).with_name("color_card.md")
 
 
 def start_from_gray() -> ColorNetwork:
@@ -140,7 +123,10 @@ def main() -> None:
         device="cpu",
         threads=options.threads,
     )
-    stage = f"{options.steps:,} steps at a learning rate of {options.learning_rate:g}"
+    stage = (
+        f"`python tools/train_color.py DATA` with {options.steps:,} steps at a learning rate of "
+        f"{options.learning_rate:g}"
+    )
     stages = [*start.history.get("stages", []), stage]
     network.history = {"start": start.history["start"], "stages": stages}
     network.save(COLOR_FILE)
@@ -151,14 +137,15 @@ def main() -> None:
 def write_card(network: ColorNetwork, data: Path) -> None:
     """Write the card of the network in `COLOR_FILE`."""
     stages = ", then ".join(network.history["stages"])
-    recipe = f"`python tools/train_color.py DATA` for {stages}, from the gray network medium."
-    card = CARD.format(
+    recipe = f"from the gray network medium, {stages}."
+    card = TEMPLATE.read_text(encoding="utf-8").format(
         channels=" → ".join(str(layer.channels) for layer in network.layers),
         parameters=sum(layer.parameter_count for layer in network.layers),
         kiloflops=flops_per_pixel(network.layers) / 1000,
         recipe=recipe,
         scores=score(data),
     )
+    card = "".join(wrap(line) + "\n" for line in card.splitlines())
     COLOR_FILE.with_suffix(".md").write_text(card, encoding="utf-8")
     print(card)
 

@@ -110,6 +110,12 @@ def test_other_mosaics_have_planes_by_default(mosaic):
     assert info.method == "network-medium"
 
 
+def test_an_unknown_demosaicing_is_refused():
+    bits = jl.Sensor(frames=8, mosaic="RGGB").expose(SCENE, rng=0)
+    with pytest.raises(ValueError, match="demosaicing: expected one of network, menon, diff"):
+        jl.reconstruct(bits, demosaicing="malvar")
+
+
 @pytest.mark.parametrize(
     "options", [{"method": "mle"}, {"quality": "small"}, {"fallback": True}, {"weight": 1.0}]
 )
@@ -202,6 +208,13 @@ def test_the_command_line_simulates_and_reconstructs_a_mosaic(run, tmp_path):
     np.testing.assert_allclose(np.load(tmp_path / "network.npy"), jl.reconstruct(bits), atol=1e-6)
     record = json.loads((tmp_path / "network.npy.json").read_text())["origin"]
     assert file_checksum(COLOR_FILE) in record["weights_sha256"]
+    other = jl.Sensor(frames=16, mosaic="RGYB").expose(SCENE, rng=0)
+    jl.save(other, tmp_path / "other.npy")
+    assert (
+        "network, medium, color differences in" in run("reconstruct", "other.npy", "-o", "o.npy")[1]
+    )
+    record = json.loads((tmp_path / "o.npy.json").read_text())["origin"]
+    assert file_checksum(COLOR_FILE) not in record["weights_sha256"]
     np.save(tmp_path / "raw.npy", np.asarray(bits.packed))
     options = ("-o", "raw_out.npy", "-t", 16, "--max-intensity", 1, "--mosaic", "RGGB")
     assert run("reconstruct", "raw.npy", *options, *differences)[0] == 0

@@ -5,24 +5,24 @@ import pytest
 
 import jotlight as jl
 from jotlight.networks.color_network import ColorNetwork
-from jotlight.networks.color_planes import Filtered
+from jotlight.networks.color_planes import Filtered, color_planes
 
 
-def data(shape):
-    """Return what pixels saw, the classical colors, and the response of a sensor."""
+def planes_and_start(shape):
+    """Return planes, and the classical colors in them."""
     rng = np.random.default_rng(0)
     fractions, start = rng.integers(0, 17, (3, *shape)) / 16, rng.random((3, *shape))
     every = np.ones(shape)
     seen = [Filtered(share, each, every) for share, each in zip(np.eye(3), fractions, strict=True)]
-    return seen, start, lambda intensity: np.clip(intensity, 0, 1)
+    return color_planes(seen, start, lambda intensity: np.clip(intensity, 0, 1)), start
 
 
 @pytest.mark.parametrize("size", ["small", "medium", "large"])
 @pytest.mark.parametrize("shape", [(16, 24), (9, 7)])
 def test_an_untrained_network_returns_the_classical_colors(size, shape):
     network = ColorNetwork.initial(size, rng=0)
-    seen, start, response = data(shape)
-    found = network.estimate_probability(seen, start, response, 16)
+    planes, start = planes_and_start(shape)
+    found = network.estimate_probability(planes, 16)
     np.testing.assert_allclose(found, start, atol=1e-5)
 
 
@@ -34,7 +34,7 @@ def test_files_keep_a_network(tmp_path):
     for layer, other in zip(network.layers, loaded.layers, strict=True):
         np.testing.assert_array_equal(layer.filters, other.filters)
     found, expected = (
-        each.estimate_probability(*data((8, 8)), 1000)  # the nearest K is used
+        each.estimate_probability(planes_and_start((8, 8))[0], 1000)  # the nearest K is used
         for each in (loaded, network)
     )
     np.testing.assert_array_equal(found, expected)

@@ -28,14 +28,14 @@ def test_the_module_agrees_with_the_engine():
     def response(intensity):
         return np.clip(intensity, 0, 1)
 
-    found = trained.estimate_probability(seen, start, response, 9)
-    planes = torch.from_numpy(color_planes(seen, start, response))[None]
+    planes = color_planes(seen, start, response)
+    found = trained.estimate_probability(planes, 9)
     with torch.no_grad():
-        expected = ColorNetwork(trained).run_layers(planes, 9)[0]
+        expected = ColorNetwork(trained)(torch.from_numpy(planes)[None], 9)[0]
     assert (trained.layers[-1].filters != START.layers[-1].filters).any()
     np.testing.assert_allclose(found, expected, atol=1e-5)
     rebuilt = ColorNetwork(trained).to_network()
-    np.testing.assert_array_equal(rebuilt.estimate_probability(seen, start, response, 9), found)
+    np.testing.assert_array_equal(rebuilt.estimate_probability(planes, 9), found)
 
 
 def test_a_batch_holds_different_mosaics_and_the_true_colors():

@@ -25,6 +25,7 @@ from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
+from jotlight.evaluation.mosaics import takes_colors
 from jotlight.evaluation.reconstruct import JOINT, reconstruct
 from jotlight.files import atomic_write_together, refuse_overwrite
 from jotlight.formats.capture import Capture
@@ -99,8 +100,8 @@ class Inputs:
             Number of frames of the image. Default: all.
         """
         opened = self.capture.open(self.path, self.sensor.stated_trials(), self.sensor.bit_depth)
-        takes_colors = window is None and not self.motion.motion
-        return self.prepare_opened(opened, output, window=window, takes_colors=takes_colors)
+        may_be_color = window is None and not self.motion.motion
+        return self.prepare_opened(opened, output, window=window, may_be_color=may_be_color)
 
     def prepare_opened(
         self,
@@ -108,16 +109,16 @@ class Inputs:
         output: Path,
         *,
         window: int | None = None,
-        takes_colors: bool = False,
+        may_be_color: bool = False,
     ) -> Reconstruction:
         """Return the reconstruction of an image from an opened capture, as :meth:`prepare`.
 
-        With `takes_colors`, the method may be the color network.
+        With `may_be_color`, the method may be the color network.
         """
         request = self.method.request()
         if self.motion.factor > 1:
             request = request or DEFAULT_METHOD
-        is_joint = self.method.demosaicing in (None, JOINT) and not self.method.fallback
+        may_be_color &= self.method.demosaicing in (None, JOINT) and not self.method.fallback
         network = None if self.method.model is None else Network.load(self.method.model)
         sensor_kwargs = self.sensor.to_kwargs()
         calibration = None
@@ -148,7 +149,7 @@ class Inputs:
             requested=request,
             network=network,
             is_range_known=is_range_known,
-            is_color=takes_colors and is_joint and captured.sensor.mosaic is not None,
+            is_color=may_be_color and _takes_color_network(captured),
         )
         if self.motion.factor > 1 and choice.quality is None and network is None:
             raise ValueError(
@@ -172,6 +173,12 @@ class Inputs:
             white,
             self.method.model,
         )
+
+
+def _takes_color_network(captured: Captured) -> bool:
+    """Return whether the color network estimates a capture by default."""
+    mosaic = captured.sensor.mosaic
+    return mosaic is not None and takes_colors(captured.data, mosaic)
 
 
 def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:

@@ -117,10 +117,11 @@ def reconstruct_mosaic(
     output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0][0].counts.shape, out)
     found: list[Image] = []
     infos: list[Info] = []
+    if estimate is None:
+        networks = pretrained_color(), pretrained_conditional(gray, CONDITIONAL_SIZE)
     for each, own in counted:
         if estimate is None:
-            medium = pretrained_conditional(own, CONDITIONAL_SIZE)
-            colors = estimate_mosaic(pretrained_color(), medium, each, own, mosaic, threads)
+            colors = estimate_mosaic(*networks, each, own, mosaic, threads)
         else:
             values, infos_of_one = estimate_values(each, own, mosaic, estimate)
             colors = demosaic(values, mosaic, method).astype(np.float32)

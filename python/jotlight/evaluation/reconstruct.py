@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
+from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
 from jotlight.evaluation.choice import COLOR_NETWORK, choose_method, requested_method
 from jotlight.evaluation.clipping import warn_about_clipping
 from jotlight.evaluation.different_readings import takes_readings, with_one_response
@@ -229,6 +230,9 @@ def _run_mosaic(
     is_default: bool,
 ) -> tuple[Image, Info]:
     """Return the colors of a mosaic by the color network, or by the method that `run` estimates."""
+    if demosaicing not in (None, JOINT, *DEMOSAICING):
+        names = ", ".join([JOINT, *DEMOSAICING])
+        raise ValueError(f"demosaicing: expected one of {names}, got {demosaicing!r}")
     is_default = is_default and takes_colors(data, sensor.mosaic, arrays["trials"])
     choice = choose_method(sensor, is_color=is_default)
     is_joint = choice.method == COLOR_NETWORK and demosaicing in (None, JOINT)

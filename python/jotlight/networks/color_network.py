@@ -1,7 +1,7 @@
-"""A network that estimates colors jointly, from pixels behind color filters or from channels."""
+"""A network that improves classical colors with the bits of all filters of a mosaic."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Self, cast
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.networks.bounds import output_bounds
 from jotlight.networks.color_layers import COLORS, build_color
-from jotlight.networks.color_planes import PLANES, Filtered, color_planes
+from jotlight.networks.color_planes import PLANES
 from jotlight.networks.conditioning import conditioning_weights, count_sets
 from jotlight.networks.graph import halo_radius, size_divisor
 from jotlight.networks.layer import Layer
@@ -61,7 +61,6 @@ class ColorNetwork:
         self.trials_range = trials_range
         self.history = dict(history or {})
         self.sensor, self.rotations, self.tied = Sensor(), 1, True
-        self.default_sensor: Sensor | None = None
         _check_color_layers(self.layers)
         output_bounds(self.layers, _LARGEST_INPUT)
 
@@ -100,20 +99,23 @@ class ColorNetwork:
 
     def estimate_probability(
         self,
-        filters: Sequence[Filtered],
-        start: npt.NDArray[np.floating],
-        to_probability: Callable[[npt.NDArray[np.float64]], npt.NDArray[np.float64]],
+        planes: Image,
         trials: float,
         *,
         threads: int | None = None,
     ) -> Image:
         """Return P(b = 1) of red, green, and blue light, (3, H, W).
 
-        The first parameters are those of :func:`jotlight.networks.color_planes.color_planes`.
-        `trials` is the usual number of readings behind a pixel. Outside of the range of the
-        network, its nearest parameters are used.
+        Parameters
+        ----------
+        planes : ndarray of float32, shape (11, H, W)
+            The planes of :func:`jotlight.networks.color_planes.color_planes`.
+        trials : float
+            The usual number of readings behind a pixel. Outside of the range of the network, the
+            nearest parameters are used.
+        threads : int, optional
+            Number of threads. Default: all.
         """
-        planes = color_planes(filters, start, to_probability)
         served = float(np.clip(trials, *self.trials_range))
         weights = conditioning_weights(served, self.trials_range, count_sets(self.layers))
         layers = [layer.interpolate(weights).engine_layer for layer in self.layers]

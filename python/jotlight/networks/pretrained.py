@@ -27,7 +27,7 @@ FOLDER = Path(__file__).parent / "weights"
 """Folder of the files: `small-k16.safetensors`, for example, with its card `small-k16.md`."""
 
 COLOR_FILE = FOLDER / "color.safetensors"
-"""The network for colors, of mosaics and of channels."""
+"""The color network."""
 
 _MAX_DARK_COUNTS = 0.05
 """Largest dark counts per jot and frame that networks for one K serve.
@@ -123,7 +123,7 @@ def pretrained_conditional(sensor: Sensor, quality: str) -> Network:
 
 
 def pretrained_color() -> ColorNetwork:
-    """Return the trained network for colors.
+    """Return the trained color network.
 
     Examples
     --------

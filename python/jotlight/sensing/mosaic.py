@@ -247,18 +247,6 @@ class Mosaic:
         >>> mixed.colors(np.array([0.5, 0.2, 0.1]), [1, 2, 1]).round(4)
         array([0.5875, 0.2   , 0.1   ])
         """
-        return np.asarray(values @ self.unmixing(weights).T * self.white_balance)
-
-    def unmixing(self, weights: npt.ArrayLike) -> Colors:
-        """Return the matrix (3, N) from what the filters see to red, green, and blue.
-
-        The parameters and errors are those of :meth:`colors`, but without the white balance.
-
-        Examples
-        --------
-        >>> Mosaic("RGGB").unmixing([1, 2, 1]).round(6).tolist()
-        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-        """
         scale = np.sqrt(np.asarray(weights, np.float64))[:, None]
         matrix = self.transmission / self.sensitivity[:, None] * scale
         if np.linalg.matrix_rank(matrix) < 3:
@@ -267,7 +255,8 @@ class Mosaic:
                 f"mosaic: expected pixels of filters that tell red, green, and blue apart, got "
                 f"{used}; reconstruct a larger image"
             )
-        return np.asarray(np.linalg.pinv(matrix) * scale.T)
+        inverse = np.linalg.pinv(matrix) * scale.T
+        return np.asarray(values @ inverse.T * self.white_balance)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Mosaic):

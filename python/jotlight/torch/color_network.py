@@ -10,8 +10,8 @@ from jotlight.torch.network import Network
 class ColorNetwork(Network):
     """A color network whose parameters PyTorch can train.
 
-    Its data are the planes of :mod:`jotlight.networks.color_planes`, (N, 11, H, W), and
-    :meth:`run_layers` returns P(b = 1) of red, green, and blue, (N, 3, H, W).
+    Its data are the planes of :mod:`jotlight.networks.color_planes`, (N, 11, H, W), and it returns
+    P(b = 1) of red, green, and blue, (N, 3, H, W).
 
     Parameters
     ----------
@@ -24,11 +24,15 @@ class ColorNetwork(Network):
     --------
     >>> import torch
     >>> network = ColorNetwork(EngineColorNetwork.initial("small", rng=0))
-    >>> network.run_layers(torch.zeros(1, 11, 8, 8), trials=16).shape
+    >>> network(torch.zeros(1, 11, 8, 8), trials=16).shape
     torch.Size([1, 3, 8, 8])
     """
 
     load_network = staticmethod(EngineColorNetwork.load)  # type: ignore[assignment]
+
+    def forward(self, data: Tensor, trials: int) -> Tensor:  # type: ignore[override]
+        """Return P(b = 1) of red, green, and blue, (N, 3, H, W), for planes and K = `trials`."""
+        return self.run_layers(data, trials)
 
     def first_sums(self, data: Tensor, filters: Tensor) -> Tensor:
         """Return the planes, which the network reads as they are."""

@@ -5,8 +5,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.networks.color_inference import mosaic_planes, start_colors
-from jotlight.networks.color_planes import color_planes
+from jotlight.networks.color_inference import planes_of_mosaic
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER
 from jotlight.sensing.mosaic import Mosaic
@@ -71,12 +70,7 @@ class ColorPatchLoader(PatchLoader):
         probability = detection_probability(1, light * slope + dark_counts)
         counts = generator.binomial(trials, probability).astype(np.int32)
         counted = count_pixels(counts, sensor, 1)
-        start = start_colors(_gray(), counted, sensor, mosaic, threads=1)
-
-        def to_probability(intensity: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-            return detection_probability(1, np.maximum(intensity, 0) * slope + dark_counts)
-
-        return color_planes(mosaic_planes(counted, mosaic, 1), start, to_probability)
+        return planes_of_mosaic(_gray(), counted, sensor, mosaic, threads=1)
 
 
 @cache

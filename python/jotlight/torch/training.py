@@ -78,7 +78,7 @@ def train(
 
     Parameters
     ----------
-    network : Network
+    network : Network or ColorNetwork
         Starting point, such as ``Network.residual(sensor, "small")``, or
         ``Network.conditional("medium")`` for a network that serves a range of K at any exposure.
     images : array (N, H, W), sequence of arrays (H, W), callable, or PatchSource
