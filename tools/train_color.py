@@ -1,6 +1,6 @@
-"""Train the color network that comes with jotlight, and write its model card.
+"""Train a color network that comes with jotlight, and write its model card.
 
-    python tools/train_color.py path/to/data [--steps 20000] [--from color.safetensors]
+    python tools/train_color.py path/to/data mosaic|channels [--steps 20000] [--from FILE]
 
 The folder holds the photographs of the module `training_data`. Without `--from`, the inner layers
 start at the parameters of the gray network "medium". Network and card go to
@@ -22,7 +22,8 @@ from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.color_planes import PLANES
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
-from jotlight.networks.pretrained import COLOR_FILE, FOLDER
+from jotlight.networks.pretrained import FOLDER
+from jotlight.networks.pretrained import MOSAIC_FILE as COLOR_FILE
 from jotlight.training import ColorPatches, PatchMixture
 
 BATCH, PATCH = 16, 64

@@ -10,7 +10,7 @@ import jotlight as jl
 from jotlight.datasets import photograph
 from jotlight.estimators.demosaicing import demosaic
 from jotlight.formats.checksums import file_checksum
-from jotlight.networks.pretrained import COLOR_FILE
+from jotlight.networks.pretrained import MOSAIC_FILE
 from jotlight.sensing.mosaic import Mosaic
 
 SCENE = photograph("astronaut")[:256:4, 100:356:4].astype(np.float64)
@@ -207,14 +207,14 @@ def test_the_command_line_simulates_and_reconstructs_a_mosaic(run, tmp_path):
     assert "by network, color in" in printed
     np.testing.assert_allclose(np.load(tmp_path / "network.npy"), jl.reconstruct(bits), atol=1e-6)
     record = json.loads((tmp_path / "network.npy.json").read_text())["origin"]
-    assert file_checksum(COLOR_FILE) in record["weights_sha256"]
+    assert file_checksum(MOSAIC_FILE) in record["weights_sha256"]
     other = jl.Sensor(frames=16, mosaic="RGYB").expose(SCENE, rng=0)
     jl.save(other, tmp_path / "other.npy")
     assert (
         "network, medium, color differences in" in run("reconstruct", "other.npy", "-o", "o.npy")[1]
     )
     record = json.loads((tmp_path / "o.npy.json").read_text())["origin"]
-    assert file_checksum(COLOR_FILE) not in record["weights_sha256"]
+    assert file_checksum(MOSAIC_FILE) not in record["weights_sha256"]
     np.save(tmp_path / "raw.npy", np.asarray(bits.packed))
     options = ("-o", "raw_out.npy", "-t", 16, "--max-intensity", 1, "--mosaic", "RGGB")
     assert run("reconstruct", "raw.npy", *options, *differences)[0] == 0

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import jotlight as jl
 from any_sensor import assert_in_range, without_warnings
 from jotlight.networks.bounds import MAX_VALUE, output_bounds
-from jotlight.networks.pretrained import COLOR_FILE, FOLDER
+from jotlight.networks.pretrained import COLOR_FILES, FOLDER
 from reference import deep, networks
 
 LARGEST = float(np.finfo(np.float32).max)
@@ -207,6 +207,6 @@ def test_the_limit_leaves_room_for_the_transforms_of_convolutions():
 
 @pytest.mark.parametrize("path", sorted(FOLDER.glob("*.safetensors")), ids=lambda path: path.stem)
 def test_the_values_of_shipped_networks_are_far_below_the_limit(path):
-    network = (jl.ColorNetwork if path == COLOR_FILE else jl.Network).load(path)
+    network = (jl.ColorNetwork if path in COLOR_FILES else jl.Network).load(path)
     largest_input = network.sensor.trials if network.trials_range is None else np.pi / 2
     assert max(high for _, high in output_bounds(network.layers, largest_input)) < 1e6

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from jotlight.sensing.mosaic import Mosaic
 from jotlight.training import ColorPatches
 
 PHOTOGRAPH = np.random.default_rng(0).integers(0, 256, (40, 50, 3), np.uint8)
@@ -20,10 +21,21 @@ def test_a_patch_is_a_part_of_the_photograph_under_a_symmetry():
             for side in (1, -1)
             for left in range(11)
         )
-        for each, _ in found
+        for each, *_ in found
     ]
     assert 15 <= sum(plain) < 30  # the others are tinted
     assert found[0].image_mean == pytest.approx(channels.mean(), rel=1e-6)
+
+
+def test_each_patch_has_its_own_mosaic_or_three_channels():
+    rng = np.random.default_rng(0)
+    found = [ColorPatches([PHOTOGRAPH]).draw(rng, 24).mosaic for _ in range(40)]
+    assert len({each.filters for each in found}) > 1
+    assert ColorPatches([PHOTOGRAPH], mosaics=None).draw(rng, 24).mosaic is None
+    own = Mosaic("RGBW")
+    source = ColorPatches([PHOTOGRAPH], mosaics=lambda rng, side: own)
+    assert source.draw(rng, 24).mosaic is own
+    assert source.fingerprint() != ColorPatches([PHOTOGRAPH]).fingerprint()
 
 
 def test_gray_photographs_are_left_out():

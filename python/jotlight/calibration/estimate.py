@@ -14,7 +14,9 @@ from jotlight.calibration.steadiness import Steadiness, steadiness
 from jotlight.checks import Counts, as_counts
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.mosaic import Mosaic, Pattern
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.sensor import Sensor
 
 MAX_DARK = 0.1
 """Default dark counts per frame above which a hot jot is masked.
@@ -26,7 +28,7 @@ _MIN_JOTS = 64
 """Minimum number of jots in which the ordinary ones can be found."""
 
 
-# All but the two captures are keyword-only and documented, so ten parameters read well.
+# All but the two captures are keyword-only and documented, so eleven parameters read well.
 def calibrate(
     dark: Bits | npt.ArrayLike,
     flat: Bits | npt.ArrayLike | None = None,
@@ -37,6 +39,7 @@ def calibrate(
     false_positive_rate: float = 1e-4,
     max_dark: float = MAX_DARK,
     provenance: dict[str, Provenance] | None = None,
+    mosaic: object = None,
     threads: int | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Calibration:
@@ -63,6 +66,10 @@ def calibrate(
     provenance : dict, optional
         Where the captures come from, with the keys ``"dark"`` and ``"flat"``. The calibration keeps
         it. Default: the provenance of the bits.
+    mosaic : str, array_like, or jotlight.sensing.mosaic.Mosaic, optional
+        The color filter of each jot, as :class:`jotlight.Sensor` takes the filters of pixels. The
+        response of a jot is then relative to that of the jots behind the same filter. Default: the
+        filters of the sensor that the flat bits carry, or none.
     threads : int, optional
         Threads to use. Default: all.
     progress : callable, optional
@@ -100,12 +107,6 @@ def calibrate(
     Sensor(frames=16, dark_counts=<64 x 64 map>, mask=<64 x 64 map>)
     """
     check_limits(false_positive_rate, max_dark)
-    if isinstance(flat, Bits) and flat.sensor is not None and flat.sensor.mosaic is not None:
-        raise ValueError(
-            "flat: expected a gray sensor, because color filters would look like differences "
-            f"between jots, got {flat.sensor.mosaic!r}; calibrate with the dark capture alone, "
-            "and state what the filters transmit in the mosaic"
-        )
     known = _provenance(dark=dark, flat=flat) if provenance is None else dict(provenance)
     if "dark" in known and "flat" in known:
         check_same_orientation("flat", known["flat"], "dark", known["dark"])
@@ -120,7 +121,39 @@ def calibrate(
     bright = None
     if flat is not None:
         bright = count_jots("flat", flat, flat_frames, threads, progress_from(half))
+    if bright is not None:
+        bright = dataclasses.replace(
+            bright, filters=filters_of_jots(flat, mosaic, bright.ones.shape)
+        )
     return calibrate_sums(sums, bright, threshold, false_positive_rate, max_dark, known)
+
+
+def filters_of_jots(flat: object, mosaic: object, shape: tuple[int, ...]) -> Pattern | None:
+    """Return the place of the color filter of each jot, or None for a gray sensor.
+
+    Parameters
+    ----------
+    flat : Bits or other
+        The flat capture.
+    mosaic : object
+        The filter of each jot, or None for those of the sensor that the bits carry.
+    shape : (int, int)
+        Rows and columns of jots.
+
+    Examples
+    --------
+    >>> filters_of_jots(None, "RGGB", (2, 3)).tolist()
+    [[0, 1, 0], [1, 2, 1]]
+    """
+    height, width = shape
+    if mosaic is not None:
+        return Mosaic.of(mosaic).full(height, width)
+    sensor = flat.sensor if isinstance(flat, Bits) else None
+    if not isinstance(sensor, Sensor) or sensor.mosaic is None:
+        return None
+    side = sensor.oversampling
+    pixels: Pattern = sensor.mosaic.full(height // side, width // side)
+    return pixels.repeat(side, axis=0).repeat(side, axis=1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,6 +165,8 @@ class JotSums:
     frames: int
     steadiness: Steadiness | None
     """Results of the tests of the frames, if the frames are known."""
+    filters: Pattern | None = None
+    """The place of the color filter of each jot, (H, W), or None for a gray sensor."""
 
 
 def check_limits(false_positive_rate: float, max_dark: float) -> None:
@@ -212,6 +247,7 @@ def _with_flat(found: Calibration, flat: JotSums) -> Calibration:
         found.mask,
         threshold=found.threshold,
         false_positive_rate=found.false_positive_rate,
+        filters=flat.filters,
     )
     _warn_about_frames("flat", flat.steadiness, found.false_positive_rate)
     efficiency = np.minimum(measured.relative / measured.relative.max(), 1).astype(np.float32)

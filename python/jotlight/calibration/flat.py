@@ -8,6 +8,7 @@ import numpy.typing as npt
 from jotlight.calibration.rates import Rates, detections, variance
 from jotlight.checks import Counts
 from jotlight.interrupts import interruptible
+from jotlight.sensing.mosaic import Pattern
 from jotlight.sensing.response import detection_probability
 
 WINDOW = 15
@@ -60,6 +61,7 @@ def measure_response(
     *,
     threshold: int,
     false_positive_rate: float,
+    filters: Pattern | None = None,
 ) -> Response:
     """Return the response of each jot from a capture of even light.
 
@@ -81,6 +83,9 @@ def measure_response(
     false_positive_rate : float
         Maximum probability that a jot with 1/5 to 5 times the response of its neighborhood is
         called dead, from the exact binomial tail.
+    filters : ndarray of int, shape (H, W), optional
+        The place of the color filter of each jot. The light on a jot is first divided by the median
+        light behind its filter, so that the jots of all filters show the same light.
     """
     from scipy.stats import binom
 
@@ -91,7 +96,8 @@ def measure_response(
             f"in all {frames} frames; record it with less light"
         )
     light = detections(ones, frames, threshold) - dark
-    local = _local_median(light, bad)
+    passed = _light_behind(filters, light, bad)
+    local = passed * _local_median(light / passed, bad)
     counting = variance(local + dark, frames, threshold) + dark_variance
     if not np.median(local[~bad]) > _MIN_LIGHT * np.sqrt(np.median(counting[~bad])):
         raise ValueError(
@@ -137,6 +143,23 @@ def shrink_response(
     weight = between / (between + noise)
     weight[(relative - 1) ** 2 > outlier**2 * (between + noise)] = 1.0
     return 1 + (relative - 1) * weight, float(np.sqrt(between)), float(error)
+
+
+def _light_behind(filters: Pattern | None, light: Rates, bad: npt.NDArray[np.bool_]) -> Rates:
+    """Return the median light behind the filter of each jot, (H, W); 1 for a gray sensor."""
+    passed = np.ones(light.shape)
+    if filters is None:
+        return passed
+    for index in np.unique(filters):
+        own = filters == index
+        usual = float(np.median(light[own & ~bad])) if (own & ~bad).any() else 0.0
+        if usual <= 0:
+            raise ValueError(
+                "flat: expected light behind each color filter, got none behind "
+                f"{np.count_nonzero(own)} jots of one filter; use white light"
+            )
+        passed[own] = usual
+    return passed
 
 
 def _local_median(light: Rates, bad: npt.NDArray[np.bool_]) -> Rates:

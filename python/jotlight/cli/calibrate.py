@@ -13,6 +13,7 @@ from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import check_trials, provenance_notes, refuse_capture_overwrite
 from jotlight.cli.common_options import CAPTURE_PANEL, Threads
 from jotlight.cli.console import progress, report
+from jotlight.cli.sensor_options import read_mosaic
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.sensing.bits import Bits
@@ -49,6 +50,13 @@ class CalibrationOptions:
             "used with its dark counts."
         ),
     ] = MAX_DARK
+    mosaic: Annotated[
+        str | None,
+        Parameter(
+            help="Color filters of the jots in the flat capture, such as RGGB, or a .json. "
+            "Default: that of the file, or gray."
+        ),
+    ] = None
 
 
 def calibrate(
@@ -102,6 +110,7 @@ def calibrate(
             threshold=options.threshold,
             false_positive_rate=options.false_positive_rate,
             max_dark=options.max_dark,
+            mosaic=None if options.mosaic is None else read_mosaic(options.mosaic),
             threads=threads,
             progress=update,
             provenance={

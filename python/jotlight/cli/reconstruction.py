@@ -22,6 +22,7 @@ from jotlight.cli.records import Records, origin_of
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.problem import ConvergenceHistories
+from jotlight.evaluation.channels import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
@@ -178,7 +179,11 @@ class Inputs:
 def _takes_color_network(captured: Captured) -> bool:
     """Return whether the color network estimates a capture by default."""
     mosaic = captured.sensor.mosaic
-    return mosaic is not None and takes_colors(captured.data, mosaic)
+    if mosaic is not None:
+        return takes_colors(captured.data, mosaic)
+    data = captured.data
+    frame = data.shape[1:] if isinstance(data, Bits) else data[0].shape
+    return len(frame) > 2 and frame[-1] == COLORS
 
 
 def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:

@@ -14,7 +14,12 @@ from jotlight.files import write_file
 from jotlight.formats.checksums import file_checksum
 from jotlight.formats.locations import file_state
 from jotlight.networks.mosaic_planes import plane_sensors
-from jotlight.networks.pretrained import COLOR_FILE, CONDITIONAL_SIZE, pretrained_file
+from jotlight.networks.pretrained import (
+    CHANNELS_FILE,
+    CONDITIONAL_SIZE,
+    MOSAIC_FILE,
+    pretrained_file,
+)
 from jotlight.sensing.bits import Bits
 
 _NO_PLACE = (".npy", ".npz")
@@ -147,7 +152,7 @@ def origin_of(job: Made, checksum: tuple[int, int]) -> dict[str, Any]:
     }
     if choice.method == COLOR_NETWORK:
         medium = pretrained_file(sensor, CONDITIONAL_SIZE, is_conditional=True)
-        files = {COLOR_FILE, medium}
+        files = {CHANNELS_FILE if sensor.mosaic is None else MOSAIC_FILE, medium}
     weights = sorted(file_checksum(file) for file in files if file)
     content = "packed" if isinstance(job.captured.data, Bits) else "counts"
     return {

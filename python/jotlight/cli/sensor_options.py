@@ -130,8 +130,8 @@ class SensorOptions:
         for name, kind in (("gain", float), ("threshold", int)):
             if name in kwargs:
                 kwargs[name] = _values_of_frames(name, kwargs[name], kind, frames)
-        if str(kwargs.get("mosaic", "")).endswith(".json"):
-            kwargs["mosaic"] = _read_mosaic(Path(kwargs["mosaic"]))
+        if "mosaic" in kwargs:
+            kwargs["mosaic"] = read_mosaic(str(kwargs["mosaic"]))
         if "mask" in kwargs:
             kwargs["mask"] = read_mask(Path(kwargs["mask"]))
         return kwargs
@@ -241,14 +241,17 @@ class CapturedSensorOptions(CalibratedSensorOptions):
         return [*(["--find-hot-jots"] if self.find_hot_jots else []), *super().to_argv()]
 
 
-def _read_mosaic(path: Path) -> Mosaic:
-    """Return the mosaic in a file of JSON.
+def read_mosaic(text: str) -> Mosaic | str:
+    """Return the mosaic of an option: letters, or the mosaic in a file of JSON.
 
     Raises
     ------
     ValueError
         When the file holds no mosaic.
     """
+    if not text.endswith(".json"):
+        return text
+    path = Path(text)
     try:
         content = json.loads(path.read_bytes())
     except ValueError as error:

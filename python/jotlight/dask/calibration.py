@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.estimate import MAX_DARK, JotSums, calibrate_sums, check_limits
+from jotlight.calibration.estimate import (
+    MAX_DARK,
+    JotSums,
+    calibrate_sums,
+    check_limits,
+    filters_of_jots,
+)
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import block_frames, steadiness_of_blocks
 from jotlight.dask.counting import check_packed_array, count
@@ -72,6 +78,7 @@ def calibrate(
     threshold: int = 1,
     false_positive_rate: float = 1e-4,
     max_dark: float = MAX_DARK,
+    mosaic: object = None,
     width: int | None = None,
 ) -> LazyCalibration:
     """Return the calibration of a sensor from a dark capture and, optionally, a flat one, lazily.
@@ -82,7 +89,7 @@ def calibrate(
         Frames without light: bits, or packed bits as :meth:`jotlight.Bits.to_dask` returns them.
     flat : Bits or dask.array.Array of uint8, shape (T, H, ceil(W / 8)), optional
         The same for an evenly lit surface, with the exposure time of the dark capture.
-    threshold, false_positive_rate, max_dark
+    threshold, false_positive_rate, max_dark, mosaic
         As for :func:`jotlight.calibrate`.
     width : int, optional
         W: the true width in jots. Default: that of the bits, or a multiple of 8.
@@ -137,6 +144,7 @@ def calibrate(
             f"flat: expected the dark capture's {shape[0]} x {shape[1]} jots, got "
             f"{' x '.join(map(str, sums[1].blocks.shape[1:]))}"
         )
+    settings["filters"] = None if flat is None else filters_of_jots(flat, mosaic, shape)
     arrays = [None if each is None else each.arrays() for each in sums]
     # dask takes the arrays in the list for parts of the graph.
     found = delayed(_finish)(arrays, _numbers(sums), settings)
@@ -208,6 +216,8 @@ def _finish(
         for each, number in zip(arrays, frames, strict=True)
     )
     assert dark is not None, "a dark capture"
+    if flat is not None:
+        flat = dataclasses.replace(flat, filters=settings["filters"])
     provenance: dict[str, Provenance] = settings["provenance"]
     return calibrate_sums(
         dark,

@@ -116,7 +116,7 @@ def choose_method(
         Whether the data or the user state the largest intensity S. Otherwise, with a box kernel, S
         rises to the saturation of the bits, if the method allows it.
     is_color : bool
-        Whether the data are those of a mosaic, and the caller can run the color network.
+        Whether the data are colors that the caller can estimate by the color network.
 
     Returns
     -------

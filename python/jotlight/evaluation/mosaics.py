@@ -18,6 +18,7 @@ from jotlight.networks.color_inference import estimate_mosaic
 from jotlight.networks.mosaic_planes import estimate_values
 from jotlight.networks.pretrained import (
     CONDITIONAL_SIZE,
+    MOSAIC_FILE,
     pretrained_color,
     pretrained_conditional,
 )
@@ -113,12 +114,12 @@ def reconstruct_mosaic(
             "data: expected gray bits or counts, because the pixels of a mosaic have one color "
             "each, got color channels; sensor.replace(mosaic=None) is a sensor of color channels"
         )
-    counted = [_count(one, gray, threads) for one in images.data]
+    counted = [count_image(one, gray, threads) for one in images.data]
     output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0][0].counts.shape, out)
     found: list[Image] = []
     infos: list[Info] = []
     if estimate is None:
-        networks = pretrained_color(), pretrained_conditional(gray, CONDITIONAL_SIZE)
+        networks = pretrained_color(MOSAIC_FILE), pretrained_conditional(gray, CONDITIONAL_SIZE)
     for each, own in counted:
         if estimate is None:
             colors = estimate_mosaic(*networks, each, own, mosaic, threads)
@@ -155,8 +156,15 @@ def takes_colors(data: object, mosaic: Mosaic, trials: npt.ArrayLike | None = No
     return not has_map and not any(isinstance(one, Merged) for one in each)
 
 
-def _count(one: GrayData, sensor: Sensor, threads: int | None) -> tuple[PixelCounts, Sensor]:
-    """Return the counts of the pixels of one image, with their sensor, which has plain bits."""
+def count_image(one: GrayData, sensor: Sensor, threads: int | None) -> tuple[PixelCounts, Sensor]:
+    """Return the counts of the pixels of one image, with their sensor, which has plain bits.
+
+    Examples
+    --------
+    >>> counted, _ = count_image(np.full((4, 6), 3, np.int32), Sensor(frames=8), None)
+    >>> counted.trials
+    8
+    """
     if sensor.has_plain_bits:
         counted = count_pixels(one, sensor, threads)
         if not counted.varies_within_pixels:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
+from jotlight.evaluation.channels import reconstruct_channels, takes_channels
 from jotlight.evaluation.choice import COLOR_NETWORK, choose_method, requested_method
 from jotlight.evaluation.clipping import warn_about_clipping
 from jotlight.evaluation.different_readings import takes_readings, with_one_response
@@ -109,7 +110,8 @@ def reconstruct(
         A name in ``jotlight.evaluation.methods.METHODS``, a network (also a module of
         ``jotlight.torch``), or a function ``f(data, sensor)`` or ``f(data)`` that returns an
         image. Default: the network "medium", or "held-out" above 1,000 trials per pixel if the
-        kernel is the box.
+        kernel is the box. For three color channels of plain bits with up to 1,000 trials in each
+        pixel, and the box kernel, it is the color network.
     quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
         Size of the shipped network to use, in place of a method.
     trials : float or array_like of float, optional
@@ -266,7 +268,8 @@ def _run(
     are_equivalent = not takes_readings(requested, sensor)
     if are_equivalent:
         images, sensor = with_one_response(images, sensor, network or requested, threads)
-    choice = choose_method(sensor, requested=requested, network=network)
+    is_color = not fallback and takes_channels(images)
+    choice = choose_method(sensor, requested=requested, network=network, is_color=is_color)
     history, shares = None, None
     if fallback or choice.method == LARGE_METHOD:
         check_fallback(sensor, choice.method, choice.quality, network)
@@ -275,6 +278,8 @@ def _run(
         output = output_of(images, sensor, out)
         blends, shares = blend(images, sensor, network, threads)
         estimate = output.finish(blends)
+    elif choice.method == COLOR_NETWORK:
+        estimate = reconstruct_channels(images, sensor, out, threads)
     elif network is not None or choice.quality is not None:
         # Equivalent counts have different numbers of trials, which only such networks take.
         load = pretrained_conditional if are_equivalent else pretrained

@@ -1,16 +1,15 @@
-"""The colors of mosaics by a network: classical colors, improved with the bits of all filters."""
+"""Colors by a network: classical colors, improved with the bits of all filters or channels."""
 
 import dataclasses
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.demosaicing import demosaic
 from jotlight.estimators.inverse_response import equivalent_counts, intensity_from_probability
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.color_planes import Filtered, color_planes
-from jotlight.networks.mosaic_planes import estimate_values
+from jotlight.networks.color_starts import start_of_channels, start_of_mosaic
 from jotlight.networks.network import Network
 from jotlight.sensing.maps import constant_or_map
 from jotlight.sensing.mosaic import Mosaic
@@ -19,6 +18,7 @@ from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 
+Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
 
 
@@ -29,14 +29,25 @@ def planes_of_mosaic(
 
     The parameters are those of :func:`estimate_mosaic`.
     """
-    start = _start_colors(gray, counted, sensor, mosaic, threads)
-    efficiency, dark_counts = reference_jot(sensor)
+    seen = _seen_through(mosaic, counted, threads)
+    start = start_of_mosaic(gray, counted, sensor, mosaic, threads)
+    return color_planes(seen, start, _response(sensor))
 
-    def to_probability(intensity: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        rate = efficiency * sensor.light_per_intensity * np.maximum(intensity, 0) + dark_counts
-        return detection_probability(sensor.threshold, rate)
 
-    return color_planes(_seen_through(mosaic, counted, threads), start, to_probability)
+def planes_of_channels(
+    gray: Network, channels: Sequence[PixelCounts], sensor: Sensor, threads: int | None
+) -> Image:
+    """Return what a color network reads of an image with three counts per pixel, (11, H, W).
+
+    The parameters are those of :func:`estimate_channels`.
+    """
+    seen = [
+        Filtered(share, _fractions(counted, threads), _weights(counted))
+        for share, counted in zip(np.eye(3), channels, strict=True)
+    ]
+    response = _response(sensor)
+    start = start_of_channels(gray, channels, seen, sensor, response, threads)
+    return color_planes(seen, start, response)
 
 
 def estimate_mosaic(
@@ -70,33 +81,66 @@ def estimate_mosaic(
     return colors * mosaic.white_balance.astype(np.float32)
 
 
-def _start_colors(
-    gray: Network, counted: PixelCounts, sensor: Sensor, mosaic: Mosaic, threads: int | None
-) -> npt.NDArray[np.float64]:
-    """Return red, green, and blue by a gray network and color differences, (3, H, W)."""
+def estimate_channels(
+    network: ColorNetwork,
+    gray: Network,
+    channels: Sequence[PixelCounts],
+    sensor: Sensor,
+    threads: int | None,
+) -> Image:
+    """Return red, green, and blue of an image with three counts per pixel, (3, H, W).
 
-    def estimate(planes: Any, own: Sensor) -> tuple[Image, None]:
-        return gray.reconstruct(planes, own, threads=threads), None
+    Parameters
+    ----------
+    network : ColorNetwork
+        The network.
+    gray : Network
+        The K-conditioned gray network with which it was trained.
+    channels : sequence of PixelCounts
+        The counts of red, green, and blue, (H, W) each.
+    sensor : Sensor
+        Their sensor.
+    threads : int, optional
+        Number of threads. Default: all.
+    """
+    planes = planes_of_channels(gray, channels, sensor, threads)
+    trials = float(np.median([_usual_trials(counted) for counted in channels]))
+    found = network.estimate_probability(planes, trials, threads=threads)
+    return intensity_from_probability(found, sensor, threads)
 
-    values, _ = estimate_values(counted, sensor, mosaic, estimate)
-    plain = dataclasses.replace(mosaic, white_balance=np.ones(3))
-    return np.moveaxis(demosaic(values, plain, "differences"), -1, 0)
+
+def _response(sensor: Sensor) -> Callable[[Array], Array]:
+    """Return the function from an intensity to P(b = 1) of the reference jot."""
+    efficiency, dark_counts = reference_jot(sensor)
+
+    def to_probability(intensity: Array) -> Array:
+        rate = efficiency * sensor.light_per_intensity * np.maximum(intensity, 0) + dark_counts
+        return detection_probability(sensor.threshold, rate)
+
+    return to_probability
 
 
 def _seen_through(mosaic: Mosaic, counted: PixelCounts, threads: int | None) -> list[Filtered]:
-    """Return what the pixels behind each filter of a mosaic saw.
-
-    The weight of a pixel is the number of its trials, relative to the usual one, at most 1.
-    """
-    some = np.where(counted.trials == 0, 1.0, counted.trials)
-    alive = dataclasses.replace(counted, trials=constant_or_map(some))
-    fraction = equivalent_counts(alive, reference_jot(counted.sensor), 1, threads)
-    weight = np.minimum(np.asarray(counted.trials) / _usual_trials(counted), 1)
+    """Return what the pixels behind each filter of a mosaic saw."""
+    fraction, weight = _fractions(counted, threads), _weights(counted)
     places = mosaic.full(*fraction.shape)
     return [
         Filtered(transmission, fraction, weight * (places == index))
         for index, transmission in enumerate(mosaic.transmission)
     ]
+
+
+def _fractions(counted: PixelCounts, threads: int | None) -> Image:
+    """Return L/K that a reference jot would have in place of each pixel, (H, W)."""
+    some = np.where(counted.trials == 0, 1.0, counted.trials)
+    alive = dataclasses.replace(counted, trials=constant_or_map(some))
+    return equivalent_counts(alive, reference_jot(counted.sensor), 1, threads)
+
+
+def _weights(counted: PixelCounts) -> Array:
+    """Return the number of trials of each pixel, relative to the usual one, at most 1, (H, W)."""
+    weights = np.minimum(np.asarray(counted.trials) / _usual_trials(counted), 1)
+    return np.broadcast_to(weights, counted.counts.shape)
 
 
 def _usual_trials(counted: PixelCounts) -> float:

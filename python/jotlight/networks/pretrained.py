@@ -26,8 +26,13 @@ MAX_TRIALS = 256
 FOLDER = Path(__file__).parent / "weights"
 """Folder of the files: `small-k16.safetensors`, for example, with its card `small-k16.md`."""
 
-COLOR_FILE = FOLDER / "color.safetensors"
-"""The color network."""
+MOSAIC_FILE = FOLDER / "color-mosaic.safetensors"
+"""The color network for mosaics, which have one filter on each pixel."""
+
+CHANNELS_FILE = FOLDER / "color-channels.safetensors"
+"""The color network for images with three counts per pixel."""
+
+COLOR_FILES = MOSAIC_FILE, CHANNELS_FILE
 
 _MAX_DARK_COUNTS = 0.05
 """Largest dark counts per jot and frame that networks for one K serve.
@@ -122,15 +127,15 @@ def pretrained_conditional(sensor: Sensor, quality: str) -> Network:
     return _load(pretrained_file(sensor, quality, is_conditional=True), sensor, quality)
 
 
-def pretrained_color() -> ColorNetwork:
-    """Return the trained color network.
+def pretrained_color(file: Path) -> ColorNetwork:
+    """Return a trained color network: the one in `MOSAIC_FILE` or in `CHANNELS_FILE`.
 
     Examples
     --------
-    >>> pretrained_color().trials_range
+    >>> pretrained_color(MOSAIC_FILE).trials_range
     (1, 256)
     """
-    return ColorNetwork.load(COLOR_FILE)
+    return ColorNetwork.load(file)
 
 
 def _load(file: Path, sensor: Sensor, quality: str) -> Network:

@@ -1,33 +1,25 @@
-"""Batches of color patches behind mosaics, for color networks."""
+"""Batches of color patches behind mosaics or in three channels, for color networks."""
 
 from functools import cache
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.networks.color_inference import planes_of_mosaic
+from jotlight.networks.color_inference import planes_of_channels, planes_of_mosaic
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER
-from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.pixel_counts import count_pixels
 from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.patches import PatchLoader
-
-_MOSAICS = {
-    "RGGB": 0.85,
-    "RGBW": 0.09,
-    "RRGG/RRGG/GGBB/GGBB": 0.03,
-    "GBGGRG/RGRBGB/GBGGRG/GRGGBG/BGBRGR/GRGGBG": 0.03,
-}
-"""Fractions of the patches behind each mosaic."""
+from jotlight.training.patch_sources import Patch
 
 _MAX_INTENSITY = 4.0
 """The largest intensity of the classical colors."""
 
 
 class ColorPatchLoader(PatchLoader):
-    """A source of batches for a color network. Each patch has its own mosaic.
+    """A source of batches for a color network.
 
     Examples
     --------
@@ -43,7 +35,7 @@ class ColorPatchLoader(PatchLoader):
 
     def expose_patch(
         self,
-        values: npt.NDArray[np.float32],
+        patch: Patch,
         slope: np.float32,
         dark_counts: np.float64,
         trials: int,
@@ -51,35 +43,32 @@ class ColorPatchLoader(PatchLoader):
     ) -> npt.NDArray[np.float32]:
         """Return the planes that a color network reads of a patch, (11, H, W).
 
-        The parameters are those of :meth:`jotlight.torch.patches.PatchLoader.expose_patch`, with
-        red, green, and blue of the patch, (3, H, W).
+        The parameters are those of :meth:`jotlight.torch.patches.PatchLoader.expose_patch`, with a
+        patch of :class:`jotlight.training.ColorPatches`.
         """
-        if values.ndim != 3:
+        if patch.values.ndim != 3:
             raise ValueError(
                 "images: expected color patches (3, H, W) for a color network, such as those of "
-                f"jotlight.training.ColorPatches, got shape {values.shape}"
+                f"jotlight.training.ColorPatches, got shape {patch.values.shape}"
             )
-        mosaic = _draw_mosaic(generator)
         sensor = Sensor(
             frames=trials,
             gain=float(slope) * trials,
             dark_counts=float(dark_counts),
             max_intensity=_MAX_INTENSITY,
         )
-        light = mosaic.light(np.moveaxis(values, 0, -1).astype(np.float64))
+        light: npt.NDArray[np.floating] = patch.values.astype(np.float64)
+        if patch.mosaic is not None:
+            light = patch.mosaic.light(light, channel_axis=0)
         probability = detection_probability(1, light * slope + dark_counts)
         counts = generator.binomial(trials, probability).astype(np.int32)
-        counted = count_pixels(counts, sensor, 1)
-        return planes_of_mosaic(_gray(), counted, sensor, mosaic, threads=1)
+        if patch.mosaic is not None:
+            counted = count_pixels(counts, sensor, 1)
+            return planes_of_mosaic(_gray(), counted, sensor, patch.mosaic, threads=1)
+        channels = [count_pixels(channel, sensor, 1) for channel in counts]
+        return planes_of_channels(_gray(), channels, sensor, threads=1)
 
 
 @cache
 def _gray() -> Network:
     return Network.load(FOLDER / f"{CONDITIONAL_SIZE}.safetensors")
-
-
-def _draw_mosaic(rng: np.random.Generator) -> Mosaic:
-    """Return a random mosaic, whose pattern begins anywhere."""
-    mosaic = Mosaic.of(rng.choice(list(_MOSAICS), p=list(_MOSAICS.values())))
-    pattern = np.roll(mosaic.pattern, rng.integers(mosaic.pattern.shape), (0, 1))
-    return Mosaic(pattern.T if rng.random() < 1 / 2 else pattern, mosaic.filters)

@@ -241,7 +241,7 @@ class PatchLoader:
         trials, data = exposures.trials, []
         each = zip(patches, slopes, dark_counts, generators, strict=True)
         for patch, slope, dark, generator in each:
-            data.append(self.expose_patch(patch.values, slope, dark, trials, generator))
+            data.append(self.expose_patch(patch, slope, dark, trials, generator))
         truth = np.stack([patch.values for patch in patches])
         return Batch(
             torch.from_numpy(np.stack(data)),
@@ -253,7 +253,7 @@ class PatchLoader:
 
     def expose_patch(
         self,
-        values: npt.NDArray[np.float32],
+        patch: Patch,
         slope: np.float32,
         dark_counts: np.float64,
         trials: int,
@@ -263,8 +263,8 @@ class PatchLoader:
 
         Parameters
         ----------
-        values : ndarray
-            Intensities of the patch.
+        patch : Patch
+            The patch.
         slope : float
             Light per jot and frame at intensity 1.
         dark_counts : float
@@ -274,6 +274,6 @@ class PatchLoader:
         generator : numpy.random.Generator
             Draws the bits.
         """
-        rate = values * slope + dark_counts
+        rate = patch.values * slope + dark_counts
         counts = generator.binomial(trials, detection_probability(1, rate))
         return counts.astype(np.float32)[None]

@@ -3,8 +3,8 @@
 In reading order: `loop` (the function `train`), `patches` and `images` (training examples), `cost`
 (the objective and its gradient), `parameters` (all parameters as one vector), `admissible` (the set
 that they stay in), `optimizer`, `optimizers`, and `gauss_newton` (steps), `history` and
-`checkpoint` (records and state of a run). `patch_sources`, `photographs`, `color_patches`,
-`url_photographs`, and `synthetic_patches` are sources of patches for
+`checkpoint` (records and state of a run). `patch_sources`, `photographs`, `color_patches` (with
+`random_mosaics`), `url_photographs`, and `synthetic_patches` are sources of patches for
 :func:`jotlight.torch.train`.
 """
 
@@ -25,6 +25,7 @@ from jotlight.training.patch_sources import (
     PatchSource,
 )
 from jotlight.training.photographs import PhotographPatches, read_photographs
+from jotlight.training.random_mosaics import random_mosaic
 from jotlight.training.synthetic_patches import SyntheticPatches
 from jotlight.training.url_photographs import UrlPhotographs
 
@@ -50,6 +51,7 @@ __all__ = [
     "SyntheticPatches",
     "UrlPhotographs",
     "parameter_vector",
+    "random_mosaic",
     "read_photographs",
     "split_vector",
     "train",

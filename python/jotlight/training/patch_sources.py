@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.sensing.mosaic import Mosaic
 from jotlight.training.images import (
     ImageGenerator,
     Images,
@@ -23,9 +24,11 @@ class Patch(NamedTuple):
     """A square part of an image."""
 
     values: npt.NDArray[np.float32]
-    """Intensities (H, W)."""
+    """Intensities (H, W), or those of red, green, and blue, (3, H, W)."""
     image_mean: float
     """Mean intensity of the whole image, which decides its exposure."""
+    mosaic: Mosaic | None = None
+    """Color filters of the pixels, or None for a gray patch and for color channels."""
 
 
 class PatchSource(ABC):

@@ -1,0 +1,74 @@
+"""Color estimates of images with three counts per pixel, by the color network."""
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.evaluation.mosaics import count_image
+from jotlight.networks.color_inference import estimate_channels
+from jotlight.networks.pretrained import (
+    CHANNELS_FILE,
+    CONDITIONAL_SIZE,
+    pretrained_color,
+    pretrained_conditional,
+)
+from jotlight.sensing.gray_outputs import output_of
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.pixel_counts import GrayImages
+from jotlight.sensing.sensor import Sensor
+
+Image = npt.NDArray[np.float32]
+
+COLORS = 3
+"""Red, green, and blue."""
+
+
+def takes_channels(images: GrayImages) -> bool:
+    """Return whether images are red, green, and blue with the same trials in all pixels.
+
+    Examples
+    --------
+    >>> from jotlight.layout import Layout
+    >>> counts = np.zeros((3, 4, 6), np.int32)
+    >>> takes_channels(GrayImages(counts, Layout((3,), -1)))
+    True
+    >>> takes_channels(GrayImages(counts, Layout((3,))))
+    False
+    """
+    layout = images.layout
+    is_color = layout.channel_axis is not None and layout.shape[-1] == COLORS
+    return is_color and not any(isinstance(one, Merged) for one in images.data)
+
+
+def reconstruct_channels(
+    images: GrayImages, sensor: Sensor, out: object, threads: int | None
+) -> Image:
+    """Return the colors of each image, which has three counts per pixel.
+
+    Parameters
+    ----------
+    images : GrayImages
+        The channels of all images, which :func:`takes_channels` accepts.
+    sensor : Sensor
+        Their sensor, with plain bits.
+    out : ndarray of float32, optional
+        As of :func:`jotlight.reconstruct`.
+    threads : int, optional
+        Number of threads. Default: all.
+
+    Examples
+    --------
+    >>> from jotlight.layout import Layout
+    >>> images = GrayImages(np.full((3, 8, 8), 8, np.int32), Layout((3,), -1))
+    >>> reconstruct_channels(images, Sensor(frames=16), None, None).shape
+    (8, 8, 3)
+    """
+    network = pretrained_color(CHANNELS_FILE)
+    gray = pretrained_conditional(sensor, CONDITIONAL_SIZE)
+    output = output_of(images, sensor, out)
+    for start in range(0, len(images), COLORS):
+        counted = [count_image(one, sensor, threads) for one in images.data[start : start + COLORS]]
+        channels, own = [each for each, _ in counted], counted[0][1]
+        output.images[start : start + COLORS] = estimate_channels(
+            network, gray, channels, own, threads
+        )
+    return output.finish(output.images)

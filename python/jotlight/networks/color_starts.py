@@ -1,0 +1,165 @@
+"""The classical colors that a color network improves."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.estimators.demosaicing import demosaic
+from jotlight.estimators.inverse_response import intensity_from_probability
+from jotlight.networks.color_planes import Filtered
+from jotlight.networks.mosaic_planes import estimate_values
+from jotlight.networks.network import Network
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.sensor import Sensor
+
+Colors = npt.NDArray[np.float64]
+Image = npt.NDArray[np.float32]
+
+_SIDE, _EXPONENT = 24.0, -0.35
+"""Side of the squares over which colors follow the common image, in pixels, at a signal-to-noise
+ratio of 1 per pixel and channel, and how it falls with the square of this ratio."""
+
+_SIDES = 5, 49
+"""The smallest and the largest side."""
+
+_NOISE = 0.2
+"""Variance of the common image, relative to that of a fraction of ones, below which colors no
+longer follow it."""
+
+_MIN_WEIGHT = 1e-9
+"""Share of known pixels below which a square has none. Running means have rounding errors."""
+
+
+def start_of_mosaic(
+    gray: Network, counted: PixelCounts, sensor: Sensor, mosaic: Mosaic, threads: int | None
+) -> Colors:
+    """Return colors of a mosaic by a gray network and color differences, (3, H, W).
+
+    The parameters are those of :func:`jotlight.networks.color_inference.estimate_mosaic`.
+    """
+
+    def estimate(planes: Any, own: Sensor) -> tuple[Image, None]:
+        return gray.reconstruct(planes, own, threads=threads), None
+
+    values, _ = estimate_values(counted, sensor, mosaic, estimate)
+    plain = dataclasses.replace(mosaic, white_balance=np.ones(3))
+    return np.moveaxis(demosaic(values, plain, "differences"), -1, 0)
+
+
+def start_of_channels(
+    gray: Network,
+    channels: Sequence[PixelCounts],
+    seen: Sequence[Filtered],
+    sensor: Sensor,
+    to_probability: Callable[[Colors], Colors],
+    threads: int | None,
+) -> Colors:
+    """Return colors of channels by a gray network and local regression, (3, H, W).
+
+    The gray network estimates the mean of P(b = 1) over the channels from all their bits together,
+    because most structure is common to all. In squares around each pixel, which are as large as the
+    noise requires, the fractions of ones of each channel are a linear function of this common
+    image, by least squares: a guided filter.
+
+    Parameters
+    ----------
+    gray : Network
+        The K-conditioned gray network.
+    channels : sequence of PixelCounts
+        The counts of red, green, and blue.
+    seen : sequence of Filtered
+        The same as fractions of ones, with the weights of their pixels.
+    sensor : Sensor
+        Their sensor.
+    to_probability : callable
+        The response of the sensor: P(b = 1) of an intensity.
+    threads : int, optional
+        Number of threads. Default: all.
+
+    Notes
+    -----
+    K. He, J. Sun, X. Tang, "Guided image filtering", IEEE TPAMI 35(6), 2013, equations (5) to (8).
+    """
+    together = _together(channels, sensor)
+    mean = gray.reconstruct(together, sensor, threads=threads)
+    common = to_probability(mean.astype(np.float64))
+    trials = float(np.mean(together.trials)) / len(channels)
+    usual = float(np.clip(common.mean(), 1e-6, 1 - 1e-6))
+    side = _side(trials * usual / (1 - usual))
+    noise = _NOISE * usual * (1 - usual) / trials
+    found = np.stack([common] * len(channels))
+    for color, each in zip(found, seen, strict=True):
+        color += follow(common, each.fraction - common, each.weight > 0, side, noise)
+    probability = np.clip(found, 0, 1).astype(np.float32)
+    return intensity_from_probability(probability, sensor, threads).astype(np.float64)
+
+
+def _together(channels: Sequence[PixelCounts], sensor: Sensor) -> Merged:
+    """Return the bits of all channels as those of one gray image."""
+    first = channels[0]
+    trials = sum(np.broadcast_to(each.trials, first.counts.shape) for each in channels)
+    ones = np.stack([each.counts for each in channels]).sum(axis=0, dtype=np.int32)
+    return Merged(ones, trials, sensor, first.dark_counts, first.efficiency)
+
+
+def _side(ratio: float) -> int:
+    """Return the odd side of a square for the square of a signal-to-noise ratio."""
+    side = float(np.clip(_SIDE * ratio**_EXPONENT, *_SIDES))
+    return 2 * round((side - 1) / 2) + 1
+
+
+def follow(
+    guide: Colors,
+    values: Colors,
+    known: npt.NDArray[np.bool_],
+    side: int,
+    noise: float,
+) -> Colors:
+    """Return values as a linear function of a guide in the square around each pixel.
+
+    Parameters
+    ----------
+    guide, values : ndarray of float64, shape (H, W)
+        The guide, and the values that follow it.
+    known : ndarray of bool, shape (H, W)
+        Where the values are known.
+    side : int
+        The odd side of the squares, in pixels.
+    noise : float
+        The variance of the guide in a square at which the slope is half of the best one.
+
+    Returns
+    -------
+    ndarray of float64, shape (H, W)
+        0 where no value is known in the squares around a pixel.
+
+    Examples
+    --------
+    >>> guide = np.linspace(0, 1, 36).reshape(6, 6)
+    >>> found = follow(guide, 3 - 2 * guide, np.ones((6, 6), bool), side=3, noise=1e-9)
+    >>> bool(np.abs(found - (3 - 2 * guide)).max() < 1e-5)
+    True
+    """
+    from scipy.ndimage import uniform_filter
+
+    def mean(array: Colors) -> Colors:
+        return np.asarray(uniform_filter(array, side, mode="constant"))
+
+    weight = known.astype(np.float64)
+    number = mean(weight)
+    inverse = np.divide(1, number, out=np.zeros_like(number), where=number > _MIN_WEIGHT)
+    average, level = inverse * mean(weight * guide), inverse * mean(weight * values)
+    variance = inverse * mean(weight * guide**2) - average**2
+    covariance = inverse * mean(weight * guide * values) - average * level
+    slope = covariance / (np.maximum(variance, 0) + noise)
+    # The mean of all squares that contain a pixel and some known values.
+    has = (inverse > 0).astype(np.float64)
+    squares = np.maximum(mean(has), _MIN_WEIGHT)
+    offset = has * (level - slope * average)
+    found: Colors = (mean(has * slope) * guide + mean(offset)) / squares
+    return found

@@ -1,0 +1,121 @@
+"""Colors of images with three counts per pixel."""
+
+import json
+import warnings
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.datasets import photograph
+from jotlight.formats.checksums import file_checksum
+from jotlight.metrics import psnr
+from jotlight.networks.pretrained import CHANNELS_FILE
+
+SCENE = photograph("astronaut")[:256:4, 100:356:4].astype(np.float64)
+
+
+def draw(trials, seed=0, scene=SCENE, **parameters):
+    sensor = jl.Sensor(frames=trials, **parameters)
+    return sensor, sensor.expose(scene, rng=seed, channel_axis=-1)
+
+
+@pytest.mark.parametrize("trials", [4, 16, 64])
+def test_the_color_network_is_the_default_and_better_than_gray_ones(trials):
+    _, bits = draw(trials)
+    found, info = jl.reconstruct(bits, return_info=True)
+    assert (info.method, info.title) == ("network-color", "network, color")
+    assert found.shape == SCENE.shape
+    gray = jl.reconstruct(bits, quality="medium")
+    assert psnr(found, SCENE, data_range=1.0) > 0.5 + psnr(gray, SCENE, data_range=1.0)
+
+
+def test_all_kinds_of_data_have_the_same_result():
+    sensor, bits = draw(8)
+    expected = jl.reconstruct(bits)
+    counts = bits.counts()
+    np.testing.assert_array_equal(jl.reconstruct(counts, sensor, channel_axis=-1), expected)
+    first = np.moveaxis(counts, -1, 0)
+    found = jl.reconstruct(first, sensor, channel_axis=0)
+    np.testing.assert_array_equal(np.moveaxis(found, 0, -1), expected)
+    other = draw(8, seed=1)[1]
+    both = jl.reconstruct([bits, other])
+    np.testing.assert_array_equal(both[0], expected)
+    np.testing.assert_array_equal(both[1], jl.reconstruct(other))
+    out = np.empty_like(expected)
+    assert jl.reconstruct(bits, out=out) is out
+    np.testing.assert_array_equal(out, expected)
+
+
+def test_any_number_of_threads_has_the_same_result():
+    _, bits = draw(8)
+    one, two = (jl.reconstruct(bits, threads=threads) for threads in (1, 2))
+    np.testing.assert_array_equal(one, two)
+
+
+def test_the_order_of_the_channels_hardly_matters():
+    _, bits = draw(16)
+    counts = bits.counts()
+    sensor = bits.sensor
+    straight = jl.reconstruct(counts, sensor, channel_axis=-1)
+    turned = jl.reconstruct(counts[..., ::-1].copy(), sensor, channel_axis=-1)[..., ::-1]
+    assert abs(psnr(turned, SCENE, data_range=1.0) - psnr(straight, SCENE, data_range=1.0)) < 0.5
+
+
+def test_dead_jots_are_filled_and_maps_count():
+    rng = np.random.default_rng(0)
+    mask = rng.random((64, 64)) < 0.03
+    shade = np.linspace(0.5, 1, 64, dtype=np.float32) * np.ones((64, 1), np.float32)
+    _, bits = draw(64, mask=mask, efficiency=shade)
+    _, whole = draw(64)
+    with pytest.warns(jl.JotlightWarning, match="no valid bit"):
+        found = jl.reconstruct(bits)
+    usual = psnr(jl.reconstruct(whole), SCENE, data_range=1.0)
+    assert psnr(found, SCENE, data_range=1.0) > usual - 2
+
+
+def test_a_flat_color_stays_flat():
+    scene = np.ones((64, 64, 3)) * [0.7, 0.3, 0.1]
+    _, bits = draw(64, scene=scene)
+    found = jl.reconstruct(bits)
+    np.testing.assert_allclose(found.mean((0, 1)), [0.7, 0.3, 0.1], atol=0.01)
+    assert found.std((0, 1)).max() < 0.02
+
+
+@pytest.mark.parametrize("extreme", [0, 1])
+def test_extreme_counts_stay_in_the_range(extreme):
+    counts = np.full((16, 16, 3), 16 * extreme)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the largest intensity, which all pixels have
+        found = jl.reconstruct(counts, jl.Sensor(frames=16), channel_axis=-1)
+    assert ((found >= 0) & (found <= 1)).all()
+    assert np.abs(found - extreme).max() < 0.25
+
+
+def test_other_colors_and_requests_have_gray_estimates():
+    sensor, bits = draw(8)
+    counts = bits.counts()
+    for data, options in (
+        (counts[..., :2].copy(), {"channel_axis": -1}),
+        (counts, {"channel_axis": -1, "trials": np.full(counts.shape, 8.0)}),
+        (counts, {"channel_axis": -1, "quality": "medium"}),
+        (np.moveaxis(counts, -1, 0).copy(), {}),
+    ):
+        _, info = jl.reconstruct(data, sensor, return_info=True, **options)
+        assert info.method == "network-medium"
+
+
+def test_the_command_line_reconstructs_colors_and_records_the_weights(run, tmp_path):
+    jl.save_image(tmp_path / "scene.png", SCENE.astype(np.float32))
+    assert run("simulate", "scene.png", "-k", 1, "-t", 16, "-o", "bits.npy")[0] == 0
+    bits = jl.open(tmp_path / "bits.npy")
+    assert bits.shape == (16, 64, 64, 3)
+    status, printed = run("reconstruct", "bits.npy", "-o", "out.npy")
+    assert status == 0, printed
+    assert "by network, color in" in printed
+    np.testing.assert_allclose(np.load(tmp_path / "out.npy"), jl.reconstruct(bits), atol=1e-6)
+    record = json.loads((tmp_path / "out.npy.json").read_text())["origin"]
+    assert file_checksum(CHANNELS_FILE) in record["weights_sha256"]
+    status, printed = run("reconstruct", "bits.npy", "-o", "gray.npy", "--quality", "medium")
+    assert status == 0, printed
+    assert "by network, medium in" in printed
