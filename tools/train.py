@@ -23,6 +23,7 @@ from pathlib import Path
 import model_cards
 import numpy as np
 import training_data
+from rounding import round_layers
 from widening import widen
 
 import jotlight as jl
@@ -127,7 +128,8 @@ def write_network(name: str, network: jl.Network, recipe: str, options: argparse
     """Write the file and the card of a network."""
     _, tests = read_image_set(options.data / "bsds300/test")
     if name in ROUNDED:
-        network = round_parameters(network)
+        layers, known = round_layers(network.layers), network.trials_range
+        network = jl.Network(layers, network.sensor, network.history, trials_range=known)
     folder = options.scratch if name in COMPARISONS else FOLDER
     network.save(folder / f"{name}.safetensors")
     validation = partial(training_data.validation_images, options.data)
@@ -135,22 +137,6 @@ def write_network(name: str, network: jl.Network, recipe: str, options: argparse
     card = model_cards.render(name, network, recipe, scores)
     (folder / f"{name}.md").write_text(card, encoding="utf-8")
     print(card, flush=True)
-
-
-def round_parameters(network: jl.Network) -> jl.Network:
-    """Return a network whose trained parameters are numbers of float16, to halve its file."""
-
-    def rounded(array: np.ndarray) -> np.ndarray:
-        return array.astype(np.float16).astype(np.float32)
-
-    layers = []
-    for layer in network.layers:
-        if layer.trainable != "nothing":
-            layer = dataclasses.replace(layer, filters=rounded(layer.filters))
-        if layer.trainable == "all" and layer.coefficients is not None:
-            layer = dataclasses.replace(layer, coefficients=rounded(layer.coefficients))
-        layers.append(layer)
-    return jl.Network(layers, network.sensor, network.history, trials_range=network.trials_range)
 
 
 def trials(name: str) -> int:

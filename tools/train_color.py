@@ -10,11 +10,14 @@ on two cores, and an interrupted one resumes from the checkpoint in `--scratch`.
 
 import argparse
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import training_data
 from model_cards import wrap
+from rounding import round_layers
 
 import jotlight as jl
 from jotlight.metrics import psnr
@@ -22,9 +25,9 @@ from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.color_planes import PLANES
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
-from jotlight.networks.pretrained import FOLDER
-from jotlight.networks.pretrained import MOSAIC_FILE as COLOR_FILE
-from jotlight.training import ColorPatches, PatchMixture
+from jotlight.networks.pretrained import CHANNELS_FILE, FOLDER, MOSAIC_FILE
+from jotlight.sensing.mosaic import Mosaic
+from jotlight.training import ColorPatches, PatchMixture, random_mosaic
 
 BATCH, PATCH = 16, 64
 
@@ -38,6 +41,44 @@ NOISE = 0.15
 """Factor of the random filters that are added to them."""
 
 TEMPLATE = Path(__file__).with_name("color_card.md")
+
+
+class Kind(NamedTuple):
+    """A color network that comes with jotlight."""
+
+    file: Path
+    mosaics: Callable[..., Mosaic] | None
+    """The mosaics of the patches, or None for color channels."""
+    sensor: dict[str, str]
+    """Parameters of the sensor of the scores."""
+    use: str
+    """What the network is for."""
+    patches: str
+    """The patches that train it."""
+    scored: str
+    """The data of the scores."""
+
+
+KINDS = {
+    "mosaic": Kind(
+        MOSAIC_FILE,
+        random_mosaic,
+        {"mosaic": "RGGB"},
+        "red, green, and blue of mosaics",
+        "Of the patches, 74 % are behind RGGB, 8 % behind RGBW, 6 % behind quad Bayer and X-Trans, "
+        "8 % behind random filters R, G, B, and W, 2 % behind C, M, Y, and G, and 2 % behind Bayer "
+        "filters that pass other colors, too.",
+        "behind RGGB",
+    ),
+    "channels": Kind(
+        CHANNELS_FILE,
+        None,
+        {},
+        "images with three counts per pixel: red, green, and blue",
+        "Each pixel of a patch has three counts.",
+        "with three counts per pixel",
+    ),
+}
 
 
 def start_from_gray() -> ColorNetwork:
@@ -64,26 +105,30 @@ def _of_gray(layer: Layer, gray: Layer) -> Layer:
     return dataclasses.replace(layer, filters=filters, coefficients=coefficients, **knots)
 
 
-def color_source(data: Path) -> PatchMixture:
+def color_source(data: Path, kind: Kind) -> PatchMixture:
     """Return patches of all color photographs."""
     return PatchMixture(
         [
-            (ColorPatches(training_data.photographs(data, folder)), weight)
+            (ColorPatches(training_data.photographs(data, folder), mosaics=kind.mosaics), weight)
             for folder, weight in training_data.WEIGHTS.items()
         ]
     )
 
 
-def score(data: Path) -> str:
+def score(data: Path, kind: Kind) -> str:
     """Return the PSNR of the shipped network on validation photographs, as text."""
     files = training_data.validation_files(data)
     images = [jl.read_image(path) for path in files if path.parent.name == "cid22"]
     images = [image[96:416, 96:416] for image in images if image.ndim == 3]
     texts = []
     for trials in (4, 16, 64, 256):
-        sensor = jl.Sensor(frames=trials, mosaic="RGGB")
+        sensor = jl.Sensor(frames=trials, **kind.sensor)
         values = [
-            psnr(jl.reconstruct(sensor.expose(image, rng=seed)), image, data_range=1.0)
+            psnr(
+                jl.reconstruct(sensor.expose(image, rng=seed, channel_axis=-1)),
+                image,
+                data_range=1.0,
+            )
             for seed, image in enumerate(images)
         ]
         texts.append(f"{np.mean(values):.2f} dB for K = {trials}")
@@ -95,6 +140,7 @@ def main() -> None:
 
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("data", type=Path)
+    parser.add_argument("kind", choices=KINDS)
     parser.add_argument("--from", dest="start", type=Path)
     parser.add_argument("--steps", type=int, default=20_000)
     parser.add_argument("--learning-rate", type=float, default=2e-3)
@@ -103,7 +149,7 @@ def main() -> None:
     parser.add_argument("--scratch", type=Path, default=Path("target/models"))
     options = parser.parse_args()
     options.scratch.mkdir(parents=True, exist_ok=True)
-    checkpoint = options.scratch / f"color.{options.seed}.checkpoint.safetensors"
+    checkpoint = options.scratch / f"{options.kind}.{options.seed}.checkpoint.safetensors"
     start = start_from_gray() if options.start is None else ColorNetwork.load(options.start)
 
     def report(record: jl.training.Record) -> None:
@@ -112,7 +158,7 @@ def main() -> None:
 
     network, _ = train(
         start,
-        color_source(options.data),
+        color_source(options.data, KINDS[options.kind]),
         steps=options.steps,
         batch=BATCH,
         patch=PATCH,
@@ -125,29 +171,32 @@ def main() -> None:
         threads=options.threads,
     )
     stage = (
-        f"`python tools/train_color.py DATA` with {options.steps:,} steps at a learning rate of "
-        f"{options.learning_rate:g}"
+        f"`python tools/train_color.py DATA {options.kind}` with {options.steps:,} steps at a "
+        f"learning rate of {options.learning_rate:g}"
     )
-    stages = [*start.history.get("stages", []), stage]
-    network.history = {"start": start.history["start"], "stages": stages}
-    network.save(COLOR_FILE)
+    ship(network, [*start.history.get("stages", []), stage], KINDS[options.kind], options.data)
     checkpoint.unlink()
-    write_card(network, options.data)
 
 
-def write_card(network: ColorNetwork, data: Path) -> None:
-    """Write the card of the network in `COLOR_FILE`."""
-    stages = ", then ".join(network.history["stages"])
-    recipe = f"from the gray network medium, {stages}."
+def ship(network: ColorNetwork, stages: list[str], kind: Kind, data: Path) -> None:
+    """Write a trained network, whose parameters are rounded to float16, and its card."""
+    history = {"start": network.history["start"], "stages": stages}
+    layers = round_layers(network.layers)
+    network = ColorNetwork(layers, history, trials_range=network.trials_range)
+    network.save(kind.file)
     card = TEMPLATE.read_text(encoding="utf-8").format(
+        name=kind.file.stem,
+        use=kind.use,
+        patches=kind.patches,
+        scored=kind.scored,
         channels=" → ".join(str(layer.channels) for layer in network.layers),
         parameters=sum(layer.parameter_count for layer in network.layers),
         kiloflops=flops_per_pixel(network.layers) / 1000,
-        recipe=recipe,
-        scores=score(data),
+        recipe=f"from the gray network medium, {', then '.join(stages)}.",
+        scores=score(data, kind),
     )
     card = "".join(wrap(line) + "\n" for line in card.splitlines())
-    COLOR_FILE.with_suffix(".md").write_text(card, encoding="utf-8")
+    kind.file.with_suffix(".md").write_text(card, encoding="utf-8")
     print(card)
 
 
