@@ -7,11 +7,13 @@ from typing import Any
 
 from jotlight.calibration import Calibration
 from jotlight.checks import Counts
+from jotlight.chunks import windows
 from jotlight.cli.console import progress
 from jotlight.files import refuse_overwrite
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.description import companion_files
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.frames import read_frames
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import carried_sensor
@@ -233,3 +235,30 @@ def refuse_capture_overwrite(output: Path, capture: Path) -> None:
         raise ValueError(
             f"{output}: lies in the folder {capture}, which is read; choose another name"
         )
+
+
+def of_window(captured: Captured, window: int) -> Captured:
+    """Return a capture with the sensor of one window of its frames."""
+    data, sensor = captured.data, captured.sensor
+    if isinstance(data, Bits):
+        windows(len(data), window)
+        check_fits(data.shape, sensor)
+        each = 1
+    else:
+        _check_window_of_counts(len(data), sensor.frames, window)
+        each = frames_of_each(sensor.frames, len(data))
+    return dataclasses.replace(captured, sensor=sensor.replace(frames=each * window))
+
+
+def _check_window_of_counts(number: int, frames: int, window: int) -> None:
+    """Raise ValueError unless a window is a number of images of counts."""
+    if 1 <= window <= number:
+        return
+    each, rest = divmod(frames, number)
+    advice = ""
+    if not rest and each and window % each == 0 and 1 <= window // each <= number:
+        images = window // each
+        advice = f"; for {window} frames, {each} in each image, write --window {images}"
+    raise ValueError(
+        f"window: expected 1 to the capture's {number} images of counts, got {window}{advice}"
+    )

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.chunks import windows
 from jotlight.cli.advice import range_advice
 from jotlight.cli.applied_calibration import AppliedCalibration
 from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.captured import Captured, add_sensor, frames_of_each, refuse_capture_overwrite
+from jotlight.cli.captured import Captured, add_sensor, of_window, refuse_capture_overwrite
 from jotlight.cli.console import caution, live_iterations, progress, report
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.method_options import MethodOptions
@@ -34,8 +33,8 @@ from jotlight.formats.checked_reading import with_checksum
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import Data
 
 
@@ -143,7 +142,7 @@ class Inputs:
                     "frames: --window states the frames of each image; --frame-range selects "
                     "frames of the capture"
                 )
-            captured = _of_window(captured, window)
+            captured = of_window(captured, window)
         is_range_known = captured.has_own_sensor or self.sensor.max_intensity is not None
         choice = choose_method(
             captured.sensor,
@@ -191,33 +190,6 @@ def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:
     return dataclasses.replace(captured, sensor=sensor)
 
 
-def _of_window(captured: Captured, window: int) -> Captured:
-    """Return a capture with the sensor of one window of its frames."""
-    data, sensor = captured.data, captured.sensor
-    if isinstance(data, Bits):
-        windows(len(data), window)
-        check_fits(data.shape, sensor)
-        each = 1
-    else:
-        _check_window_of_counts(len(data), sensor.frames, window)
-        each = frames_of_each(sensor.frames, len(data))
-    return dataclasses.replace(captured, sensor=sensor.replace(frames=each * window))
-
-
-def _check_window_of_counts(number: int, frames: int, window: int) -> None:
-    """Raise ValueError unless a window is a number of images of counts."""
-    if 1 <= window <= number:
-        return
-    each, rest = divmod(frames, number)
-    advice = ""
-    if not rest and each and window % each == 0 and 1 <= window // each <= number:
-        images = window // each
-        advice = f"; for {window} frames, {each} in each image, write --window {images}"
-    raise ValueError(
-        f"window: expected 1 to the capture's {number} images of counts, got {window}{advice}"
-    )
-
-
 @dataclasses.dataclass(frozen=True)
 class Brightness:
     """Largest value of an estimate, and its brightness without the brightest 0.1 %."""
@@ -233,21 +205,26 @@ def reconstruct_image(
     threads: int | None,
 ) -> None:
     """Write and report the estimate of one image."""
-    captured, title = job.captured, job.choice.title
+    captured = job.captured
     found = []
     paths, all_paths = outputs.paths(), [*outputs.paths(), *motion.paths()]
     records = Records(all_paths, job.calibration)
     # Creating the files reveals a folder that cannot be written before any work.
     with atomic_write_together([*all_paths, *records.paths()]) as files:
-        metadata = outputs.metadata(captured.sensor, title, captured.provenance)
         watched, checksum = with_checksum(captured.data)
         captured = dataclasses.replace(captured, data=watched)
+        stands_still = False
+        if motion.motion:
+            merged, path = motion.align(captured, threads)
+            stands_still = captured.sensor.mosaic is not None and path.model == "none"
+            job = _without_motion(job) if stands_still else job
+        title = job.choice.title
+        metadata = outputs.metadata(captured.sensor, title, captured.provenance)
         if motion.motion:
             metadata |= origin_of(job, checksum())
-            merged, path = motion.align(captured, threads)
             motion.write(files[len(paths) : len(all_paths)], merged, path, metadata)
             found = describe(merged, path)
-        data = merged if motion.motion else captured.summed()
+        data = merged if motion.motion and not stands_still else captured.summed()
         start = time.perf_counter()
         estimate, ending = _estimate(job, data, threads)
         seconds = time.perf_counter() - start
@@ -282,6 +259,15 @@ def reconstruct_image(
     )
 
 
+def _without_motion(job: Reconstruction) -> Reconstruction:
+    """Return the reconstruction of the colors of a mosaic, of a scene that stands still."""
+    if job.method != DEFAULT_METHOD or job.choice.reason == "requested" or job.settings:
+        return job
+    is_color = _takes_color_network(job.captured)
+    choice = choose_method(job.captured.sensor, is_color=is_color)
+    return dataclasses.replace(job, choice=choice, method=None) if is_color else job
+
+
 def _estimate(
     job: Reconstruction, data: Data, threads: int | None
 ) -> tuple[npt.NDArray[np.float32], str]:
@@ -291,7 +277,7 @@ def _estimate(
     def run(**settings: Any) -> tuple[npt.NDArray[np.float32], Info]:
         return reconstruct(
             data,
-            job.captured.sensor,
+            data.sensor if isinstance(data, Merged) else job.captured.sensor,
             method=job.method,
             channel_axis=last_channel_axis(data),
             threads=threads,

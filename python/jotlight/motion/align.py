@@ -13,11 +13,13 @@ from jotlight.motion.burst import Burst, as_burst
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.jots import Jots
 from jotlight.motion.model import divide, find_paths
+from jotlight.motion.mosaics import enlarge, in_squares, squares_side
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.readings import require_plain_bits
@@ -106,6 +108,8 @@ def find_motion(
     progress: Callable[[float], object],
 ) -> tuple[Motion, Consistent | None]:
     """Return the motion that :func:`align` returns, and the sums along it if they are known."""
+    if (colored := bits_behind_mosaic(data, sensor)) is not None:
+        return _motion_behind_mosaic(*colored, at, model, threads, progress), None
     burst, sensor = prepare_burst(data, sensor)
     if model != "auto" and model not in MODELS:
         raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
@@ -126,8 +130,52 @@ def find_motion(
     return motion, found.consistent
 
 
-def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst, Sensor]:
+def bits_behind_mosaic(data: object, sensor: object) -> tuple[Bits, Sensor] | None:
+    """Return bits and their sensor if it has a mosaic, and None otherwise.
+
+    Raises
+    ------
+    ValueError
+        When other data have a sensor with a mosaic.
+    """
+    stated = carried_sensor(data) if sensor is None and isinstance(data, Bits) else sensor
+    if not isinstance(stated, Sensor) or stated.mosaic is None:
+        return None
+    if not isinstance(data, Bits):
+        raise ValueError(
+            "data: expected bits for a sensor with a mosaic, because the motion of its counts "
+            f"cannot be estimated, got {type(data).__name__}"
+        )
+    check_fits(data.shape, stated)
+    return data, stated
+
+
+def _motion_behind_mosaic(
+    bits: Bits,
+    sensor: Sensor,
+    at: float | None,
+    model: str,
+    threads: int | None,
+    progress: Callable[[float], object],
+) -> Motion:
+    """Return the motion of a scene behind a mosaic, from squares of jots with all filters."""
+    gray = sensor.replace(mosaic=None, gain=sensor.gain)
+    require_plain_bits(gray)
+    excluded = sensor.mask
+    if (hot := hot_jots(gray)) is not None:
+        excluded = hot if excluded is None else excluded | hot
+    squares, own = in_squares(bits, sensor, excluded)
+    motion, _ = find_motion(squares, own, at, model, threads, progress)
+    side = squares_side(sensor)
+    return enlarge(motion, side, (bits.shape[1], bits.shape[2]))
+
+
+def prepare_burst(
+    data: Bits | CountStack, sensor: Sensor | None, *, may_repeat: bool = False
+) -> tuple[Burst, Sensor]:
     """Return the frames of the data and their sensor, after a test for periodic rates.
+
+    There is no such test if the rates `may_repeat`.
 
     Raises
     ------
@@ -144,9 +192,9 @@ def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst
     if sensor is not None:
         if sensor.mosaic is not None:
             raise ValueError(
-                "sensor: expected a gray sensor, because the motion of a mosaic cannot be "
-                f"estimated or merged, got {sensor.mosaic!r}; reconstruct short windows in which "
-                "the scene stands still: jotlight.reconstruct(bits[a:b]) (--frame-range a:b)"
+                "sensor: expected a gray sensor, because films of a mosaic are not supported, got "
+                f"{sensor.mosaic!r}; merge the bits for each image: jotlight.merge(bits, at=time) "
+                "(--motion --at)"
             )
         require_plain_bits(sensor)
     if isinstance(data, CountStack):
@@ -169,8 +217,9 @@ def prepare_burst(data: Bits | CountStack, sensor: Sensor | None) -> tuple[Burst
             f"{sensor.frames}; take sensor.replace(frames={readings})"
         )
     sensor.check_map_shapes(*burst.size)
-    jots = data[:MIN_FRAMES].sum()[None] if isinstance(data, CountStack) else data
-    warn_about_periods([jots])
+    if not may_repeat:
+        jots = data[:MIN_FRAMES].sum()[None] if isinstance(data, CountStack) else data
+        warn_about_periods([jots])
     return burst, sensor
 
 

@@ -11,6 +11,7 @@ from jotlight.errors import warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import (
     as_blocks,
+    bits_behind_mosaic,
     find_motion,
     hot_jots,
     prepare_burst,
@@ -24,6 +25,7 @@ from jotlight.motion.flags import find_flags, is_unclear
 from jotlight.motion.flicker import without_saturation
 from jotlight.motion.guard import count_window, find_window
 from jotlight.motion.model import divide
+from jotlight.motion.mosaics import join_colors, sensors_of_colors
 from jotlight.motion.motion import Motion
 from jotlight.motion.posterior import posterior_error
 from jotlight.motion.track import Paths, Track
@@ -85,7 +87,10 @@ def merge(
     Returns
     -------
     Merged
-        Counts of pixels, which all methods and networks accept in place of bits.
+        Counts of pixels, which all methods and networks accept in place of bits. Behind a mosaic of
+        ideal filters R, G, and B, they are color counts, (H, W, 3): along a motion, each pixel of
+        the image is seen through all filters. If the scene stands still (model "none"),
+        reconstruct the bits instead.
 
     Raises
     ------
@@ -106,12 +111,40 @@ def merge(
     >>> merged.shape, bool(merged.trials.max() <= 32)
     ((64, 64), True)
     """
+    if (colored := bits_behind_mosaic(data, sensor)) is not None:
+        return _merge_colors(*colored, at, motion, upsample, threads, progress)
     burst, sensor = prepare_burst(data, sensor)
     check_upsample(upsample, sensor)
     with shown_progress(progress, "merging") as update:
         merged = _merge(data, burst, sensor, at, motion, upsample, threads, update)
         update(1.0)
     return merged
+
+
+def _merge_colors(
+    bits: Bits,
+    sensor: Sensor,
+    at: float | None,
+    motion: Motion | None,
+    upsample: int,
+    threads: int | None,
+    progress: Progress,
+) -> Merged:
+    """Return the counts of red, green, and blue along the motion, from bits behind a mosaic."""
+    if whole_number_in_range("upsample", upsample, 1, 2) > 1:
+        raise ValueError(f"upsample: expected 1 for a sensor with a mosaic, got {upsample}")
+    of_colors = sensors_of_colors(sensor, (bits.shape[1], bits.shape[2]))
+    merged = []
+    with shown_progress(progress, "merging") as update:
+        if motion is None:
+            motion, _ = find_motion(
+                bits, sensor, at, "auto", threads, lambda part: update(_ALIGNING * part, "aligning")
+            )
+        for number, own in enumerate(of_colors, 1):
+            burst, _ = prepare_burst(bits, own, may_repeat=True)
+            merged.append(_merge(bits, burst, own, at, motion, 1, threads, lambda *_: None))
+            update(_ALIGNING + (1 - _ALIGNING) * number / len(of_colors), "merging")
+    return join_colors(merged, sensor)
 
 
 def _merge(

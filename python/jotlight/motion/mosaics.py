@@ -1,0 +1,269 @@
+"""Motion behind a color mosaic, from sums over squares of jots with all of its filters.
+
+The filters stand still, and the scene moves over them. In squares that contain all filters, their
+pattern is nearly gone. So the motion of the sums over such squares is that of the scene.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.formats.capture import CountStack
+from jotlight.motion.motion import Motion
+from jotlight.motion.tiles import TILE, tile_centers
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames, read_frames
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.mosaic import Pattern
+from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.sensor import Sensor
+
+Counts = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+Map = npt.NDArray[np.float64]
+
+COLORS = "RGB"
+"""The filters whose bits can be merged to a color image."""
+
+_MAX_SIDE = 8
+"""Largest side of a square of pixels. Longer periods have parts with nearly the same filters."""
+
+_USUAL_SIDE = 4
+"""Side of a square of pixels for patterns with a longer period, and for maps."""
+
+_MAX_BYTES = 1 << 28
+"""Maximum number of bytes of sums that are kept. More are computed when they are needed."""
+
+_MIN_JOTS = 0.5
+"""Fraction of the jots of a square that must be good."""
+
+
+def squares_side(sensor: Sensor) -> int:
+    """Return the side in jots of squares that contain all filters of a sensor's mosaic.
+
+    Examples
+    --------
+    >>> squares_side(Sensor(mosaic="RGGB")), squares_side(Sensor(mosaic="RGB", oversampling=2))
+    (2, 6)
+    """
+    side = math.lcm(*sensor.mosaic.pattern.shape)
+    return sensor.oversampling * (side if side <= _MAX_SIDE else _USUAL_SIDE)
+
+
+def in_squares(
+    bits: Bits, sensor: Sensor, excluded: npt.NDArray[np.bool_] | None
+) -> tuple[CountStack, Sensor]:
+    """Return the counts of squares of jots in each frame, and a gray sensor whose jots they are.
+
+    Rows and columns of jots beyond the last whole square are left out.
+
+    Parameters
+    ----------
+    bits : Bits
+        T frames (T, H, W).
+    sensor : Sensor
+        Their sensor, with a mosaic.
+    excluded : ndarray of bool, shape (H, W), optional
+        The jots that are not counted.
+
+    Raises
+    ------
+    ValueError
+        When the image is smaller than a square.
+    """
+    frames, height, width = bits.shape
+    side = squares_side(sensor)
+    rows, columns = height // side, width // side
+    if not rows or not columns:
+        raise ValueError(
+            f"data: expected {side} x {side} jots or more, which have all filters of the mosaic, "
+            f"got {height} x {width}"
+        )
+    good = np.ones((height, width), np.uint8) if excluded is None else (~excluded).astype(np.uint8)
+
+    def read(start: int, stop: int) -> Counts:
+        packed = read_frames(bits.packed, start, stop)
+        each = np.unpackbits(packed, axis=2, count=width) & good
+        each = each[:, : rows * side, : columns * side]
+        dtype = np.uint8 if side**2 < 256 else np.uint16
+        sums = each.reshape(-1, rows, side, columns * side).sum(axis=2, dtype=dtype)
+        counts: Counts = sums.reshape(-1, rows, columns, side).sum(axis=3, dtype=dtype)
+        return counts
+
+    images: Counts | Frames = Frames((frames, rows, columns), read, np.dtype(np.uint8))
+    if frames * rows * columns <= _MAX_BYTES:
+        images = np.concatenate(
+            [read(first, min(first + 64, frames)) for first in range(0, frames, 64)]
+        )
+    stack = CountStack(images, Provenance("bits", "sums over squares of jots"), trials=side**2)
+    return stack, _sensor_of_squares(sensor, good, frames, side)
+
+
+def _sensor_of_squares(sensor: Sensor, good: Pattern, frames: int, side: int) -> Sensor:
+    """Return the gray sensor whose jots are squares of jots."""
+    mosaic, pixel = sensor.mosaic, sensor.oversampling
+    height, width = good.shape
+    places = mosaic.full(height // pixel, width // pixel)
+    passed = mosaic.sensitivity[places].repeat(pixel, axis=0).repeat(pixel, axis=1)
+    light = _mean(good * passed * np.asarray(sensor.efficiency), side)
+    dark_counts = _mean(good * np.asarray(sensor.dark_counts), side)
+    dead = _mean(good.astype(np.float64), side) < _MIN_JOTS
+    usual = float(light.max()) or 1.0
+    efficiency = np.maximum(light / usual, 1e-6).astype(np.float32)
+    trials = frames * side**2
+    return Sensor(
+        frames=trials,
+        gain=sensor.light_per_intensity * usual * trials,
+        threshold=sensor.threshold,
+        max_intensity=sensor.max_intensity,
+        efficiency=float(efficiency.flat[0]) if not np.ptp(efficiency) else efficiency,
+        dark_counts=float(dark_counts.flat[0])
+        if not np.ptp(dark_counts)
+        else dark_counts.astype(np.float32),
+        mask=dead if dead.any() else None,
+    )
+
+
+def _mean(values: Map, side: int) -> Map:
+    """Return the means over squares."""
+    rows, columns = (length // side for length in values.shape)
+    whole = values[: rows * side, : columns * side]
+    return np.asarray(whole.reshape(rows, side, columns, side).mean(axis=(1, 3)))
+
+
+def sensors_of_colors(sensor: Sensor, size: tuple[int, int]) -> list[Sensor]:
+    """Return the gray sensors of the jots behind red, green, and blue filters.
+
+    The other jots of each are dead.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor, with a mosaic.
+    size : (int, int)
+        H and W in jots.
+
+    Raises
+    ------
+    ValueError
+        When there are other filters than ideal ones for red, green, and blue.
+
+    Examples
+    --------
+    >>> red, green, blue = sensors_of_colors(Sensor(mosaic="RGGB"), (4, 4))
+    >>> red.mask[:2, :2].tolist()
+    [[False, True], [True, True]]
+    """
+    mosaic, pixel = sensor.mosaic, sensor.oversampling
+    if mosaic.filters != COLORS or not mosaic.is_ideal:
+        raise ValueError(
+            "sensor: expected ideal filters R, G, and B to merge bits behind a mosaic, got "
+            f"{mosaic!r}; jotlight.align takes every mosaic"
+        )
+    places = mosaic.full(size[0] // pixel, size[1] // pixel)
+    places = places.repeat(pixel, axis=0).repeat(pixel, axis=1)
+    gray = sensor.replace(mosaic=None, gain=sensor.gain)
+    dead = np.zeros(size, bool) if sensor.mask is None else sensor.mask
+    return [
+        gray.replace(mask=dead | (places != index), gain=gray.gain) for index in range(len(COLORS))
+    ]
+
+
+def join_colors(merged: Sequence[Merged], sensor: Sensor) -> Merged:
+    """Return the merged counts of red, green, and blue as those of a color image.
+
+    Efficiency and dark counts are the means over the colors. A pixel is flagged if it is for two
+    colors.
+
+    Parameters
+    ----------
+    merged : sequence of Merged
+        The counts of each color.
+    sensor : Sensor
+        The sensor, with a mosaic.
+    """
+    shape = merged[0].shape
+
+    def mean(name: str) -> Map:
+        maps = [np.broadcast_to(getattr(each, name), shape) for each in merged]
+        return np.asarray(np.mean(maps, axis=0, dtype=np.float64))
+
+    balance = np.asarray(sensor.mosaic.white_balance)
+    if not (balance == 1).all():
+        raise ValueError(
+            "sensor: expected a mosaic with the white balance 1 for merged counts, got "
+            f"{balance.tolist()}; multiply the estimate by it"
+        )
+    return Merged(
+        np.stack([each.ones for each in merged], axis=-1),
+        np.stack([np.broadcast_to(each.trials, shape) for each in merged], axis=-1),
+        sensor.replace(mosaic=None, mask=None, gain=sensor.gain),
+        mean("dark_counts"),
+        mean("efficiency"),
+        mean("acceptance").astype(np.float32),
+        mean("posterior_error").astype(np.float32),
+        mean("flags") > 1 / 2,
+        channel_axis=-1,
+    )
+
+
+def enlarge(motion: Motion, side: int, size: tuple[int, int]) -> Motion:
+    """Return the motion of squares of jots as that of the jots.
+
+    Parameters
+    ----------
+    motion : Motion
+        The motion, in squares.
+    side : int
+        The side of a square in jots.
+    size : (int, int)
+        H and W in jots.
+
+    Examples
+    --------
+    >>> nodes = np.zeros((1, 2, 2, 1, 1), np.float32)
+    >>> nodes[0, 1] = 1.5
+    >>> parts = np.ones((1, 2, 3, 1, 1), np.float32)
+    >>> labels = np.zeros((16, 16), np.uint8)
+    >>> motion = Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", parts)
+    >>> enlarge(motion, 2, (33, 32)).at(6)[:, 5, 7].tolist()
+    [3.0, 3.0]
+    """
+    centers = tile_centers(size)
+    axes = centers[0][:, 0], centers[1][0]
+    places = [((axis - (side - 1) / 2) / side - (TILE - 1) / 2) / TILE for axis in axes]
+    rows, columns = (
+        _linear(place, number)
+        for place, number in zip(places, motion.nodes.shape[-2:], strict=True)
+    )
+    nodes = side * (rows @ motion.nodes.astype(np.float64) @ columns.T)
+    nearest = [
+        np.clip(np.rint(place), 0, number - 1).astype(int)
+        for place, number in zip(places, motion.nodes.shape[-2:], strict=True)
+    ]
+    # A displacement in jots is larger than in squares, and so is its error.
+    information = motion.information[..., nearest[0][:, None], nearest[1]] / np.float32(side**2)
+    labels = motion.labels.repeat(side, axis=0).repeat(side, axis=1)
+    beyond = [(0, length - known) for length, known in zip(size, labels.shape, strict=True)]
+    return Motion(
+        nodes.astype(np.float32),
+        np.pad(labels, beyond, mode="edge"),
+        motion.times,
+        motion.reference,
+        motion.model,
+        information,
+    )
+
+
+def _linear(places: Map, number: int) -> Map:
+    """Return the matrix that interpolates values at 0, 1, ... linearly, and extrapolates them."""
+    matrix = np.zeros((len(places), number))
+    if number == 1:
+        matrix[:] = 1
+        return matrix
+    first = np.clip(np.floor(places), 0, number - 2).astype(int)
+    rows = np.arange(len(places))
+    matrix[rows, first + 1] = places - first
+    matrix[rows, first] = 1 - matrix[rows, first + 1]
+    return matrix

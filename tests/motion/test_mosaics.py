@@ -1,0 +1,190 @@
+"""Motion behind a color mosaic: squares of jots, displacements, and merged colors."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.formats.capture import CountStack
+from jotlight.metrics import psnr
+from jotlight.motion.mosaics import enlarge, in_squares, sensors_of_colors, squares_side
+from jotlight.motion.tiles import tile_centers
+from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.provenance import Provenance
+
+FRAMES, SIZE = 96, (128, 160)
+
+
+def behind(mosaic, motion="shake", photons=0.5, rng=3):
+    """Return a moving color scene, and its bits behind a mosaic of filters R, G, and B."""
+    photograph = jl.datasets.photograph("astronaut").astype(np.float64)
+    scene = jl.datasets.moving(
+        photograph, motion, sensor=jl.Sensor(frames=FRAMES), shape=SIZE, photons=photons, rng=rng
+    )
+    sensor = scene.bits.sensor.replace(mosaic=mosaic, gain=scene.bits.sensor.gain)
+    places = sensor.mosaic.full(*SIZE)
+    every = np.asarray(scene.bits.packed)
+    masks = [np.packbits(places == index, axis=1) for index in range(3)]
+    packed = sum(every[..., index] & mask for index, mask in enumerate(masks))
+    return scene, jl.Bits(packed.astype(np.uint8), SIZE[1], sensor)
+
+
+def by_loops(bits, side, good):
+    """Return the sums over squares of jots of one frame at a time."""
+    frames = bits.to_array() * good
+    rows, columns = frames.shape[1] // side, frames.shape[2] // side
+    sums = np.zeros((len(frames), rows, columns), int)
+    for row in range(rows):
+        for column in range(columns):
+            part = frames[:, row * side : (row + 1) * side, column * side : (column + 1) * side]
+            sums[:, row, column] = part.sum(axis=(1, 2))
+    return sums
+
+
+@pytest.mark.parametrize(
+    ("mosaic", "oversampling", "side"), [("RGGB", 1, 2), ("RGB", 1, 3), ("RGGB", 2, 4)]
+)
+def test_squares_hold_the_sums_of_good_jots(mosaic, oversampling, side):
+    rng = np.random.default_rng(0)
+    frames = rng.random((70, 24, 36)) < 0.3
+    excluded = rng.random((24, 36)) < 0.1
+    sensor = jl.Sensor(oversampling=oversampling, frames=70, mosaic=mosaic, dark_counts=0.01)
+    bits = jl.Bits.from_array(frames, sensor=sensor)
+    assert squares_side(sensor) == side
+    stack, own = in_squares(bits, sensor, excluded)
+    np.testing.assert_array_equal(stack.images, by_loops(bits, side, ~excluded))
+    assert stack.trials == side**2
+    assert own.trials == 70 * side**2
+    # The sensor of squares predicts the mean number of ones of gray light, to the first order.
+    plain = sensor.replace(mosaic=None, gain=sensor.gain)
+    light = 1e-3
+    places = sensor.mosaic.full(24 // oversampling, 36 // oversampling)
+    passed = sensor.mosaic.sensitivity[places].repeat(oversampling, 0).repeat(oversampling, 1)
+    rate = (plain.light_per_intensity * light * passed + 0.01) * ~excluded
+    expected = rate.reshape(24 // side, side, 36 // side, side).sum((1, 3))
+    found = own.light_per_intensity * light * np.asarray(own.efficiency) + own.dark_counts
+    np.testing.assert_allclose(found * side**2, expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("side", [2, 3, 4])
+def test_an_affine_motion_is_enlarged_exactly(side):
+    small = (50, 70)
+    size = (small[0] * side + 1, small[1] * side + side - 1)
+    matrix, shift = np.array([[0.02, -0.01], [0.03, 0.01]]), np.array([1.5, -2.0])
+
+    def displacement(places):
+        return np.einsum("ij,j...->i...", matrix, places) + shift[:, None, None]
+
+    nodes = np.stack([np.zeros((2, 4, 5)), displacement(tile_centers(small))])[None]
+    information = np.ones((1, 2, 3, 4, 5), np.float32)
+    motion = jl.Motion(
+        nodes.astype(np.float32), np.zeros(small, np.uint8), np.array([0.0, 8.0]), 0.0,
+        "affine", information,
+    )  # fmt: skip
+    found = enlarge(motion, side, size)
+    places = (np.indices(size) - (side - 1) / 2) / side
+    np.testing.assert_allclose(found.at(8.0), side * displacement(places), atol=1e-4)
+    assert found.size == size
+    np.testing.assert_allclose(found.information, 1 / side**2)
+
+
+@pytest.mark.parametrize(
+    "mosaic",
+    ["RGGB", "RRGG/RRGG/GGBB/GGBB", Mosaic(np.random.default_rng(1).integers(3, size=SIZE), "RGB")],
+    ids=["RGGB", "quad", "random"],
+)
+def test_the_motion_is_found(mosaic):
+    scene, bits = behind(mosaic)
+    motion = jl.align(bits)
+    assert motion.model != "none"
+    for time in (4, 30, 90):
+        error = motion.at(time) - scene.motion(time)
+        assert np.sqrt((error**2).sum(0).mean()) < 1
+
+
+def test_a_still_scene_has_no_motion():
+    _, bits = behind("RGGB", motion="static")
+    assert jl.align(bits).model == "none"
+
+
+# Some pixels show scene points that no filter of a color has seen.
+@pytest.mark.filterwarnings("ignore:.*have no valid bit")
+def test_merged_colors_are_better_than_every_window():
+    scene, bits = behind("RGGB")
+    truth = scene.image()
+    merged = jl.merge(bits)
+    assert merged.shape == (*SIZE, 3)
+    trials = np.asarray(merged.trials).mean((0, 1))
+    np.testing.assert_allclose(trials / FRAMES, [0.25, 0.5, 0.25], atol=0.05)
+    found = psnr(jl.reconstruct(merged), truth, data_range=1.0)
+    middle = FRAMES // 2
+    windows = [
+        psnr(jl.reconstruct(bits[middle - n : middle + n]), truth, data_range=1.0)
+        for n in (1, 2, 4, 8, 16, 48)
+    ]
+    assert found > max(windows) + 1
+    assert merged.flags.mean() < 0.3
+
+
+def test_each_color_has_the_bits_of_its_jots():
+    _, bits = behind("RGGB", motion="static")
+    motion = jl.align(bits)
+    merged = jl.merge(bits, motion=motion)
+    counts = bits.counts()
+    places = bits.sensor.mosaic.full(*SIZE)
+    for index in range(3):
+        own = places == index
+        # Few bits are left out, because they disagree with others by chance.
+        assert (merged.ones[..., index][own] == counts[own]).mean() > 0.97
+        assert (merged.ones[..., index] <= counts).all()
+        assert not merged.trials[..., index][~own].any()
+
+
+def test_what_cannot_be_merged_is_refused():
+    sensor = jl.Sensor(frames=32, mosaic="RGBW")
+    bits = jl.Bits.from_array(np.zeros((32, 32, 32), bool), sensor=sensor)
+    with pytest.raises(ValueError, match="expected ideal filters R, G, and B to merge"):
+        jl.merge(bits)
+    bayer = jl.Bits(bits.packed, 32, sensor.replace(mosaic="RGGB", gain=sensor.gain))
+    with pytest.raises(ValueError, match="upsample: expected 1 for a sensor with a mosaic"):
+        jl.merge(bayer, upsample=2)
+    tiny = jl.Bits.from_array(
+        np.zeros((32, 1, 32), bool), sensor=jl.Sensor(frames=32, mosaic="RGGB")
+    )
+    with pytest.raises(ValueError, match=r"expected 2 x 2 jots or more.*got 1 x 32"):
+        jl.align(tiny)
+    with pytest.raises(ValueError, match="ideal filters"):
+        sensors_of_colors(jl.Sensor(mosaic="CMYG"), (4, 4))
+    stack = CountStack(np.zeros((32, 8, 8), np.uint8), Provenance("npy", "a.npy"), trials=4)
+    with pytest.raises(ValueError, match="data: expected bits for a sensor with a mosaic"):
+        jl.align(stack, sensor)
+
+
+def test_an_all_zero_capture_is_assumed_to_stand_still():
+    sensor = jl.Sensor(frames=32, mosaic="RGGB")
+    bits = jl.Bits.from_array(np.zeros((32, 32, 32), bool), sensor=sensor)
+    with pytest.warns(jl.JotlightWarning, match="all bits are 0"):
+        assert jl.align(bits).model == "none"
+
+
+@pytest.mark.filterwarnings("ignore:.*have no valid bit")
+def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
+    _, bits = behind("RGGB")
+    jl.save(bits, tmp_path / "bits.npy")
+    status, printed = run(
+        "reconstruct", "bits.npy", "--motion", "-o", "out.npy", "--save-motion", "m.safetensors"
+    )
+    assert status == 0, printed
+    assert "motion: " in printed
+    assert jl.Motion.load(tmp_path / "m.safetensors").size == SIZE
+    found = np.load(tmp_path / "out.npy")
+    expected = jl.reconstruct(jl.merge(bits, motion=jl.align(bits)), quality="medium")
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    _, still = behind("RGGB", motion="static")
+    jl.save(still, tmp_path / "still.npy")
+    status, printed = run("reconstruct", "still.npy", "--motion", "-o", "still_out.npy")
+    assert status == 0, printed
+    assert "by network, color in" in printed
+    assert "the scene stands still" in printed
+    np.testing.assert_allclose(
+        np.load(tmp_path / "still_out.npy"), jl.reconstruct(still), atol=1e-5
+    )
