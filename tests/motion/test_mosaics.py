@@ -14,7 +14,7 @@ from jotlight.sensing.provenance import Provenance
 FRAMES, SIZE = 96, (128, 160)
 
 
-def behind(mosaic, motion="shake", photons=0.5, rng=3):
+def behind(mosaic, motion="shake", photons=0.5, rng=4):
     """Return a moving color scene, and its bits behind a mosaic of filters R, G, and B."""
     photograph = jl.datasets.photograph("astronaut").astype(np.float64)
     scene = jl.datasets.moving(

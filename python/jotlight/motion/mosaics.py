@@ -147,7 +147,8 @@ def sensors_of_colors(sensor: Sensor, size: tuple[int, int]) -> list[Sensor]:
     Raises
     ------
     ValueError
-        When there are other filters than ideal ones for red, green, and blue.
+        When there are other filters than ideal ones for red, green, and blue, or there is a white
+        balance.
 
     Examples
     --------
@@ -160,6 +161,12 @@ def sensors_of_colors(sensor: Sensor, size: tuple[int, int]) -> list[Sensor]:
         raise ValueError(
             "sensor: expected ideal filters R, G, and B to merge bits behind a mosaic, got "
             f"{mosaic!r}; jotlight.align takes every mosaic"
+        )
+    balance = np.asarray(mosaic.white_balance)
+    if not (balance == 1).all():
+        raise ValueError(
+            "sensor: expected a mosaic with the white balance 1 for merged counts, got "
+            f"{balance.tolist()}; multiply the estimate by it"
         )
     places = mosaic.full(size[0] // pixel, size[1] // pixel)
     places = places.repeat(pixel, axis=0).repeat(pixel, axis=1)
@@ -189,12 +196,6 @@ def join_colors(merged: Sequence[Merged], sensor: Sensor) -> Merged:
         maps = [np.broadcast_to(getattr(each, name), shape) for each in merged]
         return np.asarray(np.mean(maps, axis=0, dtype=np.float64))
 
-    balance = np.asarray(sensor.mosaic.white_balance)
-    if not (balance == 1).all():
-        raise ValueError(
-            "sensor: expected a mosaic with the white balance 1 for merged counts, got "
-            f"{balance.tolist()}; multiply the estimate by it"
-        )
     return Merged(
         np.stack([each.ones for each in merged], axis=-1),
         np.stack([np.broadcast_to(each.trials, shape) for each in merged], axis=-1),
