@@ -8,11 +8,13 @@ import tifffile
 from PIL import Image
 
 import jotlight as jl
+from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.images.io import display_levels
 from jotlight.images.tone import CURVES, Tone
 from jotlight.view.counts import RunningCounts
 from jotlight.view.display import display, display_difference, fit_white
-from jotlight.view.estimate import estimate, fraction_at, merge_window
+from jotlight.view.estimate import estimate, fraction_at, merge_window, recommend
+from jotlight.view.facts import describe_capture
 from jotlight.view.overlays import DEAD, HOT, JotMap, error_levels, find_errors, find_saturated
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
@@ -53,6 +55,65 @@ def test_color_bits_are_estimated():
     image = made(viewed, range(2, 7), "mle")
     np.testing.assert_array_equal(image.image, jl.mle(bits[2:7]))
     assert display(image, ViewState(), 1.0).levels.shape == (*PHOTO.shape, 3)
+
+
+def test_the_color_network_is_recommended_for_three_channels():
+    sensor = jl.Sensor(frames=8, max_intensity=4.0)
+    bits = sensor.expose(np.stack([PHOTO] * 3, axis=2), rng=0, channel_axis=-1)
+    viewed = Viewed.from_bits(bits)
+    assert recommend(viewed, 5).method == COLOR_NETWORK
+    image = made(viewed, range(2, 7), COLOR_NETWORK)
+    assert image.title == "network, color"
+    np.testing.assert_array_equal(image.image, jl.reconstruct(bits[2:7]))
+    with pytest.raises(ValueError, match="errors of colors are not known"):
+        find_errors(image)
+    with pytest.raises(ValueError, match="method: the color network takes red, green, and blue"):
+        made(viewed_of("plain"), range(2, 7), COLOR_NETWORK)
+
+
+def mosaic_viewed(motion="static"):
+    scene = jl.datasets.moving(
+        np.stack([PHOTO, PHOTO[::-1], PHOTO[:, ::-1]], axis=2), motion,
+        sensor=jl.Sensor(frames=48), shape=(48, 64), photons=0.6, rng=4,
+    )  # fmt: skip
+    sensor = scene.bits.sensor.replace(mosaic="RGGB", gain=scene.bits.sensor.gain)
+    places, every = sensor.mosaic.full(48, 64), np.asarray(scene.bits.packed)
+    packed = sum(every[..., k] & np.packbits(places == k, axis=1) for k in range(3))
+    return Viewed.from_bits(jl.Bits(packed.astype(np.uint8), 64, sensor))
+
+
+def test_a_mosaic_has_colors_by_every_method():
+    viewed, span = mosaic_viewed(), range(40)
+    assert viewed.shape == (48, 64)
+    assert recommend(viewed, 40).method == COLOR_NETWORK
+    bits = viewed.data[:40]
+    image = made(viewed, span, COLOR_NETWORK)
+    np.testing.assert_array_equal(image.image, jl.reconstruct(bits))
+    planes = made(viewed, span, "mle")
+    expected = jl.reconstruct(bits, method="mle", demosaicing="differences")
+    np.testing.assert_array_equal(planes.image, expected)
+    assert display(planes, ViewState(), 1.0).levels.shape == (48, 64, 3)
+    counts = made(viewed, span, "counts")
+    assert display(counts, ViewState(), 1.0).levels.shape == (48, 64)
+    assert find_saturated(image).shape == (48, 64)
+    map_, note = JotMap(viewed).find()
+    assert not map_.any()
+    assert "not searched" in note
+    names = [each["name"] for each in describe_capture(viewed)["methods"]]
+    assert COLOR_NETWORK in names
+    assert ["mosaic", "Mosaic('RGGB')"] in describe_capture(viewed)["sensor"]
+
+
+@pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
+def test_a_mosaic_is_aligned():
+    span = range(48)
+    assert merge_window(mosaic_viewed(), span) is None
+    viewed = mosaic_viewed("shake")
+    merged = merge_window(viewed, span)
+    counts = RunningCounts(viewed).move(span)
+    image = estimate(viewed, span, COLOR_NETWORK, counts, merged)
+    assert image.title == "network, medium"
+    np.testing.assert_array_equal(image.image, jl.reconstruct(merged))
 
 
 def test_without_a_stated_range_the_largest_intensity_is_that_of_saturation():

@@ -36,6 +36,14 @@ def folder(tmp_path, monkeypatch):
     hot = sensor.replace(dark_counts=noisy).expose(0.2 * PHOTO, rng=0)
     jl.save(jl.Bits(hot.packed, hot.width, sensor), "hot.npy")
     np.save("hot counts.npy", hot.to_array().reshape(6, 10, *PHOTO.shape).sum(axis=1, dtype=int))
+    color = np.stack([PHOTO, PHOTO[::-1], PHOTO[:, ::-1]], axis=2)
+    jl.save(sensor.expose(color, rng=0, channel_axis=-1), "color.npy")
+    bayer = sensor.replace(mosaic="RGGB", gain=sensor.gain)
+    jl.save(bayer.expose(color, rng=0), "mosaic.npy")
+    scene = jl.datasets.moving(color, sensor=sensor, photons=0.6, rng=4)
+    places, every = bayer.mosaic.full(*PHOTO.shape), np.asarray(scene.bits.packed)
+    shaken = sum(every[..., k] & np.packbits(places == k, axis=1) for k in range(3))
+    jl.save(jl.Bits(shaken.astype(np.uint8), PHOTO.shape[1], bayer), "shaken.npy")
     mask = np.zeros(PHOTO.shape, bool)
     mask[3, 4] = True
     np.save("mask.npy", mask)
@@ -67,6 +75,12 @@ CASES = [
         ViewState(0, 6, "mle", align=True, white=0.8),
     ),
     ("counts.npy", "--frames 60 --counts", ViewState(1, 4, "mle", white=0.8, curve="linear")),
+    ("mosaic.npy", "", ViewState(4, 50, "network-color", white=0.8)),
+    ("mosaic.npy", "", ViewState(4, 50, "mle", white=0.8)),
+    ("mosaic.npy", "", ViewState(4, 50, "network-color", align=True, white=0.8)),
+    ("shaken.npy", "", ViewState(0, 60, "network-color", align=True, white=0.8)),
+    ("shaken.npy", "", ViewState(0, 60, "mle", align=True, white=0.8)),
+    ("color.npy", "", ViewState(4, 50, "network-color", white=0.8)),
 ]
 
 

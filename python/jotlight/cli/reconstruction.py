@@ -272,9 +272,12 @@ def _estimate(
     job: Reconstruction, data: Data, threads: int | None
 ) -> tuple[npt.NDArray[np.float32], str]:
     """Return the estimate of an image, and how the iterations ended or what was blended."""
-    title = job.choice.title
+    title, settings = job.choice.title, dict(job.settings)
+    if isinstance(data, Merged):
+        # Along a motion, pixels are seen through all filters.
+        settings.pop("demosaicing", None)
 
-    def run(**settings: Any) -> tuple[npt.NDArray[np.float32], Info]:
+    def run(**others: Any) -> tuple[npt.NDArray[np.float32], Info]:
         return reconstruct(
             data,
             data.sensor if isinstance(data, Merged) else job.captured.sensor,
@@ -282,7 +285,7 @@ def _estimate(
             channel_axis=last_channel_axis(data),
             threads=threads,
             return_info=True,
-            **{**job.settings, **settings},
+            **{**settings, **others},
         )
 
     if isinstance(job.method, str) and METHODS[job.method].iterative:

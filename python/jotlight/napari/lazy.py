@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.chunks import windows
+from jotlight.sensing.readings import refuse_mosaic
 from jotlight.view.counts import RunningCounts
 from jotlight.view.estimate import estimate
 from jotlight.view.viewed import Viewable
@@ -96,6 +97,7 @@ def make_layer(
     ValueError
         When the window does not fit the capture, or the method does not serve the sensor.
     """
+    refuse_mosaic(viewed.sensor(1))
     window = min(_WINDOW, len(viewed.frames)) if window is None else window
     source = LayerSource(viewed, window, window if step is None else step, method)
     name = f"{viewed.title}, {method}"

@@ -43,6 +43,7 @@ def align_window(source: LayerSource, index: int) -> LayerData:
         )
     span, viewed = source.spans[index], source.viewed
     merged = merge_window(viewed, span)
+    assert merged is not None, "layers have no mosaic"
     method = "mle" if source.method == COUNTS else source.method
     choice = choose(viewed, len(span), method)
     sensor = merged.sensor.replace(max_intensity=choice.max_intensity)

@@ -279,6 +279,18 @@ def require_plain_bits(sensor: GroupedSensor) -> None:
     )
 
 
+def without_mosaic(sensor: S) -> S:
+    """Return a sensor that takes all pixels for gray ones.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> without_mosaic(Sensor(frames=4, gain=2.0, mosaic="RGGB"))
+    Sensor(frames=4, gain=2.0)
+    """
+    return sensor.replace(mosaic=None, gain=sensor.gain)
+
+
 def refuse_mosaic(sensor: GroupedSensor) -> None:
     """Raise ValueError when a sensor has a color mosaic.
 

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.evaluation.choice import Choice, choose_method
-from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.channels import COLORS
+from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
+from jotlight.evaluation.methods import LARGE_TRIALS, METHODS
+from jotlight.evaluation.mosaics import takes_colors
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.motion.align import align
 from jotlight.motion.merge import merge
@@ -27,6 +29,9 @@ Counts = npt.NDArray[np.int32]
 _FROM_COUNTS = {"mle", "network-small", "network-medium", "network-large", "network-extra-large"}
 """Methods whose estimate from counts equals that from bits, for jots that are all alike."""
 
+
+DEMOSAICING = "differences"
+"""How the planes of a mosaic become an image. It needs no extra."""
 
 _MAX_BRIEF_PIXELS = 1 << 20
 """Number of pixels whose maximum likelihood one thread finds in a few milliseconds."""
@@ -52,7 +57,8 @@ class Estimate:
     @property
     def is_function_of_counts(self) -> bool:
         """Whether pixels with the same number of ones have the same value, in a gray image."""
-        is_pointwise = self.method == COUNTS or (self.method == "mle" and not self.sensor.maps())
+        has_maps = self.sensor.mosaic is not None or bool(self.sensor.maps())
+        is_pointwise = self.method == COUNTS or (self.method == "mle" and not has_maps)
         return is_pointwise and not isinstance(self.trials, np.ndarray) and self.counts.ndim == 2
 
 
@@ -64,9 +70,25 @@ def choose(viewed: Viewable, number: int, method: str) -> Choice:
     ValueError
         When the method does not serve the sensor.
     """
-    return choose_method(
-        viewed.sensor(number), requested=method, is_range_known=viewed.is_range_known
-    )
+    sensor = viewed.sensor(number)
+    if method != COLOR_NETWORK:
+        return choose_method(sensor, requested=method, is_range_known=viewed.is_range_known)
+    choice = recommend(viewed, number)
+    if choice.method != COLOR_NETWORK:
+        raise ValueError(
+            "method: the color network takes red, green, and blue, with up to "
+            f"{LARGE_TRIALS:,} trials per pixel"
+        )
+    return choice
+
+
+def recommend(viewed: Viewable, number: int) -> Choice:
+    """Return the choice that :func:`jotlight.reconstruct` makes for a window of frames."""
+    sensor = viewed.sensor(number)
+    is_color = viewed.shape[2:] == (COLORS,)
+    if sensor.mosaic is not None:
+        is_color = takes_colors(None, sensor.mosaic)
+    return choose_method(sensor, is_range_known=viewed.is_range_known, is_color=is_color)
 
 
 def fraction_estimate(viewed: Viewable, counts: Counts, number: int) -> Estimate:
@@ -107,7 +129,7 @@ def estimate(
     frames : range
         The window.
     method : str
-        A key of ``METHODS``, or "counts".
+        A key of ``METHODS``, "network-color", or "counts".
     counts : ndarray of int32
         The counts of the window.
     merged : Merged, optional
@@ -128,6 +150,7 @@ def estimate(
     sensor = viewed.sensor(len(frames)).replace(max_intensity=choice.max_intensity)
     data: Data
     if merged is not None:
+        sensor = sensor.replace(mosaic=None, gain=sensor.gain)
         data = dataclasses.replace(merged, sensor=sensor)
     elif _suffice(counts, sensor, method):
         data = counts
@@ -135,14 +158,18 @@ def estimate(
         part = viewed.part(frames)
         data = part if isinstance(part, Bits) else counts
     options: dict[str, Any] = {}
-    if METHODS[method].iterative:
-        options["callback"] = lambda _: check()
+    if method != COLOR_NETWORK:
+        options["method"] = method
+        if sensor.mosaic is not None:
+            options["demosaicing"] = DEMOSAICING
+        if METHODS[method].iterative:
+            options["callback"] = lambda _: check()
     check()
     start = time.perf_counter()
-    image = reconstruct(
+    image, info = reconstruct(
         data,
         sensor,
-        method=method,
+        return_info=True,
         channel_axis=last_channel_axis(data),
         threads=1 if method == "mle" and counts.size <= _MAX_BRIEF_PIXELS else None,
         **options,
@@ -150,20 +177,22 @@ def estimate(
     seconds = time.perf_counter() - start
     ones = counts if merged is None else np.asarray(merged.ones)
     trials = sensor.trials if merged is None else merged.trials
-    return Estimate(image, ones, trials, sensor, method, choice.title, seconds, data)
+    return Estimate(image, ones, trials, sensor, method, info.title, seconds, data)
 
 
 def _suffice(counts: Counts, sensor: Sensor, method: str) -> bool:
     """Return whether a method needs only the counts of a window, not its bits."""
     return (
-        method in _FROM_COUNTS
+        (method in _FROM_COUNTS or sensor.mosaic is not None)
         and not sensor.maps()
         and (sensor.oversampling == 1 or sensor.kernel == "box")
     )
 
 
-def merge_window(viewed: Viewable, frames: range, check: Check = lambda: None) -> Merged:
+def merge_window(viewed: Viewable, frames: range, check: Check = lambda: None) -> Merged | None:
     """Return the bits of a window, aligned to its middle.
+
+    It is None for a scene that stands still behind a mosaic, whose pixels see one color each.
 
     Raises
     ------
@@ -176,4 +205,6 @@ def merge_window(viewed: Viewable, frames: range, check: Check = lambda: None) -
 
     data, sensor = viewed.part(frames), viewed.sensor(len(frames))
     motion = align(data, sensor, progress=progress)
+    if sensor.mosaic is not None and motion.model == "none":
+        return None
     return merge(data, sensor, motion=motion, progress=progress)

@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 
 from jotlight._engine import __version__
-from jotlight.evaluation.choice import choose_method
+from jotlight.evaluation.choice import COLOR_NETWORK, TITLES
 from jotlight.evaluation.held_out import smooth_kernel_reason
 from jotlight.evaluation.methods import LARGE_METHOD, METHODS
 from jotlight.images.tone import CURVES
 from jotlight.sensing.sensor import Sensor
-from jotlight.view.estimate import choose
+from jotlight.view.estimate import choose, recommend
 from jotlight.view.state import COUNTS, COUNTS_TITLE
 from jotlight.view.viewed import Viewable
 
@@ -25,6 +25,7 @@ _SENSOR_TEXTS = {
     "gain": "gain α per frame",
     "threshold": "threshold q",
     "kernel": "kernel g",
+    "mosaic": "mosaic",
     "dark_counts": "dark counts d",
     "efficiency": "efficiency η",
     "mask": "dead jots",
@@ -85,6 +86,8 @@ def _describe(name: str, value: Any, sensor: Sensor) -> str:
 def _methods(viewed: Viewable, window: int) -> list[dict[str, Any]]:
     """Return the methods for the page, each with the reason why it cannot be used, if any."""
     methods: list[dict[str, Any]] = [{"name": COUNTS, "title": COUNTS_TITLE}]
+    if recommend(viewed, window).method == COLOR_NETWORK:
+        methods.append({"name": COLOR_NETWORK, "title": TITLES[COLOR_NETWORK], "quality": "color"})
     for name, method in METHODS.items():
         if name in _HIDDEN:
             continue
@@ -106,4 +109,4 @@ def _methods(viewed: Viewable, window: int) -> list[dict[str, Any]]:
 
 def _default_method(viewed: Viewable, window: int) -> str:
     """Return the recommended method, or maximum likelihood for a live capture."""
-    return "mle" if viewed.is_live else choose_method(viewed.sensor(window)).method
+    return "mle" if viewed.is_live else recommend(viewed, window).method

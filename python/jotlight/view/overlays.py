@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.calibration import find_hot_jots
+from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
@@ -45,6 +46,12 @@ def _find_jots(viewed: Viewable) -> tuple[Map, str]:
     size = part.packed.nbytes if isinstance(part, Bits) else part.images.nbytes
     frames = frames[: max(1, _MAX_BYTES // max(1, size))]
     data, sensor = viewed.part(frames), viewed.sensor(len(frames))
+    if sensor.mosaic is not None:
+        side = sensor.oversampling
+        dead = np.zeros((side * viewed.shape[0], side * viewed.shape[1]), np.uint8)
+        if sensor.mask is not None:
+            dead[sensor.mask] = DEAD
+        return dead, "hot jots are not searched, because their neighbors have other color filters"
     if isinstance(data, Bits):
         counts, trials = data.counts(1), len(data)
     elif sensor.oversampling == 1:
@@ -61,8 +68,8 @@ def _find_jots(viewed: Viewable) -> tuple[Map, str]:
     found = np.where(hot, HOT, 0).astype(np.uint8)
     if sensor.mask is not None:
         found[sensor.mask] = DEAD
-    dead = int(np.count_nonzero(found == DEAD))
-    note = f"{dead} dead, {int(hot.sum())} hot, from frames {frames.start} to {frames.stop - 1}"
+    number = int(np.count_nonzero(found == DEAD))
+    note = f"{number} dead, {int(hot.sum())} hot, from frames {frames.start} to {frames.stop - 1}"
     return found, note
 
 
@@ -98,6 +105,8 @@ def find_errors(estimate: Estimate) -> npt.NDArray[np.float32]:
     ValueError
         When the errors of the method are unknown.
     """
+    if estimate.method == COLOR_NETWORK or estimate.sensor.mosaic is not None:
+        raise ValueError("the errors of colors are not known")
     check_errors_known(estimate.method, estimate.sensor)
     return uncertainty(
         estimate.data,

@@ -56,7 +56,7 @@ class Pipeline:
         self.last: Estimate | None = None
         """The estimate of the most recent image, for the values under the pointer."""
         self._running = RunningCounts(workshop.viewed)
-        self._merged: tuple[range, Merged] | None = None
+        self._merged: tuple[range, Merged | None] | None = None
         self._white = 1.0
         self._errors: tuple[Estimate, npt.NDArray[np.float32]] | None = None
         """The standard errors of an estimate."""
@@ -160,7 +160,7 @@ class Pipeline:
             facts[unit] = np.asarray(value * unit_scale(made.sensor, unit), np.float64).tolist()
         return facts
 
-    def _merge(self, request: Request) -> Merged:
+    def _merge(self, request: Request) -> Merged | None:
         frames = request.state.span
         if self._merged is None or self._merged[0] != frames:
             self._merged = frames, merge_window(self.viewed, frames, request.check)

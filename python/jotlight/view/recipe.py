@@ -3,7 +3,9 @@
 import shlex
 from typing import Any
 
+from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.methods import METHODS
+from jotlight.view.estimate import DEMOSAICING, choose
 from jotlight.view.state import COUNTS, ViewState
 from jotlight.view.viewed import Opening, Viewable
 
@@ -60,10 +62,18 @@ def _command(viewed: Viewable, state: ViewState) -> str | None:
         words += ["--frames", str(viewed.sensor(state.window).frames)]
     if opening.states_gain:
         words += ["--gain", repr(viewed.sensor(state.window).gain)]
-    words += ["--method", state.method, "--curve", state.curve]
+    words += [*_method_words(viewed, state), "--curve", state.curve]
     words += ["--white", f"{state.white!r}"] if state.white is not None else []
     words += ["--motion"] if state.align else []
     return shlex.join(words)
+
+
+def _method_words(viewed: Viewable, state: ViewState) -> list[str]:
+    """Return the options of the command line for a method. The color network is the default."""
+    if state.method == COLOR_NETWORK:
+        return []
+    has_mosaic = viewed.sensor(1).mosaic is not None
+    return ["--method", state.method, *(["--demosaicing", DEMOSAICING] if has_mosaic else [])]
 
 
 def _python(viewed: Viewable, state: ViewState) -> str:
@@ -81,16 +91,31 @@ def _python(viewed: Viewable, state: ViewState) -> str:
         counts = "bits.counts(sensor.oversampling)" if _holds_bits(viewed) else "bits"
         lines += [f"image = {counts} / sensor.trials"]
         return "\n".join([*lines, 'jl.save_image("view.tif", image)', ""])
+    has_mosaic = viewed.sensor(1).mosaic is not None
     data = "bits"
-    if state.align:
+    if state.align and has_mosaic:
+        lines += [
+            "motion = jl.align(bits, sensor)",
+            'if motion.model != "none":  # Each pixel is seen through all filters.',
+            "    bits = jl.merge(bits, sensor, motion=motion)",
+            "    sensor = bits.sensor",
+        ]
+    elif state.align:
         lines += ["merged = jl.merge(bits, sensor)"]
         data = "merged"
     sensor = "" if data == "merged" else ", sensor"
     is_color = len(viewed.shape) == 3 and not _holds_bits(viewed)
     axis = ", channel_axis=-1" if is_color and data == "bits" else ""
-    lines.append(f"image = jl.reconstruct({data}{sensor}, method={state.method!r}{axis})")
+    planes = repr(DEMOSAICING) + (" if sensor.mosaic else None" if state.align else "")
+
+    def call(method: str) -> str:
+        options = "" if method == COLOR_NETWORK else f", method={method!r}"
+        options += f", demosaicing={planes}" if options and has_mosaic else ""
+        return f"jl.reconstruct({data}{sensor}{options}{axis})"
+
+    lines.append(f"image = {call(state.method)}")
     if state.compare is not None:
-        lines.append(f"image -= jl.reconstruct({data}{sensor}, method={state.compare!r}{axis})")
+        lines.append(f"image -= {call(state.compare)}")
         return "\n".join([*lines, 'jl.save_image("view.tif", image)', ""])
     white = "" if state.white is None else f", white={state.white!r}"
     lines.append(f"tone = Tone.fit(image, {state.curve!r}{white})")
@@ -126,14 +151,12 @@ def _call(path: str | None, options: dict[str, str]) -> str:
 
 def _sensor_lines(viewed: Viewable, state: ViewState) -> list[str]:
     """Return lines after which `sensor` is the sensor of the window."""
-    from jotlight.view.estimate import choose
-
     lines = list(viewed.opening.sensor_lines)
     number = viewed.sensor(state.window).frames
     changes: dict[str, Any] = {"frames": number}
     if viewed.opening.states_gain:
         changes["gain"] = viewed.sensor(state.window).gain
-    if state.method in METHODS:
+    if state.method in METHODS or state.method == COLOR_NETWORK:
         changes["max_intensity"] = choose(viewed, state.window, state.method).max_intensity
     texts = ", ".join(f"{name}={value!r}" for name, value in changes.items())
     return [

@@ -4,6 +4,7 @@ import dataclasses
 import math
 from typing import Any, Self
 
+from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.methods import METHODS
 from jotlight.images.tone import CURVES
 
@@ -34,7 +35,7 @@ class ViewState:
     window : int
         Number of frames.
     method : str
-        A key of ``METHODS``, or "counts".
+        A key of ``METHODS``, "network-color", or "counts".
     compare : str, optional
         Another method, of which the page shows the difference. Default: none.
     align : bool
@@ -160,8 +161,10 @@ def _short(value: Any) -> str:
 _CHECKS = {
     "start": lambda name, value: _whole(name, value, 0),
     "window": lambda name, value: _whole(name, value, 1),
-    "method": lambda name, value: _one_of(name, value, (COUNTS, *METHODS)),
-    "compare": lambda name, value: None if value is None else _one_of(name, value, METHODS),
+    "method": lambda name, value: _one_of(name, value, (COUNTS, COLOR_NETWORK, *METHODS)),
+    "compare": lambda name, value: (
+        None if value is None else _one_of(name, value, (COLOR_NETWORK, *METHODS))
+    ),
     "align": _flag,
     "curve": lambda name, value: _one_of(name, value, CURVES),
     "white": _white,
