@@ -9,7 +9,7 @@ from jotlight.metrics import psnr
 from jotlight.networks.color_inference import planes_of_channels
 from jotlight.networks.color_planes import CENTER, START
 from jotlight.networks.color_starts import follow
-from jotlight.networks.pretrained import pretrained_conditional
+from jotlight.networks.pretrained import COLOR_START, pretrained_conditional
 from jotlight.sensing.pixel_counts import count_pixels
 
 
@@ -53,7 +53,7 @@ def test_follow_agrees_with_least_squares_in_each_square(fraction, side):
 
 def start_of(counts, sensor):
     channels = [count_pixels(np.ascontiguousarray(each), sensor, 1) for each in counts]
-    planes = planes_of_channels(pretrained_conditional(sensor, "medium"), channels, sensor, 1)
+    planes = planes_of_channels(pretrained_conditional(sensor, COLOR_START), channels, sensor, 1)
     return np.sin(planes[START] + CENTER) ** 2
 
 
@@ -73,7 +73,7 @@ def test_a_color_without_structure_is_exact():
     sensor = jl.Sensor(frames=256)
     counts = np.round(256 * -np.expm1(-np.moveaxis(scene, -1, 0))).astype(np.int32)
     expected = -np.expm1(-np.moveaxis(scene, -1, 0))
-    np.testing.assert_allclose(start_of(counts, sensor), expected, atol=0.004)
+    np.testing.assert_allclose(start_of(counts, sensor), expected, atol=0.01)
 
 
 def test_no_valid_bit_is_an_error():

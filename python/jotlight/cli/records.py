@@ -16,6 +16,7 @@ from jotlight.formats.locations import file_state
 from jotlight.networks.mosaic_planes import plane_sensors
 from jotlight.networks.pretrained import (
     CHANNELS_FILE,
+    COLOR_START,
     CONDITIONAL_SIZE,
     MOSAIC_FILE,
     pretrained_file,
@@ -151,8 +152,9 @@ def origin_of(job: Made, checksum: tuple[int, int]) -> dict[str, Any]:
         for each in plane_sensors(sensor)
     }
     if choice.method == COLOR_NETWORK:
-        medium = pretrained_file(sensor, CONDITIONAL_SIZE, is_conditional=True)
-        files = {CHANNELS_FILE if sensor.mosaic is None else MOSAIC_FILE, medium}
+        has_mosaic = sensor.mosaic is not None
+        gray = pretrained_file(sensor, COLOR_START, is_conditional=True)
+        files = {MOSAIC_FILE if has_mosaic else CHANNELS_FILE, gray}
     weights = sorted(file_checksum(file) for file in files if file)
     content = "packed" if isinstance(job.captured.data, Bits) else "counts"
     return {

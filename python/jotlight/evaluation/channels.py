@@ -7,7 +7,7 @@ from jotlight.evaluation.mosaics import count_image
 from jotlight.networks.color_inference import estimate_channels
 from jotlight.networks.pretrained import (
     CHANNELS_FILE,
-    CONDITIONAL_SIZE,
+    COLOR_START,
     pretrained_color,
     pretrained_conditional,
 )
@@ -63,7 +63,7 @@ def reconstruct_channels(
     (8, 8, 3)
     """
     network = pretrained_color(CHANNELS_FILE)
-    gray = pretrained_conditional(sensor, CONDITIONAL_SIZE)
+    gray = pretrained_conditional(sensor, COLOR_START)
     output = output_of(images, sensor, out)
     for start in range(0, len(images), COLORS):
         counted = [count_image(one, sensor, threads) for one in images.data[start : start + COLORS]]

@@ -17,7 +17,7 @@ from jotlight.layout import Layout
 from jotlight.networks.color_inference import estimate_mosaic
 from jotlight.networks.mosaic_planes import estimate_values
 from jotlight.networks.pretrained import (
-    CONDITIONAL_SIZE,
+    COLOR_START,
     MOSAIC_FILE,
     pretrained_color,
     pretrained_conditional,
@@ -119,7 +119,7 @@ def reconstruct_mosaic(
     found: list[Image] = []
     infos: list[Info] = []
     if estimate is None:
-        networks = pretrained_color(MOSAIC_FILE), pretrained_conditional(gray, CONDITIONAL_SIZE)
+        networks = pretrained_color(MOSAIC_FILE), pretrained_conditional(gray, COLOR_START)
     for each, own in counted:
         if estimate is None:
             colors = estimate_mosaic(*networks, each, own, mosaic, threads)

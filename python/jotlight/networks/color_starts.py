@@ -20,14 +20,14 @@ from jotlight.sensing.sensor import Sensor
 Colors = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
 
-_SIDE, _EXPONENT = 24.0, -0.35
+_SIDE, _EXPONENT = 30.0, -0.35
 """Side of the squares over which colors follow the common image, in pixels, at a signal-to-noise
 ratio of 1 per pixel and channel, and how it falls with the square of this ratio."""
 
-_SIDES = 5, 49
+_SIDES = 5, 61
 """The smallest and the largest side."""
 
-_NOISE = 0.2
+_NOISE = 0.1
 """Variance of the common image, relative to that of a fraction of ones, below which colors no
 longer follow it."""
 
@@ -92,9 +92,11 @@ def start_of_channels(
     usual = float(np.clip(common.mean(), 1e-6, 1 - 1e-6))
     side = _side(trials * usual / (1 - usual))
     noise = _NOISE * usual * (1 - usual) / trials
-    found = np.stack([common] * len(channels))
-    for color, each in zip(found, seen, strict=True):
-        color += follow(common, each.fraction - common, each.weight > 0, side, noise)
+    deviations = np.stack(
+        [follow(common, each.fraction - common, each.weight > 0, side, noise) for each in seen]
+    )
+    # Their mean is 0, because the common image is the mean of the channels.
+    found = common + deviations - deviations.mean(axis=0)
     probability = np.clip(found, 0, 1).astype(np.float32)
     return intensity_from_probability(probability, sensor, threads).astype(np.float64)
 

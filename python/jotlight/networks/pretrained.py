@@ -32,6 +32,9 @@ MOSAIC_FILE = FOLDER / "color-mosaic.safetensors"
 CHANNELS_FILE = FOLDER / "color-channels.safetensors"
 """The color network for images with three counts per pixel."""
 
+COLOR_START = "large"
+"""Size of the gray network whose estimates both improve."""
+
 COLOR_FILES = MOSAIC_FILE, CHANNELS_FILE
 
 _MAX_DARK_COUNTS = 0.05

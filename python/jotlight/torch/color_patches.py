@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from jotlight.networks.color_inference import planes_of_channels, planes_of_mosaic
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER
+from jotlight.networks.pretrained import COLOR_START, FOLDER
 from jotlight.sensing.pixel_counts import count_pixels
 from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
@@ -71,4 +71,4 @@ class ColorPatchLoader(PatchLoader):
 
 @cache
 def _gray() -> Network:
-    return Network.load(FOLDER / f"{CONDITIONAL_SIZE}.safetensors")
+    return Network.load(FOLDER / f"{COLOR_START}.safetensors")
