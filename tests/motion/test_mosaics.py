@@ -106,8 +106,6 @@ def test_a_still_scene_has_no_motion():
     assert jl.align(bits).model == "none"
 
 
-# Some pixels show scene points that no filter of a color has seen.
-@pytest.mark.filterwarnings("ignore:.*have no valid bit")
 def test_merged_colors_are_better_than_every_window():
     scene, bits = behind("RGGB")
     truth = scene.image()
@@ -166,7 +164,6 @@ def test_an_all_zero_capture_is_assumed_to_stand_still():
         assert jl.align(bits).model == "none"
 
 
-@pytest.mark.filterwarnings("ignore:.*have no valid bit")
 def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
     _, bits = behind("RGGB")
     jl.save(bits, tmp_path / "bits.npy")

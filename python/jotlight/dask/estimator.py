@@ -11,9 +11,8 @@ import numpy.typing as npt
 
 from jotlight.estimators.deconvolution import DECONVOLUTION_RADIUS
 from jotlight.evaluation.choice import OWN_NETWORK, choose_method, requested_method
-from jotlight.evaluation.held_out import blend
+from jotlight.evaluation.held_out import blend, check_fallback
 from jotlight.evaluation.methods import LARGE_METHOD, METHODS, check_options
-from jotlight.evaluation.reconstruct import check_fallback
 from jotlight.layout import Layout
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.graph import size_divisor

@@ -1,8 +1,13 @@
 """Color estimates of images with three counts per pixel, by the color network."""
 
+import contextlib
+import warnings
+from collections.abc import Iterator
+
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import JotlightWarning
 from jotlight.evaluation.mosaics import count_image
 from jotlight.networks.color_inference import estimate_channels
 from jotlight.networks.pretrained import (
@@ -37,6 +42,28 @@ def takes_channels(images: GrayImages) -> bool:
     layout = images.layout
     is_color = layout.channel_axis is not None and layout.shape[-1] == COLORS
     return is_color and not any(isinstance(one, Merged) for one in images.data)
+
+
+@contextlib.contextmanager
+def without_warnings_of_colors(data: object) -> Iterator[None]:
+    """Do not warn about pixels that lack the bits of some colors, but not of all.
+
+    A pixel of counts that were merged along a motion behind a mosaic may be such a one. It is not
+    dead.
+
+    Examples
+    --------
+    >>> with without_warnings_of_colors(None):
+    ...     pass
+    """
+    with warnings.catch_warnings():
+        if (
+            isinstance(data, Merged)
+            and data.ones.ndim == 3
+            and np.broadcast_to(data.trials, data.shape).any(axis=2).all()
+        ):
+            warnings.filterwarnings("ignore", ".*have no valid bit", JotlightWarning)
+        yield
 
 
 def reconstruct_channels(

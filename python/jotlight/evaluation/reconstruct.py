@@ -11,11 +11,15 @@ import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
-from jotlight.evaluation.channels import reconstruct_channels, takes_channels
+from jotlight.evaluation.channels import (
+    reconstruct_channels,
+    takes_channels,
+    without_warnings_of_colors,
+)
 from jotlight.evaluation.choice import COLOR_NETWORK, choose_method, requested_method
 from jotlight.evaluation.clipping import warn_about_clipping
 from jotlight.evaluation.different_readings import takes_readings, with_one_response
-from jotlight.evaluation.held_out import blend, smooth_kernel_reason
+from jotlight.evaluation.held_out import blend, check_fallback
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
@@ -212,7 +216,8 @@ def reconstruct(
         name = str(getattr(method, "__name__", type(method).__name__))
         info = Info(name, name, "requested", time.perf_counter() - start)
     else:
-        estimate, info = _run(data, sensor, method, quality, out, threads, fallback, options)
+        with without_warnings_of_colors(data):
+            estimate, info = _run(data, sensor, method, quality, out, threads, fallback, options)
         warn_about_clipping(estimate, sensor)
     if scale != 1:
         # A function of the caller may return an array that it still needs.
@@ -292,40 +297,6 @@ def _run(
         estimate = METHODS[choice.method].run(images, sensor, out=out, threads=threads, **options)
     seconds = time.perf_counter() - start
     return estimate, Info(choice.method, choice.title, choice.reason, seconds, history, shares)
-
-
-def check_fallback(
-    sensor: Sensor, method: str, quality: str | None, network: Network | None
-) -> None:
-    """Raise ValueError if a method cannot be blended with others on held-out bits.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        Sensor of the data.
-    method : str
-        Name of the method.
-    quality : str, optional
-        Size of the method's network, if it is a shipped one.
-    network : Network, optional
-        Network of the caller.
-
-    Examples
-    --------
-    >>> check_fallback(Sensor(), "mle", None, None)
-    Traceback (most recent call last):
-      ...
-    ValueError: fallback: is for networks, but the method is mle
-    """
-    if (reason := smooth_kernel_reason(sensor)) is not None:
-        raise ValueError(f"sensor: {reason}")
-    if network is None and quality is None and method != LARGE_METHOD:
-        raise ValueError(f"fallback: is for networks, but the method is {method}")
-    if network is not None and network.trials_range is None:
-        raise ValueError(
-            "fallback: expected a K-conditioned network, because it runs on a part of the bits; "
-            f'got one for {network.sensor.trials} trials alone; quality="medium" selects one'
-        )
 
 
 def _named(method: object, quality: str | None, options: dict[str, Any]) -> str | None:
