@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Collection
 
+from jotlight.evaluation.held_out import smooth_kernel_reason
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
     LARGE_METHOD,
@@ -164,3 +165,37 @@ def choose_method(
         reason,
         tuple(notes),
     )
+
+
+def check_fallback(
+    sensor: Sensor, method: str, quality: str | None, network: Network | None
+) -> None:
+    """Raise ValueError if a method cannot be blended with others on held-out bits.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor of the data.
+    method : str
+        Name of the method.
+    quality : str, optional
+        Size of the method's network, if it is a shipped one.
+    network : Network, optional
+        Network of the caller.
+
+    Examples
+    --------
+    >>> check_fallback(Sensor(), "mle", None, None)
+    Traceback (most recent call last):
+      ...
+    ValueError: fallback: is for networks, but the method is mle
+    """
+    if (reason := smooth_kernel_reason(sensor)) is not None:
+        raise ValueError(f"sensor: {reason}")
+    if network is None and quality is None and method != LARGE_METHOD:
+        raise ValueError(f"fallback: is for networks, but the method is {method}")
+    if network is not None and network.trials_range is None:
+        raise ValueError(
+            "fallback: expected a K-conditioned network, because it runs on a part of the bits; "
+            f'got one for {network.sensor.trials} trials alone; quality="medium" selects one'
+        )

@@ -11,7 +11,6 @@ from jotlight.errors import JotlightWarning
 from jotlight.estimators.admm import admm_tv
 from jotlight.estimators.mle import mle
 from jotlight.evaluation.blend_weights import blend_weights
-from jotlight.evaluation.methods import LARGE_METHOD
 from jotlight.layout import Layout, join
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained
@@ -283,37 +282,3 @@ def _split_by_brightness(brightness: Array) -> list[npt.NDArray[np.intp]]:
     """Return the flat indices of the pixels of each region, from dark to bright."""
     number = min(max(brightness.size // _MIN_REGION, 1), _MAX_REGIONS)
     return np.array_split(np.argsort(brightness, axis=None), number)
-
-
-def check_fallback(
-    sensor: Sensor, method: str, quality: str | None, network: Network | None
-) -> None:
-    """Raise ValueError if a method cannot be blended with others on held-out bits.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        Sensor of the data.
-    method : str
-        Name of the method.
-    quality : str, optional
-        Size of the method's network, if it is a shipped one.
-    network : Network, optional
-        Network of the caller.
-
-    Examples
-    --------
-    >>> check_fallback(Sensor(), "mle", None, None)
-    Traceback (most recent call last):
-      ...
-    ValueError: fallback: is for networks, but the method is mle
-    """
-    if (reason := smooth_kernel_reason(sensor)) is not None:
-        raise ValueError(f"sensor: {reason}")
-    if network is None and quality is None and method != LARGE_METHOD:
-        raise ValueError(f"fallback: is for networks, but the method is {method}")
-    if network is not None and network.trials_range is None:
-        raise ValueError(
-            "fallback: expected a K-conditioned network, because it runs on a part of the bits; "
-            f'got one for {network.sensor.trials} trials alone; quality="medium" selects one'
-        )

@@ -16,10 +16,15 @@ from jotlight.evaluation.channels import (
     takes_channels,
     without_warnings_of_colors,
 )
-from jotlight.evaluation.choice import COLOR_NETWORK, choose_method, requested_method
+from jotlight.evaluation.choice import (
+    COLOR_NETWORK,
+    check_fallback,
+    choose_method,
+    requested_method,
+)
 from jotlight.evaluation.clipping import warn_about_clipping
 from jotlight.evaluation.different_readings import takes_readings, with_one_response
-from jotlight.evaluation.held_out import blend, check_fallback
+from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
