@@ -10,8 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.deconvolution import DECONVOLUTION_RADIUS
-from jotlight.evaluation.choice import OWN_NETWORK, choose_method, requested_method
-from jotlight.evaluation.held_out import blend, check_fallback
+from jotlight.evaluation.choice import (
+    OWN_NETWORK,
+    check_fallback,
+    choose_method,
+    requested_method,
+)
+from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.methods import LARGE_METHOD, METHODS, check_options
 from jotlight.layout import Layout
 from jotlight.networks.architectures import QUALITIES
