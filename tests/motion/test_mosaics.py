@@ -15,17 +15,18 @@ FRAMES, SIZE = 96, (128, 160)
 
 
 def behind(mosaic, motion="shake", photons=0.5, rng=4):
-    """Return a moving color scene, and its bits behind a mosaic of filters R, G, and B."""
+    """Return a moving color scene behind a mosaic, and its bits."""
     photograph = jl.datasets.photograph("astronaut").astype(np.float64)
     scene = jl.datasets.moving(
-        photograph, motion, sensor=jl.Sensor(frames=FRAMES), shape=SIZE, photons=photons, rng=rng
+        photograph,
+        motion,
+        sensor=jl.Sensor(frames=FRAMES, mosaic=mosaic),
+        shape=SIZE,
+        photons=photons,
+        rng=rng,
     )
-    sensor = scene.bits.sensor.replace(mosaic=mosaic, gain=scene.bits.sensor.gain)
-    places = sensor.mosaic.full(*SIZE)
-    every = np.asarray(scene.bits.packed)
-    masks = [np.packbits(places == index, axis=1) for index in range(3)]
-    packed = sum(every[..., index] & mask for index, mask in enumerate(masks))
-    return scene, jl.Bits(packed.astype(np.uint8), SIZE[1], sensor)
+    bits = scene.bits
+    return scene, jl.Bits(np.asarray(bits.packed), bits.width, bits.sensor)
 
 
 def by_loops(bits, side, good):

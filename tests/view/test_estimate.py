@@ -72,14 +72,10 @@ def test_the_color_network_is_recommended_for_three_channels():
 
 
 def mosaic_viewed(motion="static"):
-    scene = jl.datasets.moving(
-        np.stack([PHOTO, PHOTO[::-1], PHOTO[:, ::-1]], axis=2), motion,
-        sensor=jl.Sensor(frames=48), shape=(48, 64), photons=0.6, rng=4,
-    )  # fmt: skip
-    sensor = scene.bits.sensor.replace(mosaic="RGGB", gain=scene.bits.sensor.gain)
-    places, every = sensor.mosaic.full(48, 64), np.asarray(scene.bits.packed)
-    packed = sum(every[..., k] & np.packbits(places == k, axis=1) for k in range(3))
-    return Viewed.from_bits(jl.Bits(packed.astype(np.uint8), 64, sensor))
+    color = np.stack([PHOTO, PHOTO[::-1], PHOTO[:, ::-1]], axis=2)
+    sensor = jl.Sensor(frames=48, mosaic="RGGB")
+    scene = jl.datasets.moving(color, motion, sensor=sensor, photons=0.6, rng=4)
+    return Viewed.from_bits(scene.bits)
 
 
 def test_a_mosaic_has_colors_by_every_method():

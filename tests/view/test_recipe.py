@@ -40,10 +40,8 @@ def folder(tmp_path, monkeypatch):
     jl.save(sensor.expose(color, rng=0, channel_axis=-1), "color.npy")
     bayer = sensor.replace(mosaic="RGGB", gain=sensor.gain)
     jl.save(bayer.expose(color, rng=0), "mosaic.npy")
-    scene = jl.datasets.moving(color, sensor=sensor, photons=0.6, rng=4)
-    places, every = bayer.mosaic.full(*PHOTO.shape), np.asarray(scene.bits.packed)
-    shaken = sum(every[..., k] & np.packbits(places == k, axis=1) for k in range(3))
-    jl.save(jl.Bits(shaken.astype(np.uint8), PHOTO.shape[1], bayer), "shaken.npy")
+    scene = jl.datasets.moving(color, sensor=bayer, photons=0.6, rng=4)
+    jl.save(scene.bits, "shaken.npy")
     mask = np.zeros(PHOTO.shape, bool)
     mask[3, 4] = True
     np.save("mask.npy", mask)

@@ -21,7 +21,6 @@ from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.images.io import image_writer, read_image
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, Packed
-from jotlight.sensing.readings import refuse_mosaic
 from jotlight.sensing.sensor import Sensor
 
 
@@ -107,8 +106,6 @@ def simulate(
     """Simulate the bits that a quanta image sensor reports of a photograph."""
     motion.check()
     exposed = Sensor(**sensor.to_kwargs())
-    if exposed.mosaic is not None and motion.motion is not None:
-        refuse_mosaic(exposed)
     maps = [output.with_suffix(f".{name}.npy") for name in exposed.maps()]
     for file in {output, output.with_suffix(".json"), *maps, *companion_files(output)}:
         refuse_overwrite(file, [photo, *sensor.map_files(), *motion.files()])

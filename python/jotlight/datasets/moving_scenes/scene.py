@@ -62,7 +62,8 @@ class MovingScene:
         self._samples = _centered_grid(size, self.detail)
         sensor.check_map_shapes(*(length * sensor.oversampling for length in size))
         height, width = (length * sensor.oversampling for length in size)
-        shape = (sensor.frames, height, math.ceil(width / 8), *self.shape[2:])
+        channels = self.shape[2:] if sensor.mosaic is None else ()
+        shape = (sensor.frames, height, math.ceil(width / 8), *channels)
         (self.bits,) = simulated_bits([Frames(shape, self._draw)], width, sensor)
 
     def image(self, time: float | None = None, *, upsample: int = 1) -> npt.NDArray[np.float32]:
@@ -149,7 +150,8 @@ class MovingScene:
         0.2
         """
         photons = number_in_range("photons", photons, 1e-9, 1e9)
-        mean = float(self.image().mean())
+        mosaic = self.sensor.mosaic
+        mean = float((self.image() if mosaic is None else mosaic.light(self.image())).mean())
         if mean <= 0:
             raise ValueError("photons: expected a photograph that is not black")
         sensor = self.sensor.replace(gain=photons / mean * self.sensor.trials)
@@ -238,7 +240,8 @@ def moving(
         - "person": a figure walks, and its limbs swing.
     sensor : Sensor, optional
         The sensor. Its `frames` are the length T of the burst. Masks of dead jots, maps of dark
-        counts (hot jots), and maps of the efficiency are possible. Default:
+        counts (hot jots), maps of the efficiency, and a mosaic for a color photograph are possible.
+        Default:
         ``Sensor(frames=256)``, or as many frames as the array `motion` has.
     foreground : array_like of float, shape (H, W) or (H, W, C), optional
         The photograph of the objects, and of a plane in "parallax". Default: the background, turned
