@@ -27,7 +27,7 @@ from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
 from jotlight.networks.pretrained import CHANNELS_FILE, FOLDER, MOSAIC_FILE
 from jotlight.sensing.mosaic import Mosaic
-from jotlight.training import ColorPatches, PatchMixture, random_mosaic
+from jotlight.training import ColorDrawings, ColorPatches, PatchMixture, random_mosaic
 
 BATCH, PATCH = 16, 64
 
@@ -39,6 +39,9 @@ GRAY_WEIGHTS = dict.fromkeys(range(3), 0.6) | {3: 0.8} | dict.fromkeys((8, 9, 10
 
 NOISE = 0.15
 """Factor of the random filters that are added to them."""
+
+DRAWINGS = 1.0
+"""Weight of the drawings, where that of all photographs is 9."""
 
 TEMPLATE = Path(__file__).with_name("color_card.md")
 
@@ -106,13 +109,12 @@ def _of_gray(layer: Layer, gray: Layer) -> Layer:
 
 
 def color_source(data: Path, kind: Kind) -> PatchMixture:
-    """Return patches of all color photographs."""
-    return PatchMixture(
-        [
-            (ColorPatches(training_data.photographs(data, folder), mosaics=kind.mosaics), weight)
-            for folder, weight in training_data.WEIGHTS.items()
-        ]
-    )
+    """Return patches of all color photographs, and drawings."""
+    photographs = [
+        (ColorPatches(training_data.photographs(data, folder), mosaics=kind.mosaics), weight)
+        for folder, weight in training_data.WEIGHTS.items()
+    ]
+    return PatchMixture([*photographs, (ColorDrawings(kind.mosaics), DRAWINGS)])
 
 
 def score(data: Path, kind: Kind) -> str:

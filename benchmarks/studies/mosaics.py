@@ -3,11 +3,15 @@
     python benchmarks/studies/mosaics.py choices DATA
     python benchmarks/studies/mosaics.py table DATA
     python benchmarks/studies/mosaics.py dim DATA
+    python benchmarks/studies/mosaics.py patterns DATA
+    python benchmarks/studies/mosaics.py channels DATA
+    python benchmarks/studies/mosaics.py motion DATA
     python benchmarks/studies/mosaics.py images DATA FOLDER
 
 `choices` uses six photographs of photographs/cid22, on which the constants were chosen: the spread
-of the differences, and planes by position or by filter. `table` and `dim` use the first ten of
-photographs/gb82, which nothing was chosen on. All numbers are PSNR in dB, averaged over the images.
+of the differences, and planes by position or by filter. The others use the first ten of
+photographs/gb82, which nothing was chosen on, or their middle. All numbers are PSNR in dB,
+averaged over the images.
 """
 
 import argparse
@@ -53,15 +57,91 @@ def psnr(estimate: Array, image: Array) -> float:
     return float(-10 * np.log10(np.mean((estimate - image) ** 2)))
 
 
+def mixed_filters() -> Mosaic:
+    """Return a Bayer mosaic whose filters pass 80 % of their color, and some light of others."""
+    mixed = [[0.8, 0.15, 0.05], [0.1, 0.8, 0.1], [0.05, 0.2, 0.8]]
+    return Mosaic("RGGB", transmission=mixed)
+
+
 def measure(mosaic: str, images: list[Array], trials: int, light: float = 1.0, **options) -> float:
     """Return the mean PSNR of reconstructions of images through a mosaic."""
     values = []
     for seed, image in enumerate(images):
-        own = random_rgbw(image.shape) if mosaic == "random RGBW" else Mosaic.of(mosaic)
+        own = _mosaic_of(mosaic, image.shape)
         sensor = jl.Sensor(frames=trials, gain=trials * light, mosaic=own)
         bits = sensor.expose(image, rng=seed)
         values.append(psnr(jl.reconstruct(bits, **options), image))
     return float(np.mean(values))
+
+
+def _mosaic_of(name: str, shape: tuple[int, ...]) -> Mosaic:
+    if name == "mixed RGGB":
+        return mixed_filters()
+    return random_rgbw(shape) if name == "random RGBW" else Mosaic.of(name)
+
+
+def patterns(data: Path) -> None:
+    """Print the color network beside its start, color differences, for all kinds of mosaics."""
+    images = list(photographs(data, "gb82", 10, 256))
+    print("mosaic: differences, K = 4, 16, 64; color network")
+    names = "RGGB", "RGBW", "RRGG/RRGG/GGBB/GGBB", XTRANS, "random RGBW", "CMYG", "mixed RGGB"
+    for name in names:
+        row = [
+            measure(name, images, trials, demosaicing=after)
+            for after in ("differences", "network")
+            for trials in (4, 16, 64)
+        ]
+        print(name, *(f"{value:.2f}" for value in row), flush=True)
+
+
+def channels(data: Path) -> None:
+    """Print three counts per pixel: the color network, and gray networks for each channel."""
+    images = list(photographs(data, "gb82", 10))
+    print("method: K = 4, 16, 64")
+    methods = {"color network": {}, "medium": {"quality": "medium"}, "large": {"quality": "large"}}
+    for title, options in methods.items():
+        row = []
+        for trials in (4, 16, 64):
+            sensor = jl.Sensor(frames=trials)
+            values = []
+            for seed, image in enumerate(images):
+                bits = sensor.expose(image, rng=seed, channel_axis=-1)
+                values.append(psnr(jl.reconstruct(bits, **options), image))
+            row.append(float(np.mean(values)))
+        print(title, *(f"{value:.2f}" for value in row), flush=True)
+
+
+def motion(data: Path) -> None:
+    """Print the colors of moving scenes behind RGGB: merged, and by the best window."""
+    images = list(photographs(data, "gb82", 6))
+    print("scene, photons: merged; best window; its frames; flagged pixels in %")
+    frames, shape = 256, (256, 384)
+    for kind in ("static", "shake", "rotate", "layers"):
+        for photons in (0.05, 0.2, 0.7):
+            rows = [_moving(image, kind, photons, frames, shape) for image in images]
+            merged, window, length, flagged = np.mean(rows, axis=0)
+            print(
+                f"{kind}, {photons}: {merged:.2f} {window:.2f} {length:.0f} {100 * flagged:.0f}",
+                flush=True,
+            )
+
+
+def _moving(
+    image: Array, kind: str, photons: float, frames: int, shape: tuple[int, int]
+) -> tuple[float, float, int, float]:
+    sensor = jl.Sensor(frames=frames, mosaic="RGGB")
+    scene = jl.datasets.moving(image, kind, sensor=sensor, shape=shape, photons=photons, rng=7)
+    bits = jl.Bits(np.asarray(scene.bits.packed), shape[1], scene.bits.sensor)
+    found, truth = jl.align(bits), scene.image()
+    data = bits if found.model == "none" else jl.merge(bits, motion=found)
+    value = psnr(jl.reconstruct(data), truth)
+    flagged = 0.0 if data is bits else float(data.flags.mean())
+    windows = {}
+    for length in (4, 8, 16, 32, 64, 128, 256):
+        first = (frames - length) // 2
+        windows[length] = psnr(jl.reconstruct(bits[first : first + length]), truth)
+    best = max(windows, key=windows.__getitem__)
+    return value, windows[best], best, flagged
 
 
 def choices(data: Path) -> None:
@@ -103,14 +183,16 @@ def table(data: Path) -> None:
 def dim(data: Path) -> None:
     """Print RGGB and RGBW side by side in dim light: photons per jot and frame at intensity 1."""
     images = list(photographs(data, "gb82", 10))
-    print("light, K = 16: RGGB menon; RGGB, RGBW, random RGBW differences; RGGB, RGBW network")
+    print(
+        "light, K = 16: RGGB menon; RGGB, RGBW, random RGBW differences; RGGB, RGBW, random RGBW network"
+    )
     for light in (1.0, 0.25, 0.0625):
         row = [measure("RGGB", images, 16, light, demosaicing="menon")]
         row += [
             measure(mosaic, images, 16, light, demosaicing="differences")
             for mosaic in ("RGGB", "RGBW", "random RGBW")
         ]
-        row += [measure(mosaic, images, 16, light) for mosaic in ("RGGB", "RGBW")]
+        row += [measure(mosaic, images, 16, light) for mosaic in ("RGGB", "RGBW", "random RGBW")]
         print(light, *(f"{value:.2f}" for value in row), flush=True)
 
 
@@ -150,17 +232,20 @@ def images(data: Path, folder: Path) -> None:
                 jl.save_image(folder / f"{name}_{mosaic}_{after}.png", both)
 
 
+MEASUREMENTS = {each.__name__: each for each in (choices, table, dim, patterns, channels, motion)}
+
+
 def main() -> None:
     """Run one of the measurements."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("what", choices=["choices", "table", "dim", "images"])
+    parser.add_argument("what", choices=[*MEASUREMENTS, "images"])
     parser.add_argument("data", type=Path)
     parser.add_argument("folder", type=Path, nargs="?")
     arguments = parser.parse_args()
     if arguments.what == "images":
         images(arguments.data, arguments.folder)
     else:
-        {"choices": choices, "table": table, "dim": dim}[arguments.what](arguments.data)
+        MEASUREMENTS[arguments.what](arguments.data)
 
 
 if __name__ == "__main__":

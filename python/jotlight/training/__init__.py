@@ -3,12 +3,13 @@
 In reading order: `loop` (the function `train`), `patches` and `images` (training examples), `cost`
 (the objective and its gradient), `parameters` (all parameters as one vector), `admissible` (the set
 that they stay in), `optimizer`, `optimizers`, and `gauss_newton` (steps), `history` and
-`checkpoint` (records and state of a run). `patch_sources`, `photographs`, `color_patches` (with
-`random_mosaics`), `url_photographs`, and `synthetic_patches` are sources of patches for
-:func:`jotlight.torch.train`.
+`checkpoint` (records and state of a run). `patch_sources`, `photographs`, `url_photographs`,
+`synthetic_patches`, `color_patches`, and `color_drawings` (both with `random_mosaics`) are sources
+of patches for :func:`jotlight.torch.train`.
 """
 
 from jotlight.training.admissible import AdmissibleSet, SafeSet
+from jotlight.training.color_drawings import ColorDrawings
 from jotlight.training.color_patches import ColorPatches
 from jotlight.training.cost import Cost
 from jotlight.training.gauss_newton import GaussNewton
@@ -33,6 +34,7 @@ __all__ = [
     "OPTIMIZERS",
     "Adam",
     "AdmissibleSet",
+    "ColorDrawings",
     "ColorPatches",
     "Cost",
     "GaussNewton",

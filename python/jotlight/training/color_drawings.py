@@ -1,0 +1,53 @@
+"""Synthetic patches in color, for color networks."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from jotlight.sensing.mosaic import Mosaic
+from jotlight.training.patch_sources import Patch, PatchSource
+from jotlight.training.random_mosaics import random_mosaic
+from jotlight.training.synthetic_patches import SyntheticPatches
+
+_GRAY = 1 / 2
+"""Fraction of the drawings that stay gray. Fine gray stripes teach that they are not colors."""
+
+
+class ColorDrawings(PatchSource):
+    """Random drawings as those of :class:`SyntheticPatches`, with two colors for 0 and 1.
+
+    Half of them stay gray.
+
+    Parameters
+    ----------
+    mosaics : callable, optional
+        As of :class:`jotlight.training.ColorPatches`.
+
+    Examples
+    --------
+    >>> patch = ColorDrawings().draw(np.random.default_rng(0), 48)
+    >>> patch.values.shape, patch.mosaic is None
+    ((3, 48, 48), False)
+    """
+
+    def __init__(
+        self, mosaics: Callable[[np.random.Generator, int], Mosaic] | None = random_mosaic
+    ) -> None:
+        self.mosaics = mosaics
+        self._gray = SyntheticPatches()
+        self.max_side = self._gray.max_side
+
+    def draw(self, rng: np.random.Generator, side: int) -> Patch:
+        """Return a random drawing."""
+        values, mean, _ = self._gray.draw(rng, side)
+        first, last = np.zeros(3), np.ones(3)
+        if rng.random() >= _GRAY:
+            first, last = rng.random((2, 3))
+        colors = first[:, None, None] + (last - first)[:, None, None] * values
+        mosaic = None if self.mosaics is None else self.mosaics(rng, side)
+        return Patch(colors.astype(np.float32), mean, mosaic)
+
+    def fingerprint(self) -> str:
+        """Return the name of the class and that of the mosaics."""
+        name = getattr(self.mosaics, "__name__", type(self.mosaics).__name__)
+        return f"{type(self).__name__} {name}"
