@@ -183,9 +183,7 @@ def table(data: Path) -> None:
 def dim(data: Path) -> None:
     """Print RGGB and RGBW side by side in dim light: photons per jot and frame at intensity 1."""
     images = list(photographs(data, "gb82", 10))
-    print(
-        "light, K = 16: RGGB menon; RGGB, RGBW, random RGBW differences; RGGB, RGBW, random RGBW network"
-    )
+    print("light, K = 16: RGGB menon; RGGB, RGBW, random RGBW differences; the same by the network")
     for light in (1.0, 0.25, 0.0625):
         row = [measure("RGGB", images, 16, light, demosaicing="menon")]
         row += [
