@@ -16,6 +16,7 @@ averaged over the images.
 
 import argparse
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,8 +24,13 @@ import numpy.typing as npt
 
 import jotlight as jl
 from jotlight.estimators import demosaicing
+from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks import mosaic_planes
+from jotlight.networks.color_inference import planes_of_channels
+from jotlight.networks.color_planes import CENTER, START
+from jotlight.networks.pretrained import COLOR_START, pretrained_conditional
 from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.pixel_counts import count_pixels
 
 Array = npt.NDArray[np.floating]
 
@@ -98,17 +104,32 @@ def channels(data: Path) -> None:
     """Print three counts per pixel: the color network, and gray networks for each channel."""
     images = list(photographs(data, "gb82", 10))
     print("method: K = 4, 16, 64")
-    methods = {"color network": {}, "medium": {"quality": "medium"}, "large": {"quality": "large"}}
-    for title, options in methods.items():
+    methods = {
+        "color network": jl.reconstruct,
+        "its start": start_of_channels,
+        "medium": partial(jl.reconstruct, quality="medium"),
+        "large": partial(jl.reconstruct, quality="large"),
+    }
+    for title, method in methods.items():
         row = []
         for trials in (4, 16, 64):
             sensor = jl.Sensor(frames=trials)
             values = []
             for seed, image in enumerate(images):
                 bits = sensor.expose(image, rng=seed, channel_axis=-1)
-                values.append(psnr(jl.reconstruct(bits, **options), image))
+                values.append(psnr(method(bits), image))
             row.append(float(np.mean(values)))
         print(title, *(f"{value:.2f}" for value in row), flush=True)
+
+
+def start_of_channels(bits: jl.Bits) -> Array:
+    """Return the classical colors that the color network improves."""
+    sensor = bits.sensor
+    counted = [count_pixels(each, sensor, None) for each in bits.channels()]
+    gray = pretrained_conditional(sensor, COLOR_START)
+    planes = planes_of_channels(gray, counted, sensor, None)
+    probability = np.sin(planes[START] + CENTER).astype(np.float32) ** 2
+    return np.moveaxis(intensity_from_probability(probability, sensor, None), 0, -1)
 
 
 def motion(data: Path) -> None:
