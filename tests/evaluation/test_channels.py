@@ -97,12 +97,31 @@ def test_other_colors_and_requests_have_gray_estimates():
     counts = bits.counts()
     for data, options in (
         (counts[..., :2].copy(), {"channel_axis": -1}),
-        (counts, {"channel_axis": -1, "trials": np.full(counts.shape, 8.0)}),
         (counts, {"channel_axis": -1, "quality": "medium"}),
         (np.moveaxis(counts, -1, 0).copy(), {}),
     ):
         _, info = jl.reconstruct(data, sensor, return_info=True, **options)
         assert info.method == "network-medium"
+
+
+def test_merged_counts_need_bits_of_all_colors():
+    rng = np.random.default_rng(0)
+    sensor, bits = draw(8)
+    counts = bits.counts()
+    few = np.full(counts.shape, 8.0)
+    few[..., 0] = rng.choice([0.0, 8.0], few.shape[:2], p=[0.04, 0.96])
+    merged = jl.Merged(np.where(few > 0, counts, 0), few, sensor, channel_axis=-1)
+    found, info = jl.reconstruct(merged, return_info=True)
+    assert info.method == "network-color"
+    assert psnr(found, SCENE, data_range=1.0) > psnr(
+        jl.reconstruct(merged, quality="medium"), SCENE, data_range=1.0
+    )
+    whole = jl.Merged(counts, 8, sensor, channel_axis=-1)
+    np.testing.assert_array_equal(jl.reconstruct(whole), jl.reconstruct(bits))
+    few[:20, :, 2] = 0
+    merged = jl.Merged(np.where(few > 0, counts, 0), few, sensor, channel_axis=-1)
+    _, info = jl.reconstruct(merged, return_info=True)
+    assert info.method == "network-medium"
 
 
 def test_the_command_line_reconstructs_colors_and_records_the_weights(run, tmp_path):

@@ -175,7 +175,9 @@ def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
     assert "motion: " in printed
     assert jl.Motion.load(tmp_path / "m.safetensors").size == SIZE
     found = np.load(tmp_path / "out.npy")
-    expected = jl.reconstruct(jl.merge(bits, motion=jl.align(bits)), quality="medium")
+    expected, info = jl.reconstruct(jl.merge(bits, motion=jl.align(bits)), return_info=True)
+    assert f"by {info.title} in" in printed
+    assert info.method == "network-color"
     np.testing.assert_allclose(found, expected, atol=1e-5)
     _, still = behind("RGGB", motion="static")
     jl.save(still, tmp_path / "still.npy")

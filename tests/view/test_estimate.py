@@ -108,7 +108,7 @@ def test_a_mosaic_is_aligned():
     merged = merge_window(viewed, span)
     counts = RunningCounts(viewed).move(span)
     image = estimate(viewed, span, COLOR_NETWORK, counts, merged)
-    assert image.title == "network, medium"
+    assert image.title == "network, color"
     np.testing.assert_array_equal(image.image, jl.reconstruct(merged))
 
 

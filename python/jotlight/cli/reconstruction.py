@@ -21,7 +21,7 @@ from jotlight.cli.records import Records, origin_of
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.problem import ConvergenceHistories
-from jotlight.evaluation.channels import COLORS
+from jotlight.evaluation.channels import COLORS, takes_channels
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
@@ -35,7 +35,7 @@ from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.pixel_counts import Data
+from jotlight.sensing.pixel_counts import Data, gray_images
 
 
 @dataclasses.dataclass(frozen=True)
@@ -217,7 +217,7 @@ def reconstruct_image(
         if motion.motion:
             merged, path = motion.align(captured, threads)
             stands_still = captured.sensor.mosaic is not None and path.model == "none"
-            job = _without_motion(job) if stands_still else job
+            job = _with_colors(job, None if stands_still else merged)
         title = job.choice.title
         metadata = outputs.metadata(captured.sensor, title, captured.provenance)
         if motion.motion:
@@ -259,13 +259,21 @@ def reconstruct_image(
     )
 
 
-def _without_motion(job: Reconstruction) -> Reconstruction:
-    """Return the reconstruction of the colors of a mosaic, of a scene that stands still."""
-    if job.method != DEFAULT_METHOD or job.choice.reason == "requested" or job.settings:
+def _with_colors(job: Reconstruction, merged: Merged | None) -> Reconstruction:
+    """Return the reconstruction by the color network, if it takes the data after an alignment.
+
+    `merged` is None for a scene that stands still behind a mosaic. Requested methods stay.
+    """
+    if job.choice.reason == "requested" or job.settings:
         return job
-    is_color = _takes_color_network(job.captured)
-    choice = choose_method(job.captured.sensor, is_color=is_color)
-    return dataclasses.replace(job, choice=choice, method=None) if is_color else job
+    takes = _takes_color_network(job.captured)
+    if merged is not None:
+        takes = takes_channels(gray_images(merged))
+    choice = choose_method(job.captured.sensor, is_color=takes)
+    if choice.method != COLOR_NETWORK:
+        return job
+    own = {name: getattr(job.choice, name) for name in ("max_intensity", "notes")}
+    return dataclasses.replace(job, choice=dataclasses.replace(choice, **own), method=None)
 
 
 def _estimate(

@@ -3,6 +3,7 @@
 import contextlib
 import warnings
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +18,7 @@ from jotlight.networks.pretrained import (
     pretrained_conditional,
 )
 from jotlight.sensing.gray_outputs import output_of
-from jotlight.sensing.merged import Merged
+from jotlight.sensing.merged import Merged, is_finer
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
 
@@ -26,9 +27,14 @@ Image = npt.NDArray[np.float32]
 COLORS = 3
 """Red, green, and blue."""
 
+_MIN_KNOWN = 0.9
+"""Fraction of the pixels that must have bits of all colors."""
+
 
 def takes_channels(images: GrayImages) -> bool:
-    """Return whether images are red, green, and blue with the same trials in all pixels.
+    """Return whether the color network takes images: red, green, and blue.
+
+    Of merged counts, nearly all pixels must have bits of all three.
 
     Examples
     --------
@@ -40,8 +46,18 @@ def takes_channels(images: GrayImages) -> bool:
     False
     """
     layout = images.layout
-    is_color = layout.channel_axis is not None and layout.shape[-1] == COLORS
-    return is_color and not any(isinstance(one, Merged) for one in images.data)
+    if layout.channel_axis is None or layout.shape[-1] != COLORS:
+        return False
+    for start in range(0, len(images), COLORS):
+        each: Any = images.data[start : start + COLORS]
+        if not any(isinstance(one, Merged) for one in each):
+            continue
+        if any(is_finer(one) for one in each):
+            return False
+        known = [np.broadcast_to(one.trials, one.shape) > 0 for one in each]
+        if np.mean(np.all(known, axis=0)) < _MIN_KNOWN:
+            return False
+    return True
 
 
 @contextlib.contextmanager

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import demosaic
 from jotlight.estimators.inverse_response import intensity_from_probability
+from jotlight.estimators.merge_readings import round_ones
 from jotlight.networks.color_planes import Filtered
 from jotlight.networks.mosaic_planes import estimate_values
 from jotlight.networks.network import Network
@@ -102,10 +103,21 @@ def start_of_channels(
 
 
 def _together(channels: Sequence[PixelCounts], sensor: Sensor) -> Merged:
-    """Return the bits of all channels as those of one gray image."""
+    """Return the bits of all channels as those of one gray image, the mean of the channels.
+
+    Where the channels have different numbers of trials, their mean has the variance of fewer
+    trials than the sum. It is unknown where a channel has none.
+    """
     first = channels[0]
-    trials = sum(np.broadcast_to(each.trials, first.counts.shape) for each in channels)
-    ones = np.stack([each.counts for each in channels]).sum(axis=0, dtype=np.int32)
+    counts = np.stack([each.counts for each in channels])
+    each = np.stack([np.broadcast_to(one.trials, first.counts.shape) for one in channels])
+    each = each.astype(np.float64)
+    ones, trials = counts.sum(axis=0, dtype=np.int32), each.sum(axis=0)
+    if (each != each[0]).any():
+        known = (each > 0).all(axis=0)
+        some = np.where(known, each, 1.0)
+        trials = known * len(channels) ** 2 / (1 / some).sum(axis=0)
+        ones, trials = round_ones(trials * (counts / some).mean(axis=0), trials)
     return Merged(ones, trials, sensor, first.dark_counts, first.efficiency)
 
 
