@@ -365,3 +365,10 @@ def test_a_filter_without_light_is_refused():
     flat = counts(rng, 0.5 * passed, 400)
     with pytest.raises(ValueError, match="flat: expected light behind each color filter"):
         jl.calibrate(ones, flat, frames=400, mosaic="RGGB")
+    hot = np.where(passed == 0, 400, ones)
+    with pytest.raises(ValueError, match="dark: expected good jots behind each color filter"):
+        jl.calibrate(hot, flat, frames=400, mosaic="RGGB")
+    with pytest.raises(ValueError, match="mosaic: is for a flat capture"):
+        jl.calibrate(ones, frames=400, mosaic="RGGB")
+    with pytest.raises(ValueError, match="expected a filter for each of 160 x 160 jots.*20 x 20"):
+        jl.calibrate(ones, flat, frames=400, mosaic=np.tile([["R", "G"], ["G", "B"]], (10, 10)))

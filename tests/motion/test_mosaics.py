@@ -6,8 +6,10 @@ import pytest
 import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.metrics import psnr
+from jotlight.motion import mosaics
 from jotlight.motion.mosaics import enlarge, in_squares, sensors_of_colors, squares_side
 from jotlight.motion.tiles import tile_centers
+from jotlight.sensing.frames import Frames
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
 
@@ -42,26 +44,31 @@ def by_loops(bits, side, good):
 
 
 @pytest.mark.parametrize(
-    ("mosaic", "oversampling", "side"), [("RGGB", 1, 2), ("RGB", 1, 3), ("RGGB", 2, 4)]
+    ("mosaic", "oversampling", "side"),
+    [("RGGB", 1, 2), ("RGB", 1, 3), ("RGGB", 2, 4), ("RGGB", 8, 16)],
 )
-def test_squares_hold_the_sums_of_good_jots(mosaic, oversampling, side):
+def test_squares_hold_the_sums_of_good_jots(mosaic, oversampling, side, monkeypatch):
     rng = np.random.default_rng(0)
-    frames = rng.random((70, 24, 36)) < 0.3
-    excluded = rng.random((24, 36)) < 0.1
+    height, width = 48, 144
+    frames = rng.random((70, height, width)) < 0.3
+    excluded = rng.random((height, width)) < 0.1
     sensor = jl.Sensor(oversampling=oversampling, frames=70, mosaic=mosaic, dark_counts=0.01)
     bits = jl.Bits.from_array(frames, sensor=sensor)
     assert squares_side(sensor) == side
     stack, own = in_squares(bits, sensor, excluded)
+    monkeypatch.setattr(mosaics, "_MAX_BYTES", 0)
+    lazy, _ = in_squares(bits, sensor, excluded)
+    assert isinstance(lazy.images, Frames)
+    np.testing.assert_array_equal(np.asarray(lazy.images), stack.images)
     np.testing.assert_array_equal(stack.images, by_loops(bits, side, ~excluded))
     assert stack.trials == side**2
     assert own.trials == 70 * side**2
     # The sensor of squares predicts the mean number of ones of gray light, to the first order.
     plain = sensor.replace(mosaic=None, gain=sensor.gain)
     light = 1e-3
-    places = sensor.mosaic.full(24 // oversampling, 36 // oversampling)
-    passed = sensor.mosaic.sensitivity[places].repeat(oversampling, 0).repeat(oversampling, 1)
+    passed = sensor.mosaic.sensitivity[sensor.mosaic.of_jots(height, width, oversampling)]
     rate = (plain.light_per_intensity * light * passed + 0.01) * ~excluded
-    expected = rate.reshape(24 // side, side, 36 // side, side).sum((1, 3))
+    expected = rate.reshape(height // side, side, width // side, side).sum((1, 3))
     found = own.light_per_intensity * light * np.asarray(own.efficiency) + own.dark_counts
     np.testing.assert_allclose(found * side**2, expected, rtol=1e-4)
 
@@ -127,7 +134,8 @@ def test_merged_colors_are_better_than_every_window():
 def test_each_color_has_the_bits_of_its_jots():
     _, bits = behind("RGGB", motion="static")
     motion = jl.align(bits)
-    merged = jl.merge(bits, motion=motion)
+    with pytest.warns(jl.JotlightWarning, match="the scene stands still"):
+        merged = jl.merge(bits, motion=motion)
     counts = bits.counts()
     places = bits.sensor.mosaic.full(*SIZE)
     for index in range(3):
@@ -153,6 +161,9 @@ def test_what_cannot_be_merged_is_refused():
         jl.align(tiny)
     with pytest.raises(ValueError, match="ideal filters"):
         sensors_of_colors(jl.Sensor(mosaic="CMYG"), (4, 4))
+    channels = jl.Bits.from_array(np.zeros((32, 8, 8, 3), bool), sensor=sensor)
+    with pytest.raises(ValueError, match=r"expected gray bits \(T, H, W\) for a sensor with a mos"):
+        jl.align(channels)
     stack = CountStack(np.zeros((32, 8, 8), np.uint8), Provenance("npy", "a.npy"), trials=4)
     with pytest.raises(ValueError, match="data: expected bits for a sensor with a mosaic"):
         jl.align(stack, sensor)
@@ -185,6 +196,15 @@ def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
     assert status == 0, printed
     assert "by network, color in" in printed
     assert "the scene stands still" in printed
+    assert "0 trials" not in printed
+    arguments = ("still.npy", "--motion", "-o", "same.npy", "--demosaicing", "network")
+    assert run("reconstruct", *arguments)[0] == 0
+    np.testing.assert_array_equal(
+        np.load(tmp_path / "same.npy"), np.load(tmp_path / "still_out.npy")
+    )
+    arguments = ("bits.npy", "--motion", "-o", "o.npy", "--demosaicing", "differences")
+    assert "leave it out" in run("reconstruct", *arguments)[1]
+    assert "expected one of network" in run("reconstruct", *arguments[:-1], "none")[1]
     np.testing.assert_allclose(
         np.load(tmp_path / "still_out.npy"), jl.reconstruct(still), atol=1e-5
     )

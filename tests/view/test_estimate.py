@@ -65,9 +65,9 @@ def test_the_color_network_is_recommended_for_three_channels():
     image = made(viewed, range(2, 7), COLOR_NETWORK)
     assert image.title == "network, color"
     np.testing.assert_array_equal(image.image, jl.reconstruct(bits[2:7]))
-    with pytest.raises(ValueError, match="errors of colors are not known"):
-        find_errors(image)
-    with pytest.raises(ValueError, match="method: the color network takes red, green, and blue"):
+    known = jl.uncertainty(bits[2:7], estimate=image.image)
+    np.testing.assert_array_equal(find_errors(image), known.standard_error)
+    with pytest.raises(ValueError, match="method: the color network takes three colors"):
         made(viewed_of("plain"), range(2, 7), COLOR_NETWORK)
 
 

@@ -107,6 +107,8 @@ def calibrate(
     Sensor(frames=16, dark_counts=<64 x 64 map>, mask=<64 x 64 map>)
     """
     check_limits(false_positive_rate, max_dark)
+    if mosaic is not None and flat is None:
+        raise ValueError("mosaic: is for a flat capture, and there is none; leave it out")
     known = _provenance(dark=dark, flat=flat) if provenance is None else dict(provenance)
     if "dark" in known and "flat" in known:
         check_same_orientation("flat", known["flat"], "dark", known["dark"])
@@ -147,13 +149,18 @@ def filters_of_jots(flat: object, mosaic: object, shape: tuple[int, ...]) -> Pat
     """
     height, width = shape
     if mosaic is not None:
-        return Mosaic.of(mosaic).full(height, width)
+        stated = Mosaic.of(mosaic)
+        if not stated.repeats and stated.pattern.shape != shape:
+            raise ValueError(
+                f"mosaic: expected a filter for each of {height} x {width} jots, or a pattern that "
+                f"repeats, got a map of {' x '.join(map(str, stated.pattern.shape))}"
+            )
+        return stated.full(height, width)
     sensor = flat.sensor if isinstance(flat, Bits) else None
     if not isinstance(sensor, Sensor) or sensor.mosaic is None:
         return None
-    side = sensor.oversampling
-    pixels: Pattern = sensor.mosaic.full(height // side, width // side)
-    return pixels.repeat(side, axis=0).repeat(side, axis=1)
+    places: Pattern = sensor.mosaic.of_jots(height, width, sensor.oversampling)
+    return places
 
 
 @dataclasses.dataclass(frozen=True)

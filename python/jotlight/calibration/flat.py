@@ -152,11 +152,16 @@ def _light_behind(filters: Pattern | None, light: Rates, bad: npt.NDArray[np.boo
         return passed
     for index in np.unique(filters):
         own = filters == index
-        usual = float(np.median(light[own & ~bad])) if (own & ~bad).any() else 0.0
+        if not (own & ~bad).any():
+            raise ValueError(
+                f"dark: expected good jots behind each color filter, but all {own.sum()} jots "
+                f"behind filter {index} of the mosaic are hot"
+            )
+        usual = float(np.median(light[own & ~bad]))
         if usual <= 0:
             raise ValueError(
-                "flat: expected light behind each color filter, got none behind "
-                f"{np.count_nonzero(own)} jots of one filter; use white light"
+                f"flat: expected light behind each color filter, got none on the {own.sum()} jots "
+                f"behind filter {index} of the mosaic; use white light"
             )
         passed[own] = usual
     return passed

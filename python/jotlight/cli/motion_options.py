@@ -136,9 +136,14 @@ class ImageMotionOptions(MotionOptions):
         """Return all files to write."""
         return [path for path in (self.save_motion, self.maps) if path is not None]
 
-    def align(self, captured: Captured, threads: int | None) -> tuple[Merged, Motion]:
-        """Return the counts of a capture along its motion, and this motion."""
+    def align(self, captured: Captured, threads: int | None) -> tuple[Merged | None, Motion]:
+        """Return the counts of a capture along its motion, and this motion.
+
+        The counts are None for a scene that stands still behind a mosaic.
+        """
         data, sensor = captured.data, captured.sensor
+        if self.factor > 1 and sensor.mosaic is not None:
+            raise ValueError(f"upsample: expected 1 for a sensor with a mosaic, got {self.factor}")
         with progress(1) as begin:
             if self.motion_file is None:
                 show = begin("aligning", _ALIGNING)
@@ -146,6 +151,13 @@ class ImageMotionOptions(MotionOptions):
             else:
                 motion = Motion.load(self.motion_file)
                 _check_times(motion, data, self.motion_file)
+            if sensor.mosaic is not None and motion.model == "none":
+                if self.maps is not None:
+                    raise ValueError(
+                        "maps: the scene stands still behind a mosaic, so nothing is merged; leave "
+                        "it out"
+                    )
+                return None, motion
             show = begin("merging", 1 - _ALIGNING)
             merged = merge(
                 data,
@@ -159,13 +171,13 @@ class ImageMotionOptions(MotionOptions):
         return merged, motion
 
     def write(
-        self, files: list[Path], merged: Merged, motion: Motion, metadata: dict[str, Any]
+        self, files: list[Path], merged: Merged | None, motion: Motion, metadata: dict[str, Any]
     ) -> None:
         """Write the temporary files, in the order of :meth:`paths`."""
         remaining = list(files)
         if self.save_motion is not None:
             motion.save(remaining.pop(0))
-        if self.maps is not None:
+        if self.maps is not None and merged is not None:
             stack_writer(self.maps, metadata)(remaining.pop(0), _maps(merged))
 
 
@@ -196,8 +208,10 @@ def _check_times(motion: Motion, data: Capture, path: Path) -> None:
         )
 
 
-def describe(merged: Merged, motion: Motion) -> list[str]:
-    """Return what was found, one line each."""
+def describe(merged: Merged | None, motion: Motion) -> list[str]:
+    """Return what was found, one line each. `merged` is None if nothing was merged."""
+    if merged is None:
+        return ["motion: none, the scene stands still"]
     trials = np.broadcast_to(merged.trials, merged.shape)
     numbers = f"{trials.min():g} trials per pixel or more, {np.median(trials):g} in the median"
     if merged.upsample > 1:

@@ -20,13 +20,14 @@ from jotlight.cli.output_options import ImageOutputOptions, describe_tone
 from jotlight.cli.records import Records, origin_of
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
+from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.channels import COLORS, takes_channels
-from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
+from jotlight.evaluation.choice import COLOR_NETWORK, JOINT, Choice, choose_method
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
 from jotlight.evaluation.mosaics import takes_colors
-from jotlight.evaluation.reconstruct import JOINT, reconstruct
+from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.files import atomic_write_together, refuse_overwrite
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
@@ -213,18 +214,17 @@ def reconstruct_image(
     with atomic_write_together([*all_paths, *records.paths()]) as files:
         watched, checksum = with_checksum(captured.data)
         captured = dataclasses.replace(captured, data=watched)
-        stands_still = False
+        merged = None
         if motion.motion:
             merged, path = motion.align(captured, threads)
-            stands_still = captured.sensor.mosaic is not None and path.model == "none"
-            job = _with_colors(job, None if stands_still else merged)
+            job = _with_colors(job, merged)
         title = job.choice.title
         metadata = outputs.metadata(captured.sensor, title, captured.provenance)
         if motion.motion:
             metadata |= origin_of(job, checksum())
             motion.write(files[len(paths) : len(all_paths)], merged, path, metadata)
             found = describe(merged, path)
-        data = merged if motion.motion and not stands_still else captured.summed()
+        data = captured.summed() if merged is None else merged
         start = time.perf_counter()
         estimate, ending = _estimate(job, data, threads)
         seconds = time.perf_counter() - start
@@ -264,7 +264,17 @@ def _with_colors(job: Reconstruction, merged: Merged | None) -> Reconstruction:
 
     `merged` is None for a scene that stands still behind a mosaic. Requested methods stay.
     """
-    if job.choice.reason == "requested" or job.settings:
+    demosaicing = job.settings.get("demosaicing")
+    if merged is not None and demosaicing in DEMOSAICING:
+        raise ValueError(
+            f"demosaicing: {demosaicing} combines planes of pixels that see one color each, but "
+            "along the motion each pixel is seen through all filters; leave it out"
+        )
+    if (
+        job.choice.reason == "requested"
+        or demosaicing in DEMOSAICING
+        or job.settings.keys() - {"demosaicing"}
+    ):
         return job
     takes = _takes_color_network(job.captured)
     if merged is not None:
@@ -282,8 +292,7 @@ def _estimate(
     """Return the estimate of an image, and how the iterations ended or what was blended."""
     title, settings = job.choice.title, dict(job.settings)
     if isinstance(data, Merged):
-        # Along a motion, pixels are seen through all filters.
-        settings.pop("demosaicing", None)
+        settings.pop("demosaicing", None)  # "network", which is the default
 
     def run(**others: Any) -> tuple[npt.NDArray[np.float32], Info]:
         return reconstruct(

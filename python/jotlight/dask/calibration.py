@@ -118,6 +118,8 @@ def calibrate(
     from dask.delayed import delayed
 
     check_limits(false_positive_rate, max_dark)
+    if mosaic is not None and flat is None:
+        raise ValueError("mosaic: is for a flat capture, and there is none; leave it out")
     captures = {"dark": dark, "flat": flat}
     known = {
         name: each.provenance

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import JotlightWarning
+from jotlight.evaluation.methods import LARGE_TRIALS
 from jotlight.evaluation.mosaics import count_image
 from jotlight.networks.color_inference import estimate_channels
 from jotlight.networks.pretrained import (
@@ -34,7 +35,7 @@ _MIN_KNOWN = 0.9
 def takes_channels(images: GrayImages) -> bool:
     """Return whether the color network takes images: red, green, and blue.
 
-    Of merged counts, nearly all pixels must have bits of all three.
+    Nearly all pixels of merged counts must have bits of all three, and no more than 1,000.
 
     Examples
     --------
@@ -55,17 +56,18 @@ def takes_channels(images: GrayImages) -> bool:
         if any(is_finer(one) for one in each):
             return False
         known = [np.broadcast_to(one.trials, one.shape) > 0 for one in each]
-        if np.mean(np.all(known, axis=0)) < _MIN_KNOWN:
+        most = max(float(np.max(one.trials)) for one in each)
+        if np.mean(np.all(known, axis=0)) < _MIN_KNOWN or most > LARGE_TRIALS:
             return False
     return True
 
 
 @contextlib.contextmanager
 def without_warnings_of_colors(data: object) -> Iterator[None]:
-    """Do not warn about pixels that lack the bits of some colors, but not of all.
+    """Hide the warning about dead pixels, if each pixel has bits of at least one color.
 
-    A pixel of counts that were merged along a motion behind a mosaic may be such a one. It is not
-    dead.
+    In counts that were merged along a motion behind a mosaic, a pixel may lack the bits of a color.
+    It is not dead.
 
     Examples
     --------
@@ -85,7 +87,7 @@ def without_warnings_of_colors(data: object) -> Iterator[None]:
 def reconstruct_channels(
     images: GrayImages, sensor: Sensor, out: object, threads: int | None
 ) -> Image:
-    """Return the colors of each image, which has three counts per pixel.
+    """Return red, green, and blue of images with three counts per pixel.
 
     Parameters
     ----------
@@ -94,7 +96,7 @@ def reconstruct_channels(
     sensor : Sensor
         Their sensor, with plain bits.
     out : ndarray of float32, optional
-        As of :func:`jotlight.reconstruct`.
+        As for :func:`jotlight.reconstruct`.
     threads : int, optional
         Number of threads. Default: all.
 

@@ -23,6 +23,9 @@ OWN_NETWORK = "network"
 COLOR_NETWORK = "network-color"
 """Name of the method that runs the color network."""
 
+JOINT = "network"
+"""The `demosaicing` by the color network."""
+
 TITLES = {OWN_NETWORK: "network, own", COLOR_NETWORK: "network, color"}
 """Names of the methods that are not in :data:`METHODS`, in tables and messages."""
 

@@ -152,8 +152,8 @@ def takes_colors(data: object, mosaic: Mosaic, trials: npt.ArrayLike | None = No
     if not (mosaic.repeats and is_usual):
         return False
     each = data if isinstance(data, list | tuple) else [data]
-    has_map = trials is not None and np.ndim(trials) > 0
-    return not has_map and not any(isinstance(one, Merged) for one in each)
+    are_unusual = trials is not None and (np.ndim(trials) > 0 or np.max(trials) > LARGE_TRIALS)
+    return not are_unusual and not any(isinstance(one, Merged) for one in each)
 
 
 def count_image(one: GrayData, sensor: Sensor, threads: int | None) -> tuple[PixelCounts, Sensor]:

@@ -18,6 +18,7 @@ from jotlight.evaluation.channels import (
 )
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
+    JOINT,
     check_fallback,
     choose_method,
     requested_method,
@@ -50,9 +51,6 @@ from jotlight.sensing.pixel_counts import (
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
-
-JOINT = "network"
-"""The `demosaicing` by the color network."""
 
 
 @overload

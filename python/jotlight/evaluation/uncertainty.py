@@ -6,6 +6,7 @@ import numpy.typing as npt
 from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
+from jotlight.evaluation.channels import takes_channels
 from jotlight.evaluation.choice import choose_method
 from jotlight.evaluation.different_readings import with_one_response
 from jotlight.evaluation.intervals import find_intervals
@@ -171,7 +172,7 @@ def _reference(
     if isinstance(method, Network) and method.trials_range is not None:
         return method, True
     if method is None and quality is None:
-        quality = choose_method(sensor).quality
+        quality = choose_method(sensor, is_color=takes_channels(images)).quality
     elif isinstance(method, str):
         quality = find_method(method).quality
     if quality in _MEASURED_SIZES:

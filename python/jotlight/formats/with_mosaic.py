@@ -31,6 +31,11 @@ def with_mosaic(data: AnyBits, mosaic: object) -> AnyBits:
     """
     if mosaic is None:
         return data
+    if len(data.shape) != 3:
+        raise ValueError(
+            "mosaic: expected gray frames (T, H, W), because the pixels of a mosaic have one color "
+            f"each, got frames of shape {data.shape}; leave out the mosaic"
+        )
     stated = data.sensor
     known = stated if isinstance(stated, Sensor) else Sensor(frames=len(data))
     sensor = known.replace(mosaic=mosaic, gain=known.gain)

@@ -22,7 +22,7 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.pixel_counts import carried_sensor
-from jotlight.sensing.readings import require_plain_bits
+from jotlight.sensing.readings import require_plain_bits, without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 MIN_FRAMES = 16
@@ -146,6 +146,11 @@ def bits_behind_mosaic(data: object, sensor: object) -> tuple[Bits, Sensor] | No
             "data: expected bits for a sensor with a mosaic, because the motion of its counts "
             f"cannot be estimated, got {type(data).__name__}"
         )
+    if len(data.shape) != 3:
+        raise ValueError(
+            "data: expected gray bits (T, H, W) for a sensor with a mosaic, because its pixels "
+            f"have one color each, got shape {data.shape}"
+        )
     check_fits(data.shape, stated)
     return data, stated
 
@@ -159,7 +164,7 @@ def _motion_behind_mosaic(
     progress: Callable[[float], object],
 ) -> Motion:
     """Return the motion of a scene behind a mosaic, from squares of jots with all filters."""
-    gray = sensor.replace(mosaic=None, gain=sensor.gain)
+    gray = without_mosaic(sensor)
     require_plain_bits(gray)
     excluded = sensor.mask
     if (hot := hot_jots(gray)) is not None:

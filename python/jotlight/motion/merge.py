@@ -1,7 +1,6 @@
 """Merging: the counts of all bits along a motion."""
 
 import dataclasses
-from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -20,20 +19,18 @@ from jotlight.motion.align import (
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
 from jotlight.motion.consistency import Consistent, disagreement, find_consistent
-from jotlight.motion.finer import count_fine, double, fine_paths
+from jotlight.motion.finer import count_fine, fine_paths
 from jotlight.motion.flags import find_flags, is_unclear
 from jotlight.motion.flicker import without_saturation
 from jotlight.motion.guard import count_window, find_window
+from jotlight.motion.merged_pixels import as_fine, as_merged
 from jotlight.motion.model import divide
 from jotlight.motion.mosaics import join_colors, sensors_of_colors
 from jotlight.motion.motion import Motion
-from jotlight.motion.posterior import posterior_error
 from jotlight.motion.track import Paths, Track
 from jotlight.progress import Progress, Update, shown_progress
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 Map = npt.NDArray[np.float64]
@@ -43,9 +40,6 @@ _ALIGNING = 0.8
 
 _MAX_FLAGGED = 0.15
 """Fraction of flagged pixels above which the image is compared with sums without motion."""
-
-_MIN_FLAGGED = 0.5
-"""Fraction of the jots of a pixel that are flagged, above which the pixel is."""
 
 
 def merge(
@@ -142,9 +136,25 @@ def _merge_colors(
             )
         for number, own in enumerate(of_colors, 1):
             burst, _ = prepare_burst(bits, own, may_repeat=True)
-            merged.append(_merge(bits, burst, own, at, motion, 1, threads, lambda *_: None))
+            merged.append(_merge_color(burst, own, at, motion, threads))
             update(_ALIGNING + (1 - _ALIGNING) * number / len(of_colors), "merging")
+    if motion.model == "none":
+        warn(
+            "the scene stands still, so each pixel was seen through one filter alone; reconstruct "
+            "the bits in place of merged counts"
+        )
     return join_colors(merged, sensor)
+
+
+def _merge_color(
+    burst: Burst, sensor: Sensor, at: float | None, motion: Motion, threads: int | None
+) -> Merged:
+    """Return the counts of the jots of one color along a motion.
+
+    They are never those of a window without motion, which might differ from color to color.
+    """
+    paths, motion = _paths_at(burst, sensor, at, motion, threads)
+    return merge_along(paths, motion, sensor, may_stand_still=False)
 
 
 def _merge(
@@ -169,16 +179,23 @@ def _merge(
             f"motion: expected that of {burst.size[0]} x {burst.size[1]} jots, got "
             f"{motion.size[0]} x {motion.size[1]}"
         )
+    paths, motion = _paths_at(burst, sensor, at, motion, threads)
+    if motion.model == "none" and hot_jots(sensor) is not None:
+        consistent = None
+    return merge_along(paths, motion, sensor, consistent, upsample)
+
+
+def _paths_at(
+    burst: Burst, sensor: Sensor, at: float | None, motion: Motion, threads: int | None
+) -> tuple[Paths, Motion]:
+    """Return the paths of a motion over the blocks of a burst, as seen from a time."""
     time = motion.reference if at is None else reference_time(at, burst)
     if time != motion.reference:
         motion = motion.seen_from(time)
     # If nothing moves, only a hot jot itself has seen its scene point. Otherwise others have, too.
     is_still = motion.model == "none"
     blocks = as_blocks(burst, divide(len(burst)), sensor, threads, with_hot_jots=is_still)
-    paths = as_paths(motion, blocks)
-    if is_still and hot_jots(sensor) is not None:
-        consistent = None
-    return merge_along(paths, motion, sensor, consistent, upsample)
+    return as_paths(motion, blocks), motion
 
 
 def check_upsample(upsample: int, sensor: Sensor) -> None:
@@ -196,10 +213,13 @@ def merge_along(
     sensor: Sensor,
     consistent: Consistent | None = None,
     upsample: int = 1,
+    *,
+    may_stand_still: bool = True,
 ) -> Merged:
     """Return the counts of the bits along paths, which are those of a motion.
 
-    The sums along them are computed if they are not given.
+    The sums along them are computed if they are not given. If the scene `may_stand_still`, a window
+    without motion replaces them where the motion does not explain it better.
     """
     burst = paths.blocks.burst
     if consistent is None:
@@ -210,7 +230,9 @@ def merge_along(
     flags = find_flags(consistent, disagreements, motion.labels)
     channels = [None] if burst.channels == 1 else list(range(burst.channels))
     of_channels = [_of_channel(paths, channel) for channel in channels]
-    window = find_window(paths, consistent.total) if flags.mean() > _MAX_FLAGGED else None
+    window = None
+    if may_stand_still and flags.mean() > _MAX_FLAGGED:
+        window = find_window(paths, consistent.total)
     if window is not None:
         warn(
             "the motion does not explain the scene clearly better than no motion; only "
@@ -225,8 +247,8 @@ def merge_along(
             flags = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
         sums = _count(of_channels, consistent, upsample)
     if upsample > 1:
-        return _as_fine(sums, accepted, flags, motion, sensor)
-    return _as_merged(sums, accepted, flags, motion, sensor)
+        return as_fine(sums, accepted, flags, motion, sensor)
+    return as_merged(sums, accepted, flags, motion, sensor)
 
 
 def _count(of_channels: list[Paths], consistent: Consistent, upsample: int) -> list[Sums]:
@@ -255,87 +277,3 @@ def _of_channel(paths: Paths, channel: int | None) -> Paths:
     blocks = dataclasses.replace(paths.blocks, channel=channel)
     tracks = [dataclasses.replace(track, blocks=blocks) for track in paths.tracks]
     return dataclasses.replace(paths, tracks=tracks)
-
-
-def _as_merged(
-    channels: list[Sums],
-    accepted: npt.NDArray[np.float32],
-    flags: npt.NDArray[np.bool_],
-    motion: Motion,
-    sensor: Sensor,
-) -> Merged:
-    """Return sums over jots as the merged counts of pixels."""
-    side, color = sensor.oversampling, len(channels) > 1
-    trials = channels[0].trials.astype(np.float64)
-    each_jot = np.ones_like(trials)
-    efficiency, dark_counts = (
-        value if jots is None else _mean_of_pixels(jots, trials, side)
-        for value, jots in zip(reference_jot(sensor), _seen_jots(channels[0]), strict=True)
-    )
-
-    return Merged(
-        stack_channels([_sum_pixels(each.ones, side) for each in channels], color=color),
-        stack_channels(
-            [_sum_pixels(each.trials, side).astype(np.float64) for each in channels], color=color
-        ),
-        sensor,
-        dark_counts,
-        efficiency,
-        _mean_of_pixels(accepted, each_jot, side).astype(np.float32),
-        _mean_of_pixels(posterior_error(motion), each_jot, side).astype(np.float32),
-        _mean_of_pixels(flags.astype(np.float32), each_jot, side) >= _MIN_FLAGGED,
-        channel_axis=-1 if color else None,
-    )
-
-
-def _as_fine(
-    channels: list[Sums],
-    accepted: npt.NDArray[np.float32],
-    flags: npt.NDArray[np.bool_],
-    motion: Motion,
-    sensor: Sensor,
-) -> Merged:
-    """Return sums on the fine grid as merged counts. The error is in pixels of this grid."""
-    color = len(channels) > 1
-    efficiency, dark_counts = (
-        value if jots is None else jots
-        for value, jots in zip(reference_jot(sensor), _seen_jots(channels[0]), strict=True)
-    )
-    return Merged(
-        stack_channels([each.ones for each in channels], color=color),
-        stack_channels([each.trials.astype(np.float64) for each in channels], color=color),
-        sensor,
-        dark_counts,
-        efficiency,
-        double(accepted),
-        2 * double(posterior_error(motion)),
-        double(flags),
-        channel_axis=-1 if color else None,
-        upsample=2,
-    )
-
-
-def _seen_jots(sums: Sums) -> Iterator[Map | None]:
-    """Yield the mean efficiency and the mean dark counts, (H, W), or None if all jots are alike."""
-    means = (None, None) if sums.jots is None else sums.jots.mean(sums.trials)
-    for values in means:
-        yield None if values is None else values.astype(np.float64)
-
-
-def _sum_pixels(values: npt.NDArray[np.int32], side: int) -> npt.NDArray[np.int32]:
-    """Return the sums over the jots of each pixel."""
-    height, width = values.shape
-    blocks = values.reshape(height // side, side, width // side, side)
-    return np.ascontiguousarray(blocks.sum(axis=(1, 3), dtype=np.int32))
-
-
-def _mean_of_pixels(values: npt.NDArray[np.floating], weights: Map, side: int) -> Map:
-    """Return the weighted means over the jots of each pixel, or the plain mean without weights."""
-    if side == 1:
-        return values.astype(np.float64)
-    height, width = values.shape
-    shape = height // side, side, width // side, side
-    blocks, known = values.astype(np.float64).reshape(shape), weights.reshape(shape)
-    total = known.sum(axis=(1, 3))
-    mean = (blocks * known).sum(axis=(1, 3)) / np.maximum(total, 1e-9)
-    return np.asarray(np.where(total > 0, mean, blocks.mean(axis=(1, 3))))

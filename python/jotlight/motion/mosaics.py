@@ -1,7 +1,8 @@
-"""Motion behind a color mosaic, from sums over squares of jots with all of its filters.
+"""Motion behind a color mosaic, from sums over squares of jots.
 
-The filters stand still, and the scene moves over them. In squares that contain all filters, their
-pattern is nearly gone. So the motion of the sums over such squares is that of the scene.
+The filters stand still, and the scene moves over them. In sums over a period of the mosaic, their
+pattern is gone, and in sums over squares of a random mosaic, it is nearly gone. So the motion of
+the sums is that of the scene.
 """
 
 import math
@@ -18,12 +19,13 @@ from jotlight.sensing.frames import Frames, read_frames
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.mosaic import Pattern
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
-Counts = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+Counts = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.uint32]
 Map = npt.NDArray[np.float64]
 
-COLORS = "RGB"
+FILTERS = "RGB"
 """The filters whose bits can be merged to a color image."""
 
 _MAX_SIDE = 8
@@ -40,7 +42,7 @@ _MIN_JOTS = 0.5
 
 
 def squares_side(sensor: Sensor) -> int:
-    """Return the side in jots of squares that contain all filters of a sensor's mosaic.
+    """Return the side in jots of squares that hide a sensor's mosaic: its period, if it is short.
 
     Examples
     --------
@@ -77,22 +79,22 @@ def in_squares(
     rows, columns = height // side, width // side
     if not rows or not columns:
         raise ValueError(
-            f"data: expected {side} x {side} jots or more, which have all filters of the mosaic, "
-            f"got {height} x {width}"
+            f"data: expected {side} x {side} jots or more to find a motion behind this mosaic, got "
+            f"{height} x {width}"
         )
+    dtype = np.min_scalar_type(side**2)
     good = np.ones((height, width), np.uint8) if excluded is None else (~excluded).astype(np.uint8)
 
     def read(start: int, stop: int) -> Counts:
         packed = read_frames(bits.packed, start, stop)
         each = np.unpackbits(packed, axis=2, count=width) & good
         each = each[:, : rows * side, : columns * side]
-        dtype = np.uint8 if side**2 < 256 else np.uint16
         sums = each.reshape(-1, rows, side, columns * side).sum(axis=2, dtype=dtype)
         counts: Counts = sums.reshape(-1, rows, columns, side).sum(axis=3, dtype=dtype)
         return counts
 
-    images: Counts | Frames = Frames((frames, rows, columns), read, np.dtype(np.uint8))
-    if frames * rows * columns <= _MAX_BYTES:
+    images: Counts | Frames = Frames((frames, rows, columns), read, dtype)
+    if frames * rows * columns * dtype.itemsize <= _MAX_BYTES:
         images = np.concatenate(
             [read(first, min(first + 64, frames)) for first in range(0, frames, 64)]
         )
@@ -102,10 +104,7 @@ def in_squares(
 
 def _sensor_of_squares(sensor: Sensor, good: Pattern, frames: int, side: int) -> Sensor:
     """Return the gray sensor whose jots are squares of jots."""
-    mosaic, pixel = sensor.mosaic, sensor.oversampling
-    height, width = good.shape
-    places = mosaic.full(height // pixel, width // pixel)
-    passed = mosaic.sensitivity[places].repeat(pixel, axis=0).repeat(pixel, axis=1)
+    passed = sensor.mosaic.sensitivity[sensor.mosaic.of_jots(*good.shape, sensor.oversampling)]
     light = _mean(good * passed * np.asarray(sensor.efficiency), side)
     dark_counts = _mean(good * np.asarray(sensor.dark_counts), side)
     dead = _mean(good.astype(np.float64), side) < _MIN_JOTS
@@ -156,8 +155,8 @@ def sensors_of_colors(sensor: Sensor, size: tuple[int, int]) -> list[Sensor]:
     >>> red.mask[:2, :2].tolist()
     [[False, True], [True, True]]
     """
-    mosaic, pixel = sensor.mosaic, sensor.oversampling
-    if mosaic.filters != COLORS or not mosaic.is_ideal:
+    mosaic = sensor.mosaic
+    if mosaic.filters != FILTERS or not mosaic.is_ideal:
         raise ValueError(
             "sensor: expected ideal filters R, G, and B to merge bits behind a mosaic, got "
             f"{mosaic!r}; jotlight.align takes every mosaic"
@@ -168,12 +167,11 @@ def sensors_of_colors(sensor: Sensor, size: tuple[int, int]) -> list[Sensor]:
             "sensor: expected a mosaic with the white balance 1 for merged counts, got "
             f"{balance.tolist()}; multiply the estimate by it"
         )
-    places = mosaic.full(size[0] // pixel, size[1] // pixel)
-    places = places.repeat(pixel, axis=0).repeat(pixel, axis=1)
-    gray = sensor.replace(mosaic=None, gain=sensor.gain)
+    places = mosaic.of_jots(*size, sensor.oversampling)
+    gray = without_mosaic(sensor)
     dead = np.zeros(size, bool) if sensor.mask is None else sensor.mask
     return [
-        gray.replace(mask=dead | (places != index), gain=gray.gain) for index in range(len(COLORS))
+        gray.replace(mask=dead | (places != index), gain=gray.gain) for index in range(len(FILTERS))
     ]
 
 

@@ -13,6 +13,7 @@ from jotlight.estimators.inpaint import warn_about_dead_pixels
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.mosaic import Mosaic, Pattern
 from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -122,7 +123,7 @@ def plane_sensors(sensor: Sensor) -> list[Sensor]:
     """
     if sensor.mosaic is None:
         return [sensor]
-    gray = sensor.replace(mosaic=None, gain=sensor.gain)
+    gray = without_mosaic(sensor)
     return [_plane_sensor(gray, float(each)) for each in sensor.mosaic.sensitivity]
 
 

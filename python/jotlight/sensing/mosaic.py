@@ -174,6 +174,17 @@ class Mosaic:
         tiles = -(-height // rows), -(-width // columns)
         return np.tile(self.pattern, tiles)[:height, :width]
 
+    def of_jots(self, height: int, width: int, oversampling: int) -> Pattern:
+        """Return the places in `filters` of all jots, when each pixel has several.
+
+        Examples
+        --------
+        >>> Mosaic("RGGB").of_jots(2, 4, oversampling=2).tolist()
+        [[0, 0, 1, 1], [0, 0, 1, 1]]
+        """
+        pixels = self.full(height // oversampling, width // oversampling)
+        return pixels.repeat(oversampling, axis=0).repeat(oversampling, axis=1)
+
     def crop(self, rows: range, columns: range) -> Self:
         """Return the mosaic of a part of the image.
 

@@ -17,6 +17,7 @@ from jotlight.sensing.maps import constant_or_map, pixel_means, stack_maps
 from jotlight.sensing.merged import Merged, refuse_finer_grid
 from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.photon_readings import Readings, image_of_readings
+from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.scaled_counts import check_range, check_whole, warn_about_frames
 from jotlight.sensing.sensor import Sensor, require_sensor
 from jotlight.sensing.values import checked_trials
@@ -221,7 +222,7 @@ def prepare_data(
             "recorded them, such as Sensor(frames=16) for 16 trials per pixel"
         )
     if has_mosaic := takes_mosaics and sensor.mosaic is not None:
-        sensor = sensor.replace(mosaic=None, gain=sensor.gain)
+        sensor = without_mosaic(sensor)
     require_sensor(sensor, may_differ=may_differ)
     # The rates follow a map of thresholds or a mosaic.
     may_repeat = has_mosaic or np.ndim(sensor.threshold) == 2

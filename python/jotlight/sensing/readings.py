@@ -305,8 +305,8 @@ def refuse_mosaic(sensor: GroupedSensor) -> None:
     if sensor.mosaic is not None:
         raise ValueError(
             f"sensor: expected a gray sensor, got one with the mosaic {sensor.mosaic!r}; only "
-            "jotlight.reconstruct estimates the colors, with all methods; "
-            "sensor.replace(mosaic=None) (no --mosaic) takes all pixels for gray ones"
+            "jotlight.reconstruct estimates colors; sensor.replace(mosaic=None) takes all pixels "
+            "for gray ones"
         )
 
 

@@ -21,7 +21,7 @@ class ColorDrawings(PatchSource):
     Parameters
     ----------
     mosaics : callable, optional
-        As of :class:`jotlight.training.ColorPatches`.
+        As for :class:`jotlight.training.ColorPatches`.
 
     Examples
     --------

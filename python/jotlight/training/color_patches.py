@@ -29,7 +29,7 @@ class ColorPatches(PhotographPatches):
         :func:`jotlight.training.random_mosaic`. None: no mosaics, but color channels, so that each
         pixel has three counts.
     linear, scaled, max_scale
-        As of :class:`PhotographPatches`.
+        As for :class:`PhotographPatches`.
 
     Raises
     ------

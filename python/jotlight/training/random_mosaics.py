@@ -34,7 +34,7 @@ def random_mosaic(rng: np.random.Generator, side: int) -> Mosaic:
 
 
 def _shifted(*patterns: str) -> Callable[..., Mosaic]:
-    """Return a function that returns one of some patterns, which begins anywhere."""
+    """Return a function that chooses one of some patterns, and shifts it at random."""
 
     def make(rng: np.random.Generator, side: int) -> Mosaic:
         return _anywhere(Mosaic.of(patterns[rng.integers(len(patterns))]), rng)
@@ -43,7 +43,7 @@ def _shifted(*patterns: str) -> Callable[..., Mosaic]:
 
 
 def _anywhere(mosaic: Mosaic, rng: np.random.Generator) -> Mosaic:
-    """Return a mosaic whose pattern begins anywhere, and may be transposed."""
+    """Return a mosaic whose pattern is shifted and perhaps transposed at random."""
     pattern = np.roll(mosaic.pattern, rng.integers(mosaic.pattern.shape), (0, 1))
     pattern = pattern.T if rng.random() < 1 / 2 else pattern
     return Mosaic(pattern, mosaic.filters, mosaic.transmission)

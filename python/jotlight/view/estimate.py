@@ -18,6 +18,7 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import Data
+from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.state import COUNTS, COUNTS_TITLE
@@ -76,8 +77,9 @@ def choose(viewed: Viewable, number: int, method: str) -> Choice:
     choice = recommend(viewed, number)
     if choice.method != COLOR_NETWORK:
         raise ValueError(
-            "method: the color network takes red, green, and blue, with up to "
-            f"{LARGE_TRIALS:,} trials per pixel"
+            f"method: the color network takes three colors with up to {LARGE_TRIALS:,} trials per "
+            f"pixel, got {sensor.trials:,} trials and images of shape {viewed.shape}; choose a "
+            "shorter window, or another method"
         )
     return choice
 
@@ -150,7 +152,7 @@ def estimate(
     sensor = viewed.sensor(len(frames)).replace(max_intensity=choice.max_intensity)
     data: Data
     if merged is not None:
-        sensor = sensor.replace(mosaic=None, gain=sensor.gain)
+        sensor = without_mosaic(sensor)
         data = dataclasses.replace(merged, sensor=sensor)
     elif _suffice(counts, sensor, method):
         data = counts

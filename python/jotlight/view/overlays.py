@@ -105,13 +105,14 @@ def find_errors(estimate: Estimate) -> npt.NDArray[np.float32]:
     ValueError
         When the errors of the method are unknown.
     """
-    if estimate.method == COLOR_NETWORK or estimate.sensor.mosaic is not None:
-        raise ValueError("the errors of colors are not known")
-    check_errors_known(estimate.method, estimate.sensor)
+    if estimate.sensor.mosaic is not None:
+        raise ValueError("the errors of the colors of a mosaic are not known")
+    method = None if estimate.method == COLOR_NETWORK else estimate.method
+    check_errors_known(method, estimate.sensor)
     return uncertainty(
         estimate.data,
         estimate.sensor,
-        method=estimate.method,
+        method=method,
         estimate=estimate.image,
         channel_axis=last_channel_axis(estimate.data),
     ).standard_error

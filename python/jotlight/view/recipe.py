@@ -50,6 +50,9 @@ def _command(viewed: Viewable, state: ViewState) -> str | None:
     if opening.path is None:
         return None
     finds_others = opening.searches_all and state.span != viewed.frames
+    # Only the code knows how to combine planes, if the scene stands still, and if it moves.
+    may_have_planes = viewed.sensor(1).mosaic is not None and state.align
+    finds_others |= may_have_planes and state.method != COLOR_NETWORK
     if state.method == COUNTS or state.compare is not None or finds_others:
         return shlex.join(["python", "-c", _python(viewed, state)])
     frames = file_frames(opening, state.span)
@@ -72,8 +75,8 @@ def _method_words(viewed: Viewable, state: ViewState) -> list[str]:
     """Return the options of the command line for a method. The color network is the default."""
     if state.method == COLOR_NETWORK:
         return []
-    has_mosaic = viewed.sensor(1).mosaic is not None
-    return ["--method", state.method, *(["--demosaicing", DEMOSAICING] if has_mosaic else [])]
+    has_planes = viewed.sensor(1).mosaic is not None and not state.align
+    return ["--method", state.method, *(["--demosaicing", DEMOSAICING] if has_planes else [])]
 
 
 def _python(viewed: Viewable, state: ViewState) -> str:

@@ -62,6 +62,11 @@ class MovingScene:
         self._samples = _centered_grid(size, self.detail)
         sensor.check_map_shapes(*(length * sensor.oversampling for length in size))
         height, width = (length * sensor.oversampling for length in size)
+        if sensor.mosaic is not None and self.shape[2:] != (3,):
+            raise ValueError(
+                "photograph: expected red, green, and blue, (H, W, 3), for a sensor with a mosaic, "
+                f"got {len(self.shape) - 2 and self.shape[2]} channels"
+            )
         channels = self.shape[2:] if sensor.mosaic is None else ()
         shape = (sensor.frames, height, math.ceil(width / 8), *channels)
         (self.bits,) = simulated_bits([Frames(shape, self._draw)], width, sensor)

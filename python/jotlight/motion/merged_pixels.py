@@ -1,0 +1,104 @@
+"""Sums over jots along a motion as the merged counts of pixels."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.motion.blocks import Sums
+from jotlight.motion.finer import double
+from jotlight.motion.motion import Motion
+from jotlight.motion.posterior import posterior_error
+from jotlight.sensing.channels import stack_channels
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.sensor import Sensor
+
+Map = npt.NDArray[np.float64]
+
+_MIN_FLAGGED = 0.5
+"""Fraction of the jots of a pixel that are flagged, above which the pixel is."""
+
+
+def as_merged(
+    channels: list[Sums],
+    accepted: npt.NDArray[np.float32],
+    flags: npt.NDArray[np.bool_],
+    motion: Motion,
+    sensor: Sensor,
+) -> Merged:
+    """Return sums over jots as the merged counts of pixels."""
+    side, color = sensor.oversampling, len(channels) > 1
+    trials = channels[0].trials.astype(np.float64)
+    each_jot = np.ones_like(trials)
+    efficiency, dark_counts = (
+        value if jots is None else _mean_of_pixels(jots, trials, side)
+        for value, jots in zip(reference_jot(sensor), _seen_jots(channels[0]), strict=True)
+    )
+
+    return Merged(
+        stack_channels([_sum_pixels(each.ones, side) for each in channels], color=color),
+        stack_channels(
+            [_sum_pixels(each.trials, side).astype(np.float64) for each in channels], color=color
+        ),
+        sensor,
+        dark_counts,
+        efficiency,
+        _mean_of_pixels(accepted, each_jot, side).astype(np.float32),
+        _mean_of_pixels(posterior_error(motion), each_jot, side).astype(np.float32),
+        _mean_of_pixels(flags.astype(np.float32), each_jot, side) >= _MIN_FLAGGED,
+        channel_axis=-1 if color else None,
+    )
+
+
+def as_fine(
+    channels: list[Sums],
+    accepted: npt.NDArray[np.float32],
+    flags: npt.NDArray[np.bool_],
+    motion: Motion,
+    sensor: Sensor,
+) -> Merged:
+    """Return sums on the fine grid as merged counts. The error is in pixels of this grid."""
+    color = len(channels) > 1
+    efficiency, dark_counts = (
+        value if jots is None else jots
+        for value, jots in zip(reference_jot(sensor), _seen_jots(channels[0]), strict=True)
+    )
+    return Merged(
+        stack_channels([each.ones for each in channels], color=color),
+        stack_channels([each.trials.astype(np.float64) for each in channels], color=color),
+        sensor,
+        dark_counts,
+        efficiency,
+        double(accepted),
+        2 * double(posterior_error(motion)),
+        double(flags),
+        channel_axis=-1 if color else None,
+        upsample=2,
+    )
+
+
+def _seen_jots(sums: Sums) -> Iterator[Map | None]:
+    """Yield the mean efficiency and the mean dark counts, (H, W), or None if all jots are alike."""
+    means = (None, None) if sums.jots is None else sums.jots.mean(sums.trials)
+    for values in means:
+        yield None if values is None else values.astype(np.float64)
+
+
+def _sum_pixels(values: npt.NDArray[np.int32], side: int) -> npt.NDArray[np.int32]:
+    """Return the sums over the jots of each pixel."""
+    height, width = values.shape
+    blocks = values.reshape(height // side, side, width // side, side)
+    return np.ascontiguousarray(blocks.sum(axis=(1, 3), dtype=np.int32))
+
+
+def _mean_of_pixels(values: npt.NDArray[np.floating], weights: Map, side: int) -> Map:
+    """Return the weighted means over the jots of each pixel, or the plain mean without weights."""
+    if side == 1:
+        return values.astype(np.float64)
+    height, width = values.shape
+    shape = height // side, side, width // side, side
+    blocks, known = values.astype(np.float64).reshape(shape), weights.reshape(shape)
+    total = known.sum(axis=(1, 3))
+    mean = (blocks * known).sum(axis=(1, 3)) / np.maximum(total, 1e-9)
+    return np.asarray(np.where(total > 0, mean, blocks.mean(axis=(1, 3))))
