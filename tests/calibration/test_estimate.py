@@ -370,5 +370,5 @@ def test_a_filter_without_light_is_refused():
         jl.calibrate(hot, flat, frames=400, mosaic="RGGB")
     with pytest.raises(ValueError, match="mosaic: is for a flat capture"):
         jl.calibrate(ones, frames=400, mosaic="RGGB")
-    with pytest.raises(ValueError, match="expected a filter for each of 160 x 160 jots.*20 x 20"):
+    with pytest.raises(ValueError, match=r"expected a filter for each of 160 x 160 jots.*20 x 20"):
         jl.calibrate(ones, flat, frames=400, mosaic=np.tile([["R", "G"], ["G", "B"]], (10, 10)))

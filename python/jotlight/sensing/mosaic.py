@@ -29,7 +29,8 @@ class Mosaic:
     ----------
     pattern : str or array_like
         The filter of each pixel, from the top left: letters, where four are 2 x 2 pixels, ``/``
-        ends a row, and others are one row, such as ``"RGGB"``, ``"RGB"``, ``"RGBW/BWRG"``; a
+        ends a row, and others are one row, such as ``"RGGB"``, ``"RGB"``, ``"RGBW/BWRG"``; a list
+        of rows; a
         2-D array of letters; a 2-D array of whole numbers, places in `filters`, such as
         ``raw_pattern`` of rawpy; or an image (H, W, 3), whose pixels are the shares of red, green,
         and blue that pass. A pattern of up to 16 x 16 pixels repeats. A larger one is a map of all

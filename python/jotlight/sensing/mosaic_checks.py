@@ -59,6 +59,10 @@ def are_ideal(filters: str, transmission: Colors) -> bool:
 def checked_transmission(transmission: Any, filters: str) -> Colors:
     """Return the transmission of filters after checks. None stands for ideal filters."""
     if transmission is None:
+        if filters.upper() != filters and not set(filters.upper()) - set(LETTERS):
+            raise ValueError(
+                f"mosaic: expected capital letters, such as {filters.upper()}, got {filters}"
+            )
         if unknown := sorted(set(filters) - set(LETTERS)):
             raise ValueError(
                 f"mosaic: expected the letters {', '.join(LETTERS)}, got {', '.join(unknown)}; "

@@ -43,6 +43,8 @@ def read_pattern(given: Any, filters: str | None) -> tuple[Pattern, str]:
         raise TypeError(
             f"filters: expected a text with a letter for each filter, such as RGBG, got {filters!r}"
         )
+    if isinstance(given, list | tuple) and given and all(isinstance(row, str) for row in given):
+        given = "/".join(given)
     array = _rows_of_text(given) if isinstance(given, str) else np.asarray(given)
     if array.ndim != 2 or array.size == 0 or array.dtype.kind not in "Uiu":
         raise ValueError(

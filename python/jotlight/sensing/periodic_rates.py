@@ -78,12 +78,18 @@ class PeriodicRates:
             (self.period, side), f"a mosaic of {self.period} x {self.period} jots"
         )
         cause = f"for example under the color filters of {mosaic}, or because rows differ"
-        letters = {(2, 1): "RGGB", (4, 2): "RRGG/RRGG/GGBB/GGBB"}.get((self.period, side))
-        order = letters or f"the letters of the filters, with / after each {self.period}"
+        letters = "GRBG" if self.greens is not None and "GRBG" in self.greens else "RGGB"
+        if side == 2:
+            rows = ["".join(2 * letter for letter in row) for row in (letters[:2], letters[2:])]
+            letters = "/".join(row for row in rows for _ in range(2))
+        is_known = (self.period, side) in ((2, 1), (4, 2))
+        order = (
+            letters if is_known else f"the letters of the filters, with / after each {self.period}"
+        )
         alike = "" if self.greens is None else f". Two of four filters are alike, {self.greens}"
         return (
             f"the rates repeat every {self.period} x {self.period} jots, {cause}; the estimate "
-            f"mixes the jots{alike}. For colors, state the filters from the top left: "
+            f"mixes the jots{alike}. For colors, state your filters from the top left, for example "
             f'jotlight.reconstruct(bits, sensor.replace(oversampling=1, mosaic="{order}")) '
             f"(--mosaic {order}) for pixels of one jot"
         )
