@@ -82,12 +82,37 @@ def mosaic() -> tuple[Array, Array]:
     return bits[0][..., None] * filters, jl.reconstruct(bits)
 
 
+def channels() -> tuple[Array, Array]:
+    """Return a frame of three channels, and the estimate."""
+    image = np.asarray(jl.datasets.photograph("astronaut")[::2, ::2], np.float64)
+    bits = jl.Sensor(frames=16).expose(image, rng=0, channel_axis=-1)
+    return bits[0].astype(float), jl.reconstruct(bits)
+
+
+def moving_mosaic() -> tuple[Array, Array]:
+    """Return the sum of the frames of a moving scene behind RGGB, and the estimate."""
+    sensor = jl.Sensor(frames=256, mosaic="RGGB")
+    photograph = jl.datasets.photograph("coffee")
+    scene = jl.datasets.moving(photograph, sensor=sensor, shape=(256, 256), photons=0.2, rng=0)
+    bits = jl.Bits(np.asarray(scene.bits.packed), 256, scene.bits.sensor)
+    return jl.reconstruct(bits), jl.reconstruct(jl.merge(bits))
+
+
+def sums() -> tuple[Array, Array]:
+    """Return the sum of 15 frames, and the estimate."""
+    counts = jl.Sensor(frames=15).expose(scene(), rng=0).counts()
+    return counts / 15, jl.reconstruct(counts, jl.Sensor(frames=15))
+
+
 KINDS: dict[str, Callable[[], tuple[Array, Array]]] = {
     "one_bit": one_bit,
     "bracket": bracket,
     "thresholds": thresholds,
     "several_bits": several_bits,
+    "sums": sums,
     "mosaic": mosaic,
+    "moving_mosaic": moving_mosaic,
+    "channels": channels,
     "dead_time": dead_time,
     "gates": gates,
 }
