@@ -6,6 +6,7 @@ import pytest
 import jotlight as jl
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.color_planes import Filtered, color_planes
+from jotlight.networks.pretrained import MOSAIC_FILE
 
 
 def planes_and_start(shape):
@@ -24,6 +25,19 @@ def test_an_untrained_network_returns_the_classical_colors(size, shape):
     planes, start = planes_and_start(shape)
     found = network.estimate_probability(planes, 16)
     np.testing.assert_allclose(found, start, atol=1e-5)
+
+
+def test_the_output_is_the_mean_over_rotations():
+    network = ColorNetwork.load(MOSAIC_FILE)
+    planes, _ = planes_and_start((16, 24))
+    each = []
+    for turns in range(4):
+        turned = np.ascontiguousarray(np.rot90(planes, turns, (1, 2)))
+        each.append(np.rot90(network.estimate_probability(turned, 9), -turns, (1, 2)))
+    network.rotations = 4
+    found = network.estimate_probability(planes, 9)
+    np.testing.assert_allclose(found, np.mean(each, axis=0), atol=1e-6)
+    assert np.abs(found - each[0]).max() > 1e-4
 
 
 def test_files_keep_a_network(tmp_path):

@@ -60,7 +60,12 @@ class ColorNetwork:
         self.layers = tuple(layers)
         self.trials_range = trials_range
         self.history = dict(history or {})
-        self.sensor, self.rotations, self.tied = Sensor(), 1, True
+        self.sensor, self.tied = Sensor(), True
+        self.rotations = 1
+        """Number of rotations of the planes over which the output is averaged, 1 to 4.
+
+        A file does not store it.
+        """
         _check_color_layers(self.layers)
         output_bounds(self.layers, _LARGEST_INPUT)
 
@@ -119,9 +124,13 @@ class ColorNetwork:
         served = float(np.clip(trials, *self.trials_range))
         weights = conditioning_weights(served, self.trials_range, count_sets(self.layers))
         layers = [layer.interpolate(weights).engine_layer for layer in self.layers]
-        out = np.empty((COLORS, *planes.shape[1:]), np.float32)
-        engine.forward(layers, [planes], [out], threads)
-        return out
+        total = np.zeros((COLORS, *planes.shape[1:]), np.float32)
+        for turns in range(self.rotations):
+            turned = np.ascontiguousarray(np.rot90(planes, turns, (1, 2)))
+            out = np.empty((COLORS, *turned.shape[1:]), np.float32)
+            engine.forward(layers, [turned], [out], threads)
+            total += np.rot90(out, -turns, (1, 2))
+        return total / np.float32(self.rotations)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network to a `.safetensors` file."""

@@ -32,6 +32,10 @@ MOSAIC_FILE = FOLDER / "color-mosaic.safetensors"
 CHANNELS_FILE = FOLDER / "color-channels.safetensors"
 """The color network for images with three counts per pixel."""
 
+MOSAIC_ROTATIONS = 4
+"""Number of rotations of the mosaic over which its color network is averaged. A mosaic is less
+regular than an image, so this gains 0.05 to 0.1 dB there, and hardly anything for channels."""
+
 COLOR_START = "large"
 """Size of the gray network whose estimates both improve."""
 
@@ -133,12 +137,17 @@ def pretrained_conditional(sensor: Sensor, quality: str) -> Network:
 def pretrained_color(file: Path) -> ColorNetwork:
     """Return a trained color network: the one in `MOSAIC_FILE` or in `CHANNELS_FILE`.
 
+    That for mosaics is averaged over four rotations.
+
     Examples
     --------
     >>> pretrained_color(MOSAIC_FILE).trials_range
     (1, 256)
     """
-    return ColorNetwork.load(file)
+    network = ColorNetwork.load(file)
+    if file == MOSAIC_FILE:
+        network.rotations = MOSAIC_ROTATIONS
+    return network
 
 
 def _load(file: Path, sensor: Sensor, quality: str) -> Network:
