@@ -178,9 +178,8 @@ class Inputs:
 
 def _takes_color_network(captured: Captured) -> bool:
     """Return whether the color network estimates a capture by default."""
-    mosaic = captured.sensor.mosaic
-    if mosaic is not None:
-        return takes_colors(captured.data, mosaic)
+    if captured.sensor.mosaic is not None:
+        return takes_colors(captured.data)
     data = captured.data
     frame = data.shape[1:] if isinstance(data, Bits) else data[0].shape
     return len(frame) > 2 and frame[-1] == COLORS

@@ -39,10 +39,9 @@ from jotlight.sensing.sensor import Sensor
 Image = npt.NDArray[np.float32]
 
 LIMITS = (
-    "estimates colors from the bits itself: it takes no method, quality, fallback, or options; "
+    "estimates colors from the bits itself: it takes no method, quality, fallback, or options; and "
     "bits or counts of one bit per reading, with the same trials in all pixels and up to "
-    f"{LARGE_TRIALS:,} of them; and mosaics of ideal filters R, G, B, and W that repeat; "
-    'demosaicing="differences" takes all data'
+    f'{LARGE_TRIALS:,} of them; demosaicing="differences" takes all data'
 )
 """What the color network takes, for messages."""
 
@@ -138,19 +137,16 @@ def reconstruct_mosaic(
     return output.finish(np.concatenate(found)), info
 
 
-def takes_colors(data: object, mosaic: Mosaic, trials: npt.ArrayLike | None = None) -> bool:
-    """Return whether the color network takes data, with mosaics as those that trained it.
+def takes_colors(data: object, trials: npt.ArrayLike | None = None) -> bool:
+    """Return whether the color network takes data of a sensor with a mosaic.
 
     Examples
     --------
-    >>> takes_colors(np.zeros((4, 4), int), Mosaic.of("RGGB"), trials=8)
+    >>> takes_colors(np.zeros((4, 4), int), trials=8)
     True
-    >>> takes_colors(np.zeros((4, 4), int), Mosaic.of("CMYG"), trials=8)
+    >>> takes_colors(np.zeros((4, 4), int), trials=[[8, 8], [0, 8]])
     False
     """
-    is_usual = set(mosaic.filters) <= set("RGBW") and mosaic.is_ideal
-    if not (mosaic.repeats and is_usual):
-        return False
     each = data if isinstance(data, list | tuple) else [data]
     are_unusual = trials is not None and (np.ndim(trials) > 0 or np.max(trials) > LARGE_TRIALS)
     return not are_unusual and not any(isinstance(one, Merged) for one in each)

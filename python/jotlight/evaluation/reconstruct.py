@@ -243,7 +243,7 @@ def _run_mosaic(
     if demosaicing not in (None, JOINT, *DEMOSAICING):
         names = ", ".join([JOINT, *DEMOSAICING])
         raise ValueError(f"demosaicing: expected one of {names}, got {demosaicing!r}")
-    is_default = is_default and takes_colors(data, sensor.mosaic, arrays["trials"])
+    is_default = is_default and takes_colors(data, arrays["trials"])
     choice = choose_method(sensor, is_color=is_default)
     is_joint = choice.method == COLOR_NETWORK and demosaicing in (None, JOINT)
     if demosaicing == JOINT and not is_joint:

@@ -130,7 +130,8 @@ class ColorNetwork:
             out = np.empty((COLORS, *turned.shape[1:]), np.float32)
             engine.forward(layers, [turned], [out], threads)
             total += np.rot90(out, -turns, (1, 2))
-        return total / np.float32(self.rotations)
+        total /= np.float32(self.rotations)
+        return total
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the network to a `.safetensors` file."""

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from jotlight.evaluation.channels import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
 from jotlight.evaluation.methods import LARGE_TRIALS, METHODS
-from jotlight.evaluation.mosaics import takes_colors
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.motion.align import align
 from jotlight.motion.merge import merge
@@ -87,9 +86,7 @@ def choose(viewed: Viewable, number: int, method: str) -> Choice:
 def recommend(viewed: Viewable, number: int) -> Choice:
     """Return the choice that :func:`jotlight.reconstruct` makes for a window of frames."""
     sensor = viewed.sensor(number)
-    is_color = viewed.shape[2:] == (COLORS,)
-    if sensor.mosaic is not None:
-        is_color = takes_colors(None, sensor.mosaic)
+    is_color = sensor.mosaic is not None or viewed.shape[2:] == (COLORS,)
     return choose_method(sensor, is_range_known=viewed.is_range_known, is_color=is_color)
 
 
