@@ -8,10 +8,13 @@ import jotlight as jl
 torch = pytest.importorskip("torch")
 from jotlight.networks.color_network import ColorNetwork as EngineColorNetwork  # noqa: E402
 from jotlight.networks.color_planes import Filtered, color_planes  # noqa: E402
-from jotlight.torch import train  # noqa: E402
+from jotlight.torch import (
+    color_patches,
+    train,
+)
 from jotlight.torch.color_network import ColorNetwork  # noqa: E402
 from jotlight.torch.color_patches import ColorPatchLoader  # noqa: E402
-from jotlight.training import ColorPatches, ImagePatches  # noqa: E402
+from jotlight.training import ColorPatches, ImagePatches, random_mosaic  # noqa: E402
 
 START = EngineColorNetwork.initial("small", rng=0)
 PHOTOGRAPH = (jl.datasets.photograph("astronaut")[::4, ::4] * 255).astype(np.uint8)
@@ -59,10 +62,16 @@ def test_the_pixels_of_channels_have_all_filters():
     torch.testing.assert_close(shares, expected)
 
 
-def test_training_lowers_the_error():
-    loader = ColorPatchLoader(SOURCE, START, jl.Sensor(), seed=5, batch_size=16, side=24)
+@pytest.mark.parametrize("mosaics", [random_mosaic, None])
+def test_training_lowers_the_error(mosaics, monkeypatch):
+    # A few steps hardly improve the usual start.
+    monkeypatch.setattr(color_patches, "COLOR_START", "two-layer")
+    color_patches._gray.cache_clear()
+    source = ColorPatches([PHOTOGRAPH], mosaics=mosaics)
+    loader = ColorPatchLoader(source, START, jl.Sensor(), seed=5, batch_size=16, side=24)
     batch = loader.batch(0, slice(None), 1)
-    trained, _ = train(START, SOURCE, **{**OPTIONS, "steps": 60, "patch": 24, "batch": 8})
+    trained, _ = train(START, source, **{**OPTIONS, "steps": 60, "patch": 24, "batch": 8})
+    color_patches._gray.cache_clear()
 
     def error(network):
         with torch.no_grad():
