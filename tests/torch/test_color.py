@@ -8,10 +8,7 @@ import jotlight as jl
 torch = pytest.importorskip("torch")
 from jotlight.networks.color_network import ColorNetwork as EngineColorNetwork  # noqa: E402
 from jotlight.networks.color_planes import Filtered, color_planes  # noqa: E402
-from jotlight.torch import (
-    color_patches,
-    train,
-)
+from jotlight.torch import color_patches, train  # noqa: E402
 from jotlight.torch.color_network import ColorNetwork  # noqa: E402
 from jotlight.torch.color_patches import ColorPatchLoader  # noqa: E402
 from jotlight.training import ColorPatches, ImagePatches, random_mosaic  # noqa: E402
