@@ -123,10 +123,8 @@ def calibrate(
     bright = None
     if flat is not None:
         bright = count_jots("flat", flat, flat_frames, threads, progress_from(half))
-    if bright is not None:
-        bright = dataclasses.replace(
-            bright, filters=filters_of_jots(flat, mosaic, bright.ones.shape)
-        )
+        filters = filters_of_jots(flat, mosaic, bright.ones.shape)
+        bright = dataclasses.replace(bright, filters=filters)
     return calibrate_sums(sums, bright, threshold, false_positive_rate, max_dark, known)
 
 

@@ -11,7 +11,7 @@ from jotlight.cli.common_options import METHOD_PANEL, NAMES, Model, Quality
 from jotlight.estimators.demosaicing import TITLES
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
-from jotlight.evaluation.choice import JOINT, requested_method
+from jotlight.evaluation.choice import check_demosaicing, requested_method
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
     LARGE_METHOD,
@@ -111,9 +111,7 @@ class MethodOptions:
                 "method: functions of your own are for compare, evaluate, and reproduce; in "
                 "Python, jotlight.reconstruct takes them, too"
             )
-        if self.demosaicing not in (None, JOINT, *TITLES):
-            names = ", ".join([JOINT, *TITLES])
-            raise ValueError(f"demosaicing: expected one of {names}, got {self.demosaicing!r}")
+        check_demosaicing(self.demosaicing)
         method = named_method(self.method, self.quality, self.model)
         options = list(self._options())
         if self.model is None:

@@ -269,14 +269,12 @@ def _with_colors(job: Reconstruction, merged: Merged | None) -> Reconstruction:
             f"demosaicing: {demosaicing} combines planes of pixels that see one color each, but "
             "along the motion each pixel is seen through all filters; leave it out"
         )
-    if (
-        job.choice.reason == "requested"
-        or demosaicing in DEMOSAICING
-        or job.settings.keys() - {"demosaicing"}
-    ):
+    is_default = demosaicing not in DEMOSAICING and job.settings.keys() <= {"demosaicing"}
+    if job.choice.reason == "requested" or not is_default:
         return job
-    takes = _takes_color_network(job.captured)
-    if merged is not None:
+    if merged is None:
+        takes = _takes_color_network(job.captured)
+    else:
         takes = takes_channels(gray_images(merged))
     choice = choose_method(job.captured.sensor, is_color=takes)
     if choice.method != COLOR_NETWORK:

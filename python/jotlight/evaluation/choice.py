@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Collection
 
+from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
 from jotlight.evaluation.held_out import smooth_kernel_reason
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
@@ -28,6 +29,18 @@ JOINT = "network"
 
 TITLES = {OWN_NETWORK: "network, own", COLOR_NETWORK: "network, color"}
 """Names of the methods that are not in :data:`METHODS`, in tables and messages."""
+
+
+def check_demosaicing(demosaicing: str | None) -> None:
+    """Raise ValueError for an unknown `demosaicing`.
+
+    Examples
+    --------
+    >>> check_demosaicing("network")
+    """
+    names = JOINT, *DEMOSAICING
+    if demosaicing not in (None, *names):
+        raise ValueError(f"demosaicing: expected one of {', '.join(names)}, got {demosaicing!r}")
 
 
 def requested_method(method: str | None, options: Collection[str] = ()) -> str | None:

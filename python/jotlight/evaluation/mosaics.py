@@ -39,9 +39,9 @@ from jotlight.sensing.sensor import Sensor
 Image = npt.NDArray[np.float32]
 
 LIMITS = (
-    "estimates colors from the bits itself: it takes no method, quality, fallback, or options; and "
-    "bits or counts of one bit per reading, with the same trials in all pixels and up to "
-    f'{LARGE_TRIALS:,} of them; demosaicing="differences" takes all data'
+    "estimates colors from the bits itself: it takes no method, quality, fallback, or options. Its "
+    "data are bits, or counts of single bits, with the same trials in all pixels, up to "
+    f'{LARGE_TRIALS:,}; demosaicing="differences" takes all data'
 )
 """What the color network takes, for messages."""
 

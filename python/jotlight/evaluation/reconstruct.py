@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
-from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
 from jotlight.evaluation.channels import (
     reconstruct_channels,
     takes_channels,
@@ -19,6 +18,7 @@ from jotlight.evaluation.channels import (
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
     JOINT,
+    check_demosaicing,
     check_fallback,
     choose_method,
     requested_method,
@@ -117,8 +117,8 @@ def reconstruct(
         A name in ``jotlight.evaluation.methods.METHODS``, a network (also a module of
         ``jotlight.torch``), or a function ``f(data, sensor)`` or ``f(data)`` that returns an
         image. Default: the network "medium", or "held-out" above 1,000 trials per pixel if the
-        kernel is the box. For three color channels of plain bits with up to 1,000 trials in each
-        pixel, and the box kernel, it is the color network.
+        kernel is the box. For three color channels with up to 1,000 trials in each pixel, and the
+        box kernel, it is the color network.
     quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
         Size of the shipped network to use, in place of a method.
     trials : float or array_like of float, optional
@@ -240,9 +240,7 @@ def _run_mosaic(
     is_default: bool,
 ) -> tuple[Image, Info]:
     """Return the colors of a mosaic by the color network, or by the method that `run` estimates."""
-    if demosaicing not in (None, JOINT, *DEMOSAICING):
-        names = ", ".join([JOINT, *DEMOSAICING])
-        raise ValueError(f"demosaicing: expected one of {names}, got {demosaicing!r}")
+    check_demosaicing(demosaicing)
     is_default = is_default and takes_colors(data, arrays["trials"])
     choice = choose_method(sensor, is_color=is_default)
     is_joint = choice.method == COLOR_NETWORK and demosaicing in (None, JOINT)

@@ -163,13 +163,10 @@ def _motion_behind_mosaic(
     threads: int | None,
     progress: Callable[[float], object],
 ) -> Motion:
-    """Return the motion of a scene behind a mosaic, from squares of jots with all filters."""
+    """Return the motion of a scene behind a mosaic, from sums over squares of jots."""
     gray = without_mosaic(sensor)
     require_plain_bits(gray)
-    excluded = sensor.mask
-    if (hot := hot_jots(gray)) is not None:
-        excluded = hot if excluded is None else excluded | hot
-    squares, own = in_squares(bits, sensor, excluded)
+    squares, own = in_squares(bits, sensor, _excluded_jots(gray))
     motion, _ = find_motion(squares, own, at, model, threads, progress)
     side = squares_side(sensor)
     return enlarge(motion, side, (bits.shape[1], bits.shape[2]))
@@ -269,12 +266,16 @@ def as_blocks(
 
 def valid_jots(sensor: Sensor, *, with_hot_jots: bool = False) -> npt.NDArray[np.uint8] | None:
     """Return the packed mask of the jots that are neither dead nor hot, or None if all are good."""
-    excluded = sensor.mask
-    if not with_hot_jots and (hot := hot_jots(sensor)) is not None:
-        excluded = hot if excluded is None else excluded | hot
+    excluded = sensor.mask if with_hot_jots else _excluded_jots(sensor)
     if excluded is None or not excluded.any():
         return None
     return np.packbits(~excluded, axis=1)
+
+
+def _excluded_jots(sensor: Sensor) -> npt.NDArray[np.bool_] | None:
+    """Return the jots that are dead or hot, or None if there are none."""
+    dead, hot = sensor.mask, hot_jots(sensor)
+    return dead if hot is None else hot if dead is None else dead | hot
 
 
 def hot_jots(sensor: Sensor) -> npt.NDArray[np.bool_] | None:

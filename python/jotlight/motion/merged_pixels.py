@@ -1,6 +1,7 @@
 """Sums over jots along a motion as the merged counts of pixels."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,13 +30,8 @@ def as_merged(
 ) -> Merged:
     """Return sums over jots as the merged counts of pixels."""
     side, color = sensor.oversampling, len(channels) > 1
-    trials = channels[0].trials.astype(np.float64)
-    each_jot = np.ones_like(trials)
-    efficiency, dark_counts = (
-        value if jots is None else _mean_of_pixels(jots, trials, side)
-        for value, jots in zip(reference_jot(sensor), _seen_jots(channels[0]), strict=True)
-    )
-
+    each_jot = np.ones(channels[0].trials.shape)
+    efficiency, dark_counts = _seen_jots(channels[0], sensor, side)
     return Merged(
         stack_channels([_sum_pixels(each.ones, side) for each in channels], color=color),
         stack_channels(
@@ -60,10 +56,7 @@ def as_fine(
 ) -> Merged:
     """Return sums on the fine grid as merged counts. The error is in pixels of this grid."""
     color = len(channels) > 1
-    efficiency, dark_counts = (
-        value if jots is None else jots
-        for value, jots in zip(reference_jot(sensor), _seen_jots(channels[0]), strict=True)
-    )
+    efficiency, dark_counts = _seen_jots(channels[0], sensor, 1)
     return Merged(
         stack_channels([each.ones for each in channels], color=color),
         stack_channels([each.trials.astype(np.float64) for each in channels], color=color),
@@ -78,11 +71,14 @@ def as_fine(
     )
 
 
-def _seen_jots(sums: Sums) -> Iterator[Map | None]:
-    """Yield the mean efficiency and the mean dark counts, (H, W), or None if all jots are alike."""
+def _seen_jots(sums: Sums, sensor: Sensor, side: int) -> Iterator[float | Map]:
+    """Yield the efficiency and the dark counts behind each pixel of side x side jots.
+
+    They are maps of means over the bits, or those of the reference jot if all jots are alike.
+    """
     means = (None, None) if sums.jots is None else sums.jots.mean(sums.trials)
-    for values in means:
-        yield None if values is None else values.astype(np.float64)
+    for usual, values in zip(reference_jot(sensor), means, strict=True):
+        yield usual if values is None else _mean_of_pixels(values, sums.trials, side)
 
 
 def _sum_pixels(values: npt.NDArray[np.int32], side: int) -> npt.NDArray[np.int32]:
@@ -92,13 +88,16 @@ def _sum_pixels(values: npt.NDArray[np.int32], side: int) -> npt.NDArray[np.int3
     return np.ascontiguousarray(blocks.sum(axis=(1, 3), dtype=np.int32))
 
 
-def _mean_of_pixels(values: npt.NDArray[np.floating], weights: Map, side: int) -> Map:
+def _mean_of_pixels(values: npt.NDArray[np.floating], weights: npt.NDArray[Any], side: int) -> Map:
     """Return the weighted means over the jots of each pixel, or the plain mean without weights."""
     if side == 1:
         return values.astype(np.float64)
     height, width = values.shape
     shape = height // side, side, width // side, side
-    blocks, known = values.astype(np.float64).reshape(shape), weights.reshape(shape)
+    blocks, known = (
+        values.astype(np.float64).reshape(shape),
+        weights.astype(np.float64).reshape(shape),
+    )
     total = known.sum(axis=(1, 3))
     mean = (blocks * known).sum(axis=(1, 3)) / np.maximum(total, 1e-9)
     return np.asarray(np.where(total > 0, mean, blocks.mean(axis=(1, 3))))

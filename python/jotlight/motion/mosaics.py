@@ -7,6 +7,7 @@ the sums is that of the scene.
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +17,7 @@ from jotlight.motion.motion import Motion
 from jotlight.motion.tiles import TILE, tile_centers
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_frames
+from jotlight.sensing.maps import constant_or_map
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.mosaic import Pattern
 from jotlight.sensing.provenance import Provenance
@@ -109,18 +111,18 @@ def _sensor_of_squares(sensor: Sensor, good: Pattern, frames: int, side: int) ->
     dark_counts = _mean(good * np.asarray(sensor.dark_counts), side)
     dead = _mean(good.astype(np.float64), side) < _MIN_JOTS
     usual = float(light.max()) or 1.0
-    efficiency = np.maximum(light / usual, 1e-6).astype(np.float32)
     trials = frames * side**2
+    maps: dict[str, Any] = {
+        "efficiency": constant_or_map(np.maximum(light / usual, 1e-6)),
+        "dark_counts": constant_or_map(dark_counts),
+        "mask": dead if dead.any() else None,
+    }
     return Sensor(
         frames=trials,
         gain=sensor.light_per_intensity * usual * trials,
         threshold=sensor.threshold,
         max_intensity=sensor.max_intensity,
-        efficiency=float(efficiency.flat[0]) if not np.ptp(efficiency) else efficiency,
-        dark_counts=float(dark_counts.flat[0])
-        if not np.ptp(dark_counts)
-        else dark_counts.astype(np.float32),
-        mask=dead if dead.any() else None,
+        **maps,
     )
 
 

@@ -1,4 +1,4 @@
-"""A network that improves classical colors with the bits of all filters of a mosaic."""
+"""A network that improves classical colors with the bits of all filters or channels."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ _LARGEST_INPUT = np.pi / 2
 class ColorNetwork:
     """A K-conditioned network that improves classical colors with the bits of all filters.
 
-    :func:`jotlight.reconstruct` uses it for sensors with a mosaic.
+    :func:`jotlight.reconstruct` uses one for sensors with a mosaic, and one for color channels.
 
     Parameters
     ----------

@@ -236,9 +236,7 @@ def prepare_data(
                     f"{name}: expected none, because {type(data).__name__} state their own; omit "
                     f"{name}, or pass counts"
                 )
-        if isinstance(data, Bits | Readings | Merged | GrayImages):
-            return data, sensor
-        return _gray_images_of_list(several), sensor
+        return (_gray_images_of_list(several) if several else cast(PreparedData, data)), sensor
     check_whole(data, sensor.trials)
     if sensor.bit_depth > 1:
         return image_of_readings(data, sensor, trials, channel_axis), sensor
