@@ -4,8 +4,8 @@
 
 The folder holds the photographs of the module `training_data`. Without `--from`, the inner layers
 start at the parameters of the gray network "medium". Network and card go to
-``python/jotlight/networks/weights``. A run needs the extra `torch`. It takes about 0.2 s per step
-on two cores, and an interrupted one resumes from the checkpoint in `--scratch`.
+``python/jotlight/networks/weights``. A run needs the extra `torch`. An interrupted one resumes from
+the checkpoint in `--scratch`.
 """
 
 import argparse
@@ -25,7 +25,7 @@ from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.color_planes import PLANES
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
-from jotlight.networks.pretrained import CHANNELS_FILE, FOLDER, MOSAIC_FILE
+from jotlight.networks.pretrained import CHANNELS_FILE, FOLDER, MOSAIC_FILE, pretrained_color
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.training import ColorDrawings, ColorPatches, PatchMixture, random_mosaic
 
@@ -181,11 +181,17 @@ def main() -> None:
 
 
 def ship(network: ColorNetwork, stages: list[str], kind: Kind, data: Path) -> None:
-    """Write a trained network, whose parameters are rounded to float16, and its card."""
+    """Write a trained network, rounded to float16, and its card."""
     history = {"start": network.history["start"], "stages": stages}
     layers = round_layers(network.layers)
     network = ColorNetwork(layers, history, trials_range=network.trials_range)
     network.save(kind.file)
+    write_card(kind, data)
+
+
+def write_card(kind: Kind, data: Path) -> None:
+    """Write the card of the network in the file of a kind, with its scores."""
+    network = pretrained_color(kind.file)
     card = TEMPLATE.read_text(encoding="utf-8").format(
         name=kind.file.stem,
         use=kind.use,
@@ -194,7 +200,8 @@ def ship(network: ColorNetwork, stages: list[str], kind: Kind, data: Path) -> No
         channels=" → ".join(str(layer.channels) for layer in network.layers),
         parameters=sum(layer.parameter_count for layer in network.layers),
         kiloflops=flops_per_pixel(network.layers) / 1000,
-        recipe=f"from the gray network medium, {', then '.join(stages)}.",
+        rotations=network.rotations,
+        recipe=f"from the gray network medium, {', then '.join(network.history['stages'])}.",
         scores=score(data, kind),
     )
     card = "".join(wrap(line) + "\n" for line in card.splitlines())

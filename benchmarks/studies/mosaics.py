@@ -25,12 +25,12 @@ import numpy.typing as npt
 import jotlight as jl
 from jotlight.estimators import demosaicing
 from jotlight.estimators.inverse_response import intensity_from_probability
-from jotlight.networks import mosaic_planes
-from jotlight.networks.color_inference import planes_of_channels
+from jotlight.networks import mosaic_planes, pretrained
+from jotlight.networks.color_inference import planes_of_channels, planes_of_mosaic
 from jotlight.networks.color_planes import CENTER, START
-from jotlight.networks.pretrained import COLOR_START, pretrained_conditional
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.pixel_counts import count_pixels
+from jotlight.sensing.readings import without_mosaic
 
 Array = npt.NDArray[np.floating]
 
@@ -123,11 +123,22 @@ def channels(data: Path) -> None:
 
 
 def start_of_channels(bits: jl.Bits) -> Array:
-    """Return the classical colors that the color network improves."""
+    """Return the classical colors of three channels that the color network improves."""
     sensor = bits.sensor
     counted = [count_pixels(each, sensor, None) for each in bits.channels()]
-    gray = pretrained_conditional(sensor, COLOR_START)
-    planes = planes_of_channels(gray, counted, sensor, None)
+    gray = pretrained.pretrained_conditional(sensor, pretrained.COLOR_START)
+    return _start(planes_of_channels(gray, counted, sensor, None), sensor)
+
+
+def start_of_mosaic(bits: jl.Bits) -> Array:
+    """Return the classical colors of a mosaic that the color network improves."""
+    mosaic, sensor = bits.sensor.mosaic, without_mosaic(bits.sensor)
+    gray = pretrained.pretrained_conditional(sensor, pretrained.COLOR_START)
+    counted = count_pixels(bits, sensor, None)
+    return _start(planes_of_mosaic(gray, counted, sensor, mosaic, None), sensor)
+
+
+def _start(planes: Array, sensor: jl.Sensor) -> Array:
     probability = np.sin(planes[START] + CENTER).astype(np.float32) ** 2
     return np.moveaxis(intensity_from_probability(probability, sensor, None), 0, -1)
 
@@ -190,8 +201,19 @@ def table(data: Path) -> None:
     """Print the table of RGGB: methods and demosaicing, K = 4, 16, and 64."""
     images = list(photographs(data, "gb82", 10))
     print("method, demosaicing: K = 4, 16, 64")
-    row = [measure("RGGB", images, trials) for trials in (4, 16, 64)]
-    print("color network", *(f"{value:.2f}" for value in row), flush=True)
+    for pretrained.MOSAIC_ROTATIONS in (1, 4):  # at the end, the shipped number
+        row = [measure("RGGB", images, trials) for trials in (4, 16, 64)]
+        rotations = pretrained.MOSAIC_ROTATIONS
+        print(
+            f"color network, {rotations} rotations", *(f"{value:.2f}" for value in row), flush=True
+        )
+    row = []
+    for trials in (4, 16, 64):
+        sensor = jl.Sensor(frames=trials, mosaic="RGGB")
+        exposed = [sensor.expose(image, rng=seed) for seed, image in enumerate(images)]
+        pairs = zip(exposed, images, strict=True)
+        row.append(np.mean([psnr(start_of_mosaic(bits), image) for bits, image in pairs]))
+    print("its start", *(f"{value:.2f}" for value in row), flush=True)
     for method in ("network-medium", "mle"):
         for after in ("menon", "differences"):
             row = [

@@ -8,7 +8,6 @@ import jotlight as jl
 from jotlight.calibration import fit_bulk
 from jotlight.calibration.flat import MIN_RESPONSE
 from jotlight.calibration.rates import detections, variance
-from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
 
 SHAPE = (160, 160)
@@ -323,52 +322,3 @@ def test_a_real_flat_field(data):
     # A dark map of some jots with nearly none.
     few = jl.open(data / "real" / "spad64x32" / "count_dark.npy", counts=True)
     assert 0.01 < jl.calibrate(few, frames=60_000).hot.mean() < 0.05
-
-
-@pytest.mark.parametrize("side", [1, 2])
-def test_the_response_behind_a_mosaic_is_relative_to_that_of_its_filter(side):
-    rng = np.random.default_rng(5)
-    ones, light, relative, dark = flat_scene(rng, 0.05)
-    relative[3, 4] = 0
-    height, width = SHAPE[0] // side * side, SHAPE[1] // side * side
-    mosaic = Mosaic("RGGB")
-    places = mosaic.full(height // side, width // side).repeat(side, 0).repeat(side, 1)
-    passed = np.array([0.4, 1.0, 0.6])[places]
-    part = np.s_[:height, :width]
-    frames = rng.random((600, height, width)) < -np.expm1(
-        -(dark[part] + 2 * (light * relative)[part] * passed)
-    )
-    gray = jl.Sensor(oversampling=side, frames=600)
-    bits = jl.Bits.from_array(frames, sensor=gray.replace(mosaic=mosaic, gain=gray.gain))
-    found = jl.calibrate(ones[part], bits, frames=4000)
-    assert found.dead[3, 4]
-    assert found.dead.sum() <= 2
-    good = ~found.mask
-    assert found.prnu == pytest.approx(0.05, abs=4 * found.prnu_error + 2e-3)
-    usual = [np.median(found.efficiency[good & (places == index)]) for index in range(3)]
-    np.testing.assert_allclose(usual, np.median(found.efficiency[good]), rtol=0.01)
-    assert np.corrcoef(found.efficiency[good], relative[part][good])[0, 1] > 0.6
-    stated = jl.calibrate(
-        ones[part],
-        frames.sum(0),
-        frames=4000,
-        flat_frames=600,
-        mosaic=np.array(list("RGB"))[places],
-    )
-    np.testing.assert_array_equal(stated.efficiency, found.efficiency)
-
-
-def test_a_filter_without_light_is_refused():
-    rng = np.random.default_rng(6)
-    ones = counts(rng, np.full(SHAPE, 0.01), 400)
-    passed = np.array([1.0, 1.0, 0.0])[Mosaic("RGGB").full(*SHAPE)]
-    flat = counts(rng, 0.5 * passed, 400)
-    with pytest.raises(ValueError, match="flat: expected light behind each color filter"):
-        jl.calibrate(ones, flat, frames=400, mosaic="RGGB")
-    hot = np.where(passed == 0, 400, ones)
-    with pytest.raises(ValueError, match="dark: expected good jots behind each color filter"):
-        jl.calibrate(hot, flat, frames=400, mosaic="RGGB")
-    with pytest.raises(ValueError, match="mosaic: is for a flat capture"):
-        jl.calibrate(ones, frames=400, mosaic="RGGB")
-    with pytest.raises(ValueError, match=r"expected a filter for each of 160 x 160 jots.*20 x 20"):
-        jl.calibrate(ones, flat, frames=400, mosaic=np.tile([["R", "G"], ["G", "B"]], (10, 10)))

@@ -104,6 +104,34 @@ def test_other_colors_and_requests_have_gray_estimates():
         assert info.method == "network-medium"
 
 
+@pytest.mark.parametrize(
+    "parameters",
+    [{"bit_depth": 4, "read_noise": 0.3}, {"gain": [0.5, 2.0] * 8}, {"threshold": [1, 2] * 8}],
+)
+def test_equivalent_counts_have_colors_too(parameters):
+    sensor = jl.Sensor(frames=16, **parameters)
+    data = sensor.expose(SCENE, rng=0, channel_axis=-1)
+    found, info = jl.reconstruct(data, return_info=True)
+    assert info.method == "network-color"
+    gray = jl.reconstruct(data, quality="medium")
+    assert psnr(found, SCENE, data_range=1.0) > 0.2 + psnr(gray, SCENE, data_range=1.0)
+
+
+def test_more_trials_than_the_limit_have_gray_estimates():
+    counts = np.full((8, 8, 3), 600)
+    _, info = jl.reconstruct(
+        counts, jl.Sensor(frames=4), channel_axis=-1, trials=2000, return_info=True
+    )
+    assert info.method == "network-medium"
+
+
+def test_intervals_of_colors_contain_the_truth():
+    scene = photograph("astronaut")[:384:2, 100:484:2].astype(np.float64)
+    _, bits = draw(16, scene=scene)
+    known = jl.uncertainty(bits, confidence_level=0.9)
+    assert 0.85 < ((known.low <= scene) & (scene <= known.high)).mean() < 0.99
+
+
 def test_merged_counts_need_bits_of_all_colors():
     rng = np.random.default_rng(0)
     sensor, bits = draw(8)

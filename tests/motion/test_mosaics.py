@@ -176,6 +176,16 @@ def test_an_all_zero_capture_is_assumed_to_stand_still():
         assert jl.align(bits).model == "none"
 
 
+def test_the_command_line_simulates_a_moving_mosaic(run, tmp_path):
+    photograph = jl.datasets.photograph("astronaut")[:128:2, :160:2]
+    jl.save_image(tmp_path / "s.png", photograph.astype(np.float32))
+    options = ("--motion", "shake", "--mosaic", "RGGB", "-t", 32, "-k", 1, "-o", "b.npy")
+    status, printed = run("simulate", "s.png", *options)
+    assert status == 0, printed
+    bits = jl.open(tmp_path / "b.npy")
+    assert (bits.shape, bits.sensor.mosaic) == ((32, 64, 80), Mosaic("RGGB"))
+
+
 def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
     _, bits = behind("RGGB")
     jl.save(bits, tmp_path / "bits.npy")
@@ -204,6 +214,9 @@ def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
     )
     arguments = ("bits.npy", "--motion", "-o", "o.npy", "--demosaicing", "differences")
     assert "leave it out" in run("reconstruct", *arguments)[1]
+    arguments = ("still.npy", "--motion", "-o", "o.npy", "--maps", "maps.npz")
+    assert "maps: the scene stands still behind a mosaic" in run("reconstruct", *arguments)[1]
+    arguments = ("bits.npy", "--motion", "-o", "o.npy", "--demosaicing", "differences")
     assert "expected one of network" in run("reconstruct", *arguments[:-1], "none")[1]
     np.testing.assert_allclose(
         np.load(tmp_path / "still_out.npy"), jl.reconstruct(still), atol=1e-5

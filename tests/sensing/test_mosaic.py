@@ -184,6 +184,18 @@ def test_damaged_mosaics_of_files_are_refused(change, message):
         Mosaic.of({**MAP.to_json(), **change})
 
 
+def test_rows_may_be_a_list_and_letters_are_capital():
+    assert Mosaic(["RG", "GB"]) == Mosaic("RGGB")
+    with pytest.raises(ValueError, match="expected capital letters, such as BGR, got bgr"):
+        Mosaic("rggb")
+
+
+def test_channels_have_no_mosaic(tmp_path):
+    jl.save(jl.Bits.from_array(np.zeros((4, 8, 8, 3), bool)), tmp_path / "c.npy")
+    with pytest.raises(ValueError, match=r"mosaic: expected gray frames.*\(4, 8, 8, 3\)"):
+        jl.open(tmp_path / "c.npy", mosaic="RGGB")
+
+
 def test_a_mosaic_must_fit_the_image_and_the_kernel():
     sensor = jl.Sensor(mosaic=MAP)
     with pytest.raises(ValueError, match=r"expected a map of 12 x 10 pixels.*got 12 x 20"):

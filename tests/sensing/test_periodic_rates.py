@@ -8,6 +8,7 @@ import pytest
 import jotlight as jl
 from jotlight.calibration import find_periodic_rates
 from jotlight.datasets import photograph
+from jotlight.sensing.periodic_rates import PeriodicRates
 
 SCENES = ("camera", "astronaut", "coffee")
 
@@ -137,3 +138,10 @@ def test_the_advice_returns_the_intensities_of_each_color(side):
 def test_the_greens_of_a_mosaic_are_the_filters_that_are_alike(levels, order):
     bits = jl.Sensor(frames=64, gain=6.4).expose(np.tile(np.array(levels, float), (64, 64)), rng=0)
     assert find_periodic_rates(bits).greens == order
+
+
+def test_the_advice_names_an_order_that_fits():
+    advice = PeriodicRates(2, 0.1, 9.0, 1, "as in GRBG or GBRG").describe()
+    assert "--mosaic GRBG" in advice
+    advice = PeriodicRates(4, 0.1, 9.0, 2, "as in GRBG or GBRG").describe()
+    assert "--mosaic GGRR/GGRR/BBGG/BBGG" in advice

@@ -76,6 +76,7 @@ CASES = [
     ("mosaic.npy", "", ViewState(4, 50, "network-color", white=0.8)),
     ("mosaic.npy", "", ViewState(4, 50, "mle", white=0.8)),
     ("mosaic.npy", "", ViewState(4, 50, "network-color", align=True, white=0.8)),
+    ("mosaic.npy", "", ViewState(4, 50, "mle", align=True, white=0.8)),
     ("shaken.npy", "", ViewState(0, 60, "network-color", align=True, white=0.8)),
     ("shaken.npy", "", ViewState(0, 60, "mle", align=True, white=0.8)),
     ("color.npy", "", ViewState(4, 50, "network-color", white=0.8)),
