@@ -71,8 +71,11 @@ fn network_files_reconstruct_a_flat_image() -> Result<()> {
     };
     let paths = files.filter_map(|file| file.ok().map(|file| file.path()));
     let networks = paths.filter(|path| path.extension().is_some_and(|end| end == "safetensors"));
-    // The color network has three output channels, which this type does not serve.
-    let networks = networks.filter(|path| path.file_stem().is_none_or(|stem| stem != "color"));
+    // Color networks have three output channels, which this type does not serve.
+    let networks = networks.filter(|path| {
+        path.file_stem()
+            .is_none_or(|stem| !stem.to_string_lossy().starts_with("color"))
+    });
     for path in networks {
         let network = Network::load(&path)?;
         let mut sensor = sensor(16, 1.0)?;
