@@ -5,7 +5,7 @@ import numpy as np
 from jotlight.training import ColorDrawings
 
 
-def test_drawings_lie_on_a_line_between_two_colors_and_half_are_gray():
+def test_drawings_lie_on_a_line_between_two_colors_and_most_are_gray():
     rng = np.random.default_rng(0)
     gray = 0
     for _ in range(200):
@@ -18,7 +18,7 @@ def test_drawings_lie_on_a_line_between_two_colors_and_half_are_gray():
         spread = np.linalg.svd(points - points.mean(0), compute_uv=False)
         assert spread[1] <= 1e-4 * max(spread[0], 1)
         gray += bool(np.ptp(patch.values, axis=0).max() == 0)
-    assert 70 <= gray <= 130  # 4 standard deviations
+    assert 125 <= gray <= 175  # 4 standard deviations
 
 
 def test_channels_have_no_mosaic():

@@ -14,6 +14,7 @@ from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.network import Network
 from jotlight.progress import Progress
 from jotlight.sensing.sensor import Sensor
+from jotlight.torch.ahead import AheadLoader
 from jotlight.torch.color_network import ColorNetwork as TorchColorNetwork
 from jotlight.torch.color_patches import ColorPatchLoader
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
@@ -179,10 +180,10 @@ def train(
         kind = ColorPatchLoader if is_color else PatchLoader
         loader = kind(source, network, patch_sensor(sensor), seed, batch, side)
         settings = {**_settings(loader, tests, learning_rate, steps), "precision": precision}
-        with thread_limit(threads):
+        with thread_limit(threads), AheadLoader(loader, group.shard, steps) as ahead:
             module = (TorchColorNetwork if is_color else TorchNetwork)(network).to(chosen_device)
             module.filter_dtype = filter_dtype
-            trainer = ImageTrainer(module, loader, settings, learning_rate, tests, group)
+            trainer = ImageTrainer(module, ahead, settings, learning_rate, tests, group)
             trainer.begin(checkpoint, resume)
             trainer.run(steps, checkpoint, report, seconds)
             last = trainer.finish()
@@ -207,7 +208,7 @@ class ImageTrainer(Trainer):
     ----------
     module, settings, learning_rate, group
         See :class:`Trainer`.
-    loader : PatchLoader
+    ahead : AheadLoader
         Source of the patches.
     tests : Images, optional
         Images whose PSNR is measured.
@@ -218,19 +219,19 @@ class ImageTrainer(Trainer):
     def __init__(
         self,
         module: TorchNetwork,
-        loader: PatchLoader,
+        ahead: AheadLoader,
         settings: dict[str, object],
         learning_rate: float,
         tests: Images | None,
         group: ProcessGroup,
     ) -> None:
         super().__init__(module, settings, learning_rate, group)
-        self.loader, self.tests = loader, tests
+        self.ahead, self.loader, self.tests = ahead, ahead.loader, tests
         self.averages = [parameter.detach().clone() for parameter in self.parameters]
 
     def loss(self, step: int) -> Tensor:
         """Return this process's part of the mean square error over the patches of a step."""
-        batch = self.loader.batch(step, self.group.shard, torch.get_num_threads())
+        batch = self.ahead.batch(step, torch.get_num_threads())
         batch = batch.to(self.parameters[0].device)
         return batch.squared_errors(self.module).sum() / self.loader.batch_size
 

@@ -9,14 +9,14 @@ from jotlight.training.patch_sources import Patch, PatchSource
 from jotlight.training.random_mosaics import random_mosaic
 from jotlight.training.synthetic_patches import SyntheticPatches
 
-_GRAY = 1 / 2
+_GRAY = 3 / 4
 """Fraction of the drawings that stay gray. Fine gray stripes teach that they are not colors."""
 
 
 class ColorDrawings(PatchSource):
     """Random drawings as those of :class:`SyntheticPatches`, with two colors for 0 and 1.
 
-    Half of them stay gray.
+    Three of four stay gray.
 
     Parameters
     ----------

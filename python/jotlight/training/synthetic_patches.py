@@ -1,4 +1,4 @@
-"""Synthetic patches: flat regions, gradients, gratings, overlapping shapes, lines, and text."""
+"""Synthetic patches: flat regions, gradients, gratings, rings, overlapping shapes, lines, text."""
 
 import math
 import string
@@ -26,7 +26,7 @@ _Canvas = npt.NDArray[np.float32]
 class SyntheticPatches(PatchSource):
     """Random drawings with intensities in [0, 1], which teach a network structure.
 
-    One patch in six each shows a flat region or a gradient, a grating, overlapping disks,
+    One patch in seven each shows a flat region or a gradient, a grating, rings, overlapping disks,
     overlapping rectangles, lines, and text.
 
     Examples
@@ -80,6 +80,23 @@ def _draw_grating(rng: np.random.Generator, side: int) -> _Canvas:
     wave = np.sin(phase)
     if rng.random() < 1 / 2:
         wave = np.sign(wave)
+    return np.asarray(first + (last - first) * (wave + 1) / 2, np.float32)
+
+
+def _draw_rings(rng: np.random.Generator, side: int) -> _Canvas:
+    """Return a part of a zone plate: rings with up to 0.6 cycles per pixel, finer to the outside.
+
+    The frequency in the middle of the patch is uniform, so fine rings are as likely as coarse ones.
+    """
+    first, last = _level(rng), _level(rng)
+    # The frequency rises by this number with each point from the center of the rings.
+    slope = 2 ** rng.uniform(-10, -6) / _SUPERSAMPLING**2
+    distance = rng.uniform(0, 0.6) / _SUPERSAMPLING / slope
+    angle = rng.uniform(0, 2 * math.pi)
+    positions = np.arange(side, dtype=np.float32) - np.float32((side - 1) / 2)
+    row, column = math.sin(angle) * distance, math.cos(angle) * distance
+    squares = (positions[:, None] - row) ** 2 + (positions - column) ** 2
+    wave = np.sin(2 * math.pi * (slope / 2 * squares + rng.random()))
     return np.asarray(first + (last - first) * (wave + 1) / 2, np.float32)
 
 
@@ -142,6 +159,7 @@ def _draw_text(rng: np.random.Generator, side: int) -> _Canvas:
 _DRAWINGS: tuple[Callable[[np.random.Generator, int], _Canvas], ...] = (
     _draw_gradient,
     _draw_grating,
+    _draw_rings,
     _draw_disks,
     _draw_rectangles,
     _draw_lines,
