@@ -15,8 +15,8 @@ from jotlight.networks.network import Network
 from jotlight.progress import Progress
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.ahead import AheadLoader
-from jotlight.torch.color_network import ColorNetwork as TorchColorNetwork
 from jotlight.torch.color_patches import ColorPatchLoader
+from jotlight.torch.correction_network import CorrectionNetwork
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import PatchLoader
@@ -181,7 +181,7 @@ def train(
         loader = kind(source, network, patch_sensor(sensor), seed, batch, side)
         settings = {**_settings(loader, tests, learning_rate, steps), "precision": precision}
         with thread_limit(threads), AheadLoader(loader, group.shard, steps) as ahead:
-            module = (TorchColorNetwork if is_color else TorchNetwork)(network).to(chosen_device)
+            module = (CorrectionNetwork if is_color else TorchNetwork)(network).to(chosen_device)
             module.filter_dtype = filter_dtype
             trainer = ImageTrainer(module, ahead, settings, learning_rate, tests, group)
             trainer.begin(checkpoint, resume)
