@@ -12,14 +12,13 @@ from jotlight.chunks import windows
 from jotlight.errors import JotlightWarning
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
-from jotlight.motion.blocks import Sums
 from jotlight.motion.carrying import carry
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.merge import as_paths, check_upsample, merge, merge_along
 from jotlight.motion.model import divide
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.scoring import FAST
-from jotlight.motion.track import Paths, from_center
+from jotlight.motion.track import Paths
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor, require_sensor
@@ -43,17 +42,6 @@ class FilmImage:
     """The motion. Times count from the first frame of the window."""
     is_carried: bool
     """Whether the motion is that of the image before, with new blocks at its end."""
-    paths: Paths = dataclasses.field(repr=False)
-    """The same motion over the blocks of the window."""
-
-    def nearest(self, share: float) -> Sums:
-        """Return the sums along the motion of the part of the frames nearest to the image's time.
-
-        They have whole blocks of frames, at least one. No bits are left out.
-        """
-        order = from_center(self.paths)
-        number = max(1, round(share * len(order)))
-        return Sums.total(self.paths.sums(int(block)) for block in order[:number])
 
 
 def film(
@@ -278,7 +266,7 @@ class _State:
             is_still = motion.model == "none"
             consistent = find_consistent(paths, is_still=is_still, network=FAST)
             merged = merge_along(paths, motion, self.sensor, consistent, self._upsample)
-        return FilmImage(merged, motion, is_carried, paths)
+        return FilmImage(merged, motion, is_carried)
 
 
 def _seen_from_end(motion: Motion, paths: Paths) -> tuple[Motion, Paths]:

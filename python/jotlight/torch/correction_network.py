@@ -1,5 +1,7 @@
 """A correction network as a PyTorch module, for its training."""
 
+from typing import cast
+
 from torch import Tensor
 
 from jotlight.networks.correction_network import CorrectionNetwork as EngineCorrectionNetwork
@@ -39,6 +41,5 @@ class CorrectionNetwork(Network):
 
     def rebuild(self, layers: list[Layer]) -> EngineCorrectionNetwork:  # type: ignore[override]
         """Return a network of the same kind for the engine, with other layers."""
-        origin = self.origin
-        assert isinstance(origin, EngineCorrectionNetwork)
+        origin = cast(EngineCorrectionNetwork, self.origin)
         return type(origin)(layers, origin.history, trials_range=origin.trials_range)
