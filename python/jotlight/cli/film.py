@@ -237,6 +237,7 @@ def _images(
         step=outputs.step,
         model=motion.model,
         causal=motion.causal,
+        memory=motion.memory,
         upsample=motion.factor,
         threads=threads,
     ):

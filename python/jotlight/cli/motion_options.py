@@ -86,6 +86,13 @@ class FilmMotionOptions(MotionOptions):
             "the middle."
         ),
     ] = False
+    memory: Annotated[
+        bool | None,
+        Parameter(
+            help="Also count bits from before the window, where they agree with it. They fade. "
+            "Default: with --causal, unless --upsample is 2."
+        ),
+    ] = None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

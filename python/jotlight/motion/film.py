@@ -1,8 +1,10 @@
 """Films: the motion of a scene, carried from image to image."""
 
+import copy
 import dataclasses
 import warnings
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +16,8 @@ from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
 from jotlight.motion.carrying import carry
 from jotlight.motion.consistency import find_consistent
-from jotlight.motion.merge import as_paths, check_upsample, merge, merge_along
+from jotlight.motion.memory import Memory, sum_first
+from jotlight.motion.merge import as_paths, check_upsample, each_channel, merge_along
 from jotlight.motion.model import divide
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.scoring import FAST
@@ -52,6 +55,7 @@ def film(
     step: int | None = None,
     model: str = "auto",
     causal: bool = False,
+    memory: bool | None = None,
     upsample: int = 1,
     threads: int | None = None,
 ) -> Iterator[FilmImage]:
@@ -78,6 +82,10 @@ def film(
         Whether each image shows the last frame of its window, as in live viewing. The motion is
         then estimated afresh only where many of the new bits disagree. So all other images take
         the same time. :class:`LiveFilm` takes frames that arrive one after the other.
+    memory : bool, optional
+        Whether bits from before the window are counted, too, where they agree with it. They fade,
+        so that the counts of a still point tend to those of 3.5 windows. Not possible with
+        `upsample`. Default: whether the film is causal.
     upsample : {1, 2}
         2 for a grid of half pixels, as in :func:`jotlight.merge`.
     threads : int, optional
@@ -101,7 +109,16 @@ def film(
     spans = windows(len(data), window, step)
     # A frame of counts has several readings.
     part = sensor.replace(frames=sensor.frames * window // len(burst))
-    state = _State(part, _checked_model(model), causal, upsample, threads)
+    state = _State(
+        part,
+        window,
+        window if step is None else step,
+        model=model,
+        causal=causal,
+        memory=memory,
+        upsample=upsample,
+        threads=threads,
+    )
     return (state.next_image(data[span], span.start) for span in spans)
 
 
@@ -121,6 +138,9 @@ class LiveFilm:
         Frames from one image to the next, at most a window.
     model : {"auto", "none", "affine", "segments", "tiles"}
         The model of the motion, as in :func:`jotlight.align`.
+    memory : bool, optional
+        Whether bits from before the window are counted, as in :func:`film`. Default: True, but not
+        with `upsample`.
     upsample : {1, 2}
         2 for a grid of half pixels, as in :func:`jotlight.merge`.
     threads : int, optional
@@ -147,6 +167,7 @@ class LiveFilm:
         window: int,
         step: int,
         model: str = "auto",
+        memory: bool | None = None,
         upsample: int = 1,
         threads: int | None = None,
     ) -> None:
@@ -154,7 +175,16 @@ class LiveFilm:
         self._window = whole_number_in_range("window", window, 1, 2**31 - 1)
         self._step = whole_number_in_range("step", step, 1, window)
         part = sensor.replace(frames=window)
-        self._state = _State(part, _checked_model(model), True, upsample, threads)
+        self._state = _State(
+            part,
+            window,
+            step,
+            model=model,
+            causal=True,
+            memory=memory,
+            upsample=upsample,
+            threads=threads,
+        )
         self._kept: npt.NDArray[np.uint8] | None = None
         self._width, self._seen = 0, 0
 
@@ -193,22 +223,31 @@ class LiveFilm:
         return images
 
 
-def _checked_model(model: str) -> str:
-    """Return the name of a model after checking it."""
-    if model != "auto" and model not in MODELS:
-        raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
-    return model
-
-
 class _State:
     """What is carried from image to image."""
 
     def __init__(
-        self, sensor: Sensor, model: str, causal: bool, upsample: int, threads: int | None
+        self,
+        sensor: Sensor,
+        window: int,
+        step: int,
+        *,
+        model: str,
+        causal: bool,
+        memory: bool | None,
+        upsample: int,
+        threads: int | None,
     ) -> None:
         check_upsample(upsample, sensor)
+        if model != "auto" and model not in MODELS:
+            raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
+        if memory and upsample > 1:
+            raise ValueError("memory: expected False with upsample=2, got True")
         self.sensor = sensor
         self._model, self._causal, self._upsample, self._threads = model, causal, upsample, threads
+        has_memory = causal and upsample == 1 if memory is None else memory
+        self._memory = Memory(window) if has_memory else None
+        self._step = step
         self._motion: Motion | None = None
         """The motion of the last window, as seen from its middle."""
         self._start, self._number, self._usual = 0, 0, 0.0
@@ -220,52 +259,64 @@ class _State:
         is_recent = self._causal or self._number < _MAX_CARRIED
         image = None
         if motion is not None and is_recent and shared >= _MIN_OVERLAP:
-            image = self._carried_image(motion, part, step)
+            image = self._carried_image(motion, part, start)
         if image is None:
             motion = align(part, self.sensor, model=self._model, threads=self._threads)
             burst, sensor = prepare_burst(part, self.sensor)
             blocks = as_blocks(burst, divide(len(burst)), sensor, self._threads)
-            image = self._merge(as_paths(motion, blocks), motion, part, is_carried=False)
+            image = self._merge(as_paths(motion, blocks), motion, start, is_carried=False)
             self._motion, self._number, self._usual = motion, 0, _accepted(image.merged)
         self._number += 1
         self._start = start
         if image.merged.flags is not None and image.merged.flags.all():
             # Where merging has rejected the motion, it is not carried.
             self._motion = None
+            if self._memory is not None:
+                self._memory.forget()
         return image
 
     def _carried_image(
-        self, motion: Motion, part: Bits | CountStack, step: int
+        self, motion: Motion, part: Bits | CountStack, start: int
     ) -> FilmImage | None:
         """Return the image of a window along the motion of the one before, or None if lost."""
-        paths = carry(motion, part, self.sensor, step, self._threads)
+        paths = carry(motion, part, self.sensor, start - self._start, self._threads)
         if paths is None:
             return None
-        carried = as_motion(paths, motion.model)
+        carried, memory = as_motion(paths, motion.model), copy.copy(self._memory)
         with warnings.catch_warnings():
             # A motion that is lost is estimated afresh, so a warning about it would mislead.
             warnings.simplefilter("ignore", JotlightWarning)
-            image = self._merge(paths, carried, part, is_carried=True)
+            image = self._merge(paths, carried, start, is_carried=True)
         if _accepted(image.merged) < self._usual - _MAX_LOSS:
+            self._memory = memory
             return None
         self._motion = carried
         return image
 
-    def _merge(
-        self, paths: Paths, motion: Motion, part: Bits | CountStack, *, is_carried: bool
-    ) -> FilmImage:
+    def _merge(self, paths: Paths, motion: Motion, start: int, *, is_carried: bool) -> FilmImage:
         """Return the image of a window along paths, with fast templates."""
         if self._causal:
             motion, paths = _seen_from_end(motion, paths)
-        if motion.model == "none" and hot_jots(self.sensor) is not None:
+        blocks, is_still = paths.blocks, motion.model == "none"
+        if is_still and hot_jots(self.sensor) is not None:
             # The alignment leaves out hot jots, but merging counts them if nothing moves.
-            merged = merge(
-                part, self.sensor, motion=motion, upsample=self._upsample, threads=self._threads
+            blocks = as_blocks(
+                blocks.burst, blocks.edges, self.sensor, self._threads, with_hot_jots=True
             )
-        else:
-            is_still = motion.model == "none"
-            consistent = find_consistent(paths, is_still=is_still, network=FAST)
+            paths = as_paths(motion, blocks)
+        consistent = find_consistent(paths, is_still=is_still, network=FAST)
+        if self._memory is None:
             merged = merge_along(paths, motion, self.sensor, consistent, self._upsample)
+            return FilmImage(merged, motion, is_carried)
+        recall = partial(self._memory.recall, motion=motion, start=start, is_carried=is_carried)
+        merged = merge_along(paths, motion, self.sensor, consistent, recall=recall)
+        edges = np.union1d(blocks.edges, self._step)
+        cut = as_paths(motion, dataclasses.replace(blocks, edges=edges))
+        leaving = [
+            sum_first(each, self._step, consistent.masks, blocks.edges)
+            for each in each_channel(cut)
+        ]
+        self._memory.remember(leaving, motion, start)
         return FilmImage(merged, motion, is_carried)
 
 

@@ -1,6 +1,7 @@
 """Merging: the counts of all bits along a motion."""
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +38,12 @@ Map = npt.NDArray[np.float64]
 
 _ALIGNING = 0.8
 """Part of the time that aligning takes."""
+
+Recall = Callable[[list[Sums], npt.NDArray[np.bool_]], list[Sums]]
+"""A function of the sums of each channel and of the pixels that are trusted, (H, W)."""
+
+_MIN_ACCEPTED = 0.6
+"""Fraction of the bits of a pixel that must agree with its motion, for it to be trusted."""
 
 _MAX_FLAGGED = 0.15
 """Fraction of flagged pixels above which the image is compared with sums without motion."""
@@ -215,11 +222,13 @@ def merge_along(
     upsample: int = 1,
     *,
     may_stand_still: bool = True,
+    recall: Recall | None = None,
 ) -> Merged:
     """Return the counts of the bits along paths, which are those of a motion.
 
     The sums along them are computed if they are not given. If the scene `may_stand_still`, a window
-    without motion replaces them where the motion does not explain it better.
+    without motion replaces them where the motion does not explain it better. Otherwise, `recall`
+    adds further bits.
     """
     burst = paths.blocks.burst
     if consistent is None:
@@ -228,8 +237,7 @@ def merge_along(
     halves = without_saturation(consistent.before, consistent.after, threads)
     disagreements = disagreement(*halves, threads)
     flags = find_flags(consistent, disagreements, motion.labels)
-    channels = [None] if burst.channels == 1 else list(range(burst.channels))
-    of_channels = [_of_channel(paths, channel) for channel in channels]
+    of_channels = each_channel(paths)
     window = None
     if may_stand_still and flags.mean() > _MAX_FLAGGED:
         window = find_window(paths, consistent.total)
@@ -246,6 +254,8 @@ def merge_along(
         if is_unclear(consistent, disagreements, motion.model):
             flags = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
         sums = _count(of_channels, consistent, upsample)
+        if recall is not None:
+            sums = recall(sums, ~flags & (accepted >= _MIN_ACCEPTED))
     if upsample > 1:
         return as_fine(sums, accepted, flags, motion, sensor)
     return as_merged(sums, accepted, flags, motion, sensor)
@@ -270,6 +280,13 @@ def as_paths(motion: Motion, blocks: Blocks) -> Paths:
         for each in nodes
     ]
     return Paths(tracks, motion.labels, free=int(motion.model == "tiles"))
+
+
+def each_channel(paths: Paths) -> list[Paths]:
+    """Return the same paths over the bits of each channel."""
+    number = paths.blocks.burst.channels
+    channels = [None] if number == 1 else list(range(number))
+    return [_of_channel(paths, channel) for channel in channels]
 
 
 def _of_channel(paths: Paths, channel: int | None) -> Paths:
