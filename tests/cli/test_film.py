@@ -121,10 +121,26 @@ def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
     assert f"; {np.mean(accepted):.1%} of the bits agree and are used, and " in output
     assert f"and {min(accepted):.1%} or more of each image" in output
     assert run(*arguments, "-o", "film.gif", "--motion-model", "none")[0] == 0
-    assert run(*arguments, "-o", "causal.npy", "--causal")[0] == 0
-    causal = film(moving, window=32, step=16, causal=True)
-    for image, expected in zip(np.load(tmp_path / "causal.npy"), causal, strict=True):
-        np.testing.assert_array_equal(image, jl.mle(expected.merged))
+
+
+@pytest.mark.parametrize(
+    ("options", "settings"),
+    [
+        (["--causal"], {"causal": True}),
+        (["--causal", "--no-memory"], {"causal": True, "memory": False}),
+        (["--memory"], {"memory": True}),
+    ],
+)
+def test_images_can_use_only_earlier_frames_and_remember(run, moving, tmp_path, options, settings):
+    arguments = ["film", "moving.npy", "--motion", "--window", 24, "--step", 8, "-m", "mle"]
+    status, output = run(*arguments, "-o", "film.npy", *options)
+    assert status == 0, output
+    remembers = "--no-memory" not in options
+    assert ("from 24 frames each and from those before that agree" in output) == remembers
+    expected = list(film(moving, window=24, step=8, **settings))
+    assert (max(image.merged.trials.max() for image in expected) > 24) == remembers
+    for image, other in zip(np.load(tmp_path / "film.npy"), expected, strict=True):
+        np.testing.assert_array_equal(image, jl.mle(other.merged))
 
 
 @pytest.mark.parametrize(
@@ -145,6 +161,11 @@ def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
         (["-o", "a", "--window", 4, "--motion-model", "affine"], "add --motion"),
         (["-o", "a", "--window", 4, "--motion", "--motion-model", "rigid"], "expected auto or"),
         (["-o", "a", "--window", 4, "--causal"], "causal: is for the motion of the scene; add"),
+        (["-o", "a", "--window", 4, "--memory"], "memory: is for the motion of the scene; add"),
+        (
+            ["-o", "a", "--window", 16, "--motion", "--memory", "--upsample", 2],
+            "memory: expected False with upsample=2, got True",
+        ),
         (["-o", "a", "--window", 4, "--upsample", 2], "upsample: is for the motion of the scene"),
         (["-o", "known.npy", "--window", 4], "choose another name"),
     ],

@@ -172,7 +172,8 @@ def _write(
     each = job.captured.sensor.frames // outputs.window
     report(
         f"{outputs.output}: {len(spans)} image{'s' * (len(spans) > 1)} of "
-        f"{' x '.join(map(str, image.shape))} from {_amount(data, outputs.window, each)} each, "
+        f"{' x '.join(map(str, image.shape))} from {_amount(data, outputs.window, each)} each"
+        f"{' and from those before that agree' if motion.remembers else ''}, "
         f"values {scale * minimum:.3g} to {scale * maximum:.3g} ({_display(outputs, tone)}), by "
         f"{job.choice.title} in {seconds:.3g} s"
         + (f"; {_amount(data, unused, each)} at the end lie in no window" if unused else "")
@@ -237,7 +238,7 @@ def _images(
         step=outputs.step,
         model=motion.model,
         causal=motion.causal,
-        memory=motion.memory,
+        memory=motion.remembers,
         upsample=motion.factor,
         threads=threads,
     ):

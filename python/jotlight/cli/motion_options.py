@@ -89,10 +89,18 @@ class FilmMotionOptions(MotionOptions):
     memory: Annotated[
         bool | None,
         Parameter(
+            negative="--no-memory",
             help="Also count bits from before the window, where they agree with it. They fade. "
             "Default: with --causal, unless --upsample is 2."
         ),
     ] = None
+
+    @property
+    def remembers(self) -> bool:
+        """Whether bits from before the windows are counted."""
+        if self.memory is None:
+            return self.causal and self.factor == 1
+        return self.memory
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
