@@ -245,6 +245,19 @@ def zone_plate(side: int = 256) -> Array:
     return np.repeat(rings[..., None], 3, axis=2)
 
 
+def by_frequency(chroma: Array) -> list[str]:
+    """Return the errors of the color of a zone plate, for ranges of cycles per pixel."""
+    side = len(chroma)
+    y, x = np.abs(np.mgrid[:side, :side] - side / 2) / side
+    frequency, squares = np.maximum(y, x), (chroma**2).mean(axis=2)
+    ranges = (0, 0.1), (0.1, 0.2), (0.2, 0.3), (0.3, 0.35), (0.35, 0.4), (0.4, 0.5)
+    texts = []
+    for low, high in ranges:
+        error = np.sqrt(squares[(frequency >= low) & (frequency < high)].mean())
+        texts.append(f"{low} to {high} cycles per pixel {error:.3f}")
+    return texts
+
+
 def text(side: int = 256) -> Array:
     """Return black text on white, and white text on a colored ground."""
     from PIL import Image, ImageDraw
@@ -270,6 +283,8 @@ def images(data: Path, folder: Path) -> None:
                 error = float(np.sqrt(np.mean(chroma**2)))
                 print(f"{name} {mosaic} {after}: PSNR {psnr(estimate, image):.2f}", end=", ")
                 print(f"root mean square error of the color {error:.4f}")
+                if name == "zone_plate":
+                    print("    of rings:", ", ".join(by_frequency(chroma)))
                 both = np.concatenate([image, estimate], axis=1).astype(np.float32)
                 jl.save_image(folder / f"{name}_{mosaic}_{after}.png", both)
 
@@ -285,6 +300,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?")
     arguments = parser.parse_args()
     if arguments.what == "images":
+        arguments.folder.mkdir(exist_ok=True)
         images(arguments.data, arguments.folder)
     else:
         MEASUREMENTS[arguments.what](arguments.data)

@@ -19,7 +19,7 @@ import jotlight as jl
 from jotlight.estimators.merge_readings import merge_images, reference_sensor
 from jotlight.images.sets import read_image_set
 from jotlight.metrics import psnr
-from jotlight.networks.pretrained import FOLDER
+from jotlight.networks.pretrained import FOLDER, MAX_TRIALS
 from jotlight.sensing.pixel_counts import gray_images, prepare_data
 from jotlight.torch import Network
 from jotlight.torch.estimates import intensity_from_probability
@@ -68,13 +68,14 @@ def read_data(
 ) -> tuple[jl.Bits | jl.Readings, torch.Tensor, int]:
     """Return readings of an image, and equivalent counts (1, 1, H, W) of a number of trials.
 
-    The number is that of the median pixel, unless it is given.
+    The number is that of the median pixel, but at most the largest K of the networks, unless it is
+    given.
     """
     readings = sensor.expose(image, rng=seed)
     data, _ = prepare_data(readings, sensor, may_differ=True)
     merged = merge_images(gray_images(data), sensor, 1).data[0]
     own = np.broadcast_to(merged.trials, merged.shape)
-    trials = trials or round(float(np.median(own)))
+    trials = trials or min(round(float(np.median(own))), MAX_TRIALS)
     counts = (trials * merged.ones / np.maximum(own, 1e-9)).astype(np.float32)
     return readings, torch.from_numpy(counts)[None, None], trials
 
