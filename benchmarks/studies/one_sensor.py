@@ -26,6 +26,7 @@ from jotlight.torch.estimates import intensity_from_probability
 from jotlight.training import ImagePatches
 
 SENSORS = {
+    "plain bits, 4 frames": jl.Sensor(frames=4),
     **{
         f"{bits} bits, read noise 0.3, {frames} readings": jl.Sensor(
             frames=frames, bit_depth=bits, read_noise=0.3
@@ -36,7 +37,8 @@ SENSORS = {
     "bracket 1 : 8 : 64, 48 frames": jl.Sensor(frames=48, gain=np.tile([0.05, 0.4, 3.2], 16)),
     "thresholds 1 to 4, 16 frames": jl.Sensor(frames=16, gain=40.0, threshold=[1, 2, 3, 4] * 4),
 }
-"""The sensors. Those of several bits have one photon per reading at intensity 1."""
+"""The sensors. Those of several bits have one photon per reading at intensity 1. Plain bits, for
+which the networks were made, show what it costs that they serve all K and exposures."""
 
 PATCHES, SIDE = 4, 64
 """Rows and columns of patches in a batch, and the side of a patch."""
