@@ -45,7 +45,7 @@ class Stage:
     """``bsds300``: the training images of BSDS300. ``bsds500``: also those of ``bsds500_extra``.
     ``mixture``: those of `training_data`."""
     share: float = 1.0
-    """The parameters are this share of those that were found, and the rest of those before."""
+    """The parameters are start + share × (found - start)."""
 
 
 def bsds300_stages(*stages: tuple[int, float]) -> tuple[Stage, ...]:
@@ -246,7 +246,7 @@ def train_deep(name: str, options: argparse.Namespace) -> tuple[jl.Network, str]
 def train_stage(
     name: str, start: jl.Network, stage: Stage, seed: int, options: argparse.Namespace
 ) -> jl.Network:
-    """Return the network after a stage; a finished one with the same settings comes from a file."""
+    """Return the network after a stage; one with the same steps and start comes from a file."""
     from jotlight.torch import fastest_precision, train
 
     path = options.scratch / f"{name}.{seed}.safetensors"

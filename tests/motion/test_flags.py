@@ -34,6 +34,17 @@ def test_a_consistent_scene_has_few_flags(unclear, share):
     assert find_flags(consistent(), NOWHERE, is_unclear=unclear).mean() < share
 
 
+@pytest.mark.parametrize("unclear", [False, True])
+def test_dead_jots_are_flagged_but_not_their_neighbors(unclear):
+    share = np.ones(SIZE, np.float32)
+    dead = np.random.default_rng(1).random(SIZE) < 0.01
+    share[dead] = 0
+    flags = find_flags(consistent(share), NOWHERE, is_unclear=unclear)
+    assert flags[dead].all()
+    usual = find_flags(consistent(), NOWHERE, is_unclear=unclear).mean()
+    assert flags[~dead].mean() < usual + 0.05
+
+
 def test_outlines_are_flagged_within_eight_pixels():
     labels = NOWHERE.copy()
     labels[:, 40:] = 1

@@ -70,19 +70,26 @@ def test_sums_are_displaced_by_whole_pixels_and_fade(shift, monkeypatch):
     source = np.ix_(
         *(each[(each >= 0) & (each < n)] for each, n in zip((rows, columns), SIZE, strict=True))
     )
-    expected = own.trials.copy()
-    expected[inside] += np.rint(FADING * 32).astype(np.int32)
-    np.testing.assert_array_equal(total.trials, expected)
-    ones = own.ones.astype(float)
+    trials, ones = own.trials.astype(float), own.ones.astype(float)
+    trials[inside] += FADING * 32
     ones[inside] += FADING * old.ones[source]
     assert np.abs(total.ones - ones).max() <= 0.51
-    # What was recalled fades once more for the next image.
-    memory = remembered(old, moved([(0, 0)]))
+    np.testing.assert_allclose(total.ones / total.trials, ones / trials, rtol=1e-4)
+
+
+def test_what_was_recalled_fades_again(monkeypatch):
+    monkeypatch.setattr(memory_module, "_MAX_DISAGREEMENT", np.inf)
+    old, own, motion = (
+        sums_of(smooth_scene(), rng=1),
+        sums_of(smooth_scene(), rng=2),
+        moved([(0, 0)]),
+    )
+    memory = remembered(old, motion)
     memory.recall([own], EVERY, motion, start=8, is_carried=True)
     memory.remember([Sums.zeros(SIZE)], motion, start=8)
-    (again,) = memory.recall([own], EVERY, moved([(0, 0)]), start=16, is_carried=True)
-    middle = SIZE[0] // 2, SIZE[1] // 2
-    assert again.trials[middle] == 32 + round(FADING**2 * 32)
+    (again,) = memory.recall([own], EVERY, motion, start=16, is_carried=True)
+    expected = (own.ones + FADING**2 * old.ones) / (32 + FADING**2 * 32)
+    np.testing.assert_allclose(again.ones / again.trials, expected, rtol=1e-4)
 
 
 def test_pixels_that_disagree_and_their_neighbors_are_not_counted(monkeypatch):
@@ -145,8 +152,9 @@ def test_what_the_bits_have_seen_of_the_jots_is_displaced():
     (total,) = remembered(old, motion).recall([own], EVERY, motion, start=8, is_carried=True)
     counted = total.trials[:, :-2] > 32
     assert counted.mean() > 0.5
-    expected = 32 * maps[0, :, :-2] + FADING * 32 * maps[0, :, 2:]
-    np.testing.assert_allclose(total.jots.sums[0, :, :-2][counted], expected[counted], rtol=1e-3)
+    expected = (maps[0, :, :-2] + FADING * maps[0, :, 2:]) / (1 + FADING)
+    found = total.jots.sums[0] / total.trials
+    np.testing.assert_allclose(found[:, :-2][counted], expected[counted], rtol=1e-3)
 
 
 @pytest.mark.parametrize("step", [5, 8, 12])
@@ -179,7 +187,7 @@ def recorded(motion, frames, photons=0.5, **options):
         photons=photons,
         rng=1,
     )
-    return scene, jl.Bits(np.asarray(scene.bits.packed), 96, scene.bits.sensor)
+    return scene, jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.bits.sensor)
 
 
 def test_the_counts_of_a_still_scene_are_those_of_all_frames_with_fading(monkeypatch):
@@ -192,8 +200,11 @@ def test_the_counts_of_a_still_scene_are_those_of_all_frames_with_fading(monkeyp
     for number, image in enumerate(film(bits, window=32, step=8, causal=True, model="none")):
         start = 8 * number
         window = np.stack([frames[start : start + 32].sum(axis=0), np.full((96, 96), 32)])
-        found = np.stack([image.merged.ones, image.merged.trials])
-        assert np.abs(found - window - expected).max() <= 0.51
+        ones, trials = window + expected
+        assert np.abs(image.merged.ones - ones).max() <= 0.51
+        known = image.merged.ones > 0
+        found = image.merged.ones / image.merged.trials
+        np.testing.assert_allclose(found[known], (ones / trials)[known], rtol=1e-4)
         leaving = np.stack([frames[start : start + 8].sum(axis=0), np.full((96, 96), 8)])
         expected = FADING * (expected + leaving)
 
@@ -255,3 +266,80 @@ def test_only_causal_films_remember_by_default_and_none_on_a_finer_grid():
     assert fine[-1].merged.upsample == 2
     with pytest.raises(ValueError, match="memory: expected False with upsample=2, got True"):
         film(bits, window=32, step=8, memory=True, upsample=2)
+
+
+def quality(image, scene):
+    found = jl.pretrained(image.merged.sensor).reconstruct(image.merged)
+    truth = scene.image(image.motion.reference + 64)
+    inner = (slice(12, -12),) * 2
+    return jl.metrics.psnr(found[inner], truth[inner], data_range=1.0)
+
+
+def jots(kind):
+    rng = np.random.default_rng(0)
+    hot = np.where(rng.random((96, 96)) < 0.01, 2.0, 0.001)
+    return {
+        "efficiency": {"efficiency": np.linspace(0.6, 1, 96 * 96).reshape(96, 96)},
+        "hot": {"dark_counts": hot},
+        "dark": {"dark_counts": rng.gamma(2, 0.02, (96, 96))},
+        "dead": {"mask": rng.random((96, 96)) < 0.01},
+    }[kind]
+
+
+@pytest.mark.filterwarnings("ignore:.*no valid bit")
+@pytest.mark.parametrize("motion", ["static", "shake"])
+@pytest.mark.parametrize("kind", ["efficiency", "hot", "dark", "dead"])
+def test_sensors_whose_jots_differ_are_remembered(motion, kind):
+    scene, bits = recorded(motion, 96, **jots(kind))
+    spans = {"window": 32, "step": 8, "causal": True}
+    last = list(film(bits, **spans))[-1]
+    without = list(film(bits, **spans, memory=False))[-1]
+    assert np.median(last.merged.trials) > 40
+    assert quality(last, scene) > quality(without, scene) - 0.05
+
+
+def test_windows_that_do_not_overlap_remember_nothing():
+    _, bits = recorded("static", 64)
+    for step in (16, 20):
+        images = list(film(bits, window=16, step=step, causal=True))
+        assert max(image.merged.trials.max() for image in images) <= 16
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_a_change_of_brightness_ends_the_memory(factor):
+    scene, bright = recorded("static", 64)
+    sensor = bright.sensor.replace(gain=factor * bright.sensor.gain)
+    other = sensor.expose(scene.image(), rng=3, threads=1)
+    packed = np.concatenate([np.asarray(bright.packed), np.asarray(other.packed)])
+    bits = jl.Bits(packed, 96, sensor.replace(frames=128))
+    images = list(film(bits, window=32, step=8, causal=True))
+    assert np.median(images[4].merged.trials) > 40  # frames 32 to 63
+    rate = [image.merged.ones.sum() / image.merged.trials.sum() for image in images]
+    after = np.unpackbits(np.asarray(other.packed), axis=2, count=96).mean()
+    assert abs(rate[8] / after - 1) < 0.01  # frames 64 to 95
+
+
+def test_there_are_never_more_trials_than_bits():
+    motion, old = moved([(0, 0.5)]), sums_of(smooth_scene(), rng=1)
+    old = old.masked(np.indices(SIZE)[1] >= 30)
+    memory = remembered(old, motion)
+    own = Sums.zeros(SIZE)  # agrees with everything
+    (total,) = memory.recall([own], EVERY, motion, start=8, is_carried=True)
+    assert total.trials.max() <= np.ceil(FADING * 32)
+    assert (total.trials[:, :28] == 0).all()
+
+
+def test_other_segments_end_the_memory():
+    labels = np.zeros(SIZE, np.uint8)
+    labels[:, :32] = 1
+    memory = remembered(sums_of(smooth_scene(), rng=1), moved([(0, 0)] * 3, labels=labels))
+    own = sums_of(smooth_scene(), rng=1)
+    motion = moved([(0, 0)] * 2, labels=labels)
+    assert memory.recall([own], EVERY, motion, start=8, is_carried=True) == [own]
+
+
+def test_counts_and_pixels_of_several_jots_are_remembered():
+    _, bits = recorded("static", 64, oversampling=2)
+    last = list(film(bits, window=32, step=8, causal=True))[-1]
+    assert last.merged.shape == (96, 96)
+    assert 150 < np.median(last.merged.trials) < 3.5 * 128

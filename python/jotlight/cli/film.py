@@ -166,6 +166,9 @@ def _write(
         seconds = time.perf_counter() - start
         facts = outputs.metadata(job.captured.sensor, job.choice.title, job.captured.provenance)
         facts |= {"window": outputs.window, "step": outputs.step or outputs.window}
+        remembers = motion.remembers(outputs.window, outputs.step)
+        if motion.motion:
+            facts |= {"causal": motion.causal, "memory": remembers}
         facts |= origin_of(job, checksum())
         records.write(files, [outputs.output], job, facts)
     unused = len(data) - spans[-1].stop
@@ -173,7 +176,7 @@ def _write(
     report(
         f"{outputs.output}: {len(spans)} image{'s' * (len(spans) > 1)} of "
         f"{' x '.join(map(str, image.shape))} from {_amount(data, outputs.window, each)} each"
-        f"{' and from those before that agree' if motion.remembers else ''}, "
+        f"{' and from those before that agree' if remembers else ''}, "
         f"values {scale * minimum:.3g} to {scale * maximum:.3g} ({_display(outputs, tone)}), by "
         f"{job.choice.title} in {seconds:.3g} s"
         + (f"; {_amount(data, unused, each)} at the end lie in no window" if unused else "")
@@ -238,7 +241,7 @@ def _images(
         step=outputs.step,
         model=motion.model,
         causal=motion.causal,
-        memory=motion.remembers,
+        memory=motion.memory,
         upsample=motion.factor,
         threads=threads,
     ):

@@ -91,16 +91,20 @@ class FilmMotionOptions(MotionOptions):
         Parameter(
             negative="--no-memory",
             help="Also count bits from before the window, where they agree with it. They fade. "
-            "Default: with --causal, unless --upsample is 2."
+            "Default: with --causal, unless --upsample is 2.",
         ),
     ] = None
 
-    @property
-    def remembers(self) -> bool:
-        """Whether bits from before the windows are counted."""
-        if self.memory is None:
-            return self.causal and self.factor == 1
-        return self.memory
+    def check(self) -> None:
+        """Raise ValueError for options that do not belong together."""
+        super().check()
+        if self.memory and self.factor > 1:
+            raise ValueError("memory: expected no --memory with --upsample 2")
+
+    def remembers(self, window: int, step: int | None) -> bool:
+        """Return whether bits from before the windows are counted."""
+        has_memory = self.causal and self.factor == 1 if self.memory is None else self.memory
+        return has_memory and step is not None and step < window
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -36,7 +36,7 @@ _BYTES_AT_ONCE = 1 << 23
 """Number of bytes of sums that are added together. They fit into the cache."""
 
 _SAMPLES_PER_PIXEL = 4
-"""Number of frames, per pixel of a motion, in which it is looked up which jots pixels see."""
+"""Number of frames, per pixel of a motion, in which the jots that pixels see are looked up."""
 
 
 @dataclasses.dataclass
@@ -151,10 +151,7 @@ class Sums:
         mask: npt.NDArray[np.uint8],
         threads: int | None = None,
     ) -> None:
-        """Add the counts of pixels whose value in a test (H, W) is below a limit.
-
-        These pixels are written into the packed mask, (H, ceil(W / 8)).
-        """
+        """Add the counts where a test (H, W) is below a limit, and set these bits of a mask."""
         engine.add_accepted(
             test, limit, other.ones, other.trials, self.ones, self.trials, mask, threads
         )
@@ -163,12 +160,16 @@ class Sums:
         if other.jots is not None:
             self.jots = _add(self.jots, other.jots * (test < limit))
 
+    def real(self) -> "Sums":
+        """Return the sums with counts in single precision."""
+        ones, trials = self.ones.astype(np.float32), self.trials.astype(np.float32)
+        return dataclasses.replace(self, ones=ones, trials=trials)
+
     def masked(self, pixels: npt.NDArray[np.bool_]) -> "Sums":
         """Return the sums of some pixels (H, W), and 0 for the others."""
+        ones, trials = self.ones * pixels, self.trials * pixels
         jots = None if self.jots is None else self.jots * pixels
-        return dataclasses.replace(
-            self, ones=self.ones * pixels, trials=self.trials * pixels, jots=jots
-        )
+        return dataclasses.replace(self, ones=ones, trials=trials, jots=jots)
 
 
 def _add(first: SeenJots | None, second: SeenJots | None) -> SeenJots | None:

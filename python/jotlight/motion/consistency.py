@@ -83,7 +83,8 @@ def disagreement(first: Sums, second: Sums, threads: int | None = None) -> Image
     first, second = _limit_trials(first), _limit_trials(second)
     if first.jots is not None or second.jots is not None:
         probability = estimate_probability(first + second)
-        first, second = (equivalent_sums(each, probability) for each in (first, second))
+        # One of them may have no bits, and so no jots.
+        first, second = (equivalent_sums(each, probability).real() for each in (first, second))
     engine.disagreement(first.ones, first.trials, second.ones, second.trials, squares, threads)
     ratios, known = blur(squares / _SQUARE**2, _SPREAD / _SQUARE, threads)
     values = (ratios + _PRIOR) / (known + _PRIOR)
@@ -171,6 +172,8 @@ def find_consistent(
         template = make_template(nearer, threads, network if is_last else FAST)
         for side in (0, 1):
             blocks = [block for block in ring if is_after[block] == side]
+            if not blocks:  # the reference time is at an end
+                continue
             total = Sums.zeros(size)
             for block, sums, pooled in _pool(motion, blocks, is_after == bool(side)):
                 pooled = equivalent_sums(pooled, template.probability)

@@ -75,7 +75,8 @@ def film(
         Number of frames of each image, from 1 to T.
     step : int, optional
         Frames from one window to the next. Default: the size of a window. If it exceeds a
-        quarter of a window, the motion of each window is estimated afresh.
+        quarter of a window, the motion of each window is estimated afresh. With a window or more,
+        nothing is remembered.
     model : {"auto", "none", "affine", "segments", "tiles"}
         The model of the motion, as in :func:`jotlight.align`.
     causal : bool
@@ -84,8 +85,8 @@ def film(
         the same time. :class:`LiveFilm` takes frames that arrive one after the other.
     memory : bool, optional
         Whether bits from before the window are counted, too, where they agree with it. They fade,
-        so that the counts of a still point tend to those of 3.5 windows. Not possible with
-        `upsample`. Default: whether the film is causal.
+        so a still point has up to 3.5 times the trials of a window. Not possible with `upsample`.
+        Default: whether the film is causal.
     upsample : {1, 2}
         2 for a grid of half pixels, as in :func:`jotlight.merge`.
     threads : int, optional
@@ -246,7 +247,8 @@ class _State:
         self.sensor = sensor
         self._model, self._causal, self._upsample, self._threads = model, causal, upsample, threads
         has_memory = causal and upsample == 1 if memory is None else memory
-        self._memory = Memory(window) if has_memory else None
+        # All bits leave a window before the next one begins after it.
+        self._memory = Memory(window) if has_memory and step < window else None
         self._step = step
         self._motion: Motion | None = None
         """The motion of the last window, as seen from its middle."""

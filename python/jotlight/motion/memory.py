@@ -1,17 +1,21 @@
 """The bits from before the window of a film's image.
 
-The bits that leave the window are added up, as the last image shows their scene points. For the
-next image, these sums are displaced along the motion, and fade a little. Where they agree with the
-window, they are counted with it. So the time and the memory of an image stay the same, and the
-counts of a still point tend to those of 3.5 windows.
+Bits that leave the window are added up at the pixels where the last image shows their scene points.
+For each image, these sums move along the motion and fade. Where they agree with the window, they
+are counted. So each image takes the same time, and a still point has up to 3.5 times the trials of
+a window.
 """
 
 import dataclasses
+import functools
 import math
+import operator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.estimators.merge_readings import round_ones
 from jotlight.motion.blocks import Sums
 from jotlight.motion.consistency import disagreement
 from jotlight.motion.jots import SeenJots
@@ -31,7 +35,14 @@ It may be larger for a scene that stands still, where no motion can be wrong.
 """
 
 _MARGIN = 6
-"""Distance in pixels from all pixels that disagree."""
+"""Distance from all pixels that disagree, in steps from pixel to pixel along rows and columns."""
+
+_LITTLE = np.float32(0.1)
+"""Number of trials up to which a pixel has none."""
+
+_MAX_CHANGE = 0.03
+"""Largest relative change of the mean number of ones. If a scene becomes brighter or darker, the
+remembered bits would be wrong everywhere."""
 
 
 class Memory:
@@ -48,7 +59,7 @@ class Memory:
         self._sums: list[Sums] = []
         """The sums of each channel, as the last image shows their scene points."""
         self._labels: npt.NDArray[np.uint8] = np.zeros((0, 0), np.uint8)
-        self._time = 0.0
+        self._fields, self._start, self._time = 0, 0, 0.0
 
     def forget(self) -> None:
         """Forget all bits, because the motion is lost."""
@@ -57,7 +68,7 @@ class Memory:
     def recall(
         self, sums: list[Sums], trusted: Mask, motion: Motion, start: int, *, is_carried: bool
     ) -> list[Sums]:
-        """Return the sums of a window with those that are remembered, where both agree.
+        """Return the sums of a window, plus the remembered ones where they agree.
 
         Only what agrees is kept.
 
@@ -75,20 +86,25 @@ class Memory:
             Whether the segments of the motion are those of the last image.
         """
         time, several = self._time - start, len(motion.nodes) > 1
-        if not self._sums or time < 0 or (several and not is_carried):
+        has_other_fields = several and not (is_carried and len(motion.nodes) == self._fields)
+        if not self._sums or time < 0 or has_other_fields:
             self.forget()
             return sums
         places = np.indices(motion.size, np.float32) + motion.at(time)
-        fading = math.exp((time - motion.reference) / (_WINDOWS * self._window))
+        fading = math.exp((self._start - start) / (_WINDOWS * self._window))
         recalled = [_displaced(each, places, fading) for each in self._sums]
-        test = disagreement(Sums.total(sums), Sums.total(_rounded(each) for each in recalled))
+        own = functools.reduce(operator.add, [each.real() for each in sums])
+        old = functools.reduce(operator.add, recalled)
         limit = _MAX_IF_STILL if motion.model == "none" else _MAX_DISAGREEMENT
-        agrees = trusted & (test < limit)
+        agrees = trusted & (disagreement(own, old) < limit)
         if several:
             agrees &= _nearest(self._labels, places) == motion.labels
         agrees = _without_margin(agrees)
+        if not _as_bright(own, old, agrees):
+            self.forget()
+            return sums
         self._sums = [each.masked(agrees) for each in recalled]
-        return [own + _rounded(old) for own, old in zip(sums, self._sums, strict=True)]
+        return [_whole(new.real() + kept) for new, kept in zip(sums, self._sums, strict=True)]
 
     def remember(self, leaving: list[Sums], motion: Motion, start: int) -> None:
         """Add the bits that leave the window with its first frames.
@@ -103,8 +119,9 @@ class Memory:
             The first frame of the window.
         """
         if self._sums:
-            leaving = [new + old for new, old in zip(leaving, self._sums, strict=True)]
-        self._sums, self._labels, self._time = leaving, motion.labels, start + motion.reference
+            leaving = [new.real() + kept for new, kept in zip(leaving, self._sums, strict=True)]
+        self._sums, self._labels, self._fields = leaving, motion.labels, len(motion.nodes)
+        self._start, self._time = start, start + motion.reference
 
 
 def sum_first(
@@ -121,7 +138,7 @@ def sum_first(
     masks : ndarray of uint8, shape (n, H, ceil(W / 8))
         The pixels that agree in each of n blocks, packed.
     edges : ndarray of int, shape (n + 1,)
-        The first frames of these n blocks, and the number of all frames.
+        Edges of these n blocks. The blocks of `paths` may be finer.
     """
     first, width = paths.blocks.edges, paths.labels.shape[1]
     total = Sums.zeros(paths.blocks.size)
@@ -137,15 +154,24 @@ def _displaced(sums: Sums, places: Image, fading: float) -> Sums:
 
     All are interpolated by the same cubic splines, so that their ratios stay right.
     """
+    from scipy.ndimage import maximum_filter
+
     height, width = sums.trials.shape
     limits = np.reshape([height - 1, width - 1], (2, 1, 1))
     inside = np.float32(fading) * ((places >= 0) & (places <= limits)).all(axis=0)
-    trials = inside * np.maximum(_interpolated(sums.trials, places), 0)
+    trials = np.maximum(_interpolated(sums.trials, places), 0)
+    # Cubic splines swing beyond the edges of regions without bits.
+    most = _nearest(maximum_filter(sums.trials, 3), places)
+    inside *= (trials > _LITTLE) * np.minimum(1, most / np.maximum(trials, _LITTLE))
+    trials *= inside
     ones = np.clip(inside * _interpolated(sums.ones, places), 0, trials)
     jots = sums.jots
     if jots is not None:
         seen = np.stack([inside * _interpolated(each, places) for each in jots.sums])
-        jots = SeenJots(jots.jots, seen)
+        # The means stay within the range of the maps.
+        maps = jots.jots.maps[:2, jots.jots.maps[2] > 0]
+        least, largest = (each[:, None, None] * trials for each in (maps.min(1), maps.max(1)))
+        jots = SeenJots(jots.jots, np.clip(seen, least, largest))
     return dataclasses.replace(sums, ones=ones, trials=trials, jots=jots)
 
 
@@ -156,13 +182,20 @@ def _interpolated(values: npt.NDArray[np.generic], places: Image) -> Image:
     return np.asarray(map_coordinates(real, places, np.float32, order=3, mode="nearest"))
 
 
-def _nearest(labels: npt.NDArray[np.uint8], places: Image) -> npt.NDArray[np.uint8]:
-    """Return the labels at the pixels that are nearest to places."""
+def _nearest(values: npt.NDArray[Any], places: Image) -> npt.NDArray[Any]:
+    """Return the values at the pixels that are nearest to places."""
     rows, columns = (
         np.clip(np.rint(each), 0, length - 1).astype(np.intp)
-        for each, length in zip(places, labels.shape, strict=True)
+        for each, length in zip(places, values.shape, strict=True)
     )
-    return np.asarray(labels[rows, columns])
+    return np.asarray(values[rows, columns])
+
+
+def _as_bright(own: Sums, old: Sums, pixels: Mask) -> bool:
+    """Return whether the mean numbers of ones in some pixels are almost equal."""
+    expected = old.trials * (own.ones / np.maximum(own.trials, 1))
+    total = float(expected[pixels].sum())
+    return abs(float(old.ones[pixels].sum()) - total) <= _MAX_CHANGE * total
 
 
 def _without_margin(mask: Mask) -> Mask:
@@ -174,8 +207,10 @@ def _without_margin(mask: Mask) -> Mask:
     return np.asarray(distance_transform_cdt(mask, "taxicab") > _MARGIN)
 
 
-def _rounded(sums: Sums) -> Sums:
-    """Return sums of whole numbers of ones and trials."""
-    trials = np.rint(sums.trials).astype(np.int32)
-    ones = np.minimum(np.rint(sums.ones).astype(np.int32), trials)
-    return dataclasses.replace(sums, ones=ones, trials=trials)
+def _whole(sums: Sums) -> Sums:
+    """Return sums of whole numbers of ones, with the same fractions of ones."""
+    ones, trials = round_ones(sums.ones.astype(np.float64), sums.trials.astype(np.float64))
+    jots = sums.jots
+    if jots is not None:
+        jots = jots * (trials / np.maximum(sums.trials, _LITTLE))
+    return dataclasses.replace(sums, ones=ones, trials=trials, jots=jots)

@@ -227,8 +227,8 @@ def merge_along(
     """Return the counts of the bits along paths, which are those of a motion.
 
     The sums along them are computed if they are not given. If the scene `may_stand_still`, a window
-    without motion replaces them where the motion does not explain it better. Otherwise, `recall`
-    adds further bits.
+    without motion replaces them where the motion does not explain it better. `recall` adds bits to
+    the sums unless such a window replaced them.
     """
     burst = paths.blocks.burst
     if consistent is None:
@@ -255,7 +255,8 @@ def merge_along(
             flags = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
         sums = _count(of_channels, consistent, upsample)
         if recall is not None:
-            sums = recall(sums, ~flags & (accepted >= _MIN_ACCEPTED))
+            trusted = ~flags & (accepted >= _MIN_ACCEPTED)
+            sums = recall(sums, trusted | (consistent.total.trials == 0))
     if upsample > 1:
         return as_fine(sums, accepted, flags, motion, sensor)
     return as_merged(sums, accepted, flags, motion, sensor)

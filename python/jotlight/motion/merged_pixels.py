@@ -32,6 +32,7 @@ def as_merged(
     side, color = sensor.oversampling, len(channels) > 1
     each_jot = np.ones(channels[0].trials.shape)
     efficiency, dark_counts = _seen_jots(channels[0], sensor, side)
+    efficiency = np.minimum(efficiency, 1)  # means of numbers up to 1, but for rounding errors
     return Merged(
         stack_channels([_sum_pixels(each.ones, side) for each in channels], color=color),
         stack_channels(
@@ -81,11 +82,11 @@ def _seen_jots(sums: Sums, sensor: Sensor, side: int) -> Iterator[float | Map]:
         yield usual if values is None else _mean_of_pixels(values, sums.trials, side)
 
 
-def _sum_pixels(values: npt.NDArray[np.int32], side: int) -> npt.NDArray[np.int32]:
-    """Return the sums over the jots of each pixel."""
+def _sum_pixels(values: npt.NDArray[Any], side: int) -> npt.NDArray[Any]:
+    """Return the sums over the jots of each pixel, of the same type."""
     height, width = values.shape
     blocks = values.reshape(height // side, side, width // side, side)
-    return np.ascontiguousarray(blocks.sum(axis=(1, 3), dtype=np.int32))
+    return np.ascontiguousarray(blocks.sum(axis=(1, 3), dtype=values.dtype))
 
 
 def _mean_of_pixels(values: npt.NDArray[np.floating], weights: npt.NDArray[Any], side: int) -> Map:

@@ -47,7 +47,7 @@ class CorrectionNetwork:
     start: ClassVar[slice]
     """The planes of the classical estimate. There are as many as outputs."""
     title: ClassVar[str]
-    """What the network starts at, for its history."""
+    """Name of the classical estimate, for the history."""
 
     def __init__(
         self,
