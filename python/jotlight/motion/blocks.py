@@ -21,7 +21,7 @@ Fields = Sequence[npt.NDArray[np.floating]] | npt.NDArray[np.floating]
 """Displacements at two or more times."""
 
 Times = Sequence[float] | npt.NDArray[np.float64]
-"""These times, in increasing order."""
+"""These times, increasing."""
 
 _REMAINDER_PIXELS = 16
 """Number of pixels of a row for which the engine returns one remainder."""
@@ -139,9 +139,9 @@ class Sums:
 
     def without(self, ones: Counts, trials: Counts) -> "Sums":
         """Return the sums without some bits, given the numbers of ones and of all of them."""
-        rest = self.trials - trials
+        ones, rest = self.ones - ones, self.trials - trials
         jots = None if self.jots is None else self.jots * (rest / np.maximum(self.trials, 1))
-        return dataclasses.replace(self, ones=self.ones - ones, trials=rest, jots=jots)
+        return dataclasses.replace(self, ones=ones, trials=rest, jots=jots)
 
     def add_accepted(
         self,
@@ -152,9 +152,8 @@ class Sums:
         threads: int | None = None,
     ) -> None:
         """Add the counts where a test (H, W) is below a limit, and set these bits of a mask."""
-        engine.add_accepted(
-            test, limit, other.ones, other.trials, self.ones, self.trials, mask, threads
-        )
+        counts = other.ones, other.trials, self.ones, self.trials
+        engine.add_accepted(test, limit, *counts, mask, threads)
         self.remainders += other.remainders
         self.frames += other.frames
         if other.jots is not None:
@@ -162,7 +161,7 @@ class Sums:
 
     def real(self) -> "Sums":
         """Return the sums with counts in single precision."""
-        ones, trials = self.ones.astype(np.float32), self.trials.astype(np.float32)
+        ones, trials = (each.astype(np.float32) for each in (self.ones, self.trials))
         return dataclasses.replace(self, ones=ones, trials=trials)
 
     def masked(self, pixels: npt.NDArray[np.bool_]) -> "Sums":
