@@ -236,9 +236,8 @@ def train_deep(name: str, options: argparse.Namespace) -> tuple[jl.Network, str]
         text = describe(name, (*stages, last))
     for seed, stage in numbered:
         network = train_stage(name, network, stage, seed, options)
-    is_mixture = any(stage.images == "mixture" for stage in stages) or any(
-        stage.images == "mixture" for _, stage in numbered
-    )
+    images = {stage.images for stage in (*stages, *(stage for _, stage in numbered))}
+    is_mixture = images != {"bsds300"}
     network.history["trained on"] = model_cards.MIXTURE if is_mixture else model_cards.BSDS300
     return network, text
 

@@ -27,8 +27,7 @@ from jotlight.estimators import demosaicing
 from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks import mosaic_planes, pretrained
 from jotlight.networks.color_inference import planes_of_channels, planes_of_mosaic
-from jotlight.networks.color_planes import START
-from jotlight.networks.correction_layers import CENTER
+from jotlight.networks.color_planes import CENTER, START
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.pixel_counts import count_pixels
 from jotlight.sensing.readings import without_mosaic

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from jotlight.networks.color_planes import START, Filtered, color_planes
-from jotlight.networks.correction_layers import CENTER
+from jotlight.networks.color_planes import CENTER, START, Filtered, color_planes
 from jotlight.sensing.mosaic import Mosaic
 
 DARK, SLOPE = 0.1, 0.5

@@ -7,9 +7,8 @@ import jotlight as jl
 from jotlight.datasets import photograph
 from jotlight.metrics import psnr
 from jotlight.networks.color_inference import planes_of_channels
-from jotlight.networks.color_planes import START
+from jotlight.networks.color_planes import CENTER, START
 from jotlight.networks.color_starts import follow
-from jotlight.networks.correction_layers import CENTER
 from jotlight.networks.pretrained import COLOR_START, pretrained_conditional
 from jotlight.sensing.pixel_counts import count_pixels
 

@@ -33,6 +33,7 @@ from jotlight.images.tone import Tone
 from jotlight.images.video import check_fps, is_floats, video_writer
 from jotlight.motion.film import FilmImage
 from jotlight.motion.film import film as merge_windows
+from jotlight.motion.memory import remembers
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.readings import require_plain_bits
@@ -166,9 +167,9 @@ def _write(
         seconds = time.perf_counter() - start
         facts = outputs.metadata(job.captured.sensor, job.choice.title, job.captured.provenance)
         facts |= {"window": outputs.window, "step": outputs.step or outputs.window}
-        remembers = motion.remembers(outputs.window, outputs.step)
+        has_memory = _has_memory(outputs, motion)
         if motion.motion:
-            facts |= {"causal": motion.causal, "memory": remembers}
+            facts |= {"causal": motion.causal, "memory": has_memory}
         facts |= origin_of(job, checksum())
         records.write(files, [outputs.output], job, facts)
     unused = len(data) - spans[-1].stop
@@ -176,13 +177,22 @@ def _write(
     report(
         f"{outputs.output}: {len(spans)} image{'s' * (len(spans) > 1)} of "
         f"{' x '.join(map(str, image.shape))} from {_amount(data, outputs.window, each)} each"
-        f"{' and from those before that agree' if remembers else ''}, "
+        f"{' and from those before that agree' if has_memory else ''}, "
         f"values {scale * minimum:.3g} to {scale * maximum:.3g} ({_display(outputs, tone)}), by "
         f"{job.choice.title} in {seconds:.3g} s"
         + (f"; {_amount(data, unused, each)} at the end lie in no window" if unused else "")
     )
     report(*summary.lines())
     return Brightness(maximum, brightness)
+
+
+def _has_memory(outputs: FilmOptions, motion: FilmMotionOptions) -> bool:
+    """Return whether images also count bits from before their windows."""
+    window = outputs.window
+    step = window if outputs.step is None else outputs.step
+    return motion.motion and remembers(
+        motion.memory, window, step, causal=motion.causal, upsample=motion.factor
+    )
 
 
 def _amount(data: Capture, number: int, each: int) -> str:

@@ -101,11 +101,6 @@ class FilmMotionOptions(MotionOptions):
         if self.memory and self.factor > 1:
             raise ValueError("memory: expected no --memory with --upsample 2")
 
-    def remembers(self, window: int, step: int | None) -> bool:
-        """Return whether bits from before the windows are counted."""
-        has_memory = self.causal and self.factor == 1 if self.memory is None else self.memory
-        return has_memory and step is not None and step < window
-
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ImageMotionOptions(MotionOptions):

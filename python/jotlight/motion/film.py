@@ -16,8 +16,8 @@ from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
 from jotlight.motion.carrying import carry
 from jotlight.motion.consistency import find_consistent
-from jotlight.motion.memory import Memory, sum_first
-from jotlight.motion.merge import as_paths, check_upsample, each_channel, merge_along
+from jotlight.motion.memory import Memory, remembers, sum_leaving
+from jotlight.motion.merge import as_paths, check_upsample, merge_along
 from jotlight.motion.model import divide
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.scoring import FAST
@@ -126,8 +126,8 @@ def film(
 class LiveFilm:
     """A film of frames that arrive one after the other. Each image shows the latest frame.
 
-    It keeps the frames of a window, and the motion. So the time and the memory of an image do not
-    depend on the number of images before.
+    It keeps the frames of a window, the motion, and sums of earlier bits. So an image takes the
+    same time and the same number of bytes, however many came before.
 
     Parameters
     ----------
@@ -242,13 +242,10 @@ class _State:
         check_upsample(upsample, sensor)
         if model != "auto" and model not in MODELS:
             raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
-        if memory and upsample > 1:
-            raise ValueError("memory: expected False with upsample=2, got True")
         self.sensor = sensor
         self._model, self._causal, self._upsample, self._threads = model, causal, upsample, threads
-        has_memory = causal and upsample == 1 if memory is None else memory
-        # All bits leave a window before the next one begins after it.
-        self._memory = Memory(window) if has_memory and step < window else None
+        has_memory = remembers(memory, window, step, causal=causal, upsample=upsample)
+        self._memory = Memory(window) if has_memory else None
         self._step = step
         self._motion: Motion | None = None
         """The motion of the last window, as seen from its middle."""
@@ -284,7 +281,9 @@ class _State:
         paths = carry(motion, part, self.sensor, start - self._start, self._threads)
         if paths is None:
             return None
-        carried, memory = as_motion(paths, motion.model), copy.copy(self._memory)
+        carried = as_motion(paths, motion.model)
+        # Merging changes the memory, which is needed again if the image is rejected.
+        memory = copy.copy(self._memory)
         with warnings.catch_warnings():
             # A motion that is lost is estimated afresh, so a warning about it would mislead.
             warnings.simplefilter("ignore", JotlightWarning)
@@ -312,12 +311,7 @@ class _State:
             return FilmImage(merged, motion, is_carried)
         recall = partial(self._memory.recall, motion=motion, start=start, is_carried=is_carried)
         merged = merge_along(paths, motion, self.sensor, consistent, recall=recall)
-        edges = np.union1d(blocks.edges, self._step)
-        cut = as_paths(motion, dataclasses.replace(blocks, edges=edges))
-        leaving = [
-            sum_first(each, self._step, consistent.masks, blocks.edges)
-            for each in each_channel(cut)
-        ]
+        leaving = sum_leaving(paths, consistent, motion, self._step)
         self._memory.remember(leaving, motion, start)
         return FilmImage(merged, motion, is_carried)
 

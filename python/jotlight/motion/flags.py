@@ -89,18 +89,17 @@ def find_flags(
     """
     few = consistent.accepted < (_UNCLEAR_ACCEPTED if is_unclear else _MIN_ACCEPTED)
     # Dead jots have no bits, which says nothing about their neighbors.
-    dead = consistent.total.trials == 0
+    dead: npt.NDArray[np.bool_] = consistent.total.trials == 0
     outlines = np.zeros(labels.shape, bool)
     outlines[:, 1:] |= labels[:, 1:] != labels[:, :-1]
     outlines[1:] |= labels[1:] != labels[:-1]
     limit = _UNCLEAR_DISAGREEMENT if is_unclear else _MAX_DISAGREEMENT
-    flags = (
+    return (
         _grow(disagreements > limit, _UNCLEAR_GROWTH if is_unclear else 0)
         | _grow(few & ~dead, _UNCLEAR_MARGIN if is_unclear else _MARGIN)
         | dead
         | _grow(outlines, _OUTLINE)
     )
-    return np.asarray(flags)
 
 
 def _grow(pixels: npt.NDArray[np.bool_], distance: int) -> npt.NDArray[np.bool_]:

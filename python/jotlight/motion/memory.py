@@ -17,8 +17,9 @@ import numpy.typing as npt
 
 from jotlight.estimators.merge_readings import round_ones
 from jotlight.motion.blocks import Sums
-from jotlight.motion.consistency import disagreement
+from jotlight.motion.consistency import Consistent, disagreement
 from jotlight.motion.jots import SeenJots
+from jotlight.motion.merge import as_paths, each_channel
 from jotlight.motion.motion import Motion
 from jotlight.motion.track import Paths
 
@@ -43,6 +44,23 @@ _LITTLE = np.float32(0.1)
 _MAX_CHANGE = 0.03
 """Largest relative change of the mean number of ones. If a scene becomes brighter or darker, the
 remembered bits would be wrong everywhere."""
+
+
+def remembers(memory: bool | None, window: int, step: int, *, causal: bool, upsample: int) -> bool:
+    """Return whether a film counts bits from before its windows.
+
+    The parameters are those of :func:`jotlight.motion.film.film`. A motion states nothing about the
+    time before its window, so the last image must show a time within the next window.
+
+    Raises
+    ------
+    ValueError
+        When the film must remember, but has a finer grid.
+    """
+    if memory and upsample > 1:
+        raise ValueError(f"memory: expected False with upsample={upsample}, got True")
+    wanted = causal and upsample == 1 if memory is None else memory
+    return wanted and step <= (window - 1 if causal else window // 2)
 
 
 class Memory:
@@ -124,21 +142,33 @@ class Memory:
         self._start, self._time = start, start + motion.reference
 
 
-def sum_first(
-    paths: Paths, step: int, masks: npt.NDArray[np.uint8], edges: npt.NDArray[np.intp]
-) -> Sums:
-    """Return the sums of the bits of the first frames that agree with the motion.
+def sum_leaving(paths: Paths, consistent: Consistent, motion: Motion, step: int) -> list[Sums]:
+    """Return the sums of the bits of the first frames that agree with a motion, for each channel.
 
     Parameters
     ----------
     paths : Paths
-        The paths over blocks of which one begins after these frames.
+        The paths of the pixels in the window.
+    consistent : Consistent
+        The bits that agree with them.
+    motion : Motion
+        The same motion.
     step : int
         Number of the first frames.
-    masks : ndarray of uint8, shape (n, H, ceil(W / 8))
-        The pixels that agree in each of n blocks, packed.
-    edges : ndarray of int, shape (n + 1,)
-        Edges of these n blocks. The blocks of `paths` may be finer.
+    """
+    edges = paths.blocks.edges
+    cut = dataclasses.replace(paths.blocks, edges=np.union1d(edges, step))
+    channels = each_channel(as_paths(motion, cut))
+    return [_sum_first(each, step, consistent.masks, edges) for each in channels]
+
+
+def _sum_first(
+    paths: Paths, step: int, masks: npt.NDArray[np.uint8], edges: npt.NDArray[np.intp]
+) -> Sums:
+    """Return the sums of the bits of the first frames that agree with the motion.
+
+    A block of `paths` ends after these frames. The masks (n, H, ceil(W / 8)) are those of n blocks
+    with the given edges, which may be longer.
     """
     first, width = paths.blocks.edges, paths.labels.shape[1]
     total = Sums.zeros(paths.blocks.size)

@@ -17,8 +17,6 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.networks.correction_layers import CENTER
-
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
 
@@ -27,6 +25,9 @@ PLANES = 11
 
 START = slice(8, 11)
 """The planes of the classical estimate."""
+
+CENTER = np.pi / 4
+"""The middle of the range of z, which is subtracted from the classical estimate."""
 
 
 class Filtered(NamedTuple):

@@ -58,6 +58,9 @@ class Network(nn.Module):
     torch.Size([1, 1, 20, 30])
     """
 
+    load_network = staticmethod(EngineNetwork.load)
+    """Function that reads the network of the engine from a file; a subclass can replace it."""
+
     def __init__(
         self,
         source: EngineNetwork | str | os.PathLike[str],
@@ -65,7 +68,7 @@ class Network(nn.Module):
         device: torch.device | str | int | None = None,
     ) -> None:
         super().__init__()
-        network = EngineNetwork.load(source) if isinstance(source, str | os.PathLike) else source
+        network = self.load_network(source) if isinstance(source, str | os.PathLike) else source
         refuse_rotations(network.rotations, "jotlight.torch.Network")
         self.origin = network
         self.filter_dtype = torch.float32

@@ -15,8 +15,8 @@ from jotlight.networks.network import Network
 from jotlight.progress import Progress
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.ahead import AheadLoader
+from jotlight.torch.color_network import ColorNetwork as TorchColorNetwork
 from jotlight.torch.color_patches import ColorPatchLoader
-from jotlight.torch.correction_network import CorrectionNetwork
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import PatchLoader
@@ -140,6 +140,8 @@ def train(
 
     Notes
     -----
+    A thread draws the patches of the next step while a step is computed.
+
     Under PyTorch's launcher, ``torchrun --nproc-per-node 2 script.py``, the processes share the
     patches of each step and add their gradients. All return the same network, and only the main
     process writes files and calls `callback`.
@@ -181,7 +183,7 @@ def train(
         loader = kind(source, network, patch_sensor(sensor), seed, batch, side)
         settings = {**_settings(loader, tests, learning_rate, steps), "precision": precision}
         with thread_limit(threads), AheadLoader(loader, group.shard, steps) as ahead:
-            module = (CorrectionNetwork if is_color else TorchNetwork)(network).to(chosen_device)
+            module = (TorchColorNetwork if is_color else TorchNetwork)(network).to(chosen_device)
             module.filter_dtype = filter_dtype
             trainer = ImageTrainer(module, ahead, settings, learning_rate, tests, group)
             trainer.begin(checkpoint, resume)
