@@ -113,17 +113,22 @@ def test_pixels_that_are_not_trusted_are_not_counted(monkeypatch):
     assert (total.trials[far] > 32).all()
 
 
-def test_points_that_another_segment_hid_are_not_counted():
-    labels = np.zeros(SIZE, np.uint8)
-    labels[:, :32] = 1
-    motion = moved([(0, 0), (0, 4)], labels=labels)
-    before = np.zeros(SIZE, np.uint8)
-    before[:, :40] = 1  # 8 columns further to the right
-    memory = remembered(sums_of(smooth_scene(), rng=1), moved([(0, 0), (0, 0)], labels=before))
-    own = sums_of(smooth_scene(), rng=1)
-    (total,) = memory.recall([own], EVERY, motion, start=8, is_carried=True)
-    assert (total.trials[:, 32:40] == 32).all()
-    fresh = remembered(sums_of(smooth_scene(), rng=1), motion)
+@pytest.fixture
+def everything_agrees(monkeypatch):
+    monkeypatch.setattr(memory_module, "_MAX_DISAGREEMENT", np.inf)
+    monkeypatch.setattr(memory_module, "_MAX_CHANGE", np.inf)
+
+
+def test_points_that_another_segment_hid_are_not_counted(everything_agrees):
+    labels, before = np.zeros((2, *SIZE), np.uint8)
+    labels[:, :24] = 1
+    before[:, :32] = 1  # 8 columns further to the right
+    motion, own = moved([(0, 0), (0, 0)], labels=labels), sums_of(smooth_scene(), rng=1)
+    last = moved([(0, 0), (0, 0)], labels=before)
+    (total,) = remembered(own, last).recall([own], EVERY, motion, start=8, is_carried=True)
+    assert (total.trials[:, 24:32] == 32).all()
+    assert (total.trials[:, 40:] > 40).all()
+    fresh = remembered(own, motion)
     assert fresh.recall([own], EVERY, motion, start=8, is_carried=False) == [own]
 
 
@@ -166,14 +171,37 @@ def test_the_first_frames_are_counted_once(step):
     np.testing.assert_array_equal(total.trials, accepted.sum(axis=0))
 
 
-def test_there_are_never_more_trials_than_bits():
-    motion, old = moved([(0, 0.5)]), sums_of(smooth_scene(), rng=1)
-    old = old.masked(np.indices(SIZE)[1] >= 30)
+def test_there_are_never_more_trials_than_bits(everything_agrees):
+    old, own = sums_of(smooth_scene(), rng=1), sums_of(smooth_scene(), trials=4, rng=2)
+    memory = remembered(old.masked(np.indices(SIZE)[1] >= 30), moved([(0, 0.5)]))
+    (total,) = memory.recall([own], EVERY, moved([(0, 0.5)]), start=8, is_carried=True)
+    (kept,) = memory._sums
+    assert kept.trials.max() <= FADING * 32 * (1 + 1e-5)
+    np.testing.assert_allclose(total.trials[:, :28], 4)
+    assert (kept.trials[:, 32:-2] > 28).all()
+
+
+def test_bits_fade_with_the_frames_between_windows(everything_agrees):
+    old, own = sums_of(smooth_scene(), rng=1), sums_of(smooth_scene(), rng=2)
+    last, motion = moved([(0, 0)], reference=31.0), moved([(0, 0)], reference=16.0)
+    (total,) = remembered(old, last).recall([own], EVERY, motion, start=8, is_carried=True)
+    expected = (own.ones + FADING * old.ones) / (32 + FADING * 32)
+    np.testing.assert_allclose(total.ones / total.trials, expected, rtol=1e-4)
+
+
+def test_the_means_of_the_jots_stay_in_the_range_of_the_maps(everything_agrees):
+    maps = np.ones((3, *SIZE), np.float32)
+    maps[:2] = np.where(np.arange(SIZE[1]) % 16 < 8, 0.0, 1.0)  # splines swing at these steps
+    jots, motion = Jots(1, (1.0, 0.0), maps), moved([(0, 0.5)])
+    old, own = sums_of(smooth_scene(), rng=1), sums_of(smooth_scene(), trials=1, rng=2)
+    for sums in (old, own):
+        sums.jots = SeenJots(jots, 0 * maps[:2])
+    old.jots = SeenJots(jots, maps[:2] * 32)
     memory = remembered(old, motion)
-    own = Sums.zeros(SIZE)  # agrees with everything
-    (total,) = memory.recall([own], EVERY, motion, start=8, is_carried=True)
-    assert total.trials.max() <= np.ceil(FADING * 32)
-    assert (total.trials[:, :28] == 0).all()
+    memory.recall([own], EVERY, motion, start=8, is_carried=True)
+    (kept,) = memory._sums
+    assert kept.jots.sums.min() >= 0
+    assert (kept.jots.sums <= kept.trials).all()
 
 
 def test_other_segments_end_the_memory():

@@ -172,8 +172,6 @@ def find_consistent(
         template = make_template(nearer, threads, network if is_last else FAST)
         for side in (0, 1):
             blocks = [block for block in ring if is_after[block] == side]
-            if not blocks:  # the reference time is at an end
-                continue
             total = Sums.zeros(size)
             for block, sums, pooled in _pool(motion, blocks, is_after == bool(side)):
                 pooled = equivalent_sums(pooled, template.probability)
