@@ -28,7 +28,8 @@ import numpy.typing as npt
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
-from jotlight.motion.film import LiveFilm, film
+from jotlight.motion.film import film
+from jotlight.motion.live_film import LiveFilm
 
 Image = npt.NDArray[Any]
 

@@ -11,7 +11,8 @@ from jotlight.formats.capture import CountStack
 from jotlight.motion.align import as_motion
 from jotlight.motion.carrying import carry, divide_by_steps
 from jotlight.motion.consistency import find_consistent
-from jotlight.motion.film import LiveFilm, film
+from jotlight.motion.film import film
+from jotlight.motion.live_film import LiveFilm
 from jotlight.motion.merge import as_paths
 from jotlight.motion.scoring import FAST
 from jotlight.sensing.provenance import Provenance

@@ -9,7 +9,8 @@ import jotlight as jl
 from jotlight.motion import consistency
 from jotlight.motion import film as films
 from jotlight.motion import memory as memory_module
-from jotlight.motion.film import LiveFilm, film
+from jotlight.motion.film import film
+from jotlight.motion.live_film import LiveFilm
 
 FADING = np.exp(-8 / (2.5 * 32))
 """For 8 frames and a window of 32."""

@@ -166,7 +166,7 @@ def _motion_behind_mosaic(
     """Return the motion of a scene behind a mosaic, from sums over squares of jots."""
     gray = without_mosaic(sensor)
     require_plain_bits(gray)
-    squares, own = in_squares(bits, sensor, _excluded_jots(gray))
+    squares, own = in_squares(bits, sensor, excluded_jots(gray))
     motion, _ = find_motion(squares, own, at, model, threads, progress)
     side = squares_side(sensor)
     return enlarge(motion, side, (bits.shape[1], bits.shape[2]))
@@ -192,12 +192,6 @@ def prepare_burst(
             "arguments by their names, such as motion=motion"
         )
     if sensor is not None:
-        if sensor.mosaic is not None:
-            raise ValueError(
-                "sensor: expected a gray sensor, because films of a mosaic are not supported, got "
-                f"{sensor.mosaic!r}; merge the bits for each image: jotlight.merge(bits, at=time) "
-                "(--motion --at)"
-            )
         require_plain_bits(sensor)
     if isinstance(data, CountStack):
         if sensor is not None and sensor.oversampling > 1:
@@ -266,13 +260,13 @@ def as_blocks(
 
 def valid_jots(sensor: Sensor, *, with_hot_jots: bool = False) -> npt.NDArray[np.uint8] | None:
     """Return the packed mask of the jots that are neither dead nor hot, or None if all are good."""
-    excluded = sensor.mask if with_hot_jots else _excluded_jots(sensor)
+    excluded = sensor.mask if with_hot_jots else excluded_jots(sensor)
     if excluded is None or not excluded.any():
         return None
     return np.packbits(~excluded, axis=1)
 
 
-def _excluded_jots(sensor: Sensor) -> npt.NDArray[np.bool_] | None:
+def excluded_jots(sensor: Sensor) -> npt.NDArray[np.bool_] | None:
     """Return the jots that are dead or hot, or None if there are none."""
     dead, hot = sensor.mask, hot_jots(sensor)
     return dead if hot is None else hot if dead is None else dead | hot

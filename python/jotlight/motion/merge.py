@@ -160,7 +160,7 @@ def _merge_color(
 
     They are never those of a window without motion, which might differ from color to color.
     """
-    paths, motion = _paths_at(burst, sensor, at, motion, threads)
+    paths, motion = paths_at(burst, sensor, at, motion, threads)
     return merge_along(paths, motion, sensor, may_stand_still=False)
 
 
@@ -186,22 +186,31 @@ def _merge(
             f"motion: expected that of {burst.size[0]} x {burst.size[1]} jots, got "
             f"{motion.size[0]} x {motion.size[1]}"
         )
-    paths, motion = _paths_at(burst, sensor, at, motion, threads)
+    paths, motion = paths_at(burst, sensor, at, motion, threads)
     if motion.model == "none" and hot_jots(sensor) is not None:
         consistent = None
     return merge_along(paths, motion, sensor, consistent, upsample)
 
 
-def _paths_at(
-    burst: Burst, sensor: Sensor, at: float | None, motion: Motion, threads: int | None
+def paths_at(
+    burst: Burst,
+    sensor: Sensor,
+    at: float | None,
+    motion: Motion,
+    threads: int | None,
+    edges: npt.NDArray[np.intp] | None = None,
 ) -> tuple[Paths, Motion]:
-    """Return the paths of a motion over the blocks of a burst, as seen from a time."""
+    """Return the paths of a motion over the blocks of a burst, as seen from a time, and the motion.
+
+    `edges` are those of the blocks. Default: those of :func:`jotlight.motion.model.divide`.
+    """
     time = motion.reference if at is None else reference_time(at, burst)
     if time != motion.reference:
         motion = motion.seen_from(time)
     # If nothing moves, only a hot jot itself has seen its scene point. Otherwise others have, too.
     is_still = motion.model == "none"
-    blocks = as_blocks(burst, divide(len(burst)), sensor, threads, with_hot_jots=is_still)
+    edges = divide(len(burst)) if edges is None else edges
+    blocks = as_blocks(burst, edges, sensor, threads, with_hot_jots=is_still)
     return as_paths(motion, blocks), motion
 
 

@@ -7,6 +7,7 @@ the sums is that of the scene.
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -55,12 +56,64 @@ def squares_side(sensor: Sensor) -> int:
     return sensor.oversampling * (side if side <= _MAX_SIDE else _USUAL_SIDE)
 
 
+class Squares:
+    """Sums over squares of the jots of a sensor with a mosaic.
+
+    Rows and columns of jots beyond the last whole square are left out.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor.
+    size : (int, int)
+        H and W in jots.
+    excluded : ndarray of bool, shape (H, W), optional
+        The jots that are not counted. Default: none.
+
+    Raises
+    ------
+    ValueError
+        When the image is smaller than a square.
+    """
+
+    def __init__(
+        self, sensor: Sensor, size: tuple[int, int], excluded: npt.NDArray[np.bool_] | None
+    ) -> None:
+        self.side = squares_side(sensor)
+        self.size = size[0] // self.side, size[1] // self.side
+        """Rows and columns of squares."""
+        if 0 in self.size:
+            raise ValueError(
+                f"data: expected {self.side} x {self.side} jots or more to find a motion behind "
+                f"this mosaic, got {size[0]} x {size[1]}"
+            )
+        self._sensor = sensor
+        self._good = np.ones(size, np.uint8)
+        if excluded is not None:
+            self._good -= excluded
+
+    def count(self, bits: Bits, start: int = 0, stop: int | None = None) -> Counts:
+        """Return the sums in each of some frames, (n, rows, columns)."""
+        packed = read_frames(bits.packed, start, len(bits) if stop is None else stop)
+        each = np.unpackbits(packed, axis=2, count=bits.width) & self._good
+        rows, columns = self.size
+        each = each[:, : rows * self.side, : columns * self.side]
+        dtype = np.min_scalar_type(self.side**2)
+        sums = each.reshape(-1, rows, self.side, columns * self.side).sum(axis=2, dtype=dtype)
+        counts: Counts = sums.reshape(-1, rows, columns, self.side).sum(axis=3, dtype=dtype)
+        return counts
+
+    def stack(self, images: Counts | Frames) -> tuple[CountStack, Sensor]:
+        """Return the sums in T frames (T, rows, columns), and a gray sensor that counts them."""
+        trials = self.side**2
+        stack = CountStack(images, Provenance("bits", "sums over squares of jots"), trials=trials)
+        return stack, _sensor_of_squares(self._sensor, self._good, len(images), self.side)
+
+
 def in_squares(
     bits: Bits, sensor: Sensor, excluded: npt.NDArray[np.bool_] | None
 ) -> tuple[CountStack, Sensor]:
     """Return the counts of squares of jots in each frame, and a gray sensor whose jots they are.
-
-    Rows and columns of jots beyond the last whole square are left out.
 
     Parameters
     ----------
@@ -77,31 +130,16 @@ def in_squares(
         When the image is smaller than a square.
     """
     frames, height, width = bits.shape
-    side = squares_side(sensor)
-    rows, columns = height // side, width // side
-    if not rows or not columns:
-        raise ValueError(
-            f"data: expected {side} x {side} jots or more to find a motion behind this mosaic, got "
-            f"{height} x {width}"
-        )
-    dtype = np.min_scalar_type(side**2)
-    good = np.ones((height, width), np.uint8) if excluded is None else (~excluded).astype(np.uint8)
-
-    def read(start: int, stop: int) -> Counts:
-        packed = read_frames(bits.packed, start, stop)
-        each = np.unpackbits(packed, axis=2, count=width) & good
-        each = each[:, : rows * side, : columns * side]
-        sums = each.reshape(-1, rows, side, columns * side).sum(axis=2, dtype=dtype)
-        counts: Counts = sums.reshape(-1, rows, columns, side).sum(axis=3, dtype=dtype)
-        return counts
-
-    images: Counts | Frames = Frames((frames, rows, columns), read, dtype)
-    if frames * rows * columns * dtype.itemsize <= _MAX_BYTES:
-        images = np.concatenate(
-            [read(first, min(first + 64, frames)) for first in range(0, frames, 64)]
-        )
-    stack = CountStack(images, Provenance("bits", "sums over squares of jots"), trials=side**2)
-    return stack, _sensor_of_squares(sensor, good, frames, side)
+    squares = Squares(sensor, (height, width), excluded)
+    dtype = np.dtype(np.min_scalar_type(squares.side**2))
+    shape = frames, *squares.size
+    if math.prod(shape) * dtype.itemsize > _MAX_BYTES:
+        return squares.stack(Frames(shape, partial(squares.count, bits), dtype))
+    images = np.empty(shape, dtype)
+    for first in range(0, frames, 64):
+        last = min(first + 64, frames)
+        images[first:last] = squares.count(bits, first, last)
+    return squares.stack(images)
 
 
 def _sensor_of_squares(sensor: Sensor, good: Pattern, frames: int, side: int) -> Sensor:
@@ -133,6 +171,25 @@ def _mean(values: Map, side: int) -> Map:
     return np.asarray(whole.reshape(rows, side, columns, side).mean(axis=(1, 3)))
 
 
+def check_mergeable(sensor: Sensor) -> None:
+    """Raise ValueError unless bits behind a sensor's mosaic can be merged to a color image.
+
+    They can if there are ideal filters for red, green, and blue, and no white balance.
+    """
+    mosaic = sensor.mosaic
+    if mosaic.filters != FILTERS or not mosaic.is_ideal:
+        raise ValueError(
+            "sensor: expected ideal filters R, G, and B to merge bits behind a mosaic, got "
+            f"{mosaic!r}; jotlight.align takes every mosaic"
+        )
+    balance = np.asarray(mosaic.white_balance)
+    if not (balance == 1).all():
+        raise ValueError(
+            "sensor: expected a mosaic with the white balance 1 for merged counts, got "
+            f"{balance.tolist()}; multiply the estimate by it"
+        )
+
+
 def sensors_of_colors(sensor: Sensor, size: tuple[int, int]) -> list[Sensor]:
     """Return the gray sensors of the jots behind red, green, and blue filters.
 
@@ -148,8 +205,7 @@ def sensors_of_colors(sensor: Sensor, size: tuple[int, int]) -> list[Sensor]:
     Raises
     ------
     ValueError
-        When there are other filters than ideal ones for red, green, and blue, or there is a white
-        balance.
+        When bits behind the mosaic cannot be merged.
 
     Examples
     --------
@@ -157,19 +213,8 @@ def sensors_of_colors(sensor: Sensor, size: tuple[int, int]) -> list[Sensor]:
     >>> red.mask[:2, :2].tolist()
     [[False, True], [True, True]]
     """
-    mosaic = sensor.mosaic
-    if mosaic.filters != FILTERS or not mosaic.is_ideal:
-        raise ValueError(
-            "sensor: expected ideal filters R, G, and B to merge bits behind a mosaic, got "
-            f"{mosaic!r}; jotlight.align takes every mosaic"
-        )
-    balance = np.asarray(mosaic.white_balance)
-    if not (balance == 1).all():
-        raise ValueError(
-            "sensor: expected a mosaic with the white balance 1 for merged counts, got "
-            f"{balance.tolist()}; multiply the estimate by it"
-        )
-    places = mosaic.of_jots(*size, sensor.oversampling)
+    check_mergeable(sensor)
+    places = sensor.mosaic.of_jots(*size, sensor.oversampling)
     gray = without_mosaic(sensor)
     dead = np.zeros(size, bool) if sensor.mask is None else sensor.mask
     return [

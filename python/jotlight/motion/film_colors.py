@@ -1,0 +1,113 @@
+"""The color images of a film behind a mosaic, along the motion of sums over squares of jots."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from jotlight.formats.capture import CountStack
+from jotlight.motion.align import excluded_jots, prepare_burst
+from jotlight.motion.carrying import divide_by_steps
+from jotlight.motion.film_merging import FilmMerging
+from jotlight.motion.memory import Memory
+from jotlight.motion.merge import paths_at
+from jotlight.motion.mosaics import (
+    Counts,
+    Squares,
+    enlarge,
+    join_colors,
+    sensors_of_colors,
+)
+from jotlight.motion.motion import Motion
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.readings import without_mosaic
+from jotlight.sensing.sensor import Sensor
+
+
+class FilmColors:
+    """The windows of a film as sums over squares, and their merged colors.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor of a window, with a mosaic.
+    size : (int, int)
+        H and W in jots.
+    step : int
+        Frames from one window to the next.
+    new_memory : callable
+        A function that returns an empty memory, or None if nothing is remembered.
+    threads : int, optional
+        Number of threads. Default: all.
+
+    Raises
+    ------
+    ValueError
+        When the bits behind the mosaic cannot be merged.
+    """
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        size: tuple[int, int],
+        step: int,
+        new_memory: Callable[[], Memory | None],
+        threads: int | None = None,
+    ) -> None:
+        self._sensor, self._size, self._step, self._threads = sensor, size, step, threads
+        self._squares = Squares(sensor, size, excluded_jots(without_mosaic(sensor)))
+        self._sums: Counts = np.zeros((0, *self._squares.size), np.uint8)
+        self._stop = 0
+        self._of_colors = [
+            FilmMerging(own, step, new_memory(), may_stand_still=False)
+            for own in sensors_of_colors(sensor, size)
+        ]
+
+    def squares(self, part: Bits, start: int) -> tuple[CountStack, Sensor]:
+        """Return the sums of a window, and their gray sensor. Only new frames are summed.
+
+        Parameters
+        ----------
+        part : Bits
+            The frames of the window.
+        start : int
+            The first of them.
+        """
+        known = max(0, self._stop - start) if start < self._stop <= start + len(part) else 0
+        new = self._squares.count(part, known)
+        self._sums = np.concatenate([self._sums[len(self._sums) - known :], new])
+        self._stop = start + len(part)
+        return self._squares.stack(self._sums)
+
+    def merge(
+        self, part: Bits, of_squares: Motion, start: int, *, is_carried: bool, is_lost: bool
+    ) -> tuple[Merged, Motion]:
+        """Return the merged colors of a window, and its motion in jots.
+
+        Parameters
+        ----------
+        part : Bits
+            The frames of the window.
+        of_squares : Motion
+            The motion of the squares.
+        start : int
+            The first frame of the window.
+        is_carried : bool
+            Whether the segments of the motion are those of the last image.
+        is_lost : bool
+            Whether the motion does not explain the squares. All pixels are then flagged.
+        """
+        motion = enlarge(of_squares, self._squares.side, self._size)
+        edges = divide_by_steps(len(part), self._step)
+        found = []
+        for color in self._of_colors:
+            burst, _ = prepare_burst(part, color.sensor, may_repeat=True)
+            paths, _ = paths_at(burst, color.sensor, None, motion, self._threads, edges)
+            found.append(color.merge(paths, motion, start, is_carried=is_carried))
+        merged = join_colors(found, self._sensor)
+        if is_lost:
+            merged = dataclasses.replace(merged, flags=np.ones(self._size, bool))
+        for color in self._of_colors:
+            color.forget_if_lost(merged)
+        return merged, motion

@@ -1,0 +1,109 @@
+"""Films of frames that arrive one after the other."""
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.checks import whole_number_in_range
+from jotlight.motion.film import FilmImage, FilmSettings, begin_film
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor, require_sensor
+
+
+class LiveFilm:
+    """A film of frames that arrive one after the other. Each image shows the latest frame.
+
+    It keeps the frames of a window, the motion, and sums of earlier bits. So an image takes the
+    same time and the same number of bytes, however many came before.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor. Its number of frames has no effect.
+    window : int
+        Number of frames of each image.
+    step : int
+        Frames from one image to the next, at most a window.
+    model : {"auto", "none", "affine", "segments", "tiles"}
+        The model of the motion, as in :func:`jotlight.align`.
+    memory : bool, optional
+        Whether bits from before the window are counted, as in :func:`film`. Default: True, but not
+        with `upsample`.
+    upsample : {1, 2}
+        2 for a grid of half pixels, as in :func:`jotlight.merge`.
+    threads : int, optional
+        Number of threads. Default: all.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When an argument is out of its range.
+
+    Examples
+    --------
+    >>> from jotlight.datasets import moving
+    >>> scene = moving(motion="shake", sensor=Sensor(frames=48), shape=(64, 64), photons=0.5, rng=1)
+    >>> live = LiveFilm(scene.sensor, window=32, step=8)
+    >>> [len(live.add(scene.bits[start : start + 4])) for start in range(0, 48, 4)]
+    [0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 1]
+    """
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        *,
+        window: int,
+        step: int,
+        model: str = "auto",
+        memory: bool | None = None,
+        upsample: int = 1,
+        threads: int | None = None,
+    ) -> None:
+        require_sensor(sensor)
+        self._window = whole_number_in_range("window", window, 1, 2**31 - 1)
+        self._step = whole_number_in_range("step", step, 1, window)
+        settings = FilmSettings(
+            window=self._window,
+            step=self._step,
+            model=model,
+            causal=True,
+            memory=memory,
+            upsample=whole_number_in_range("upsample", upsample, 1, 2),
+            threads=threads,
+        )
+        self._state = begin_film(sensor.replace(frames=window), settings)
+        self._kept: npt.NDArray[np.uint8] | None = None
+        self._width, self._seen = 0, 0
+
+    def add(self, frames: Bits) -> list[FilmImage]:
+        """Return the images that are complete with some further frames, usually none or one.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When the frames are not bits, or differ in size from earlier ones.
+        """
+        if not isinstance(frames, Bits):
+            raise TypeError(
+                f"frames: expected jotlight.Bits, got {type(frames).__name__}; "
+                "Bits.from_array packs frames (T, H, W) of 0 and 1"
+            )
+        packed = np.asarray(frames.packed)
+        if self._kept is None:
+            self._kept, self._width = packed[:0], frames.width
+        if packed.shape[1:] != self._kept.shape[1:] or frames.width != self._width:
+            raise ValueError(
+                f"frames: expected the size of earlier frames, {self._kept.shape[1]} x "
+                f"{self._width}, got {frames.shape[1]} x {frames.width}"
+            )
+        images = []
+        while len(packed):
+            missing = self._window - self._seen
+            if missing <= 0:
+                missing = self._step - (self._seen - self._window) % self._step
+            part, packed = packed[:missing], packed[missing:]
+            self._kept = np.concatenate([self._kept, part])[-self._window :]
+            self._seen += len(part)
+            if len(part) == missing:
+                bits = Bits(self._kept, self._width, self._state.sensor)
+                images.append(self._state.next_image(bits, self._seen - self._window))
+        return images
