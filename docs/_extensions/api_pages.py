@@ -51,7 +51,8 @@ USED_NAMES = {
     "jotlight.images.io": ("image_writer",),
     "jotlight.images.tone": ("Tone",),
     "jotlight.estimators.planned_motion": ("MotionPlan", "SceneModel", "plan_motion"),
-    "jotlight.motion.film": ("FilmImage", "LiveFilm", "film"),
+    "jotlight.motion.film": ("FilmImage", "film"),
+    "jotlight.motion.live_film": ("LiveFilm",),
     "jotlight.sensing.mosaic": ("Mosaic",),
     "jotlight.plots": ("Panel", "bits_panel", "comparison", "training"),
     "jotlight.torch.deepinv": (

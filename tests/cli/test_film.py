@@ -195,3 +195,50 @@ def test_the_window_is_required(run, capture):
     status, output = run("film", "known.npy", "-o", "a.npy")
     assert status == 2
     assert "--window requires an argument" in output
+
+
+@pytest.mark.parametrize("motion", ["shake", "static"])
+def test_a_film_behind_a_mosaic_has_colors(run, tmp_path, motion):
+    scene = jl.datasets.moving(
+        jl.datasets.photograph("astronaut").astype(np.float64),
+        motion,
+        sensor=jl.Sensor(frames=64, mosaic="RGGB"),
+        shape=(64, 80),
+        photons=0.5,
+        rng=0,
+    )
+    jl.save(scene.bits, tmp_path / "mosaic.npy")
+    bits = jl.open(tmp_path / "mosaic.npy")
+    arguments = ["film", "mosaic.npy", "--window", 32, "--step", 16]
+    status, output = run(*arguments, "-o", "aligned.npy", "--motion")
+    assert status == 0, output
+    assert "3 images of 64 x 80 x 3 from 32 frames each, " in output
+    assert "by network, color in" in output
+    expected = [jl.reconstruct(image.data) for image in film(bits, window=32, step=16)]
+    np.testing.assert_allclose(np.load(tmp_path / "aligned.npy"), expected, atol=1e-5)
+    assert ("bits agree" in output) == (motion == "shake")
+    status, output = run(*arguments, "-o", "plain.npy")
+    assert status == 0, output
+    assert ("--motion aligns its frames" in output) == (motion == "shake")
+    windows = [jl.reconstruct(bits[start : start + 32]) for start in (0, 16, 32)]
+    np.testing.assert_allclose(np.load(tmp_path / "plain.npy"), windows, atol=1e-5)
+    options = ["--demosaicing", "differences", "-o", "differences.npy"]
+    status, output = run(*arguments, *options)
+    assert status == 0, output
+    first = jl.reconstruct(bits[:32], demosaicing="differences")
+    np.testing.assert_allclose(np.load(tmp_path / "differences.npy")[0], first, atol=1e-5)
+    status, output = run(*arguments, *options, "--motion")
+    assert status != 0
+    assert "demosaicing: differences combines planes" in output
+
+
+def test_a_film_of_color_bits_has_the_colors_of_reconstruct(run, tmp_path):
+    image = jl.datasets.photograph("astronaut")[:64:2, :80:2].astype(np.float64)
+    bits = jl.Sensor(frames=32).expose(image, rng=0, channel_axis=-1)
+    jl.save(bits, tmp_path / "colors.npy")
+    status, output = run("film", "colors.npy", "--window", 16, "-o", "out.npy")
+    assert status == 0, output
+    assert "by network, color in" in output
+    opened = jl.open(tmp_path / "colors.npy")
+    expected = [jl.reconstruct(opened[start : start + 16]) for start in (0, 16)]
+    np.testing.assert_allclose(np.load(tmp_path / "out.npy"), expected, atol=1e-5)

@@ -6,7 +6,9 @@ from jotlight.cli.console import caution
 from jotlight.evaluation.choice import Choice
 from jotlight.formats.capture import Capture
 from jotlight.motion.detection import THRESHOLD, motion_score
+from jotlight.motion.mosaics import is_mergeable
 from jotlight.networks.pretrained import CONDITIONAL_SIZE
+from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 _DIM = 0.7
@@ -55,13 +57,14 @@ def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int 
     threads : int, optional
         Number of threads. Default: all.
     """
-    if not sensor.has_plain_bits or sensor.mosaic is not None:
-        return  # their ones change without motion, or --motion does not take them
+    if not without_mosaic(sensor).has_plain_bits:
+        return  # their ones change without motion
     for part in parts:
         trials = max(1, sensor.trials // len(part))
         score = motion_score(part, trials=trials, threshold=sensor.threshold, threads=threads)
         if score > THRESHOLD:
-            caution(
-                "motion", "the scene moves, so the image is blurred; --motion aligns its frames"
+            way = (
+                "--motion aligns its frames" if is_mergeable(sensor) else "fewer frames are sharper"
             )
+            caution("motion", f"the scene moves, so the image is blurred; {way}")
             return

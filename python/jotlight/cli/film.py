@@ -14,6 +14,7 @@ from jotlight.chunks import windows
 from jotlight.cli.advice import caution_about_motion
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import sum_counts
+from jotlight.cli.color_choice import refuse_demosaicing, without_demosaicing
 from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
 from jotlight.cli.console import progress, report
 from jotlight.cli.jot_checks import caution_about_jots
@@ -36,7 +37,7 @@ from jotlight.motion.film import film as merge_windows
 from jotlight.motion.memory import remembers
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
-from jotlight.sensing.readings import require_plain_bits
+from jotlight.sensing.readings import require_plain_bits, without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -115,7 +116,9 @@ def film(
     motion.check()
     inputs.check_outputs([outputs.output])
     job = inputs.prepare(outputs.output, window=outputs.window)
-    require_plain_bits(job.captured.sensor)
+    require_plain_bits(without_mosaic(job.captured.sensor))
+    if motion.motion:
+        refuse_demosaicing(job.settings)
     spans = windows(len(job.captured.data), outputs.window, outputs.step)
     brightness = _write(job, outputs, motion, spans, threads)
     report_assumptions(job, brightness)
@@ -177,7 +180,7 @@ def _write(
     report(
         f"{outputs.output}: {len(spans)} image{'s' * (len(spans) > 1)} of "
         f"{' x '.join(map(str, image.shape))} from {_amount(data, outputs.window, each)} each"
-        f"{' and from those before that agree' if has_memory else ''}, "
+        f"{' and from those before that agree' if has_memory and summary.accepted else ''}, "
         f"values {scale * minimum:.3g} to {scale * maximum:.3g} ({_display(outputs, tone)}), by "
         f"{job.choice.title} in {seconds:.3g} s"
         + (f"; {_amount(data, unused, each)} at the end lie in no window" if unused else "")
@@ -209,25 +212,30 @@ class _Summary:
     models: list[str] = dataclasses.field(default_factory=list)
     """Models of the motions that were estimated afresh."""
     accepted: list[float] = dataclasses.field(default_factory=list)
-    """Fraction of the bits of each image that agree."""
+    """Fraction of the bits that agree, of each image that was merged."""
 
     def add(self, image: FilmImage) -> None:
         """Add an image."""
         if not image.is_carried:
             self.models.append(image.motion.model)
-        if image.merged.acceptance is not None:
+        if image.data is image.merged and image.merged.acceptance is not None:
             self.accepted.append(float(image.merged.acceptance.mean()))
 
     def lines(self) -> list[str]:
         """Return what was found, in one line, or nothing without motion."""
-        if not self.accepted:
+        if not self.models:
             return []
         number, models = len(self.models), ", ".join(sorted(set(self.models)))
-        return [
+        line = (
             f"motion: {models}; estimated afresh for {number} image{'s' * (number > 1)}, and "
-            f"carried to the others; {np.mean(self.accepted):.1%} of the bits agree and are used, "
-            f"and {min(self.accepted):.1%} or more of each image"
-        ]
+            "carried to the others"
+        )
+        if self.accepted:
+            line += (
+                f"; {np.mean(self.accepted):.1%} of the bits agree and are used, and "
+                f"{min(self.accepted):.1%} or more of each image"
+            )
+        return [line]
 
 
 def _images(
@@ -239,7 +247,7 @@ def _images(
     threads: int | None,
 ) -> Iterator[Image]:
     """Yield the estimates of all windows."""
-    data, sensor = job.captured.data, job.captured.sensor
+    data = job.captured.data
     if not motion.motion:
         for span in spans:
             yield _estimate(job, data[span], threads)
@@ -256,7 +264,10 @@ def _images(
         threads=threads,
     ):
         summary.add(image)
-        yield reconstruct(image.merged, sensor, method=job.method, threads=threads, **job.settings)
+        settings = (
+            job.settings if isinstance(image.data, Bits) else without_demosaicing(job.settings)
+        )
+        yield reconstruct(image.data, method=job.method, threads=threads, **settings)
 
 
 def _sensor_of_all(job: Reconstruction, window: int) -> Sensor:

@@ -12,6 +12,11 @@ from jotlight.cli.advice import range_advice
 from jotlight.cli.applied_calibration import AppliedCalibration
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import Captured, add_sensor, of_window, refuse_capture_overwrite
+from jotlight.cli.color_choice import (
+    refuse_demosaicing,
+    takes_color_network,
+    without_demosaicing,
+)
 from jotlight.cli.console import caution, live_iterations, progress, report
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.method_options import MethodOptions
@@ -22,11 +27,10 @@ from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
 from jotlight.estimators.problem import ConvergenceHistories
-from jotlight.evaluation.channels import COLORS, takes_channels
+from jotlight.evaluation.channels import takes_channels
 from jotlight.evaluation.choice import COLOR_NETWORK, JOINT, Choice, choose_method
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
-from jotlight.evaluation.mosaics import takes_colors
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.files import atomic_write_together, refuse_overwrite
 from jotlight.formats.capture import Capture
@@ -101,7 +105,8 @@ class Inputs:
             Number of frames of the image. Default: all.
         """
         opened = self.capture.open(self.path, self.sensor.stated_trials(), self.sensor.bit_depth)
-        may_be_color = window is None and not self.motion.motion
+        # Whether the color network takes a single merged image depends on what was merged.
+        may_be_color = window is not None or not self.motion.motion
         return self.prepare_opened(opened, output, window=window, may_be_color=may_be_color)
 
     def prepare_opened(
@@ -150,7 +155,7 @@ class Inputs:
             requested=request,
             network=network,
             is_range_known=is_range_known,
-            is_color=may_be_color and _takes_color_network(captured),
+            is_color=may_be_color and takes_color_network(captured),
         )
         if self.motion.factor > 1 and choice.quality is None and network is None:
             raise ValueError(
@@ -174,15 +179,6 @@ class Inputs:
             white,
             self.method.model,
         )
-
-
-def _takes_color_network(captured: Captured) -> bool:
-    """Return whether the color network estimates a capture by default."""
-    if captured.sensor.mosaic is not None:
-        return takes_colors(captured.data)
-    data = captured.data
-    frame = data.shape[1:] if isinstance(data, Bits) else data[0].shape
-    return len(frame) > 2 and frame[-1] == COLORS
 
 
 def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:
@@ -263,17 +259,14 @@ def _with_colors(job: Reconstruction, merged: Merged | None) -> Reconstruction:
 
     `merged` is None for a scene that stands still behind a mosaic. Requested methods stay.
     """
+    if merged is not None:
+        refuse_demosaicing(job.settings)
     demosaicing = job.settings.get("demosaicing")
-    if merged is not None and demosaicing in DEMOSAICING:
-        raise ValueError(
-            f"demosaicing: {demosaicing} combines planes of pixels that see one color each, but "
-            "along the motion each pixel is seen through all filters; leave it out"
-        )
     is_default = demosaicing not in DEMOSAICING and job.settings.keys() <= {"demosaicing"}
     if job.choice.reason == "requested" or not is_default:
         return job
     if merged is None:
-        takes = _takes_color_network(job.captured)
+        takes = takes_color_network(job.captured)
     else:
         takes = takes_channels(gray_images(merged))
     choice = choose_method(job.captured.sensor, is_color=takes)
@@ -287,9 +280,9 @@ def _estimate(
     job: Reconstruction, data: Data, threads: int | None
 ) -> tuple[npt.NDArray[np.float32], str]:
     """Return the estimate of an image, and how the iterations ended or what was blended."""
-    title, settings = job.choice.title, dict(job.settings)
+    title, settings = job.choice.title, job.settings
     if isinstance(data, Merged):
-        settings.pop("demosaicing", None)  # "network", which is the default
+        settings = without_demosaicing(settings)
 
     def run(**others: Any) -> tuple[npt.NDArray[np.float32], Info]:
         return reconstruct(

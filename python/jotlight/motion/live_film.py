@@ -6,6 +6,7 @@ import numpy.typing as npt
 from jotlight.checks import whole_number_in_range
 from jotlight.motion.film import FilmImage, FilmSettings, begin_film
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor, require_sensor
 
 
@@ -58,7 +59,7 @@ class LiveFilm:
         upsample: int = 1,
         threads: int | None = None,
     ) -> None:
-        require_sensor(sensor)
+        require_sensor(without_mosaic(sensor) if isinstance(sensor, Sensor) else sensor)
         self._window = whole_number_in_range("window", window, 1, 2**31 - 1)
         self._step = whole_number_in_range("step", step, 1, window)
         settings = FilmSettings(

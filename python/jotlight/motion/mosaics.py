@@ -171,23 +171,37 @@ def _mean(values: Map, side: int) -> Map:
     return np.asarray(whole.reshape(rows, side, columns, side).mean(axis=(1, 3)))
 
 
-def check_mergeable(sensor: Sensor) -> None:
-    """Raise ValueError unless bits behind a sensor's mosaic can be merged to a color image.
+def is_mergeable(sensor: Sensor) -> bool:
+    """Return whether the bits of a sensor can be merged along a motion.
 
-    They can if there are ideal filters for red, green, and blue, and no white balance.
+    Behind a mosaic, they can if there are ideal filters for red, green, and blue, and no white
+    balance.
+
+    Examples
+    --------
+    >>> [is_mergeable(Sensor(mosaic=mosaic)) for mosaic in (None, "RGGB", "RGBW")]
+    [True, True, False]
     """
+    mosaic = sensor.mosaic
+    return mosaic is None or (
+        mosaic.filters == FILTERS and mosaic.is_ideal and bool((mosaic.white_balance == 1).all())
+    )
+
+
+def check_mergeable(sensor: Sensor) -> None:
+    """Raise ValueError if the bits of a sensor cannot be merged along a motion."""
+    if is_mergeable(sensor):
+        return
     mosaic = sensor.mosaic
     if mosaic.filters != FILTERS or not mosaic.is_ideal:
         raise ValueError(
             "sensor: expected ideal filters R, G, and B to merge bits behind a mosaic, got "
             f"{mosaic!r}; jotlight.align takes every mosaic"
         )
-    balance = np.asarray(mosaic.white_balance)
-    if not (balance == 1).all():
-        raise ValueError(
-            "sensor: expected a mosaic with the white balance 1 for merged counts, got "
-            f"{balance.tolist()}; multiply the estimate by it"
-        )
+    raise ValueError(
+        "sensor: expected a mosaic with the white balance 1 for merged counts, got "
+        f"{np.asarray(mosaic.white_balance).tolist()}; multiply the estimate by it"
+    )
 
 
 def sensors_of_colors(sensor: Sensor, size: tuple[int, int]) -> list[Sensor]:

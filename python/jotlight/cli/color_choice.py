@@ -1,0 +1,36 @@
+"""Which captures the color network estimates, and how mosaics become colors."""
+
+from typing import Any
+
+from jotlight.cli.captured import Captured
+from jotlight.estimators.demosaicing import TITLES
+from jotlight.evaluation.channels import COLORS
+from jotlight.evaluation.mosaics import takes_colors
+from jotlight.sensing.bits import Bits
+
+
+def takes_color_network(captured: Captured) -> bool:
+    """Return whether the color network estimates a capture by default."""
+    if captured.sensor.mosaic is not None:
+        return takes_colors(captured.data)
+    data = captured.data
+    frame = data.shape[1:] if isinstance(data, Bits) else data[0].shape
+    return len(frame) > 2 and frame[-1] == COLORS
+
+
+def refuse_demosaicing(settings: dict[str, Any]) -> None:
+    """Raise ValueError if the options of a method state how planes become colors.
+
+    Merged counts have no planes.
+    """
+    demosaicing = settings.get("demosaicing")
+    if demosaicing in TITLES:
+        raise ValueError(
+            f"demosaicing: {demosaicing} combines planes of pixels that see one color each, but "
+            "along the motion each pixel is seen through all filters; leave it out"
+        )
+
+
+def without_demosaicing(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the options of a method for merged counts, for which "network" is the default."""
+    return {name: value for name, value in settings.items() if name != "demosaicing"}

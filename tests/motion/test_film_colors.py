@@ -1,0 +1,131 @@
+"""Films behind a color mosaic: sums over squares, merged colors, and still windows."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.motion.align import excluded_jots
+from jotlight.motion.film import film
+from jotlight.motion.film_colors import FilmColors
+from jotlight.motion.live_film import LiveFilm
+from jotlight.motion.mosaics import in_squares, is_mergeable
+from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.readings import without_mosaic
+
+FRAMES, SIZE = 96, (96, 112)
+WINDOW, STEP = 64, 16
+
+
+def behind(mosaic="RGGB", motion="shake", frames=FRAMES, **maps):
+    """Return a moving color scene behind a mosaic, and its bits in memory."""
+    scene = jl.datasets.moving(
+        jl.datasets.photograph("astronaut").astype(np.float64),
+        motion,
+        sensor=jl.Sensor(frames=frames, mosaic=mosaic, **maps),
+        shape=SIZE,
+        photons=0.5,
+        rng=4,
+    )
+    return scene, jl.Bits(np.asarray(scene.bits.packed), SIZE[1], scene.sensor)
+
+
+def quality(data, truth):
+    inner = (slice(8, -8),) * 2
+    return jl.metrics.psnr(jl.reconstruct(data)[inner], truth[inner], data_range=1.0)
+
+
+@pytest.mark.parametrize("causal", [False, True])
+def test_each_image_is_as_good_as_with_a_fresh_alignment(causal):
+    scene, bits = behind()
+    images = list(film(bits, window=WINDOW, step=STEP, causal=causal, memory=False))
+    assert images[-1].is_carried
+    for index, image in enumerate(images):
+        assert image.data is image.merged
+        assert image.merged.shape == (*SIZE, 3)
+        assert image.motion.size == SIZE
+        at = WINDOW - 1 if causal else WINDOW // 2
+        assert image.motion.reference == at
+        truth = scene.image(index * STEP + at)
+        part = bits[index * STEP : index * STEP + WINDOW]
+        fresh = quality(jl.merge(part, at=at), truth)
+        assert quality(image.data, truth) > fresh - 0.3
+        assert quality(image.data, truth) > quality(part[at - 4 : at + 5], truth) + 2
+
+
+def test_live_images_are_those_of_a_causal_film():
+    _, bits = behind()
+    live = LiveFilm(bits.sensor, window=WINDOW, step=STEP)
+    found = [
+        image for start in range(0, FRAMES, 11) for image in live.add(bits[start : start + 11])
+    ]
+    expected = list(film(bits, window=WINDOW, step=STEP, causal=True))
+    assert len(found) == len(expected) == 3
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(one.merged.ones, other.merged.ones)
+        np.testing.assert_array_equal(one.merged.trials, other.merged.trials)
+
+
+def test_a_causal_film_remembers_colors():
+    scene, bits = behind(frames=2 * FRAMES)
+    last = [
+        list(film(bits, window=48, step=12, causal=True, memory=memory))[-1]
+        for memory in (False, None)
+    ]
+    trials = [image.merged.trials.mean() for image in last]
+    assert trials[1] > 1.1 * trials[0]
+    truth = scene.image(2 * FRAMES - 1)
+    assert quality(last[1].data, truth) > quality(last[0].data, truth) + 0.2
+
+
+@pytest.mark.parametrize("causal", [False, True])
+def test_a_still_window_keeps_its_bits(causal):
+    _, bits = behind(motion="static")
+    for index, image in enumerate(film(bits, window=WINDOW, step=STEP, causal=causal)):
+        assert image.motion.model == "none"
+        part = bits[index * STEP : index * STEP + WINDOW]
+        np.testing.assert_array_equal(np.asarray(image.data.packed), np.asarray(part.packed))
+        assert image.data.sensor == part.sensor
+        np.testing.assert_array_equal(jl.reconstruct(image.data), jl.reconstruct(part))
+
+
+@pytest.mark.parametrize("mosaic", ["RGGB", "RGB", Mosaic([[0, 1, 1, 2], [1, 0, 2, 1]], "RGB")])
+@pytest.mark.parametrize("step", [5, 16, 40])
+def test_squares_of_windows_are_those_of_all_frames(mosaic, step):
+    mask = np.random.default_rng(0).random(SIZE) < 0.05
+    _, bits = behind(mosaic, mask=mask)
+    colors = FilmColors(bits.sensor, SIZE, step, lambda: None)
+    gray = without_mosaic(bits.sensor)
+    # The third window does not follow the second one.
+    for start in (0, step, step + 30, 2 * step):
+        stop = min(start + 32, FRAMES)
+        stack, sensor = colors.squares(bits[start:stop], start)
+        expected, own = in_squares(bits[start:stop], bits.sensor, excluded_jots(gray))
+        np.testing.assert_array_equal(stack.images, expected.images)
+        assert sensor == own
+
+
+def test_a_motion_that_is_lost_flags_every_pixel():
+    _, bits = behind()
+    part = bits[:WINDOW]
+    motion = jl.align(*in_squares(part, part.sensor, None))
+    found = {}
+    for is_lost in (False, True):
+        colors = FilmColors(part.sensor, SIZE, STEP, lambda: None)
+        merged, _ = colors.merge(part, motion, 0, is_carried=False, is_lost=is_lost)
+        found[is_lost] = merged.flags.mean()
+    assert found[True] == 1 > found[False]
+
+
+def test_what_cannot_be_merged_is_refused_before_the_first_image():
+    zeros = np.zeros((32, 32, 32), bool)
+    for mosaic in ("RGBW", "CMYG", Mosaic("RGGB", white_balance=(2, 1, 1))):
+        sensor = jl.Sensor(frames=32, mosaic=mosaic)
+        assert not is_mergeable(sensor)
+        bits = jl.Bits.from_array(zeros, sensor=sensor)
+        with pytest.raises(ValueError, match=r"to merge bits behind a mosaic|white balance 1"):
+            film(bits, window=16)
+        with pytest.raises(ValueError, match=r"to merge bits behind a mosaic|white balance 1"):
+            LiveFilm(sensor, window=16, step=4)
+    bayer = jl.Bits.from_array(zeros, sensor=jl.Sensor(frames=32, mosaic="RGGB"))
+    with pytest.raises(ValueError, match="upsample: expected 1 for a sensor with a mosaic, got 2"):
+        film(bayer, window=16, upsample=2)
