@@ -13,6 +13,7 @@ from jotlight.evaluation.error_scale import (
     divide_bits,
     error_model,
     error_terms,
+    expected_squares,
     is_unlikely,
 )
 
@@ -42,6 +43,12 @@ def test_the_terms_are_products_of_six_numbers():
     np.testing.assert_allclose(terms[row, column, 1:7], expected, rtol=1e-8)
     pairs = [a * b for i, a in enumerate(expected) for b in expected[i:]]
     np.testing.assert_allclose(terms[row, column, 7:], pairs, rtol=1e-8)
+    # Other numbers join the products.
+    other = RANDOM.random(z.shape)
+    more = np.stack(list(error_terms(z, trials, other)), axis=-1)
+    assert more.shape == (9, 21, 36)
+    np.testing.assert_allclose(more[row, column, 7], other[row, column])
+    np.testing.assert_allclose(more[row, column, -1], other[row, column] ** 2)
 
 
 def test_both_halves_are_captures_with_half_of_the_trials():
@@ -105,20 +112,21 @@ def measured(scale, shape, trials=64):
 @pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
 def test_the_correction_is_the_ratio_of_measured_and_expected_errors(constant, factor):
     errors, z = measured(0.05 * factor, (300, 300))
-    found = correction(constant, [errors], z, np.full(z.shape, 128.0))
+    found = correction([errors], [expected_squares(constant, errors)], z)
     assert np.median(found) == pytest.approx(factor, rel=0.06)
 
 
 def test_few_pixels_change_the_scale_little(constant):
     errors, z = measured(0.05, (6, 7), trials=2)
-    found = correction(constant, [errors], z, np.full(z.shape, 4.0))
+    found = correction([errors], [expected_squares(constant, errors)], z)
     assert np.all((found > 0.6) & (found < 1.6))
 
 
 def test_without_known_errors_there_is_no_correction(constant):
     errors, z = measured(0.05, (6, 7))
     errors = dataclasses.replace(errors, known=np.zeros((6, 7), bool))
-    np.testing.assert_array_equal(correction(constant, [errors], z, np.full(z.shape, 9.0)), 1)
+    expected = expected_squares(constant, errors)
+    np.testing.assert_array_equal(correction([errors], [expected], z), 1)
 
 
 def test_a_written_model_is_read_again(tmp_path):

@@ -163,15 +163,16 @@ class ImageOutputOptions(OutputOptions):
         data: Data,
         sensor: Sensor,
         *,
-        method: str | Network,
+        method: str | Network | None,
+        demosaicing: str | None,
         white: float | None,
         metadata: dict[str, Any],
         threads: int | None,
     ) -> list[Tone]:
         """Write the temporary files, in the order of :meth:`paths`.
 
-        `method` is that of the estimate, and `white` is the largest intensity, if it is stated.
-        Return the tone curve of each image for display.
+        `method` and `demosaicing` are those of the estimate, and `white` is the largest intensity,
+        if it is stated. Return the tone curve of each image for display.
         """
         remaining = list(files)
         scale = self.scale(sensor)
@@ -190,6 +191,7 @@ class ImageOutputOptions(OutputOptions):
                 data,
                 sensor,
                 method=method,
+                demosaicing=demosaicing,
                 estimate=estimate,
                 channel_axis=last_channel_axis(data),
                 confidence_level=self.level,

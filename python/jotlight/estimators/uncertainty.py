@@ -87,9 +87,12 @@ class Uncertainty:
         }
         return cls(confidence_level=parts[0].confidence_level, **arrays)
 
-    def scaled(self, factor: float) -> Self:
-        """Return the uncertainty in units that are `factor` per unit of intensity."""
-        changed = {name: getattr(self, name) * np.float32(factor) for name in _FLOATS}
+    def scaled(self, factor: npt.ArrayLike) -> Self:
+        """Return the uncertainty in units that are `factor` per unit of intensity.
+
+        There may be a factor for each color.
+        """
+        changed = {name: getattr(self, name) * np.asarray(factor, np.float32) for name in _FLOATS}
         return dataclasses.replace(self, **changed)
 
     def plot(self) -> "Figure":

@@ -6,7 +6,7 @@ The noise of z is nearly the same at every exposure.
 
 import dataclasses
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Self
@@ -18,7 +18,10 @@ from jotlight.sensing.response import Array
 from jotlight.sensing.subsampling import subsample_counts
 
 FILE = Path(__file__).with_name("error_scale.json")
-"""The error model, which ``tools/calibrate_intervals.py`` writes."""
+"""The error model of gray estimates, which ``tools/calibrate_intervals.py`` writes."""
+
+COLOR_FILE = Path(__file__).with_name("color_error_scale.json")
+"""The error model of the colors of mosaics, of ``tools/calibrate_color_intervals.py``."""
 
 WINDOWS = 3, 15
 """Sides of the windows in which the activity of an estimate is measured, in pixels."""
@@ -55,7 +58,7 @@ _CERTAINTY = 3.0
 
 @dataclasses.dataclass(frozen=True)
 class ErrorModel:
-    """The distribution of the errors of the network "medium" on photographs."""
+    """The distribution of the errors of a network on photographs."""
 
     weights: Array
     """Weights of the terms of :func:`error_terms`, whose sum is the logarithm of the scale."""
@@ -87,10 +90,13 @@ class ErrorModel:
             )
         path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
-    def scale(self, z: Array, trials: Array) -> Array:
-        """Return the scale of the errors of an estimate z (H, W), from photographs."""
+    def scale(self, z: Array, trials: Array, *others: Array) -> Array:
+        """Return the scale of the errors of an estimate z (H, W), from photographs.
+
+        The parameters are those of :func:`error_terms`.
+        """
         logarithm = np.zeros(z.shape)
-        for weight, term in zip(self.weights, error_terms(z, trials), strict=True):
+        for weight, term in zip(self.weights, error_terms(z, trials, *others), strict=True):
             logarithm += weight * term
         return np.exp(logarithm)
 
@@ -111,16 +117,17 @@ class ErrorModel:
 
 
 @cache
-def error_model() -> ErrorModel:
-    """Return the model that comes with jotlight."""
-    return ErrorModel.read()
+def error_model(path: Path = FILE) -> ErrorModel:
+    """Return a model that comes with jotlight."""
+    return ErrorModel.read(path)
 
 
-def error_terms(z: Array, trials: Array) -> Iterator[Array]:
-    """Yield the 28 terms of the logarithm of the scale, each (H, W).
+def error_terms(z: Array, trials: Array, *others: Array) -> Iterator[Array]:
+    """Yield the terms of the logarithm of the scale, each (H, W): 28 without other numbers.
 
     They are 1 and the products of up to two of six numbers: log K, the logarithm of the variance of
     z in two windows relative to the noise, z, and the logarithms of the expected ones and zeros.
+    There may be others.
     """
     from scipy.ndimage import uniform_filter
 
@@ -130,6 +137,7 @@ def error_terms(z: Array, trials: Array) -> Iterator[Array]:
         variance = uniform_filter(z * z, side, mode="mirror") - mean * mean
         numbers.append(np.log(np.maximum(variance, 0) * trials + _SMALLEST) / 2)
     numbers += [2 * z, _log_ones(z, trials) / 3, np.log1p(trials * np.cos(z) ** 2) / 3]
+    numbers += others
     yield np.ones_like(z)
     yield from numbers
     for first in range(len(numbers)):
@@ -203,18 +211,31 @@ class HalfErrors:
         return cls(z, trials, squared, known, np.where(known, gain, 0.0))
 
 
-def correction(model: ErrorModel, halves: list[HalfErrors], z: Array, trials: Array) -> Array:
+def expected_squares(model: ErrorModel, half: HalfErrors) -> Array:
+    """Return the squared errors of p that a model expects of the estimate from half of the bits."""
+    scale = model.scale(half.z, half.trials) * model.deviations(half.z, half.trials)
+    # dp = 2 sin z cos z dz = sin 2z dz
+    return np.asarray((scale * np.sin(2 * half.z)) ** 2)
+
+
+def correction(halves: Sequence[HalfErrors], of_model: Sequence[Array], z: Array) -> Array:
     """Return the factor of the scale from photographs at each pixel, (H, W).
 
     The pixels are divided into classes of brightness and activity. In each class, the measured
     squared errors are compared with those that the model expects. The noise of the comparison
     decides how much it counts.
+
+    Parameters
+    ----------
+    halves : sequence of HalfErrors
+        The measured errors of the estimates from each half. Their z state the class.
+    of_model : sequence of ndarray, shape (H, W)
+        The squared errors that the model expects of each.
+    z : ndarray, shape (H, W)
+        The estimate from all bits.
     """
     sums = np.zeros((3, _SIDE**2))
-    for half in halves:
-        scale = model.scale(half.z, half.trials) * model.deviations(half.z, half.trials)
-        # dp = 2 sin z cos z dz = sin 2z dz
-        expected = (scale * np.sin(2 * half.z)) ** 2
+    for half, expected in zip(halves, of_model, strict=True):
         row, column = (
             np.minimum((_SIDE * rank).astype(int), _SIDE - 1)[half.known] for rank in _ranks(half.z)
         )

@@ -11,11 +11,13 @@ import numpy.typing as npt
 from jotlight.errors import JotlightWarning
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.error_scale import (
+    ErrorModel,
     Half,
     HalfErrors,
     correction,
     divide_bits,
     error_model,
+    expected_squares,
     is_unlikely,
 )
 from jotlight.layout import Layout
@@ -124,13 +126,20 @@ class Pixels:
         """Return the scale of the errors of a network's estimate, with those from the halves."""
         model, z, trials = error_model(), self.stabilize(known), np.maximum(self.trials, 0.5)
         scale = model.scale(z, trials)
-        return scale * correction(model, errors, z, trials) if errors else scale
+        if not errors:
+            return scale
+        return scale * correction(errors, [expected_squares(model, half) for half in errors], z)
 
     def uncertainty(
-        self, estimate: Estimate, scale: Array, errors: list[HalfErrors], confidence_level: float
+        self,
+        estimate: Estimate,
+        scale: Array,
+        errors: list[HalfErrors],
+        confidence_level: float,
+        model: ErrorModel,
     ) -> Uncertainty:
         """Return the uncertainty (1, H, W) of an estimate whose errors have a scale."""
-        model, z, trials = error_model(), self.stabilize(estimate), np.maximum(self.trials, 0.5)
+        z, trials = self.stabilize(estimate), np.maximum(self.trials, 0.5)
 
         def intensity(z: Array) -> Array:
             return intensity_of(z, self.sensor, self.efficiency, self.dark_counts)
@@ -194,8 +203,10 @@ def find_intervals(
             scale = one.scale(known[place], errors)
             if not is_own:
                 difference = one.stabilize(own[place]) - one.stabilize(known[place])
-                scale = _widen(scale, difference)
-            results.append(one.uncertainty(own[place], scale, errors, confidence_level))
+                scale = widen(scale, difference)
+            results.append(
+                one.uncertainty(own[place], scale, errors, confidence_level, error_model())
+            )
     return Uncertainty.arrange(results, images.layout)
 
 
@@ -229,7 +240,7 @@ def _quietly(network: Network, images: GrayImages, sensor: Sensor, threads: int 
         return network.reconstruct(images, sensor, threads=threads)
 
 
-def _widen(scale: Array, difference: Array) -> Array:
+def widen(scale: Array, difference: Array) -> Array:
     """Return the scale of a method's errors from that of the network, and their difference.
 
     The error of a network that minimizes the squared error is nearly orthogonal to every function

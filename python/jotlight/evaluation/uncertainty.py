@@ -1,5 +1,7 @@
 """The uncertainty of each pixel of the estimate of any method."""
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -8,6 +10,7 @@ from jotlight.estimators.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
 from jotlight.evaluation.channels import takes_channels
 from jotlight.evaluation.choice import choose_method
+from jotlight.evaluation.color_intervals import is_color_network, mosaic_uncertainty
 from jotlight.evaluation.different_readings import with_one_response
 from jotlight.evaluation.intervals import find_intervals
 from jotlight.evaluation.methods import find_method
@@ -15,7 +18,13 @@ from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained
-from jotlight.sensing.pixel_counts import Data, GrayImages, gray_images, prepare_data
+from jotlight.sensing.pixel_counts import (
+    Data,
+    GrayImages,
+    carried_sensor,
+    gray_images,
+    prepare_data,
+)
 from jotlight.sensing.sensor import Sensor
 
 EXACT_METHOD = "mle"
@@ -36,6 +45,7 @@ def uncertainty(
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
     units: str = "intensity",
+    demosaicing: str | None = None,
     threads: int | None = None,
 ) -> Uncertainty:
     """Return the standard error and an interval of the intensity for each pixel of an estimate.
@@ -62,6 +72,8 @@ def uncertainty(
         are those of a stack.
     units : {"intensity", "photons", "photons-per-second"}
         The units of the result, as for `jotlight.reconstruct`.
+    demosaicing : {"network", "menon", "differences"}, optional
+        For a sensor with a mosaic: how planes become colors, as for `jotlight.reconstruct`.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -96,6 +108,9 @@ def uncertainty(
     two random halves, and the estimates from one half are compared with the other. For a method
     that is not such a network, the squared difference from the estimate of "medium" is added.
 
+    Behind a mosaic, the errors of the color network take this place. There may be up to 1,000
+    trials per pixel.
+
     Examples
     --------
     >>> sensor = Sensor(frames=100, max_intensity=10.0)
@@ -116,6 +131,29 @@ def uncertainty(
         raise ValueError(
             f"confidence_level: expected a coverage from 0.5 to below 1, got {confidence_level!r}"
         )
+    stated = carried_sensor(data) if sensor is None else sensor
+    if isinstance(stated, Sensor) and stated.mosaic is not None:
+        options: dict[str, Any] = {
+            "method": method,
+            "quality": quality,
+            "demosaicing": demosaicing,
+            "trials": trials,
+        }
+        arrays: dict[str, Any] = {"channel_axis": channel_axis, "threads": threads}
+        if estimate is None:
+            estimate = reconstruct(data, stated, **options, **arrays)
+        found = mosaic_uncertainty(
+            data,
+            stated,
+            np.asarray(estimate, np.float32),
+            is_own=is_color_network(data, **options),
+            confidence_level=confidence_level,
+            trials=trials,
+            **arrays,
+        )
+        return found.scaled(unit_scale(stated, units))
+    if demosaicing is not None:
+        raise ValueError("demosaicing: is for a sensor with a mosaic; leave it out")
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     scale = unit_scale(sensor, units)
     images = gray_images(data)

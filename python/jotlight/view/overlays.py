@@ -11,7 +11,7 @@ from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
-from jotlight.view.estimate import Estimate
+from jotlight.view.estimate import DEMOSAICING, Estimate
 from jotlight.view.viewed import Viewable
 
 Map = npt.NDArray[np.uint8]
@@ -105,14 +105,14 @@ def find_errors(estimate: Estimate) -> npt.NDArray[np.float32]:
     ValueError
         When the errors of the method are unknown.
     """
-    if estimate.sensor.mosaic is not None:
-        raise ValueError("the errors of the colors of a mosaic are not known")
     method = None if estimate.method == COLOR_NETWORK else estimate.method
+    has_planes = estimate.sensor.mosaic is not None and method is not None
     check_errors_known(method, estimate.sensor)
     return uncertainty(
         estimate.data,
         estimate.sensor,
         method=method,
+        demosaicing=DEMOSAICING if has_planes else None,
         estimate=estimate.image,
         channel_axis=last_channel_axis(estimate.data),
     ).standard_error

@@ -1,0 +1,316 @@
+"""Intervals of red, green, and blue that are estimated from the image of a mosaic.
+
+As for gray images, the errors of a network are known from photographs, and held-out bits correct
+them. A pixel's bits test the light behind its own filter.
+"""
+
+import dataclasses
+import warnings
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.errors import JotlightWarning
+from jotlight.estimators.uncertainty import Uncertainty
+from jotlight.evaluation.choice import JOINT
+from jotlight.evaluation.error_scale import (
+    COLOR_FILE,
+    ErrorModel,
+    Half,
+    HalfErrors,
+    correction,
+    divide_bits,
+    error_model,
+)
+from jotlight.evaluation.intervals import MIN_TRIALS, Pixels, intensity_of, stabilize, widen
+from jotlight.evaluation.methods import LARGE_TRIALS
+from jotlight.evaluation.mosaics import count_image, takes_colors
+from jotlight.layout import Layout
+from jotlight.networks.color_inference import estimate_mosaic
+from jotlight.networks.pretrained import (
+    COLOR_START,
+    MOSAIC_FILE,
+    pretrained_color,
+    pretrained_conditional,
+)
+from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.pixel_counts import (
+    Data,
+    PixelCounts,
+    count_pixels,
+    gray_images,
+    prepare_data,
+)
+from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.response import Array, detection_density
+from jotlight.sensing.sensor import Sensor
+
+Image = npt.NDArray[np.float32]
+
+_LEAST_SHARE = 0.03
+"""Smallest fraction of the pixels that count for a color."""
+
+
+@dataclasses.dataclass(frozen=True)
+class MosaicPixels:
+    """The pixels of the image of a mosaic, (H, W)."""
+
+    counted: PixelCounts
+    sensor: Sensor
+    """Their sensor, without the mosaic."""
+    mosaic: Mosaic
+    """The filters, without a white balance."""
+    threads: int | None = None
+
+    @classmethod
+    def of(
+        cls, counted: PixelCounts, sensor: Sensor, mosaic: Mosaic, threads: int | None = None
+    ) -> Self:
+        """Return the pixels of an image; estimates of their colors have no white balance."""
+        return cls(counted, sensor, dataclasses.replace(mosaic, white_balance=np.ones(3)), threads)
+
+    @cached_property
+    def trials(self) -> Array:
+        """The number of trials of each pixel."""
+        return np.broadcast_to(np.asarray(self.counted.trials, float), self.counted.counts.shape)
+
+    @cached_property
+    def shares(self) -> Array:
+        """The part of the light of each color that passes each pixel's filter, (3, H, W)."""
+        places = self.mosaic.full(*self.counted.counts.shape)
+        return np.moveaxis(self.mosaic.transmission[places], -1, 0)
+
+    @cached_property
+    def densities(self) -> Array:
+        """The fraction of the pixels whose bits determine each color, (3,).
+
+        Were the image constant, the variances of its least-squares colors would be those of a
+        sensor with so many pixels of each color. RGGB: 1/4, 1/2, 1/4.
+        """
+        shares = self.shares.reshape(3, -1)
+        normal = shares @ shares.T / shares.shape[1]
+        return np.maximum(1 / np.maximum(np.diag(np.linalg.pinv(normal)), 1e-9), _LEAST_SHARE)
+
+    def colors_of(self, color: int) -> Pixels:
+        """Return the pixels of a gray image with as many trials as those of a color."""
+        jot = reference_jot(self.sensor)
+        trials = self.densities[color] * np.where(self.trials > 0, self.trials, 1.0)
+        return Pixels(self.sensor, self.counted.counts, trials, *jot)
+
+    def estimate(self, counted: PixelCounts | None = None) -> Image:
+        """Return the colors by the color network, (H, W, 3), of these counts or of others."""
+        networks = pretrained_color(MOSAIC_FILE), pretrained_conditional(self.sensor, COLOR_START)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", JotlightWarning)
+            colors = estimate_mosaic(
+                *networks, counted or self.counted, self.sensor, self.mosaic, self.threads
+            )
+        return np.clip(colors, 0, self.sensor.max_intensity)
+
+    def halves(self) -> list[tuple[Image, Half, Half]]:
+        """Return the colors from each half of the bits, that half, and the other.
+
+        There are none if halves show no errors.
+        """
+        if np.median(self.trials) < MIN_TRIALS:
+            return []
+        halves = divide_bits(self.counted.counts, self.trials)
+        gray = Pixels(
+            self.sensor,
+            self.counted.counts,
+            self.trials,
+            self.counted.efficiency,
+            self.counted.dark_counts,
+        )
+        return [
+            (
+                self.estimate(count_pixels(gray.merged(*_as_data(one)), self.sensor, self.threads)),
+                one,
+                other,
+            )
+            for one, other in (halves, halves[::-1])
+        ]
+
+    def scale(
+        self, model: ErrorModel, colors: Image, halves: list[tuple[Image, Half, Half]]
+    ) -> tuple[list[Array], list[HalfErrors]]:
+        """Return the scales of the errors of the network's colors, and the errors from halves."""
+        scales = self._of_model(model, colors, 1.0)
+        errors, expected = [], []
+        for estimate, trained, held_out in halves:
+            measured = HalfErrors.measure(self._seen(estimate), trained, held_out)
+            known = measured.known & self._shows_one_color()
+            z = self._brightness(estimate)
+            errors.append(dataclasses.replace(measured, z=z, known=known))
+            expected.append(self._expected(model, estimate))
+        if errors:
+            factor = correction(errors, expected, self._brightness(colors))
+            scales = [factor * scale for scale in scales]
+        return scales, errors
+
+    def _of_model(self, model: ErrorModel, colors: Image, fraction: float) -> list[Array]:
+        """Return the scales from photographs with a fraction of the trials."""
+        scales = []
+        for color, share in enumerate(self.shares):
+            pixels = self.colors_of(color)
+            z = pixels.stabilize(colors[..., color])
+            scales.append(model.scale(z, np.maximum(fraction * pixels.trials, 0.5), share))
+        return scales
+
+    def _expected(self, model: ErrorModel, colors: Image) -> Array:
+        """Return the squared errors of p behind each filter that the model expects of a half."""
+        error = np.zeros(self.trials.shape)
+        for color, scale in enumerate(self._of_model(model, colors, 0.5)):
+            pixels = self.colors_of(color)
+            z, trials = pixels.stabilize(colors[..., color]), np.maximum(pixels.trials / 2, 0.5)
+            deviation = scale * model.deviations(z, trials)
+            jot = pixels.efficiency, pixels.dark_counts
+            low, high = (intensity_of(z + sign * deviation, self.sensor, *jot) for sign in (-1, 1))
+            error += (self.shares[color] * (high - low) / 2) ** 2
+        rate = self._rate(colors)
+        slope = detection_density(self.sensor.threshold, rate) * self.counted.efficiency
+        return np.asarray((slope * self.sensor.light_per_intensity) ** 2 * error)
+
+    def _shows_one_color(self) -> npt.NDArray[np.bool_]:
+        """Return the pixels whose errors are those of one color: all if there are hardly any.
+
+        A clear pixel shows the sum of the colors, whose error is smaller than those of the colors.
+        """
+        one = self.shares.max(axis=0) > self.shares.sum(axis=0) / 2
+        return one if one.mean() >= _LEAST_SHARE else np.ones_like(one)
+
+    def _rate(self, colors: Image) -> Array:
+        """Return the mean number of photons of a jot behind each pixel's filter."""
+        light = np.einsum("chw,hwc->hw", self.shares, colors.astype(np.float64))
+        return np.asarray(
+            self.counted.efficiency * self.sensor.light_per_intensity * light
+            + self.counted.dark_counts
+        )
+
+    def _seen(self, colors: Image) -> Array:
+        """Return z of the light behind each pixel's filter."""
+        light = np.einsum("chw,hwc->hw", self.shares, colors.astype(np.float64))
+        return stabilize(light, self.sensor, self.counted.efficiency, self.counted.dark_counts)
+
+    def _brightness(self, colors: Image) -> Array:
+        """Return z of the mean of the colors, which has no pattern of filters."""
+        mean = colors.astype(np.float64).mean(axis=-1)
+        return stabilize(mean, self.sensor, *reference_jot(self.sensor))
+
+
+def _as_data(half: Half) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    return half.ones, half.trials
+
+
+def find_color_intervals(
+    pixels: MosaicPixels, colors: Image, *, is_own: bool, confidence_level: float
+) -> list[Uncertainty]:
+    """Return the uncertainty (1, H, W) of each color of an estimate, in units of intensity.
+
+    Parameters
+    ----------
+    pixels : MosaicPixels
+        The data.
+    colors : ndarray of float32, shape (H, W, 3)
+        The estimate of any method, without white balance.
+    is_own : bool
+        Whether the estimate is that of the color network.
+    confidence_level : float
+        Coverage of the intervals.
+    """
+    model = error_model(COLOR_FILE)
+    known = colors if is_own else pixels.estimate()
+    scales, errors = pixels.scale(model, known, pixels.halves())
+    dead = pixels.trials == 0
+    saturated = (pixels.counted.counts == pixels.trials) & ~dead
+    results = []
+    for color, scale in enumerate(scales):
+        gray = pixels.colors_of(color)
+        own = np.ascontiguousarray(colors[..., color])
+        if not is_own:
+            difference = gray.stabilize(own) - gray.stabilize(known[..., color])
+            scale = widen(scale, difference)
+        found = gray.uncertainty(own, scale, errors, confidence_level, model)
+        is_saturated = saturated & (pixels.shares[color] > 0)
+        results.append(dataclasses.replace(found, saturated=is_saturated[None], dead=dead[None]))
+    return results
+
+
+def mosaic_uncertainty(
+    data: Data,
+    sensor: Sensor,
+    estimate: Image,
+    *,
+    is_own: bool,
+    confidence_level: float,
+    trials: npt.ArrayLike | None = None,
+    channel_axis: int | None = None,
+    threads: int | None = None,
+) -> Uncertainty:
+    """Return the uncertainty (..., H, W, 3) of the colors of the image of a mosaic, or of a stack.
+
+    Parameters
+    ----------
+    data, sensor, trials, channel_axis, threads
+        As of :func:`jotlight.uncertainty`. The sensor has a mosaic.
+    estimate : ndarray of float32, shape (..., H, W, 3)
+        The estimate.
+    is_own : bool
+        Whether the estimate is that of the color network.
+    confidence_level : float
+        Coverage of the intervals.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the data, their sensor, and the estimate do not fit together, or when there are more
+        than 1,000 trials per pixel.
+    """
+    mosaic: Mosaic = sensor.mosaic
+    prepared, gray = prepare_data(
+        data, sensor, trials, channel_axis, may_differ=True, takes_mosaics=True
+    )
+    images = gray_images(prepared)
+    results: list[Uncertainty] = []
+    for index, one in enumerate(images.data):
+        counted, own = count_image(one, gray, threads)
+        pixels = MosaicPixels.of(counted, own, mosaic, threads)
+        expected = *images.layout.shape, *pixels.trials.shape, 3
+        if estimate.shape != expected:
+            raise ValueError(f"estimate: expected shape {expected}, got {estimate.shape}")
+        if (most := float(np.median(pixels.trials))) > LARGE_TRIALS:
+            raise ValueError(
+                f"data: expected up to {LARGE_TRIALS:,} trials per pixel, because the errors of "
+                f"colors are not known for more, got {most:,.0f}; take fewer frames"
+            )
+        colors = estimate.reshape(-1, *expected[-3:])[index]
+        plain = colors / np.maximum(mosaic.white_balance, 1e-6).astype(np.float32)
+        results += find_color_intervals(
+            pixels, plain, is_own=is_own, confidence_level=confidence_level
+        )
+    found = Uncertainty.arrange(results, Layout((*images.layout.shape, 3), -1))
+    return found.scaled(mosaic.white_balance)
+
+
+def is_color_network(
+    data: Data,
+    *,
+    method: object,
+    quality: str | None,
+    demosaicing: str | None,
+    trials: npt.ArrayLike | None,
+) -> bool:
+    """Return whether the color network estimates the image of a mosaic.
+
+    The parameters are those of :func:`jotlight.reconstruct`.
+
+    Examples
+    --------
+    >>> counts = np.zeros((4, 4), int)
+    >>> is_color_network(counts, method=None, quality=None, demosaicing=None, trials=None)
+    True
+    """
+    is_default = method is None and quality is None and demosaicing in (None, JOINT)
+    return is_default and takes_colors(data, trials)
