@@ -3,16 +3,19 @@
     python benchmarks/speed/run.py [--quick] [--only NAME ...] [--threads 1 2] [--output FOLDER]
 
 The names are those of the tasks, `scaling`, and `latency`. The extra `bench` installs the other
-programs, and the extra `bm3d` installs BM3D. The page lists the programs that are not installed.
+programs, and the extra `bm3d` installs BM3D. A program that is not installed is left out: one line
+of the output and of the page says so.
 """
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from jotlight._engine import DEBUG_BUILD
 from suite import latency, record, scaling
 from suite.case import measure
 from suite.machine import ROOT, cores, facts
+from suite.page import left_out
 from suite.tasks import TASKS
 from suite.timing import FULL, QUICK
 
@@ -26,11 +29,13 @@ def main() -> None:
     effort = QUICK if options.quick else FULL
     names = options.only or [*TASKS, *OTHERS]
     machine = facts()  # The load is that before the run.
-    tasks: list[object] = []
+    tasks: list[dict[str, Any]] = []
     for name in (name for name in TASKS if name in names):
         for case in TASKS[name](options.quick):
             print(case.title, flush=True)
             tasks.append(measure(case, options.threads, effort))
+            for line in left_out(tasks[-1:]):
+                print(line, flush=True)
     run: dict[str, object] = {
         "quick": options.quick,
         "threads": options.threads,

@@ -44,11 +44,10 @@ def test_every_program_was_installed(run):
     assert [task["left_out"] for task in run["tasks"] if task["left_out"]] == []
 
 
-def test_every_alternative_is_a_program_of_its_task(run):
+def test_every_task_has_an_alternative(run):
     for task in run["tasks"]:
         if "2048" not in task["name"]:
-            assert alternatives(task)
-            assert set(alternatives(task)) <= set(task["seconds"]["1"]), task["name"]
+            assert set(alternatives(task)) & set(task["seconds"]["1"]), task["name"]
 
 
 def test_every_result_agrees_within_its_tolerance(run):

@@ -18,7 +18,7 @@ OTHER_THREADS = 7
 """A further number of threads for which the result has to be the same."""
 
 
-OPERATION_FIELDS = "operations", "direct_operations", "bytes", "operations_note"
+OPERATION_FIELDS = "operations", "direct_operations", "multiply_adds", "bytes", "operations_note"
 
 
 class CannotRunError(Exception):
@@ -34,6 +34,8 @@ class Rival:
     """A function that takes the package and returns the function to time."""
     package: str = "numpy"
     same: bool = True
+    rounded: bool = False
+    """Whether it computes in less precise numbers. Its difference is stated, and not limited."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,6 +64,10 @@ class Case:
     """What counts as operations and bytes."""
     direct_operations: float | None = None
     """Operations with direct convolution, where the engine needs fewer."""
+    multiply_adds: dict[str, float] = dataclasses.field(default_factory=dict)
+    """Multiply-adds per unit, by who does them."""
+    psnr: Callable[[Any], float] | None = None
+    """The PSNR of a result in dB, where the result is an image."""
     parts: dict[str, Run] = dataclasses.field(default_factory=dict)
     """Further functions of jotlight that are timed too."""
 
@@ -80,7 +86,9 @@ def measure(case: Case, threads: Sequence[int], effort: Effort) -> dict[str, Any
         assert np.array_equal(result, case.run(number)), f"{case.name}: {number} threads differ"
     level_differences = compare_levels(case)
     runs: dict[str, Run] = {"jotlight": case.run, **case.parts}
-    differences: dict[str, float] = {}
+    found: dict[str, dict[str, float]] = {"differences": {}, "rounded_differences": {}, "psnr": {}}
+    if case.psnr:
+        found["psnr"]["jotlight"] = case.psnr(result)
     left_out: dict[str, str] = {}
     for rival in case.rivals:
         try:
@@ -94,9 +102,9 @@ def measure(case: Case, threads: Sequence[int], effort: Effort) -> dict[str, Any
         except CannotRunError as error:
             left_out[rival.name] = str(error)
             continue
-        found = [difference_of(case, rival, run, result, number) for number in threads]
-        if rival.same:
-            differences[rival.name] = max(found)
+        for number in threads:
+            with limited(number):  # This is the first, slow call.
+                record_agreement(case, rival, run(), result, found)
         runs[rival.name] = lambda _, run=run: run()
     return {
         **{
@@ -106,7 +114,7 @@ def measure(case: Case, threads: Sequence[int], effort: Effort) -> dict[str, Any
         **{field: getattr(case, field) for field in OPERATION_FIELDS},
         "same_for_threads": sorted({*threads, OTHER_THREADS}),
         "level_differences": level_differences,
-        "differences": differences,
+        **found,
         "left_out": left_out,
         "probes": probes.work(threads, effort.words),
         "seconds": race({**runs, **probes.runs(effort.words, case.run)}, threads, effort),
@@ -129,15 +137,20 @@ def compare_levels(case: Case) -> dict[str, float]:
     return levels
 
 
-def difference_of(
-    case: Case, rival: Rival, run: Callable[[], Any], expected: Any, threads: int
-) -> float:
-    """Return how far a rival's result is from jotlight's. This also makes its first, slow call."""
-    with limited(threads):
-        result = run()
-    difference = float(case.difference(expected, result)) if rival.same else 0.0
-    assert difference <= case.tolerance, f"{case.name}: {rival.name} differs: {difference}"
-    return difference
+def record_agreement(
+    case: Case, rival: Rival, result: Any, expected: Any, found: dict[str, dict[str, float]]
+) -> None:
+    """Record the difference of a rival's result and its PSNR: those of its worst result."""
+    if not rival.same:
+        return
+    difference = float(case.difference(expected, result))
+    is_near = rival.rounded or difference <= case.tolerance
+    assert is_near, f"{case.name}: {rival.name} differs: {difference}"
+    differences = found["rounded_differences" if rival.rounded else "differences"]
+    differences[rival.name] = max(difference, differences.get(rival.name, 0.0))
+    if case.psnr:
+        psnr = found["psnr"]
+        psnr[rival.name] = min(case.psnr(result), psnr.get(rival.name, np.inf))
 
 
 def relative_difference(result: Any, expected: Any) -> float:

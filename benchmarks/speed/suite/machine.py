@@ -12,11 +12,14 @@ PACKAGES = (
     "numpy",
     "scipy",
     "torch",
+    "onnxruntime",
+    "openvino",
     "opencv-python-headless",
     "scikit-image",
     "bm3d",
     "photoncube",
 )
+INSTRUCTIONS = "sse4_2", "avx2", "fma", "avx512f", "avx512bw", "avx512_bf16", "amx_bf16"
 
 
 def facts() -> dict[str, object]:
@@ -50,9 +53,9 @@ def processor() -> str:
 
 
 def instructions() -> list[str]:
-    """Return the vector instructions that matter for jotlight."""
+    """Return the vector instructions that matter for jotlight or for other programs."""
     known = set(cpuinfo("flags").split())
-    return [name for name in ("sse4_2", "avx2", "fma", "avx512f", "avx512bw") if name in known]
+    return [name for name in INSTRUCTIONS if name in known]
 
 
 def cpuinfo(name: str) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 
 from jotlight.experiments.report.content import Report, Section, format_significant
 from suite.comparisons import comparisons
+from suite.competitors import competitor_sections
 from suite.curves import cost_curves, size_curves, thread_curves
 from suite.derived import Task, filter_share_of_peak, median, share_of_bound, speedup
 from suite.tables import (
@@ -38,7 +39,12 @@ def build_report(run: dict[str, Any]) -> Report:
     tasks: Sequence[Task] = run["tasks"]
     sections = []
     if tasks:
-        sections += [comparison_section(run), *method_sections(run), thread_section(run)]
+        sections += [
+            comparison_section(run),
+            *competitor_sections(run, COMMAND),
+            *method_sections(run),
+            thread_section(run),
+        ]
     sections += [*scaling_sections(run), *latency_sections(run)]
     if tasks:
         sections += [limit_section(run), procedure_section(run), *map(task_section, tasks)]

@@ -6,7 +6,11 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from suite.machine import cores
+
 TASKS = Path("/proc/self/task")
+LIMITS: list[int] = []
+"""The limits in force, of which the last one holds."""
 
 
 @contextlib.contextmanager
@@ -15,6 +19,7 @@ def limited(threads: int) -> Iterator[None]:
 
     This also restricts libraries without a setting for it. The settings of the others are set too.
     """
+    LIMITS.append(threads)
     set_library_threads(threads)
     before = os.sched_getaffinity(0) if TASKS.is_dir() else set()
     bind_threads(set(sorted(before)[:threads]))
@@ -22,6 +27,12 @@ def limited(threads: int) -> Iterator[None]:
         yield
     finally:
         bind_threads(before)
+        LIMITS.pop()
+
+
+def allowed_threads() -> int:
+    """Return the number of threads that a program may use now."""
+    return LIMITS[-1] if LIMITS else cores()
 
 
 def set_library_threads(threads: int) -> None:

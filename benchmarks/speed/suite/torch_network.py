@@ -7,7 +7,7 @@ import torch
 
 import jotlight as jl
 from jotlight.torch import Network
-from suite.tasks.scene import unpacked
+from suite.tasks.scene import counts, unpacked
 
 Spline = Callable[[torch.Tensor, torch.Tensor, float, float], torch.Tensor]
 
@@ -38,7 +38,7 @@ class TorchNetwork:
     def sums(self, bits: jl.Bits) -> torch.Tensor:
         """Return p of equation (11), or the counts for a tied network."""
         if self.tied:
-            return counts_of(bits, self.side)
+            return counts_of(bits)
         return torch.nn.functional.conv2d(jots_of(bits), self.first, stride=self.side)
 
     def estimate(self, sums: torch.Tensor) -> torch.Tensor:
@@ -56,27 +56,34 @@ class TorchNetwork:
 class DeepNetwork(Network):
     """The module, with splines by PyTorch's fastest operations for a forward pass."""
 
+    channels_last = False
+    """Whether the channels of a pixel are neighbors in memory."""
+
     def activate(
         self, index: int, sums: torch.Tensor, coefficients: torch.Tensor | None
     ) -> torch.Tensor:
         if coefficients is None:
             return sums
+        if self.channels_last:
+            sums = sums.contiguous(memory_format=torch.channels_last).permute(0, 2, 3, 1)
         spec, intervals = self.layer_specs[index], coefficients.shape[1] - 3
         first, f = interval_of(sums, intervals, spec.start, spec.spacing)
         cubics = coefficients.unfold(1, 4, 1) @ BASIS.to(coefficients.dtype)
-        channel = torch.arange(len(cubics), dtype=torch.int32).view(1, -1, 1, 1) * cubics.shape[1]
+        channel = torch.arange(len(cubics), dtype=torch.int32) * cubics.shape[1]
+        if not self.channels_last:
+            channel = channel.view(-1, 1, 1)
         first = (first.view(sums.shape) + channel).view(-1)
         a, b, c, d = cubics.view(-1, 4).index_select(0, first).view(*sums.shape, 4).unbind(-1)
-        return ((d * f + c) * f + b) * f + a
+        planes = ((d * f + c) * f + b) * f + a
+        return planes.permute(0, 3, 1, 2) if self.channels_last else planes
 
 
 def jots_of(bits: jl.Bits) -> torch.Tensor:
     return torch.from_numpy(unpacked(bits))[None].float()
 
 
-def counts_of(bits: jl.Bits, side: int) -> torch.Tensor:
-    # This is PyTorch's fastest way to sum blocks.
-    return torch.nn.functional.avg_pool2d(jots_of(bits), side, divisor_override=1)
+def counts_of(bits: jl.Bits) -> torch.Tensor:
+    return torch.from_numpy(counts(bits))[None, None]
 
 
 def mirror_indices(size: int, halo: int) -> torch.Tensor:

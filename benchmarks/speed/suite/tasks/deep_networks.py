@@ -3,43 +3,88 @@
 import math
 from collections.abc import Iterator
 from functools import partial
+from typing import NamedTuple
 
 import jotlight as jl
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.graph import scales
 from suite.case import Case, Rival, relative_difference
+from suite.tasks import relu_network
 from suite.tasks.deep_rivals import rivals
-from suite.tasks.scene import HEIGHT, PIXELS, SENSOR, WIDTH, bits
+from suite.tasks.scene import HEIGHT, PIXELS, SENSOR, WIDTH, bits, photograph
 from suite.tasks.splines import OPERATIONS
 from suite.tasks.two_layer_network import BM3D, noniterative
+
+INPUT_TRANSFORM, OUTPUT_TRANSFORM = 12 * 12 / 16, 10 * 10 / 16
+"""Multiply-adds of Winograd's transforms per channel and position of the output.
+
+For a tile of 4 × 4 outputs, the engine transforms 6 rows and 6 columns of each input, with 12
+multiply-adds each, and 6 columns and 4 rows of each output, with 10 each.
+"""
+
+DIRECT, PRODUCTS, TRANSFORMS, PERFORMED, RELU = (
+    "direct convolution",
+    "the engine's products",
+    "its transforms",
+    "both",
+    "plain ReLU network",
+)
+"""Who does multiply-adds."""
+
+
+class Operations(NamedTuple):
+    """Numbers of operations per pixel. Tiles that cross the border of the image count in part."""
+
+    direct: float
+    """Multiply-adds of direct convolution."""
+    products: float
+    """Multiply-adds of the engine with filters, which are products of transforms for Winograd."""
+    transforms: float
+    """Multiply-adds of Winograd's transforms."""
+    splines: float
+    """Evaluations of splines."""
+
+    @property
+    def performed(self) -> float:
+        """The multiply-adds that the engine does."""
+        return self.products + self.transforms
 
 
 def cases(size: str, quick: bool) -> Iterator[Case]:
     network = network_of(size)
-    multiply_adds, performed, splines = operations_per_pixel(network)
+    direct, products, transforms, splines = each = operations_per_pixel(network)
+    others = OPERATIONS * splines + SENSOR.oversampling
     yield Case(
         name=f"network-{size}",
         title=f"Network, {size}",
         description=f"K = 16, {WIDTH} × {HEIGHT} pixels, from packed bits in memory to an "
         "estimate in "
-        f"floats; {len(network.layers)} layers, {multiply_adds:,.0f} multiply-adds and "
-        f"{splines:,.0f} splines per pixel.",
+        f"floats; {len(network.layers)} layers; per pixel, {direct:,.0f} multiply-adds with direct "
+        f"convolution, {each.performed:,.0f} in the engine, and {splines:,.0f} splines.",
         items=PIXELS,
         unit="pixels",
         run=lambda threads: network.reconstruct(bits(), SENSOR, threads=threads),
         rivals=[
-            *rivals(network, multiply_adds),
+            *rivals(network, direct),
             Rival(BM3D, partial(noniterative, "bm3d"), "bm3d", same=False),
         ],
         difference=relative_difference,
         agreement="largest difference relative to the largest intensity",
         tolerance=1e-4,
-        operations=(performed + OPERATIONS * splines + SENSOR.oversampling) * PIXELS,
-        direct_operations=(multiply_adds + OPERATIONS * splines + SENSOR.oversampling) * PIXELS,
+        operations=(each.performed + others) * PIXELS,
+        direct_operations=(direct + others) * PIXELS,
+        multiply_adds={
+            DIRECT: direct,
+            PRODUCTS: products,
+            TRANSFORMS: transforms,
+            PERFORMED: each.performed,
+            RELU: relu_network.cost(relu_network.hidden_channels(direct)),
+        },
+        psnr=lambda estimate: jl.metrics.psnr(estimate, photograph()),
         bytes=bits().packed.nbytes + 4 * PIXELS,
         operations_note="bits are read and the estimate written once; each pixel takes the "
-        "multiplications that the filters need by Winograd's algorithm, the splines, and K̂ rows of "
-        "bits",
+        "products of the filters and the transforms by Winograd's algorithm, the splines, and K̂ "
+        "rows of bits",
     )
 
 
@@ -50,14 +95,18 @@ def network_of(size: str) -> jl.Network:
     return jl.Network.residual(SENSOR, size, rng=0)
 
 
-def operations_per_pixel(network: jl.Network) -> tuple[float, float, float]:
-    """Return the multiply-adds of direct convolution, those of the engine, and the splines."""
-    multiply_adds = performed = splines = 0.0
+def operations_per_pixel(network: jl.Network) -> Operations:
+    """Return the operations of the filters and the splines of a network."""
+    direct = products = transforms = splines = 0.0
     trials = SENSOR.trials
     layers = network.layers if network.trials_range is None else network.conditioned_layers(trials)
     for layer, scale in zip(layers, scales(layers), strict=True):
         positions = 1 / (scale * layer.upsampling) ** 2
-        multiply_adds += math.prod(layer.shape) * positions
-        performed += layer.engine_layer.multiplications * positions
+        taps = math.prod(layer.shape)
+        direct += taps * positions
+        products += layer.engine_layer.multiplications * positions
+        if layer.engine_layer.multiplications < taps:
+            outputs, inputs = layer.shape[:2]
+            transforms += (INPUT_TRANSFORM * inputs + OUTPUT_TRANSFORM * outputs) * positions
         splines += layer.channels / scale**2 if layer.coefficients is not None else 0
-    return multiply_adds, performed, splines
+    return Operations(direct, products, transforms, splines)

@@ -11,9 +11,13 @@ import numpy as np
 import jotlight as jl
 from jotlight.estimators.inverse_response import intensity_from_probability
 from suite.case import CannotRunError, Rival
-from suite.tasks.scene import SENSOR, bits
+from suite.tasks import relu_network
+from suite.tasks.scene import SENSOR, bits, counts
 from suite.tasks.two_layer_network import COMPILED, TORCH
+from suite.threads import allowed_threads
 
+CHANNELS_LAST = "PyTorch, channels-last"
+COMPILED_CHANNELS_LAST = "PyTorch, compiled, channels-last"
 JOTLIGHT_SPLINES = "PyTorch, with jotlight's splines"
 FILTERS_BFLOAT16 = "PyTorch, compiled, filters in bfloat16"
 AUTOCAST = "PyTorch, compiled, bfloat16 autocast"
@@ -22,32 +26,49 @@ RELU = "PyTorch, compiled, plain ReLU network in bfloat16"
 ONNX, OPENVINO = "ONNX Runtime", "OpenVINO"
 OPENVINO_BFLOAT16 = "OpenVINO, bfloat16"
 
-SAME_RESULT = TORCH, COMPILED, ONNX, OPENVINO
+SAME_RESULT = TORCH, CHANNELS_LAST, COMPILED, COMPILED_CHANNELS_LAST, ONNX, OPENVINO
 """Programs that do the same work without jotlight, with floats of 32 bits."""
+
+PROGRAMS = (
+    *SAME_RESULT[:4],
+    JOTLIGHT_SPLINES,
+    FILTERS_BFLOAT16,
+    AUTOCAST,
+    CAST,
+    RELU,
+    *SAME_RESULT[4:],
+    OPENVINO_BFLOAT16,
+)
+"""All programs, in the order of the tables."""
 
 Estimate = Callable[[], np.ndarray]
 
 
 def rivals(network: jl.Network, multiply_adds: float) -> Sequence[Rival]:
     """Return the programs for a network with these multiply-adds per pixel."""
+    last = {"channels_last": True}
     return [
         Rival(TORCH, partial(eager, network), "torch"),
+        Rival(CHANNELS_LAST, partial(eager, network, **last), "torch"),
         Rival(COMPILED, partial(compiled, network, "float32"), "torch"),
+        Rival(COMPILED_CHANNELS_LAST, partial(compiled, network, "float32", **last), "torch"),
         Rival(JOTLIGHT_SPLINES, partial(jotlight_module, network), "torch"),
-        Rival(FILTERS_BFLOAT16, partial(compiled, network, "filters"), "torch", same=False),
-        Rival(AUTOCAST, partial(compiled, network, "autocast"), "torch", same=False),
-        Rival(CAST, partial(compiled, network, "all"), "torch", same=False),
+        Rival(FILTERS_BFLOAT16, partial(compiled, network, "filters"), "torch", rounded=True),
+        Rival(AUTOCAST, partial(compiled, network, "autocast"), "torch", rounded=True),
+        Rival(CAST, partial(compiled, network, "all"), "torch", rounded=True),
         Rival(RELU, partial(plain_relu, network, multiply_adds), "torch", same=False),
         Rival(ONNX, partial(onnx_runtime, network), "onnxruntime"),
         Rival(OPENVINO, partial(openvino, network, "f32"), "openvino"),
-        Rival(OPENVINO_BFLOAT16, partial(openvino, network, "bf16"), "openvino", same=False),
+        Rival(OPENVINO_BFLOAT16, partial(openvino, network, "bf16"), "openvino", rounded=True),
     ]
 
 
-def eager(network: jl.Network, _: Any) -> Estimate:
+def eager(network: jl.Network, _: Any, *, channels_last: bool = False) -> Estimate:
     from suite.torch_network import DeepNetwork
 
-    return layers_run(network, DeepNetwork(network).run_layers)
+    module = DeepNetwork(network)
+    module.channels_last = channels_last
+    return layers_run(network, module.run_layers)
 
 
 def jotlight_module(network: jl.Network, _: Any) -> Estimate:
@@ -56,11 +77,18 @@ def jotlight_module(network: jl.Network, _: Any) -> Estimate:
     return layers_run(network, Network(network).run_layers)
 
 
-def compiled(network: jl.Network, precision: str, torch: Any) -> Estimate:
-    """Return the function from bits to an estimate by Inductor, with frozen parameters."""
+def compiled(
+    network: jl.Network, precision: str, torch: Any, *, channels_last: bool = False
+) -> Estimate:
+    """Return the function from bits to an estimate by Inductor, with frozen parameters.
+
+    Inductor stores the planes for filters with channels last by itself. `channels_last` also
+    requests it for splines.
+    """
     from suite.torch_network import DeepNetwork
 
     module = DeepNetwork(network)
+    module.channels_last = channels_last
     if precision == "filters":
         module.filter_dtype = torch.bfloat16
     if precision == "all":
@@ -70,33 +98,17 @@ def compiled(network: jl.Network, precision: str, torch: Any) -> Estimate:
         with torch.autocast("cpu", torch.bfloat16, enabled=precision == "autocast"):
             return module.run_layers(counts, trials).float()
 
-    run = layers_run(network, compile_frozen(torch, layers))
-    check(run)
-    return run
+    return checked(layers_run(network, compile_frozen(torch, layers)))
 
 
 def plain_relu(network: jl.Network, multiply_adds: float, torch: Any) -> Estimate:
-    """Return a plain network of the same cost: it shows the limit of what PyTorch can reach.
+    """Return a plain network of the same cost: it shows the limit of what PyTorch can reach."""
+    module = relu_network.build(torch, multiply_adds)
 
-    Its 3 x 3 filters have the most frequent number of channels, at half the resolution.
-    """
-    widths = [layer.channels for layer in network.layers if layer.channels > 1]
-    channels = max(set(widths), key=widths.count)
-    ends = 2 * 4 * channels  # multiply-adds of the filters of 4 x 4 pixels at half the resolution
-    depth = max(1, round((multiply_adds - ends) * 4 / (9 * channels**2)))
-    layers: list[Any] = [torch.nn.Conv2d(1, channels, 4, 2, 1), torch.nn.ReLU()]
-    for _ in range(depth):
-        layers += [torch.nn.Conv2d(channels, channels, 3, padding=1), torch.nn.ReLU()]
-    layers.append(torch.nn.ConvTranspose2d(channels, 1, 4, 2, 1))
-    module = torch.nn.Sequential(*layers).eval()
-    module.to(dtype=torch.bfloat16, memory_format=torch.channels_last)
-
-    def run_layers(counts: Any, _: int | None) -> Any:
+    def layers(counts: Any, _: int | None) -> Any:
         return module(counts.to(torch.bfloat16)).float()
 
-    run = layers_run(network, compile_frozen(torch, run_layers))
-    check(run)
-    return run
+    return checked(layers_run(network, compile_frozen(torch, layers)))
 
 
 def compile_frozen(torch: Any, layers: Callable[..., Any]) -> Callable[..., Any]:
@@ -107,11 +119,13 @@ def compile_frozen(torch: Any, layers: Callable[..., Any]) -> Callable[..., Any]
     return compiled
 
 
-def check(run: Estimate) -> None:
+def checked(run: Estimate) -> Estimate:
+    """Return the function, after a first call."""
     try:
         run()
     except Exception as error:
-        raise CannotRunError(f"it does not compile here ({type(error).__name__})") from error
+        raise CannotRunError(f"it does not run here ({type(error).__name__})") from error
+    return run
 
 
 def layers_run(network: jl.Network, layers: Callable[..., Any]) -> Estimate:
@@ -128,10 +142,10 @@ def layers_run(network: jl.Network, layers: Callable[..., Any]) -> Estimate:
 
     def run() -> np.ndarray:
         with torch.inference_mode():
-            output = layers(counts_of(bits(), SENSOR.oversampling), trials)[0, 0].numpy()
+            output = layers(counts_of(bits()), trials)[0, 0].numpy()
         if not conditional:
             return output
-        return intensity_from_probability(output, SENSOR, torch.get_num_threads())
+        return intensity_from_probability(output, SENSOR, allowed_threads())
 
     return run
 
@@ -168,19 +182,16 @@ def exported_run(
 
     A program has one session for each number of threads.
     """
-    import torch
-
-    from suite.torch_network import counts_of
-
     sessions: dict[int, Callable[[np.ndarray], np.ndarray]] = {}
 
     def run() -> np.ndarray:
-        threads = torch.get_num_threads()
+        threads = allowed_threads()
         if threads not in sessions:
             with tempfile.TemporaryDirectory() as folder:
                 path = Path(folder) / "network.onnx"
                 network.export_onnx(path, SENSOR)
                 sessions[threads] = session(path, threads)
-        return sessions[threads](counts_of(bits(), SENSOR.oversampling).numpy())[0, 0]
+        return sessions[threads](counts(bits())[None, None])[0, 0]
 
-    return run
+    # OpenVINO never uses more threads than there were cores for the first call.
+    return checked(run)

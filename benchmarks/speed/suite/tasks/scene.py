@@ -28,6 +28,19 @@ def many_bits() -> jl.Bits:
     return SENSOR.expose(np.tile(jl.datasets.photograph("camera"), (4, 4)), rng=0)
 
 
+def counts(bits: jl.Bits) -> np.ndarray:
+    """Return the ones of each pixel, float32 (H, W), for pixels of 4 × 4 jots and one frame.
+
+    NumPy counts packed bits faster than any program here sums unpacked jots.
+    """
+    assert (len(bits.packed), SENSOR.oversampling) == (1, 4)
+    rows = bits.packed.reshape(-1, 4, bits.packed.shape[2])
+    # A byte has a row of two pixels.
+    halves = np.stack([np.bitwise_count(rows >> 4), np.bitwise_count(rows & 15)], axis=-1)
+    pixels = halves.sum(axis=1, dtype=np.uint8).reshape(len(rows), -1)
+    return pixels[:, : bits.width // 4].astype(np.float32)
+
+
 def unpacked(bits: jl.Bits) -> np.ndarray:
     """Return jots as bytes of 0 and 1, (T, H, W)."""
     return np.unpackbits(bits.packed, axis=2, count=bits.width)
