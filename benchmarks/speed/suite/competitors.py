@@ -60,8 +60,8 @@ def precision_table(tasks: Sequence[Task]) -> Table:
     for task in tasks:
         columns += [
             Column(f"{size(task)}, largest difference", format_significant),
-            Column("PSNR, dB", ".2f"),
-            Column("loss, dB", ".3f"),
+            Column(f"{size(task)}, PSNR in dB", ".2f"),
+            Column(f"{size(task)}, loss in dB", ".3f"),
         ]
     rounded = {name for task in tasks for name in task["rounded_differences"]}
     names = [name for name in PROGRAMS if name in rounded]
