@@ -11,7 +11,7 @@ from jotlight.formats.capture import CountStack
 from jotlight.motion.align import as_motion
 from jotlight.motion.carrying import carry, divide_by_steps
 from jotlight.motion.consistency import find_consistent
-from jotlight.motion.film import film
+from jotlight.motion.film import State, film
 from jotlight.motion.live_film import LiveFilm
 from jotlight.motion.merge import as_paths
 from jotlight.motion.scoring import FAST
@@ -288,3 +288,57 @@ def test_bad_input_is_refused_before_the_first_image(options, message):
 def test_data_of_another_type_are_refused():
     with pytest.raises(TypeError, match="Bits"):
         film(np.zeros((32, 16, 16)), window=16)
+
+
+def doubtful(image):
+    """Return an image most of whose pixels are flagged."""
+    flags = np.arange(image.merged.flags.size).reshape(image.merged.flags.shape) % 10 > 0
+    merged = dataclasses.replace(image.merged, flags=flags)
+    return dataclasses.replace(image, merged=merged, data=merged)
+
+
+@pytest.mark.parametrize("causal", [False, True])
+@pytest.mark.parametrize("is_better", [False, True])
+def test_a_doubtful_motion_is_estimated_afresh(monkeypatch, causal, is_better):
+    """The image with fewer flags is shown, and the film goes on with its motion and its memory."""
+    _, bits = moving("shake", frames=96, photons=1.0)
+    carried, fresh = State._carried_image, State._fresh_image
+    calls = []
+
+    def bad_carried(self, *arguments):
+        image = carried(self, *arguments)
+        return None if image is None else doubtful(image)
+
+    def counted_fresh(self, part, start):
+        calls.append(start)
+        motion, image = fresh(self, part, start)
+        return motion, image if is_better or start == 0 else doubtful(image)
+
+    monkeypatch.setattr(State, "_carried_image", bad_carried)
+    monkeypatch.setattr(State, "_fresh_image", counted_fresh)
+    images = list(film(bits, window=32, step=8, causal=causal))
+    assert len(images) == 9
+    # The number of images between attempts doubles: the 1st, 3rd, and 7th that are carried.
+    assert calls == [0, 8, 24, 56]
+    assert [image.is_carried for image in images] == [
+        not (start == 0 or (is_better and start in calls)) for start in range(0, 65, 8)
+    ]
+    if not is_better:
+        # Attempts that fail change neither the motion nor the memory.
+        monkeypatch.setattr("jotlight.motion.film._Doubt.is_due", lambda *_: False)
+        for image, other in zip(images, film(bits, window=32, step=8, causal=causal), strict=True):
+            np.testing.assert_array_equal(image.merged.ones, other.merged.ones)
+
+
+def test_a_motion_without_doubt_is_not_estimated_afresh(monkeypatch):
+    _, bits = moving("static", frames=56, shape=(160, 160))
+    fresh, calls = State._fresh_image, []
+
+    def counted_fresh(self, part, start):
+        calls.append(start)
+        return fresh(self, part, start)
+
+    monkeypatch.setattr(State, "_fresh_image", counted_fresh)
+    images = list(film(bits, window=32, step=8))
+    assert max(image.merged.flags.mean() for image in images) < 0.5
+    assert calls == [0]

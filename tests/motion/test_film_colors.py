@@ -38,7 +38,7 @@ def quality(data, truth):
 def test_each_image_is_as_good_as_with_a_fresh_alignment(causal):
     scene, bits = behind()
     images = list(film(bits, window=WINDOW, step=STEP, causal=causal, memory=False))
-    assert images[-1].is_carried
+    assert causal or images[-1].is_carried
     for index, image in enumerate(images):
         assert image.data is image.merged
         assert image.merged.shape == (*SIZE, 3)

@@ -15,7 +15,7 @@ from jotlight.cli.reconstruction import Inputs, Reconstruction
 from jotlight.cli.run_options import RunOptions
 from jotlight.dask.cluster import connected
 from jotlight.dask.counting import Spans
-from jotlight.dask.estimator import Estimator, check_countable, checked_fallback
+from jotlight.dask.estimator import Estimator, check_countable, checked
 from jotlight.dask.jobs import (
     CaptureSource,
     ConversionJob,
@@ -40,7 +40,6 @@ from jotlight.images.io import image_writer
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.lazy import frames_per_chunk
-from jotlight.sensing.readings import refuse_mosaic
 from jotlight.sensing.sensor import Sensor
 
 _MIN_CHUNK = 1 << 27
@@ -190,7 +189,7 @@ def reconstruction_job(
     sensors: dict[Sensor, Sensor],
 ) -> Job:
     """Return the job that reconstructs a capture: a video if there are windows, else an image."""
-    prepared = inputs.prepare_opened(bits, target.output, window=run.window)
+    prepared = inputs.prepare_opened(bits, target.output, window=run.window, may_be_color=True)
     estimator = _estimator(prepared, inputs, sensors)
     facts = _method_facts(estimator, prepared, inputs)
     if run.window is not None:
@@ -199,7 +198,6 @@ def reconstruction_job(
         raise ValueError(f"{target.output}: a .zarr holds images of windows; pass --window")
     image_writer(target.output, depth=depth)
     side = estimator.sensor.oversampling
-    _, height, width, *channels = bits.shape
     return ImageJob(
         target.name,
         source,
@@ -208,7 +206,7 @@ def reconstruction_job(
         estimator,
         target.output,
         run_record(target.name, bits, source, _state(source), **facts),
-        4 * height * width * math.prod(channels) // side**2,
+        4 * math.prod(_result_shape(bits, 1, estimator)),
         depth,
     )
 
@@ -241,8 +239,7 @@ def _video_job(
     step = run.step or run.window
     spans = Spans(run.window, step, len(windows(len(bits), run.window, run.step)))
     side = 1 if estimator is None else estimator.sensor.oversampling
-    _, height, width, *channels = bits.shape
-    shape = (spans.number, height // side, width // side, *channels)
+    shape = _result_shape(bits, spans.number, estimator)
     dtype = "int32" if estimator is None else "float32"
     record = run_record(
         target.name,
@@ -264,10 +261,17 @@ def _video_job(
     return VideoJob(target.name, source, spans, side, estimator, store)
 
 
+def _result_shape(bits: Bits, number: int, estimator: Estimator | None) -> tuple[int, ...]:
+    """Return the shape of a number of images: estimates, or counts of jots without a method."""
+    side = 1 if estimator is None else estimator.sensor.oversampling
+    _, height, width, *channels = bits.shape
+    counts = number, height // side, width // side, *channels
+    return counts if estimator is None else estimator.estimate_shape(counts)
+
+
 def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor]) -> Estimator:
     """Return the method as the workers run it. Captures of equal sensors share one object."""
     sensor = sensors.setdefault(job.captured.sensor, job.captured.sensor)
-    refuse_mosaic(sensor)
     check_countable(sensor)
     if sensor.kernel != "box" and job.choice.quality is None and not _own_network(job, inputs):
         raise ValueError(
@@ -277,10 +281,12 @@ def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor
     choice = job.choice
     settings = dict(job.settings)
     fallback = bool(settings.pop("fallback", False))
+    demosaicing = settings.pop("demosaicing", None)
     options = tuple(sorted(settings.items()))
     network = _own_network(job, inputs)
-    return checked_fallback(
-        Estimator(sensor, choice.method, choice.quality, network, options, fallback=fallback)
+    quality = choice.quality
+    return checked(
+        Estimator(sensor, choice.method, quality, network, options, 1, fallback, demosaicing)
     )
 
 
@@ -293,7 +299,7 @@ def _method_facts(estimator: Estimator, job: Reconstruction, inputs: Inputs) -> 
     sensor, calibration = estimator.sensor, job.calibration
     return {
         "method": estimator.method,
-        "options": dict(estimator.options) | ({"fallback": True} if estimator.fallback else {}),
+        "options": job.settings,
         "weights_sha256": estimator.weights(inputs.method.model),
         "sensor": sensor.scalars(),
         "maps_sha256": {

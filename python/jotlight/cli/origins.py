@@ -133,4 +133,6 @@ def _run_facts(run: dict[str, Any]) -> Facts:
 def _text(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{name}={each}" for name, each in value.items())
+    if isinstance(value, list):
+        return ", ".join(map(str, value))
     return str(value)

@@ -8,19 +8,11 @@ from typing import Any, Protocol
 from jotlight._engine import __version__
 from jotlight.cli.applied_calibration import FORMAT, AppliedCalibration, is_record
 from jotlight.cli.captured import Captured
-from jotlight.evaluation.choice import COLOR_NETWORK, Choice
-from jotlight.evaluation.methods import LARGE_METHOD
+from jotlight.evaluation.choice import Choice
+from jotlight.evaluation.weights import weights_sha256
 from jotlight.files import write_file
 from jotlight.formats.checksums import file_checksum
 from jotlight.formats.locations import file_state
-from jotlight.networks.mosaic_planes import plane_sensors
-from jotlight.networks.pretrained import (
-    CHANNELS_FILE,
-    COLOR_START,
-    CONDITIONAL_SIZE,
-    MOSAIC_FILE,
-    pretrained_file,
-)
 from jotlight.sensing.bits import Bits
 
 _NO_PLACE = (".npy", ".npz")
@@ -142,26 +134,19 @@ def origin_of(job: Made, checksum: tuple[int, int]) -> dict[str, Any]:
 
     `checksum` is the size and the CRC-32 of the frames.
     """
-    choice, calibration, sensor = job.choice, job.calibration, job.captured.sensor
-    quality = CONDITIONAL_SIZE if choice.method == LARGE_METHOD else choice.quality
-    is_conditional = "fallback" in job.settings
-    files = {
-        job.model
-        if quality is None
-        else pretrained_file(each, quality, is_conditional=is_conditional)
-        for each in plane_sensors(sensor)
-    }
-    if choice.method == COLOR_NETWORK:
-        has_mosaic = sensor.mosaic is not None
-        gray = pretrained_file(sensor, COLOR_START, is_conditional=True)
-        files = {MOSAIC_FILE if has_mosaic else CHANNELS_FILE, gray}
-    weights = sorted(file_checksum(file) for file in files if file)
+    choice, calibration = job.choice, job.calibration
     content = "packed" if isinstance(job.captured.data, Bits) else "counts"
     return {
         "capture": Path(job.path).name,
         "bytes": file_state(str(job.path))[0],
         f"{content}_bytes": checksum[0],
         f"{content}_crc32": f"{checksum[1]:08x}",
-        "weights_sha256": weights[0] if len(weights) == 1 else weights or None,
+        "weights_sha256": weights_sha256(
+            job.captured.sensor,
+            choice.method,
+            choice.quality,
+            model=job.model,
+            is_conditional="fallback" in job.settings,
+        ),
         "calibration_sha256": calibration and calibration.sha256,
     }

@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import hashlib
 from pathlib import Path
 from typing import Any
 
@@ -10,26 +9,28 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.deconvolution import DECONVOLUTION_RADIUS
+from jotlight.estimators.demosaicing import choose_demosaicing
+from jotlight.evaluation.channels import COLORS
 from jotlight.evaluation.choice import (
+    COLOR_NETWORK,
     OWN_NETWORK,
+    check_demosaicing,
     check_fallback,
     choose_method,
     requested_method,
 )
 from jotlight.evaluation.held_out import blend
-from jotlight.evaluation.methods import LARGE_METHOD, METHODS, check_options
+from jotlight.evaluation.methods import METHODS, check_options
+from jotlight.evaluation.reconstruct import reconstruct, uses_color_network
+from jotlight.evaluation.weights import weights_sha256
 from jotlight.layout import Layout
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.graph import size_divisor
+from jotlight.networks.mosaic_planes import plane_sensors
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import (
-    CONDITIONAL_SIZE,
-    pretrained,
-    pretrained_conditional,
-    pretrained_file,
-)
+from jotlight.networks.pretrained import pretrained, pretrained_conditional
 from jotlight.sensing.pixel_counts import GrayImages
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.sensor import Sensor, require_sensor
 
 _KEPT = 8
 """Number of networks that a process keeps."""
@@ -41,7 +42,7 @@ class Estimator:
 
     sensor: Sensor
     method: str
-    """Key of :data:`METHODS`, or :data:`OWN_NETWORK`."""
+    """Key of :data:`METHODS`, :data:`OWN_NETWORK`, or :data:`COLOR_NETWORK`."""
     quality: str | None = None
     """Size of a shipped network, which each process reads from its own installation."""
     network: Network | None = None
@@ -52,11 +53,18 @@ class Estimator:
     """Number of threads. The estimate does not depend on it."""
     fallback: bool = False
     """Whether a network falls back to other methods, as in `jotlight.reconstruct`."""
+    demosaicing: str | None = None
+    """How the planes of a mosaic become colors, as in `jotlight.reconstruct`."""
+
+    @property
+    def is_color(self) -> bool:
+        """Whether an image is estimated from several filters or channels together."""
+        return self.sensor.mosaic is not None or self.method == COLOR_NETWORK
 
     @property
     def halo(self) -> int | None:
         """Radius in pixels on which a pixel of the estimate depends. None: on the whole image."""
-        if self.sensor.maps() or self.fallback:
+        if self.sensor.maps() or self.fallback or self.is_color:
             return None
         network = self._network()
         if network is not None:
@@ -75,24 +83,47 @@ class Estimator:
             return self.network
         return _shipped(self.sensor, self.quality, is_conditional=self.fallback)
 
-    def weights(self, model: Path | None = None) -> str | None:
-        """Return the SHA-256 of the file of the network's weights, or None without a network.
+    def weights(self, model: Path | None = None) -> str | list[str] | None:
+        """Return the SHA-256 of the files of weights, as :func:`weights_sha256` does.
 
         `model` is the file of the caller's network.
         """
-        if model is None:
-            quality = CONDITIONAL_SIZE if self.method == LARGE_METHOD else self.quality
-            if quality is None:
-                return None
-            model = pretrained_file(self.sensor, quality, is_conditional=self.fallback)
-        return hashlib.sha256(model.read_bytes()).hexdigest()
+        return weights_sha256(
+            self.sensor, self.method, self.quality, model=model, is_conditional=self.fallback
+        )
+
+    def estimate_shape(self, shape: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the shape of the estimates of counts (N, H, W) or (N, H, W, C).
+
+        Raises
+        ------
+        ValueError
+            When counts of a mosaic have channels.
+
+        Examples
+        --------
+        >>> Estimator(Sensor(mosaic="RGGB"), "mle").estimate_shape((5, 16, 24))
+        (5, 16, 24, 3)
+        """
+        if self.sensor.mosaic is None:
+            return shape
+        if len(shape) > 3:
+            raise ValueError(
+                "mosaic: expected gray frames, because the pixels of a mosaic have one color each, "
+                f"got {shape[3]} channels; leave out the mosaic"
+            )
+        return *shape, COLORS
 
     def __call__(self, counts: npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
-        """Return the estimates of counts (N, H, W) or (N, H, W, C)."""
-        channels = counts.shape[3:]
+        """Return the estimates of counts (N, H, W) or (N, H, W, C).
+
+        Those of a mosaic are (N, H, W, 3).
+        """
         if counts.size == 0:
-            return np.empty(counts.shape, np.float32)
-        if channels:
+            return np.empty(self.estimate_shape(counts.shape), np.float32)
+        if self.is_color:
+            return self._estimate_colors(counts)
+        if channels := counts.shape[3:]:
             # The layout (N, C) has the channels as the last axis of the result.
             gray = np.ascontiguousarray(np.moveaxis(counts, -1, 1)).reshape(-1, *counts.shape[1:3])
             layout = Layout((len(counts), *channels), -1)
@@ -106,6 +137,24 @@ class Estimator:
         run, options = METHODS[self.method].run, dict(self.options)
         return np.asarray(run(images, self.sensor, threads=self.threads, **options))
 
+    def _estimate_colors(self, counts: npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
+        """Return the estimates of counts of a mosaic, or of three channels, one after another."""
+        named = None if self.method == COLOR_NETWORK else self.method
+        estimates = np.empty(self.estimate_shape(counts.shape), np.float32)
+        for image, out in zip(counts, estimates, strict=True):
+            reconstruct(
+                image,
+                self.sensor,
+                method=named if self.network is None else self.network,
+                channel_axis=None if image.ndim == 2 else -1,
+                demosaicing=self.demosaicing,
+                out=out,
+                threads=self.threads,
+                fallback=self.fallback,
+                **dict(self.options),
+            )
+        return estimates
+
 
 @functools.lru_cache(_KEPT)
 def _shipped(sensor: Sensor, quality: str, *, is_conditional: bool) -> Network:
@@ -117,8 +166,22 @@ def choose_estimator(
     method: str | Network | None = None,
     quality: str | None = None,
     options: dict[str, Any] | None = None,
+    *,
+    demosaicing: str | None = None,
+    channels: int = 1,
 ) -> Estimator:
     """Return the recommended method for counts of a sensor, or the requested one.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor of an image.
+    method, quality, demosaicing
+        As for :func:`jotlight.reconstruct`.
+    options : dict, optional
+        Its further options: those of the method, and `fallback`.
+    channels : int
+        Number of channels of the counts.
 
     Raises
     ------
@@ -129,6 +192,8 @@ def choose_estimator(
     --------
     >>> choose_estimator(Sensor(frames=16), quality="small").method
     'network-small'
+    >>> choose_estimator(Sensor(frames=16, mosaic="RGGB")).method
+    'network-color'
     """
     options = dict(options or {})
     fallback = bool(options.pop("fallback", False))
@@ -142,29 +207,45 @@ def choose_estimator(
     if isinstance(method, Network):
         if options:
             raise ValueError(f"{next(iter(options))}: is not an option of a network; leave it out")
-        method.check_sensor(sensor)
-        return checked_fallback(Estimator(sensor, OWN_NETWORK, network=method, fallback=fallback))
+        own = Estimator(sensor, OWN_NETWORK, None, method, (), 1, fallback, demosaicing)
+        return checked(own)
     if method is not None and not isinstance(method, str):
         raise TypeError(f"method: expected the name of a method, or a network, got {method!r}")
     requested = requested_method(method, list(options))
     if requested is not None:
         check_options(requested, options)
-    choice = choose_method(sensor, requested=requested)
+    check_demosaicing(demosaicing, sensor)
+    is_default = requested is None and not fallback
+    if sensor.mosaic is None:
+        is_color = is_default and channels == COLORS
+    else:
+        is_color = uses_color_network(sensor, demosaicing, is_default=is_default)
+    choice = choose_method(sensor, requested=requested, is_color=is_color)
     chosen = tuple(sorted(options.items()))
-    return checked_fallback(
-        Estimator(sensor, choice.method, choice.quality, options=chosen, fallback=fallback)
+    return checked(
+        Estimator(sensor, choice.method, choice.quality, None, chosen, 1, fallback, demosaicing)
     )
 
 
-def checked_fallback(estimator: Estimator) -> Estimator:
-    """Return an estimator, or raise ValueError if it cannot fall back as it should."""
+def checked(estimator: Estimator) -> Estimator:
+    """Return an estimator, or raise ValueError if its parts do not fit together."""
+    sensor, network, demosaicing = estimator.sensor, estimator.network, estimator.demosaicing
+    if network is not None:
+        for each in plane_sensors(sensor):
+            network.check_sensor(each)
     if estimator.fallback:
-        check_fallback(estimator.sensor, estimator.method, estimator.quality, estimator.network)
+        check_fallback(sensor, estimator.method, estimator.quality, network)
+    check_demosaicing(demosaicing, sensor)
+    if sensor.mosaic is not None:
+        is_default = estimator.method == COLOR_NETWORK
+        is_joint = uses_color_network(sensor, demosaicing, is_default=is_default)
+        choose_demosaicing(sensor.mosaic, None if is_joint else demosaicing)
     return estimator
 
 
 def check_countable(sensor: Sensor) -> None:
     """Raise ValueError if the counts of pixels are not enough for the data of a sensor."""
+    require_sensor(sensor, takes_mosaics=True)
     if sensor.oversampling > 1 and sensor.maps():
         raise ValueError(
             "sensor: expected one without maps of its jots, because counts of pixels of "

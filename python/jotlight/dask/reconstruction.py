@@ -31,6 +31,7 @@ def reconstruct(
     *,
     method: str | Network | None = None,
     quality: str | None = None,
+    demosaicing: str | None = None,
     width: int | None = None,
     **options: Any,
 ) -> "dask.array.Array":
@@ -49,9 +50,12 @@ def reconstruct(
         Frames from one window to the next. Default: the size of a window.
     method : str or Network, optional
         A name in ``jotlight.evaluation.methods.METHODS``, or a network. Default: the recommended
-        method for the sensor.
+        method for the sensor, which is the color network for a mosaic and for three channels, as in
+        :func:`jotlight.reconstruct`.
     quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
         Size of a shipped network, in place of a method.
+    demosaicing : {"network", "menon", "differences"}, optional
+        For a sensor with a mosaic: how planes become colors, as in :func:`jotlight.reconstruct`.
     width : int, optional
         W: the true width in jots. Default: that of the bits, or a multiple of 8.
     **options
@@ -60,7 +64,7 @@ def reconstruct(
     Returns
     -------
     dask.array.Array of float32, shape (N, H / K̂, W / K̂) or (N, H / K̂, W / K̂, C)
-        Intensities in [0, S].
+        Intensities in [0, S]. Those of a mosaic are (N, H / K̂, W / K̂, 3): red, green, and blue.
 
     Raises
     ------
@@ -72,14 +76,19 @@ def reconstruct(
     Notes
     -----
     The method gets the counts of each window. Images of more than 4 Mpixel are divided into tiles
-    of at most 1024 x 1024 pixels, with the halo of the method, if the sensor has no maps and the
-    method is "mle" or a network. The tiles do not depend on the chunks, so neither does the result.
+    of at most 1024 x 1024 pixels, with the halo of the method, if the sensor has no maps and no
+    mosaic, and the method is "mle" or a network other than the color network. The tiles do not
+    depend on the chunks, so neither does the result.
 
     Examples
     --------
     >>> bits = Sensor(frames=64).expose(np.full((16, 16), 0.5), rng=0)
     >>> reconstruct(bits, window=16, method="mle").shape
     (4, 16, 16)
+    >>> sensor = Sensor(frames=64, mosaic="RGGB")
+    >>> bits = sensor.expose(np.full((16, 16, 3), 0.5), rng=0)
+    >>> reconstruct(bits, window=16).shape
+    (4, 16, 16, 3)
     """
     if sensor is None and isinstance(x, Bits):
         sensor = x.sensor  # type: ignore[assignment]
@@ -88,16 +97,31 @@ def reconstruct(
             "sensor: expected a jotlight.Sensor, because these bits carry none; pass the sensor "
             "that recorded them, such as Sensor(frames=16)"
         )
-    require_sensor(sensor)
+    require_sensor(sensor, takes_mosaics=True)
     window = int(x.shape[0]) if window is None else window
-    estimator = choose_estimator(sensor.replace(frames=window), method, quality, options)
+    estimator = choose_estimator(
+        sensor.replace(frames=window),
+        method,
+        quality,
+        options,
+        demosaicing=demosaicing,
+        channels=x.shape[3] if len(x.shape) == 4 else 1,
+    )
     counts = count(x, window, step, oversampling=sensor.oversampling, width=width)
     sensor.check_map_shapes(*(size * sensor.oversampling for size in counts.shape[1:3]))
-    meta = np.empty((0,) * counts.ndim, np.float32)
+    shape = estimator.estimate_shape(counts.shape)
+    meta = np.empty((0,) * len(shape), np.float32)
     halo = estimator.halo
     is_small = counts.shape[1] * counts.shape[2] <= _MAX_PIXELS
     if halo is None or is_small or halo > _TILE // 2:
-        return counts.map_blocks(estimator, dtype=np.float32, meta=meta)
+        added = shape[counts.ndim :]  # the colors of a mosaic
+        return counts.map_blocks(
+            estimator,
+            dtype=np.float32,
+            chunks=(*counts.chunks, *((size,) for size in added)),
+            new_axis=list(range(counts.ndim, len(shape))),
+            meta=meta,
+        )
     grid = estimator.grid
     tiles = counts.rechunk({axis: tile_side(counts.shape[axis], halo, grid) for axis in (1, 2)})
     return tiles.map_overlap(

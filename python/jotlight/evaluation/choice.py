@@ -31,16 +31,24 @@ TITLES = {OWN_NETWORK: "network, own", COLOR_NETWORK: "network, color"}
 """Names of the methods that are not in :data:`METHODS`, in tables and messages."""
 
 
-def check_demosaicing(demosaicing: str | None) -> None:
-    """Raise ValueError for an unknown `demosaicing`.
+def check_demosaicing(demosaicing: str | None, sensor: Sensor | None = None) -> None:
+    """Raise ValueError for an unknown `demosaicing`, or one for a sensor without a mosaic.
 
     Examples
     --------
     >>> check_demosaicing("network")
+    >>> check_demosaicing("network", Sensor(frames=16))
+    Traceback (most recent call last):
+      ...
+    ValueError: demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')
     """
     names = JOINT, *DEMOSAICING
     if demosaicing not in (None, *names):
         raise ValueError(f"demosaicing: expected one of {', '.join(names)}, got {demosaicing!r}")
+    if demosaicing is not None and sensor is not None and sensor.mosaic is None:
+        raise ValueError(
+            "demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')"
+        )
 
 
 def requested_method(method: str | None, options: Collection[str] = ()) -> str | None:

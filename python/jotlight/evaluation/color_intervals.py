@@ -87,7 +87,7 @@ class MosaicPixels:
         """The fraction of the pixels whose bits determine each color, (3,).
 
         Were the image constant, the variances of its least-squares colors would be those of a
-        sensor with so many pixels of each color. RGGB: 1/4, 1/2, 1/4.
+        sensor with this fraction of pixels of each color. RGGB: 1/4, 1/2, 1/4.
         """
         shares = self.shares.reshape(3, -1)
         normal = shares @ shares.T / shares.shape[1]

@@ -202,11 +202,8 @@ def reconstruct(
         scale = np.float32(unit_scale(declared, units))
         colors *= scale
         return (colors, info) if return_info else colors
-    if demosaicing is not None:
-        raise ValueError(
-            "demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')"
-        )
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
+    check_demosaicing(demosaicing, sensor)
     scale = np.float32(unit_scale(sensor, units))
     start = time.perf_counter()
     if callable(method) and not isinstance(method, Network):
@@ -240,15 +237,41 @@ def _run_mosaic(
     is_default: bool,
 ) -> tuple[Image, Info]:
     """Return the colors of a mosaic by the color network, or by the method that `run` estimates."""
-    check_demosaicing(demosaicing)
     is_default = is_default and takes_colors(data, arrays["trials"])
+    is_joint = uses_color_network(sensor, demosaicing, is_default=is_default)
+    estimate = None if is_joint else partial(run, threads=threads, return_info=True)
+    after = None if is_joint else demosaicing
+    return reconstruct_mosaic(data, sensor, estimate, **arrays, demosaicing=after, threads=threads)
+
+
+def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: bool) -> bool:
+    """Return whether the color network estimates the image of a sensor with a mosaic.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        A sensor with a mosaic.
+    demosaicing : str, optional
+        As of :func:`reconstruct`.
+    is_default : bool
+        Whether no method and no options are requested, and the color network takes the data.
+
+    Raises
+    ------
+    ValueError
+        For an unknown `demosaicing`, and for "network" where the color network cannot be used.
+
+    Examples
+    --------
+    >>> uses_color_network(Sensor(frames=16, mosaic="RGGB"), None, is_default=True)
+    True
+    """
+    check_demosaicing(demosaicing, sensor)
     choice = choose_method(sensor, is_color=is_default)
     is_joint = choice.method == COLOR_NETWORK and demosaicing in (None, JOINT)
     if demosaicing == JOINT and not is_joint:
         raise ValueError(f'demosaicing: "network" {LIMITS}')
-    estimate = None if is_joint else partial(run, threads=threads, return_info=True)
-    after = None if is_joint else demosaicing
-    return reconstruct_mosaic(data, sensor, estimate, **arrays, demosaicing=after, threads=threads)
+    return is_joint
 
 
 def _run(

@@ -5,6 +5,8 @@ import dataclasses
 import warnings
 from collections.abc import Iterator
 
+import numpy as np
+
 from jotlight.checks import whole_number_in_range
 from jotlight.chunks import windows
 from jotlight.errors import JotlightWarning
@@ -38,6 +40,9 @@ _MIN_OVERLAP = 0.75
 
 _MAX_LOSS = 0.03
 """The motion is estimated afresh if the fraction of accepted bits falls by more than this."""
+
+_MAX_FLAGGED = 0.5
+"""If more than this fraction of the pixels is flagged, a fresh motion may be better."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,6 +184,7 @@ class State:
         self._motion: Motion | None = None
         """The motion of the last window, as seen from its middle."""
         self._start, self._number, self._usual = 0, 0, 0.0
+        self._doubt = _Doubt()
 
     def next_image(self, part: Bits | CountStack, start: int) -> FilmImage:
         """Return the image of a window, whose first frame has a number."""
@@ -187,12 +193,15 @@ class State:
         is_recent = self._settings.causal or self._number < _MAX_CARRIED
         image = None
         if motion is not None and is_recent and shared >= _MIN_OVERLAP:
+            # Merging changes the memory, which is needed again if the image is rejected.
+            memory = copy.copy(self._merging.memory)
             image = self._carried_image(motion, part, start)
+            if image is None:
+                self._merging.memory = memory
+            elif self._doubt.is_due(image.merged):
+                image = self._better_image(image, memory, part, start)
         if image is None:
-            motion = align(part, self.sensor, model=self._settings.model, threads=self._threads)
-            burst, sensor = prepare_burst(part, self.sensor)
-            blocks = as_blocks(burst, divide(len(burst)), sensor, self._threads)
-            image = self._merge(as_paths(motion, blocks), motion, start, is_carried=False)
+            motion, image = self._fresh_image(part, start)
             self._motion, self._number, self._usual = motion, 0, _accepted(image.merged)
         self._number += 1
         self._start = start
@@ -209,17 +218,38 @@ class State:
         if paths is None:
             return None
         carried = as_motion(paths, motion.model)
-        # Merging changes the memory, which is needed again if the image is rejected.
-        memory = copy.copy(self._merging.memory)
         with warnings.catch_warnings():
             # A motion that is lost is estimated afresh, so a warning about it would mislead.
             warnings.simplefilter("ignore", JotlightWarning)
             image = self._merge(paths, carried, start, is_carried=True)
         if _accepted(image.merged) < self._usual - _MAX_LOSS:
-            self._merging.memory = memory
             return None
         self._motion = carried
         return image
+
+    def _fresh_image(self, part: Bits | CountStack, start: int) -> tuple[Motion, FilmImage]:
+        """Return a motion that is estimated from a window alone, and the image along it."""
+        motion = align(part, self.sensor, model=self._settings.model, threads=self._threads)
+        burst, sensor = prepare_burst(part, self.sensor)
+        blocks = as_blocks(burst, divide(len(burst)), sensor, self._threads)
+        return motion, self._merge(as_paths(motion, blocks), motion, start, is_carried=False)
+
+    def _better_image(
+        self, image: FilmImage, memory: Memory | None, part: Bits | CountStack, start: int
+    ) -> FilmImage:
+        """Return the image along the carried motion or along a fresh one, with fewer flags.
+
+        `memory` is the one from before the image.
+        """
+        self._merging.memory, kept = memory, self._merging.memory
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", JotlightWarning)
+            motion, fresh = self._fresh_image(part, start)
+        if _flagged(fresh.merged) >= _flagged(image.merged):
+            self._merging.memory = kept
+            return image
+        self._motion, self._number, self._usual = motion, 0, _accepted(fresh.merged)
+        return fresh
 
     def _merge(self, paths: Paths, motion: Motion, start: int, *, is_carried: bool) -> FilmImage:
         """Return the image of a window along paths."""
@@ -234,6 +264,29 @@ class State:
             paths = as_paths(motion, blocks)
         merged = self._merging.merge(paths, motion, start, is_carried=is_carried)
         return FilmImage(merged, motion, is_carried, merged)
+
+
+@dataclasses.dataclass
+class _Doubt:
+    """After how many images the motion is estimated afresh, if most of their pixels are flagged.
+
+    The number doubles with each attempt, so that films of scenes that no model explains take little
+    longer.
+    """
+
+    wait: int = 1
+    waited: int = 0
+
+    def is_due(self, merged: Merged) -> bool:
+        """Return whether the motion of this image is estimated afresh."""
+        if _flagged(merged) <= _MAX_FLAGGED:
+            self.wait, self.waited = 1, 0
+            return False
+        self.waited += 1
+        if self.waited < self.wait:
+            return False
+        self.wait, self.waited = min(2 * self.wait, _MAX_CARRIED), 0
+        return True
 
 
 class ColorState:
@@ -279,6 +332,11 @@ def _seen_from_end(motion: Motion, paths: Paths) -> tuple[Motion, Paths]:
         # then shows the middle of the window.
         return motion, paths
     return motion, as_paths(motion, paths.blocks)
+
+
+def _flagged(merged: Merged) -> float:
+    """Return the fraction of the pixels that are flagged."""
+    return 0.0 if merged.flags is None else float(np.mean(merged.flags))
 
 
 def _accepted(merged: Merged) -> float:

@@ -7,9 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.chunks import windows
-from jotlight.sensing.readings import refuse_mosaic
+from jotlight.evaluation.channels import COLORS
+from jotlight.sensing.merged import Merged
 from jotlight.view.counts import RunningCounts
 from jotlight.view.estimate import estimate
+from jotlight.view.state import COUNTS
 from jotlight.view.viewed import Viewable
 
 if TYPE_CHECKING:
@@ -40,7 +42,7 @@ class LayerSource:
     step : int
         Frames from one window to the next.
     method : str
-        A key of ``METHODS``, or "counts".
+        A key of ``METHODS``, "network-color", or "counts".
     """
 
     def __init__(self, viewed: Viewable, window: int, step: int, method: str) -> None:
@@ -50,24 +52,29 @@ class LayerSource:
         ]
         """The frames of each image."""
 
-    def image(self, index: int) -> npt.NDArray[np.float32]:
-        """Return an image of the layer."""
+    def image(self, index: int, merged: Merged | None = None) -> npt.NDArray[np.float32]:
+        """Return an image of the layer, from the bits along the motion if these are passed."""
         span = self.spans[index]
         # Each call counts its own window, because dask may call from several threads.
         counts = RunningCounts(self.viewed).move(span)
-        return estimate(self.viewed, span, self.method, counts).image
+        return estimate(self.viewed, span, self.method, counts, merged).image
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(H, W) or (H, W, C): the shape of an image. Estimates of a mosaic have three colors."""
+        has_mosaic = self.viewed.sensor(1).mosaic is not None
+        colors = (COLORS,) if has_mosaic and self.method != COUNTS else ()
+        return *self.viewed.shape, *colors
 
     def images(self) -> "dask.array.Array":
         """Return all images, (N, H, W) or (N, H, W, C), each computed when it is viewed."""
         import dask.array as da
 
-        shape = self.viewed.shape
-
         def compute(block_info: Any = None) -> npt.NDArray[np.float32]:
             index = block_info[None]["chunk-location"][0]
             return self.image(index)[None]
 
-        chunks = ((1,) * len(self.spans), *((size,) for size in shape))
+        chunks = ((1,) * len(self.spans), *((size,) for size in self.shape))
         return da.map_blocks(compute, chunks=chunks, dtype=np.float32, meta=np.empty(0, np.float32))
 
 
@@ -85,7 +92,8 @@ def make_layer(
     step : int, optional
         Frames from one window to the next. Default: the size of a window.
     method : str
-        A key of ``METHODS``, or "counts".
+        A key of ``METHODS``, "network-color", or "counts". Except for counts, a mosaic becomes red,
+        green, and blue.
 
     Returns
     -------
@@ -97,7 +105,6 @@ def make_layer(
     ValueError
         When the window does not fit the capture, or the method does not serve the sensor.
     """
-    refuse_mosaic(viewed.sensor(1))
     window = min(_WINDOW, len(viewed.frames)) if window is None else window
     source = LayerSource(viewed, window, window if step is None else step, method)
     name = f"{viewed.title}, {method}"

@@ -1,4 +1,4 @@
-"""The dock widget of napari that opens captures whose format or array the user names."""
+"""The dock widget of napari for captures whose format, array, or color filters the user names."""
 
 from pathlib import Path
 from typing import Any
@@ -26,9 +26,11 @@ class OpenWidget(BackgroundWidget):
         self.folder = widgets.FileEdit(label="or folder", mode="d", nullable=True)
         self.format = widgets.ComboBox(label="format", choices=[_DETECT, *FORMATS], value=_DETECT)
         self.key = widgets.LineEdit(label="array, if there are several")
+        self.mosaic = widgets.LineEdit(label="color filters, such as RGGB")
         self.open = widgets.PushButton(text="Open")
         self.open.changed.connect(self._on_open)
-        super().__init__(napari_viewer, [self.file, self.folder, self.format, self.key, self.open])
+        fields = [self.file, self.folder, self.format, self.key, self.mosaic]
+        super().__init__(napari_viewer, [*fields, self.open])
 
     def show_path(self, path: Path) -> None:
         """Fill in the path of a capture whose format the user has to choose."""
@@ -43,4 +45,5 @@ class OpenWidget(BackgroundWidget):
             return
         name = None if self.format.value == _DETECT else self.format.value
         key = self.key.value.strip() or None
-        self._start(lambda: (read(paths[0], name, key), ""))
+        mosaic = self.mosaic.value.strip() or None
+        self._start(lambda: (read(paths[0], name, key, mosaic), ""))

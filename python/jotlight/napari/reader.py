@@ -41,7 +41,12 @@ def get_reader(path: Any) -> Reader | None:
     return read
 
 
-def read(path: Any, format: str | None = None, key: str | None = None) -> list[LayerData]:  # noqa: A002
+def read(
+    path: Any,
+    format: str | None = None,  # noqa: A002
+    key: str | None = None,
+    mosaic: str | None = None,
+) -> list[LayerData]:
     """Return a layer of a capture, or of each capture in a file of several arrays.
 
     Images of counts need a label with their number of trials. Otherwise, the layer shows them as
@@ -56,6 +61,8 @@ def read(path: Any, format: str | None = None, key: str | None = None) -> list[L
     key : str, optional
         Name of the array. Default: the only one, or the one that jotlight labeled, or else all
         that are captures.
+    mosaic : str, optional
+        The letters of the color filters, such as "RGGB". Default: what the capture states.
 
     Raises
     ------
@@ -66,19 +73,24 @@ def read(path: Any, format: str | None = None, key: str | None = None) -> list[L
     if single is None:
         raise ValueError(f"path: expected one capture, got {path!r}")
     try:
-        return [_read_array(single, format, key)]
+        return [_read_array(single, format, key, mosaic)]
     except SeveralArraysError as error:
         if key is not None or not 0 < len(error.names) <= _MAX_ARRAYS:
             raise ValueError(f"{error}; name it in Plugins > jotlight > {OPEN_TITLE}") from error
-        return _read_arrays(single, format, error.names)
+        return _read_arrays(single, format, error.names, mosaic)
 
 
-def _read_arrays(path: Path, format: str | None, names: tuple[str, ...]) -> list[LayerData]:  # noqa: A002
+def _read_arrays(
+    path: Path,
+    format: str | None,  # noqa: A002
+    names: tuple[str, ...],
+    mosaic: str | None,
+) -> list[LayerData]:
     """Return a layer of each array that is a capture, and warn about the others."""
     layers, reasons = [], {}
     for name in names:
         try:
-            layers.append(_read_array(path, format, name))
+            layers.append(_read_array(path, format, name, mosaic))
         except ValueError as error:
             reasons[name] = str(error)
     if not layers:
@@ -88,12 +100,23 @@ def _read_arrays(path: Path, format: str | None, names: tuple[str, ...]) -> list
     return layers
 
 
-def _read_array(path: Path, format: str | None, key: str | None) -> LayerData:  # noqa: A002
+def _read_array(
+    path: Path,
+    format: str | None,  # noqa: A002
+    key: str | None,
+    mosaic: str | None,
+) -> LayerData:
     opened = open_capture(path, format=format, key=key, isolate=True)
     title = path.name if key is None else f"{path.name}: {key}"
     if isinstance(opened, Bits):
-        return make_layer(dataclasses.replace(Viewed.from_bits(opened), title=title))
-    return make_layer(_view_counts(opened, title))
+        viewed = dataclasses.replace(Viewed.from_bits(opened), title=title)
+    else:
+        viewed = _view_counts(opened, title)
+    if mosaic is not None:
+        sensor = viewed.sensor_of_all
+        sensor = sensor.replace(mosaic=mosaic, gain=sensor.gain)
+        viewed = dataclasses.replace(viewed, sensor_of_all=sensor)
+    return make_layer(viewed)
 
 
 def _view_counts(stack: CountStack, name: str) -> Viewed:

@@ -5,6 +5,7 @@ from typing import Any
 
 from magicgui import widgets
 
+from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.methods import METHODS
 from jotlight.napari.background import BackgroundWidget, Result, describe_error, path_in
 from jotlight.napari.lazy import LayerSource, source_of
@@ -27,7 +28,8 @@ class JotlightWidget(BackgroundWidget):
         names = [
             name for name, method in METHODS.items() if name not in _HIDDEN and method.available
         ]
-        self.method = widgets.ComboBox(label="method", choices=[COUNTS, *names], value="mle")
+        choices = [COUNTS, COLOR_NETWORK, *names]
+        self.method = widgets.ComboBox(label="method", choices=choices, value="mle")
         self.window = widgets.SpinBox(label="window in frames", value=64, min=1, max=2**31 - 1)
         self.step = widgets.SpinBox(label="step in frames", value=64, min=1, max=2**31 - 1)
         self.reconstruct = widgets.PushButton(text="Reconstruct")

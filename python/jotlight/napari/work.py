@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from jotlight.calibration import Calibration, calibrate
 from jotlight.estimators.brightness import detected_photons
-from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats.reading import open_capture
 from jotlight.napari.lazy import (
     INTENSITIES,
@@ -21,7 +20,8 @@ from jotlight.napari.lazy import (
     source_of,
 )
 from jotlight.sensing.bits import Bits
-from jotlight.view.estimate import choose, merge_window
+from jotlight.sensing.mosaic import Mosaic
+from jotlight.view.estimate import merge_window
 from jotlight.view.state import COUNTS
 from jotlight.view.viewed import Viewed
 
@@ -35,19 +35,19 @@ def change_method(source: LayerSource, method: str, window: int, step: int) -> L
 
 
 def align_window(source: LayerSource, index: int) -> LayerData:
-    """Return a layer with one window, aligned to its middle, by the method of its layer."""
+    """Return a layer with one window, aligned to its middle, by the method of its layer.
+
+    Behind a mosaic, a window in which nothing moves is shown without an alignment.
+    """
     if not 0 <= index < len(source.spans):
         raise ValueError(
             f"align: expected one of the {len(source.spans)} windows of this layer, got window "
             f"{index}; move the slider back"
         )
     span, viewed = source.spans[index], source.viewed
-    merged = merge_window(viewed, span)
-    assert merged is not None, "layers have no mosaic"
     method = "mle" if source.method == COUNTS else source.method
-    choice = choose(viewed, len(span), method)
-    sensor = merged.sensor.replace(max_intensity=choice.max_intensity)
-    image = reconstruct(dataclasses.replace(merged, sensor=sensor), method=method)
+    aligned = LayerSource(viewed, source.window, source.step, method)
+    image = aligned.image(index, merge_window(viewed, span))
     name = f"{viewed.title}, frames {span.start} to {span.stop - 1}, aligned, {method}"
     return display_layer(image, image, name)
 
@@ -80,7 +80,8 @@ def apply_calibration(
         captures = [open_capture(path) for path in (dark, flat) if path is not None]
         if not all(isinstance(capture, Bits) for capture in captures):
             raise ValueError("calibration: expected bits in the dark and flat captures, got counts")
-        calibration = calibrate(*captures)  # type: ignore[arg-type]
+        mosaic = None if flat is None else _mosaic_of_jots(viewed)
+        calibration = calibrate(*captures, mosaic=mosaic)  # type: ignore[arg-type]
     else:
         raise ValueError("calibration: expected a dark capture, or the file of a calibration")
     calibration.check_capture(viewed.data.shape[1:3], viewed.provenance)
@@ -91,6 +92,17 @@ def apply_calibration(
         f"masked jots: {int(calibration.mask.sum())} of {calibration.mask.size}"
     )
     return make_layer(changed, source.window, source.step, source.method), found
+
+
+def _mosaic_of_jots(viewed: Viewed) -> Mosaic | None:
+    """Return the mosaic of a capture with a filter for each jot, as a calibration takes it."""
+    sensor = viewed.sensor_of_all
+    mosaic: Mosaic | None = sensor.mosaic
+    if mosaic is None or sensor.oversampling == 1:
+        return mosaic
+    side = sensor.oversampling
+    jots = mosaic.of_jots(*(side * size for size in viewed.shape[:2]), side)
+    return dataclasses.replace(mosaic, pattern=jots)
 
 
 def measure_layer(

@@ -245,16 +245,21 @@ class Sensor(Exposure):
         return self.threshold, self.light_per_intensity, self.max_intensity
 
 
-def require_sensor(sensor: object, *, may_differ: bool = False) -> None:
+def require_sensor(
+    sensor: object, *, may_differ: bool = False, takes_mosaics: bool = False
+) -> None:
     """Raise TypeError unless the argument is a sensor, and ValueError unless it has plain bits.
 
-    The sensor must be gray. Its readings may differ if `may_differ` is true.
+    The sensor must be gray unless `takes_mosaics` is true. Its readings may differ if `may_differ`
+    is true.
     """
     if not isinstance(sensor, Sensor):
         raise TypeError(
             "sensor: expected a jotlight.Sensor, such as Sensor(frames=16) for 16 trials per "
             f"pixel, got {sensor!r}"
         )
+    if takes_mosaics:
+        sensor = readings.without_mosaic(sensor)
     readings.refuse_mosaic(sensor)
     if not may_differ:
         readings.require_plain_bits(sensor)

@@ -1,0 +1,70 @@
+"""The files of the networks that a method runs, for records."""
+
+from pathlib import Path
+
+from jotlight.evaluation.choice import COLOR_NETWORK
+from jotlight.evaluation.methods import LARGE_METHOD
+from jotlight.formats.checksums import file_checksum
+from jotlight.networks.mosaic_planes import plane_sensors
+from jotlight.networks.pretrained import (
+    CHANNELS_FILE,
+    COLOR_START,
+    CONDITIONAL_SIZE,
+    MOSAIC_FILE,
+    pretrained_file,
+)
+from jotlight.sensing.sensor import Sensor
+
+
+def weights_sha256(
+    sensor: Sensor,
+    method: str,
+    quality: str | None,
+    *,
+    model: Path | None = None,
+    is_conditional: bool = False,
+) -> str | list[str] | None:
+    """Return the SHA-256 of the files of the networks that a method runs.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor of the data. The planes of a mosaic may have different networks.
+    method, quality : str
+        The method and the size of its network, as a ``jotlight.evaluation.choice.Choice`` states
+        them.
+    model : Path, optional
+        File of the caller's network, for methods without a size.
+    is_conditional : bool
+        Whether the network must be K-conditioned, as it falls back to other methods.
+
+    Returns
+    -------
+    str or list of str or None
+        64 hexadecimal digits, a sorted list of them for several files, or None without a network.
+        The color network has two files: its own, and that of the gray network at which it starts.
+
+    Raises
+    ------
+    OSError
+        When a file cannot be read.
+
+    Examples
+    --------
+    >>> sensor = Sensor(frames=16, mosaic="RGGB")
+    >>> len(weights_sha256(sensor, "network-color", None))
+    2
+    >>> weights_sha256(sensor, "mle", None) is None
+    True
+    """
+    if method == COLOR_NETWORK:
+        own = CHANNELS_FILE if sensor.mosaic is None else MOSAIC_FILE
+        files = {own, pretrained_file(sensor, COLOR_START, is_conditional=True)}
+    else:
+        size = CONDITIONAL_SIZE if method == LARGE_METHOD else quality
+        files = {
+            model if size is None else pretrained_file(each, size, is_conditional=is_conditional)
+            for each in plane_sensors(sensor)
+        }
+    each = sorted(file_checksum(file) for file in files if file is not None)
+    return each[0] if len(each) == 1 else each or None
