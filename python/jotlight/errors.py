@@ -7,11 +7,16 @@ A message names the Python parameter and, in parentheses, the option of the comm
 ``counts=True (--counts)``. The command line shows only the option.
 """
 
+import contextlib
 import importlib
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextvars import ContextVar
 from typing import Any
+
+_hidden: ContextVar[tuple[str, ...]] = ContextVar("hidden", default=())
+"""Texts whose warnings this thread hides."""
 
 
 class JotlightWarning(UserWarning):
@@ -72,7 +77,28 @@ def import_extra(name: str, extra: str, purpose: str) -> Any:
 
 def warn(message: str, category: type[JotlightWarning] = JotlightWarning) -> None:
     """Issue a warning that points to the line of code which called jotlight."""
+    if any(text in message for text in _hidden.get()):
+        return
     level, frame = 1, sys._getframe()
     while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] == "jotlight":
         level, frame = level + 1, frame.f_back
     warnings.warn(message, category, stacklevel=level)
+
+
+@contextlib.contextmanager
+def hide_warnings(text: str = "") -> Iterator[None]:
+    """Hide the warnings of jotlight whose message contains a text, in this thread only.
+
+    ``warnings.catch_warnings`` changes the filters of all threads, and threads of dask that use it
+    at the same time leave wrong ones.
+
+    Examples
+    --------
+    >>> with hide_warnings("no valid bit"):
+    ...     warn("2 of 64 pixels have no valid bit")
+    """
+    token = _hidden.set((*_hidden.get(), text))
+    try:
+        yield
+    finally:
+        _hidden.reset(token)

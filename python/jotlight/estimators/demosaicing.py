@@ -1,5 +1,6 @@
 """Demosaicing: red, green, and blue of all pixels, from one filter at each pixel."""
 
+import threading
 import warnings
 
 import numpy as np
@@ -20,6 +21,9 @@ pixels."""
 SPREAD = 1.0
 """The same for the differences of other filters from it. A wide Gaussian averages their noise, and
 colors vary less than brightness. Decision 47 has the measurement behind this number."""
+
+_IMPORT = threading.Lock()
+"""It is held while Menon's method is imported."""
 
 _MIN_WEIGHT = 1e-6
 """Weight below which a pixel has no neighbors within the Gaussian."""
@@ -109,11 +113,12 @@ def demosaic(
 
 def _menon(values: Values, order: str) -> Values:
     """Return the values of a Bayer mosaic behind each of the filters R, G, and B."""
-    with warnings.catch_warnings():
-        # The package imports an old name of SciPy, and warns of packages that it does without.
+    # The package imports an old name of SciPy, and warns of packages that it does without. Several
+    # threads must not change the filters of warnings at the same time.
+    with _IMPORT, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         package = import_extra("colour_demosaicing", "color", "the colors of a Bayer mosaic")
-        return np.asarray(package.demosaicing_CFA_Bayer_Menon2007(values, order), np.float64)
+    return np.asarray(package.demosaicing_CFA_Bayer_Menon2007(values, order), np.float64)
 
 
 def _differences(values: Values, places: Pattern, share: Values) -> Values:

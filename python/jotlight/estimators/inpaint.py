@@ -14,6 +14,9 @@ _MAX_CG_STEPS = 200
 """The maximum number of steps of conjugate gradients."""
 
 
+NO_VALID_BIT = "have no valid bit"
+"""What the warning about dead pixels contains."""
+
 F = TypeVar("F", np.float32, np.float64)
 """The type of the pixels."""
 
@@ -112,7 +115,7 @@ def warn_about_dead_pixels(dead: npt.NDArray[np.bool_]) -> None:
     range_ = f"{high}" if low == high else f"{low} to {high}"
     images = "" if len(dead) == 1 else f"in {np.count_nonzero(numbers)} of {len(dead)} images, "
     warn(
-        f"{images}{range_} of {dead[0].size} pixels have no valid bit and were filled from their "
+        f"{images}{range_} of {dead[0].size} pixels {NO_VALID_BIT} and were filled from their "
         "neighbors"
     )
 

@@ -1,14 +1,14 @@
 """Color estimates of images with three counts per pixel, by the color network."""
 
 import contextlib
-import warnings
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.errors import JotlightWarning
+from jotlight.errors import hide_warnings
+from jotlight.estimators.inpaint import NO_VALID_BIT
 from jotlight.evaluation.methods import LARGE_TRIALS
 from jotlight.evaluation.mosaics import count_image
 from jotlight.networks.color_inference import estimate_channels
@@ -74,13 +74,12 @@ def without_warnings_of_colors(data: object) -> Iterator[None]:
     >>> with without_warnings_of_colors(None):
     ...     pass
     """
-    with warnings.catch_warnings():
-        if (
-            isinstance(data, Merged)
-            and data.ones.ndim == 3
-            and np.broadcast_to(data.trials, data.shape).any(axis=2).all()
-        ):
-            warnings.filterwarnings("ignore", ".*have no valid bit", JotlightWarning)
+    are_known = (
+        isinstance(data, Merged)
+        and data.ones.ndim == 3
+        and np.broadcast_to(data.trials, data.shape).any(axis=2).all()
+    )
+    with hide_warnings(NO_VALID_BIT) if are_known else contextlib.nullcontext():
         yield
 
 

@@ -1,13 +1,12 @@
 """The blend of several methods under which held-out bits are most likely."""
 
-import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.errors import JotlightWarning
+from jotlight.errors import hide_warnings
 from jotlight.estimators.admm import admm_tv
 from jotlight.estimators.mle import mle
 from jotlight.evaluation.blend_weights import blend_weights
@@ -213,9 +212,7 @@ def _choose_weights(
         for one, (ones, trials) in zip(each, held_out, strict=True)
     ]
     stack = GrayImages(training, Layout((len(training),)))
-    with warnings.catch_warnings():
-        # The estimates from all bits warn, too.
-        warnings.simplefilter("ignore", JotlightWarning)
+    with hide_warnings():  # the estimates from all bits warn, too
         estimates = np.stack([method(stack) for method in methods], axis=1)
     lights = estimates.astype(np.float64) * sensor.light_per_intensity
     weights = [

@@ -1,15 +1,15 @@
 """The planes of a mosaic: gray images of the pixels of each filter."""
 
+import contextlib
 import dataclasses
-import warnings
 from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.errors import JotlightWarning
-from jotlight.estimators.inpaint import warn_about_dead_pixels
+from jotlight.errors import hide_warnings
+from jotlight.estimators.inpaint import NO_VALID_BIT, warn_about_dead_pixels
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.mosaic import Mosaic, Pattern
 from jotlight.sensing.pixel_counts import PixelCounts
@@ -60,10 +60,8 @@ def estimate_values(
     infos = []
     for index, planes in _planes(places, mosaic):
         own = _plane_sensor(sensor, float(mosaic.sensitivity[index]))
-        with warnings.catch_warnings():
-            if by_filter:
-                # The pixels of other filters are not dead.
-                warnings.filterwarnings("ignore", ".*have no valid bit", JotlightWarning)
+        # In planes by filter, the pixels of other filters are not dead.
+        with hide_warnings(NO_VALID_BIT) if by_filter else contextlib.nullcontext():
             estimates, info = estimate(_plane_data(counted, sensor, own, planes), own)
         infos.append(info)
         for plane, image in zip(planes, estimates, strict=True):

@@ -1,0 +1,49 @@
+"""Errors and warnings."""
+
+import threading
+import warnings
+
+import pytest
+
+from jotlight.errors import JotlightWarning, PeriodicRatesWarning, hide_warnings, warn
+
+
+def test_warnings_with_a_text_are_hidden():
+    with hide_warnings("no valid bit"):
+        warn("2 pixels have no valid bit")
+        with pytest.warns(JotlightWarning, match="clipped"):
+            warn("most pixels are clipped")
+        with hide_warnings("clipped"):
+            warn("2 pixels have no valid bit")
+            warn("most pixels are clipped")
+    with hide_warnings():
+        warn("anything", PeriodicRatesWarning)
+    with pytest.warns(JotlightWarning, match="no valid bit"):
+        warn("2 pixels have no valid bit")
+
+
+def test_an_error_ends_the_hiding():
+    with pytest.raises(ZeroDivisionError), hide_warnings():
+        raise ZeroDivisionError
+    with pytest.warns(JotlightWarning):
+        warn("anything")
+
+
+def test_warnings_are_hidden_in_one_thread_only():
+    inside, done, filters = threading.Event(), threading.Event(), list(warnings.filters)
+
+    def hide():
+        with hide_warnings():
+            inside.set()
+            done.wait(10)
+
+    thread = threading.Thread(target=hide)
+    thread.start()
+    assert inside.wait(10)
+    try:
+        assert warnings.filters == filters
+        with pytest.warns(JotlightWarning):
+            warn("anything")
+    finally:
+        done.set()
+        thread.join()
