@@ -232,7 +232,6 @@ def test_the_command_line_simulates_and_reconstructs_a_mosaic(run, tmp_path):
         ),
         (("reconstruct", "c.npy", "--motion", "--upsample", "2", "-o", "o.png"), "mosaic, got 2"),
         (("reconstruct", "c.npy", "--find-hot-jots", "-o", "o.png"), "different filters"),
-        (("reconstruct", "c.npy", "--window", "8", "-o", "o.zarr"), "gray sensor"),
     ],
 )
 def test_bad_commands_say_what_to_do(run, tmp_path, arguments, message):

@@ -57,14 +57,16 @@ def weights_sha256(
     >>> weights_sha256(sensor, "mle", None) is None
     True
     """
+    size = CONDITIONAL_SIZE if method == LARGE_METHOD else quality
     if method == COLOR_NETWORK:
         own = CHANNELS_FILE if sensor.mosaic is None else MOSAIC_FILE
         files = {own, pretrained_file(sensor, COLOR_START, is_conditional=True)}
+    elif size is None:
+        files = set() if model is None else {model}
     else:
-        size = CONDITIONAL_SIZE if method == LARGE_METHOD else quality
         files = {
-            model if size is None else pretrained_file(each, size, is_conditional=is_conditional)
+            pretrained_file(each, size, is_conditional=is_conditional)
             for each in plane_sensors(sensor)
         }
-    each = sorted(file_checksum(file) for file in files if file is not None)
-    return each[0] if len(each) == 1 else each or None
+    weights = sorted(map(file_checksum, files))
+    return weights[0] if len(weights) == 1 else weights or None

@@ -100,8 +100,8 @@ def _mosaic_of_jots(viewed: Viewed) -> Mosaic | None:
     mosaic: Mosaic | None = sensor.mosaic
     if mosaic is None or sensor.oversampling == 1:
         return mosaic
-    side = sensor.oversampling
-    jots = mosaic.of_jots(*(side * size for size in viewed.shape[:2]), side)
+    height, width = (sensor.oversampling * size for size in viewed.shape[:2])
+    jots = mosaic.of_jots(height, width, sensor.oversampling)
     return dataclasses.replace(mosaic, pattern=jots)
 
 

@@ -1,0 +1,52 @@
+"""The files of weights that records state."""
+
+import pytest
+
+import jotlight as jl
+from jotlight.evaluation.weights import weights_sha256
+from jotlight.formats.checksums import file_checksum
+from jotlight.networks.pretrained import CHANNELS_FILE, FOLDER, MOSAIC_FILE
+
+GRAY = jl.Sensor(frames=16)
+LARGE = FOLDER / "large.safetensors"
+
+
+def named(name):
+    return FOLDER / f"{name}.safetensors"
+
+
+@pytest.mark.parametrize(
+    ("mosaic", "method", "quality", "files"),
+    [
+        (None, "mle", None, []),
+        (None, "network-medium", "medium", [named("medium")]),
+        (None, "network-small", "small", [named("small-k16")]),
+        (None, "network-extra-large", "extra-large", [named("large-k16")]),
+        (None, "held-out", None, [named("medium")]),
+        (None, "network-color", None, [CHANNELS_FILE, LARGE]),
+        ("RGGB", "network-color", None, [MOSAIC_FILE, LARGE]),
+        ("RGGB", "network-small", "small", [named("small-k16")]),
+        ("RGBW", "network-small", "small", [named("small-k16"), named("small")]),
+        ("RGBW", "held-out", None, [named("medium")]),
+        ("RGBW", "mle", None, []),
+    ],
+)
+def test_weights_of_shipped_networks(mosaic, method, quality, files):
+    found = weights_sha256(jl.Sensor(frames=16, mosaic=mosaic), method, quality)
+    if len(files) == 2:
+        assert found == sorted(map(file_checksum, files))
+    else:
+        assert found == (file_checksum(files[0]) if files else None)
+
+
+def test_a_network_that_falls_back_is_conditional():
+    found = weights_sha256(GRAY, "network-small", "small", is_conditional=True)
+    assert found == file_checksum(named("small"))
+
+
+def test_weights_of_the_caller(tmp_path):
+    path = tmp_path / "own.safetensors"
+    jl.pretrained(GRAY, "small").save(path)
+    assert weights_sha256(GRAY, "network", None, model=path) == file_checksum(path)
+    with pytest.raises(OSError, match="missing"):
+        weights_sha256(GRAY, "network", None, model=tmp_path / "missing.safetensors")
