@@ -44,6 +44,19 @@ def test_raw_frames_of_a_file_and_of_a_folder(widget, click, tmp_path):
     assert bits.shape == (2, 512, 512)
 
 
+def test_color_filters_of_a_capture_that_does_not_state_them(widget, click, tmp_path):
+    bits = jl.Bits.from_array(RNG.random((16, 6, 8)) < 0.4)
+    jl.save(bits, tmp_path / "capture.npy")
+    widget.file.value = tmp_path / "capture.npy"
+    widget.mosaic.value = "RXGB"
+    click(widget, widget.open, lambda: "got X" in widget.message.value)
+    widget.mosaic.value = " GRBG "
+    press_open(widget, click)
+    [layer] = widget._viewer.layers
+    assert layer.rgb
+    assert layer.data.shape == (1, 6, 8, 3)
+
+
 def test_an_array_by_its_name(widget, click, tmp_path):
     arrays = {name: RNG.integers(0, 9, (6, 8)) for name in ("dark", "flat")}
     np.savez(tmp_path / "a.npz", **arrays)

@@ -86,6 +86,29 @@ def test_a_color_layer_is_measured_as_intensities(viewer, widget, click):
     assert f"largest: {peaks}" in widget.message.value
 
 
+def test_a_mosaic_becomes_a_layer_of_colors(viewer, widget, click):
+    scene = jl.datasets.photograph("coffee")[100:164:2, 180:244:2]
+    bits = jl.Sensor(frames=64, mosaic="RGGB").expose(scene, rng=0)
+    data, arguments, _ = make_layer(Viewed.from_bits(bits, "mosaic"), 32)
+    viewer.add_image(data, **arguments)
+    widget.method.value, widget.step.value = "network-color", 16
+    click(widget, widget.reconstruct, lambda: len(viewer.layers) == 3)
+    layer = viewer.layers[-1]
+    assert layer.rgb
+    assert layer.data.shape == (3, 32, 32, 3)
+    expected = jl.reconstruct(bits[16:48])
+    found = source_of(layer).image(1)
+    np.testing.assert_array_equal(found, expected)
+    white = np.percentile(source_of(layer).image(0), 99.5)
+    np.testing.assert_allclose(layer.data[1], np.clip(found / white, 0, 1), rtol=1e-5)
+
+
+def test_the_color_network_is_refused_for_a_gray_layer(viewer, widget, click):
+    widget.method.value = "network-color"
+    click(widget, widget.reconstruct, lambda: "takes three colors" in widget.message.value)
+    assert len(viewer.layers) == 1
+
+
 def test_the_measured_image_is_that_of_the_layer_among_others(viewer, widget):
     viewer.add_image(np.zeros((5, 3, 64, 64)))
     viewer.layers.selection.active = viewer.layers[0]

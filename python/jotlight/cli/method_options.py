@@ -29,8 +29,8 @@ class MethodOptions:
         str | None,
         Parameter(
             alias="-m",
-            help=f"One of {NAMES}. Default: {DEFAULT_METHOD}, or {LARGE_METHOD} above "
-            f"{LARGE_TRIALS} trials per pixel.",
+            help=f"One of {NAMES}. Default: {DEFAULT_METHOD}, the color network for a mosaic and "
+            f"for three channels, or {LARGE_METHOD} above {LARGE_TRIALS} trials per pixel.",
         ),
     ] = None
     quality: Quality = None

@@ -304,9 +304,9 @@ def refuse_mosaic(sensor: GroupedSensor) -> None:
     """
     if sensor.mosaic is not None:
         raise ValueError(
-            f"sensor: expected a gray sensor, got one with the mosaic {sensor.mosaic!r}; only "
-            "jotlight.reconstruct estimates colors; sensor.replace(mosaic=None) takes all pixels "
-            "for gray ones"
+            f"sensor: expected a gray sensor, got one with the mosaic {sensor.mosaic!r}; "
+            "jotlight.reconstruct estimates colors, by every method; sensor.replace(mosaic=None) "
+            "takes all pixels for gray ones"
         )
 
 
