@@ -27,7 +27,8 @@ import numpy.typing as npt
 from PIL import Image
 
 import jotlight as jl
-from jotlight.motion.film import FilmImage, film
+from jotlight.motion.film import film
+from jotlight.motion.film_image import FilmImage
 
 PER_FRAME = 16
 """Number of binary frames of each frame of the video."""

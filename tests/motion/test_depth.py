@@ -208,3 +208,18 @@ def test_the_outline_of_a_photographed_object_is_exact():
 
 def test_large_segments_are_behind_small_ones():
     assert order_by_depth([5, 9, 9, 1]).tolist() == [1, 2, 0, 3]
+
+
+def test_known_outlines_stay_where_the_bits_say_nothing():
+    """A flat scene looks the same along all tracks; one with detail corrects wrong labels."""
+    rng = np.random.default_rng(0)
+    flat = blocks_of(jl.Bits.from_array(rng.random((FRAMES, *SIZE)) < 0.3), FRAMES // 8)
+    labels = square(6, 8, 24).astype(np.uint8)
+    paths = Paths([track_of(flat, each) for each in VELOCITIES[:2]], labels)
+    kept = refine_outlines(paths, are_known=True).labels
+    assert (kept != labels).mean() < 0.01
+    assert (refine_outlines(paths).labels != labels).mean() > 0.1
+    clear, _ = scene_of(2)
+    wrong = dataclasses.replace(clear, labels=square(12, 14, 16).astype(np.uint8))
+    found = refine_outlines(wrong, are_known=True).labels
+    assert (found != clear.labels).mean() < (wrong.labels != clear.labels).mean() / 2

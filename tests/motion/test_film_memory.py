@@ -1,13 +1,10 @@
 """Films that remember bits from before their windows."""
 
-import itertools
-
 import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion import consistency
-from jotlight.motion import film as films
+from jotlight.motion import consistency, film_state
 from jotlight.motion import memory as memory_module
 from jotlight.motion.film import film
 from jotlight.motion.live_film import LiveFilm
@@ -50,8 +47,10 @@ def test_the_counts_of_a_still_scene_are_those_of_all_frames_with_fading(monkeyp
 def test_a_rejected_image_is_not_remembered_twice(monkeypatch):
     _, bits = recorded("static", 80)
     expected = [image.merged for image in film(bits, window=32, step=8, causal=True)]
-    shares = itertools.cycle([1.0, 0.5])  # every second image is lost, and aligned afresh
-    monkeypatch.setattr(films, "_accepted", lambda _: next(shares))
+    # Carried images are lost, so all are aligned afresh.
+    for name, of_carried, of_fresh in (("accepted", 0.5, 1.0), ("flagged", 0.2, 0.1)):
+        shown = property(lambda self, a=of_carried, b=of_fresh: a if self.image.is_carried else b)
+        monkeypatch.setattr(film_state._Candidate, name, shown)
     found = list(film(bits, window=32, step=8, causal=True))
     assert not any(image.is_carried for image in found[1:])
     for image, other in zip(found, expected, strict=True):

@@ -32,8 +32,8 @@ from jotlight.formats.checked_reading import with_checksum
 from jotlight.images.io import image_writer
 from jotlight.images.tone import Tone
 from jotlight.images.video import check_fps, is_floats, video_writer
-from jotlight.motion.film import FilmImage
 from jotlight.motion.film import film as merge_windows
+from jotlight.motion.film_image import FilmImage
 from jotlight.motion.memory import remembers
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis

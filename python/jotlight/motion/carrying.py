@@ -80,7 +80,10 @@ def carry(
         _add_blocks(track, known, weights if weights.any() else share, is_of_tiles)
     if not _stays_in_view(paths):
         return None
-    return refine_outlines(dataclasses.replace(paths, labels=choose(paths.tracks)))
+    if paths.free:
+        return refine_outlines(dataclasses.replace(paths, labels=choose(paths.tracks)))
+    # The bits of one window may not say to which segment a smooth region belongs.
+    return refine_outlines(paths, are_known=True)
 
 
 def _stays_in_view(paths: Paths) -> bool:

@@ -43,6 +43,9 @@ _SPREAD = 3.0
 _NEAR = 0.1
 """Distance from the reference time, as a fraction of all frames, in which an object is there."""
 
+_EVIDENCE = np.float32(1.0)
+"""Gain in nats that a pixel must have by another segment than the one that is known."""
+
 _UNKNOWN = np.float32(0.3)
 """Gain in nats of an object at a pixel where no bit has shown what would be behind it."""
 
@@ -58,7 +61,7 @@ def order_by_depth(sizes: npt.ArrayLike) -> npt.NDArray[np.intp]:
     return np.argsort(-np.asarray(sizes), kind="stable")
 
 
-def refine_outlines(paths: Paths) -> Paths:
+def refine_outlines(paths: Paths, *, are_known: bool = False) -> Paths:
     """Return paths whose pixels follow the segment that explains the bits of all blocks best.
 
     The first segment is where no other one is. The gain of another one at a pixel is that of the
@@ -69,12 +72,17 @@ def refine_outlines(paths: Paths) -> Paths:
     ----------
     paths : Paths
         The tracks, and a first guess of the labels. Pixels that follow free tracks keep them.
+    are_known : bool
+        Whether the labels are known from other bits, so that a pixel must gain 1 nat by another
+        one.
     """
+    before = paths.labels if are_known else None
     opaque = len(paths.tracks) - paths.free
     for _ in range(_SWEEPS if opaque > 1 else 0):
         labels = np.where(paths.labels < opaque, np.uint8(0), paths.labels)
         for segment, gain in enumerate(object_gains(paths), 1):
-            pixels = gain.pixels(paths.labels == segment)
+            known = None if before is None else before == segment
+            pixels = gain.pixels(paths.labels == segment, known)
             labels[pixels & (paths.labels < opaque)] = segment
         if (labels == paths.labels).all():
             break
@@ -96,8 +104,10 @@ class Gain:
         length = (pixels[1:] != pixels[:-1]).sum() + (pixels[:, 1:] != pixels[:, :-1]).sum()
         return float(self.nats[pixels].sum()) - _LENGTH * float(length)
 
-    def pixels(self, before: Mask | None = None) -> Mask:
+    def pixels(self, before: Mask | None = None, known: Mask | None = None) -> Mask:
         """Return the pixels of the object, given those that it had before, if they are known.
+
+        Those that are `known` from other bits only change if there is clear evidence.
 
         Where object and background are smooth, the gain is about 0. So a pixel must gain more than
         a fraction of what the clear pixels of the object gain.
@@ -106,7 +116,10 @@ class Gain:
         clear *= clear > clear.max() / 2 if before is None else before
         usual = float((clear**2).sum()) / max(float(clear.sum()), 1e-9)
         needed = np.float32(_SHARE * usual) * self.known
-        return shortest_outlines(self.nats + _UNKNOWN * (1 - self.known) - needed, _LENGTH)
+        gain = self.nats + _UNKNOWN * (1 - self.known) - needed
+        if known is not None:
+            gain += np.where(known, _EVIDENCE, -_EVIDENCE)
+        return shortest_outlines(gain, _LENGTH)
 
 
 def without_absent(paths: Paths) -> Paths:

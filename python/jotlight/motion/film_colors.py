@@ -8,12 +8,15 @@ import numpy as np
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import excluded_jots, prepare_burst
 from jotlight.motion.carrying import divide_by_steps
+from jotlight.motion.film_image import FilmImage, FilmSettings
 from jotlight.motion.film_merging import FilmMerging
+from jotlight.motion.film_state import State
 from jotlight.motion.memory import Memory
 from jotlight.motion.merge import paths_at
 from jotlight.motion.mosaics import (
     Counts,
     Squares,
+    check_mergeable,
     enlarge,
     join_colors,
     sensors_of_colors,
@@ -60,7 +63,7 @@ class FilmColors:
         self._sums: Counts = np.zeros((0, *self._squares.size), np.uint8)
         self._stop = 0
         self._of_colors = [
-            FilmMerging(own, step, new_memory(), may_stand_still=False)
+            (FilmMerging(own, step, may_stand_still=False), new_memory())
             for own in sensors_of_colors(sensor, size)
         ]
 
@@ -101,13 +104,49 @@ class FilmColors:
         motion = enlarge(of_squares, self._squares.side, self._size)
         edges = divide_by_steps(len(part), self._step)
         found = []
-        for color in self._of_colors:
+        for color, memory in self._of_colors:
             burst, _ = prepare_burst(part, color.sensor, may_repeat=True)
             paths, _ = paths_at(burst, color.sensor, None, motion, self._threads, edges)
-            found.append(color.merge(paths, motion, start, is_carried=is_carried))
+            found.append(color.merge(paths, motion, start, memory, is_carried=is_carried))
         merged = join_colors(found, self._sensor)
         if is_lost:
             merged = dataclasses.replace(merged, flags=np.ones(self._size, bool))
-        for color in self._of_colors:
-            color.forget_if_lost(merged)
+            for _, memory in self._of_colors:
+                if memory is not None:
+                    memory.forget()
         return merged, motion
+
+
+class ColorState:
+    """What is carried from image to image behind a mosaic."""
+
+    def __init__(self, sensor: Sensor, settings: FilmSettings) -> None:
+        if settings.upsample > 1:
+            raise ValueError(
+                f"upsample: expected 1 for a sensor with a mosaic, got {settings.upsample}"
+            )
+        check_mergeable(sensor)
+        self.sensor, self._settings = sensor, settings
+        self._colors: FilmColors | None = None
+        self._of_squares: State | None = None
+
+    def next_image(self, data: Bits | CountStack, first: int, start: int) -> FilmImage:
+        """Return the image of a window, as :meth:`State.next_image`."""
+        assert isinstance(data, Bits), "the data of a mosaic"
+        settings, size = self._settings, (data.shape[1], data.shape[2])
+        window = data[start - first : start - first + settings.window]
+        part = Bits(window.packed, window.width, self.sensor)
+        if self._colors is None:
+            self._colors = FilmColors(
+                self.sensor, size, settings.step, settings.new_memory, settings.threads
+            )
+        stack, own = self._colors.squares(part, start)
+        if self._of_squares is None:
+            self._of_squares = State(own, dataclasses.replace(settings, memory=False))
+        found = self._of_squares.next_image(stack, start, start)
+        is_lost = found.merged.flags is not None and bool(found.merged.flags.all())
+        merged, motion = self._colors.merge(
+            part, found.motion, start, is_carried=found.is_carried, is_lost=is_lost
+        )
+        shown = part if motion.model == "none" else merged
+        return FilmImage(merged, motion, found.is_carried, shown)

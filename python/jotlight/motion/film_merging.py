@@ -2,8 +2,6 @@
 
 from functools import partial
 
-import numpy as np
-
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.memory import Memory, sum_leaving
 from jotlight.motion.merge import merge_along
@@ -23,8 +21,6 @@ class FilmMerging:
         The sensor of a window.
     step : int
         Frames from one window to the next.
-    memory : Memory, optional
-        Bits from before the window. Default: none are counted.
     upsample : {1, 2}
         2 for a grid of half pixels.
     may_stand_still : bool
@@ -35,15 +31,22 @@ class FilmMerging:
         self,
         sensor: Sensor,
         step: int,
-        memory: Memory | None = None,
         *,
         upsample: int = 1,
         may_stand_still: bool = True,
     ) -> None:
-        self.sensor, self.memory = sensor, memory
+        self.sensor = sensor
         self._step, self._upsample, self._may_stand_still = step, upsample, may_stand_still
 
-    def merge(self, paths: Paths, motion: Motion, start: int, *, is_carried: bool) -> Merged:
+    def merge(
+        self,
+        paths: Paths,
+        motion: Motion,
+        start: int,
+        memory: Memory | None,
+        *,
+        is_carried: bool,
+    ) -> Merged:
         """Return the counts of a window along paths, which are those of a motion.
 
         Parameters
@@ -52,6 +55,8 @@ class FilmMerging:
             The paths, and their motion.
         start : int
             The first frame of the window.
+        memory : Memory or None
+            Bits from before the window, which are counted, too. It is changed for the next window.
         is_carried : bool
             Whether the segments of the motion are those of the last image.
         """
@@ -64,17 +69,10 @@ class FilmMerging:
             consistent,
             may_stand_still=self._may_stand_still,
         )
-        if self.memory is None:
+        if memory is None:
             return merge(upsample=self._upsample)
-        recall = partial(self.memory.recall, motion=motion, start=start, is_carried=is_carried)
+        recall = partial(memory.recall, motion=motion, start=start, is_carried=is_carried)
         merged = merge(recall=recall)
         leaving = sum_leaving(paths, consistent, motion, self._step)
-        self.memory.remember(leaving, motion, start)
+        memory.remember(leaving, motion, start)
         return merged
-
-    def forget_if_lost(self, merged: Merged) -> bool:
-        """Forget all bits if every pixel is flagged, and return whether it is."""
-        is_lost = merged.flags is not None and bool(np.all(merged.flags))
-        if is_lost and self.memory is not None:
-            self.memory.forget()
-        return is_lost

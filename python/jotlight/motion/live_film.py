@@ -4,7 +4,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import whole_number_in_range
-from jotlight.motion.film import FilmImage, FilmSettings, begin_film
+from jotlight.motion.film import begin_film
+from jotlight.motion.film_image import FilmImage, FilmSettings
+from jotlight.motion.film_state import KEPT_WINDOWS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor, require_sensor
@@ -13,7 +15,7 @@ from jotlight.sensing.sensor import Sensor, require_sensor
 class LiveFilm:
     """A film of frames that arrive one after the other. Each image shows the latest frame.
 
-    It keeps the frames of a window, the motion, and sums of earlier bits. So an image takes the
+    It keeps the frames of four windows, the motion, and sums of earlier bits. So an image takes the
     same time and the same number of bytes, however many came before.
 
     Parameters
@@ -102,9 +104,10 @@ class LiveFilm:
             if missing <= 0:
                 missing = self._step - (self._seen - self._window) % self._step
             part, packed = packed[:missing], packed[missing:]
-            self._kept = np.concatenate([self._kept, part])[-self._window :]
+            self._kept = np.concatenate([self._kept, part])[-KEPT_WINDOWS * self._window :]
             self._seen += len(part)
             if len(part) == missing:
-                bits = Bits(self._kept, self._width, self._state.sensor)
-                images.append(self._state.next_image(bits, self._seen - self._window))
+                bits = Bits(self._kept, self._width)
+                first = self._seen - len(self._kept)
+                images.append(self._state.next_image(bits, first, self._seen - self._window))
         return images

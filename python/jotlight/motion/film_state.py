@@ -1,0 +1,223 @@
+"""What a film carries from image to image: its motion, and its memory."""
+
+import copy
+import dataclasses
+import warnings
+
+import numpy as np
+
+from jotlight.errors import JotlightWarning, warn
+from jotlight.formats.capture import CountStack
+from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
+from jotlight.motion.carrying import carry
+from jotlight.motion.film_image import FilmImage, FilmSettings
+from jotlight.motion.film_merging import FilmMerging
+from jotlight.motion.memory import Memory
+from jotlight.motion.merge import as_paths, check_upsample
+from jotlight.motion.model import divide
+from jotlight.motion.motion import Motion
+from jotlight.motion.track import Paths
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor
+
+_MAX_CARRIED = 33
+"""Number of images after which the motion is estimated afresh, unless the film is causal."""
+
+_MIN_OVERLAP = 0.75
+"""Minimum fraction of a window that the next one shares, for the motion to be carried."""
+
+KEPT_WINDOWS = 4
+"""Number of windows whose frames together show the motion of a scene if one is not enough."""
+
+_MAX_LOSS = 0.03
+"""The motion is estimated afresh if the fraction of accepted bits falls by more than this."""
+
+_MAX_FLAGGED = 0.5
+"""If more than this fraction of the pixels is flagged, a fresh motion may be better."""
+
+_MARGIN = 0.1
+"""Fraction of flagged pixels that a motion may add if it is estimated anew from a window alone."""
+
+
+@dataclasses.dataclass(frozen=True)
+class _Candidate:
+    """An image of a window along one of several motions, and what the film carries with it."""
+
+    image: FilmImage
+    motion: Motion
+    """The motion, as seen from the middle of the window."""
+    memory: Memory | None
+    warnings: list[str]
+    """The warnings of merging."""
+
+    @property
+    def flagged(self) -> float:
+        """The fraction of the pixels that are flagged."""
+        flags = self.image.merged.flags
+        return 0.0 if flags is None else float(np.mean(flags))
+
+    @property
+    def accepted(self) -> float:
+        """The fraction of the bits that were counted."""
+        acceptance = self.image.merged.acceptance
+        return 1.0 if acceptance is None else float(acceptance.mean())
+
+    def or_better(self, other: "_Candidate | None", margin: float = 0.0) -> "_Candidate":
+        """Return the other candidate if it has fewer flags, or at most `margin` more."""
+        is_better = other is not None and other.flagged - self.flagged < margin
+        return other if other is not None and is_better else self
+
+
+class State:
+    """What is carried from image to image."""
+
+    def __init__(self, sensor: Sensor, settings: FilmSettings) -> None:
+        check_upsample(settings.upsample, sensor)
+        self.sensor, self._settings, self._threads = sensor, settings, settings.threads
+        self._merging = FilmMerging(sensor, settings.step, upsample=settings.upsample)
+        self._memory = settings.new_memory()
+        self._motion: Motion | None = None
+        """The motion of the last window, as seen from its middle."""
+        self._start, self._number, self._usual = 0, 0, 0.0
+        self._doubt = _Doubt()
+
+    def next_image(self, data: Bits | CountStack, first: int, start: int) -> FilmImage:
+        """Return the image of a window.
+
+        Parameters
+        ----------
+        data : Bits or CountStack
+            Frames, among them those of the window.
+        first, start : int
+            The numbers of the first frame of the data, and of that of the window.
+        """
+        settings = self._settings
+        part = data[start - first : start - first + settings.window]
+        best = self._carried(part, start)
+        is_old = not settings.causal and self._number >= _MAX_CARRIED
+        if best is None:
+            best = self._fresh(part, start)
+        elif is_old or best.accepted < self._usual - _MAX_LOSS:
+            best = best.or_better(self._fresh(part, start), _MARGIN)
+        around = self._more_frames(first, first + len(data), start)
+        if len(around) > len(part) and self._doubt.is_due(best.flagged):
+            frames = data[around.start - first : around.stop - first]
+            best = best.or_better(self._of_more_frames(frames, around.start, part, start))
+        if not best.image.is_carried:
+            self._number, self._usual = 0, best.accepted
+            for text in best.warnings:
+                warn(text)
+        self._number += 1
+        self._start, self._motion, self._memory = start, best.motion, best.memory
+        if best.flagged == 1:
+            # Where merging has rejected the motion, it is not carried.
+            self._motion = None
+            if self._memory is not None:
+                self._memory.forget()
+        return best.image
+
+    def _carried(self, part: Bits | CountStack, start: int) -> _Candidate | None:
+        """Return the image of a window along the motion of the one before, or None if lost."""
+        step, motion = start - self._start, self._motion
+        if motion is None or 1 - step / len(part) < _MIN_OVERLAP:
+            return None
+        paths = carry(motion, part, self.sensor, step, self._threads)
+        if paths is None:
+            return None
+        return self._merge(paths, as_motion(paths, motion.model), start, is_carried=True)
+
+    def _fresh(self, part: Bits | CountStack, start: int) -> _Candidate:
+        """Return the image of a window along a motion that is estimated from it alone."""
+        motion = align(part, self.sensor, model=self._settings.model, threads=self._threads)
+        return self._along(motion, part, start)
+
+    def _more_frames(self, first: int, stop: int, start: int) -> range:
+        """Return the numbers of up to four windows of frames, of those from `first` to `stop`.
+
+        They show dim objects that one window does not show.
+        """
+        window = self._settings.window
+        more = (KEPT_WINDOWS - 1) * window
+        before, after = (more, 0) if self._settings.causal else (more // 2, more // 2)
+        return range(max(first, start - before), min(stop, start + window + after))
+
+    def _of_more_frames(
+        self, frames: Bits | CountStack, first: int, part: Bits | CountStack, start: int
+    ) -> _Candidate | None:
+        """Return the image of a window along the motion in more frames, from number `first` on.
+
+        Return None if the motion folds the image.
+        """
+        window, offset = len(part), start - first
+        sensor = self.sensor.replace(frames=self.sensor.frames * len(frames) // window)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", JotlightWarning)
+            motion = align(frames, sensor, model=self._settings.model, threads=self._threads)
+        motion = dataclasses.replace(
+            motion, times=motion.times - offset, reference=motion.reference - offset
+        )
+        try:
+            motion = motion.seen_from(float(window // 2))
+        except ValueError:
+            return None
+        return self._along(motion, part, start)
+
+    def _along(self, motion: Motion, part: Bits | CountStack, start: int) -> _Candidate:
+        """Return the image of a window along a motion that is not that of the last image."""
+        burst, sensor = prepare_burst(part, self.sensor)
+        blocks = as_blocks(burst, divide(len(burst)), sensor, self._threads)
+        return self._merge(as_paths(motion, blocks), motion, start, is_carried=False)
+
+    def _merge(self, paths: Paths, motion: Motion, start: int, *, is_carried: bool) -> _Candidate:
+        """Return the image of a window along paths, which are those of a motion."""
+        shown = motion
+        if self._settings.causal:
+            shown, paths = _seen_from_end(motion, paths)
+        blocks = paths.blocks
+        if shown.model == "none" and hot_jots(self.sensor) is not None:
+            # The alignment leaves out hot jots, but merging counts them if nothing moves.
+            blocks = as_blocks(
+                blocks.burst, blocks.edges, self.sensor, self._threads, with_hot_jots=True
+            )
+            paths = as_paths(shown, blocks)
+        # Merging changes the memory, and other candidates need the one before.
+        memory = copy.copy(self._memory)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", JotlightWarning)
+            merged = self._merging.merge(paths, shown, start, memory, is_carried=is_carried)
+        texts = [str(each.message) for each in caught]
+        return _Candidate(FilmImage(merged, shown, is_carried, merged), motion, memory, texts)
+
+
+@dataclasses.dataclass
+class _Doubt:
+    """After how many images the motion is estimated afresh, if most of their pixels are flagged.
+
+    The number doubles with each attempt, so that films of scenes that no model explains take little
+    longer.
+    """
+
+    wait: int = 1
+    waited: int = 0
+
+    def is_due(self, flagged: float) -> bool:
+        """Return whether the motion of an image is estimated afresh, by its flagged fraction."""
+        if flagged <= _MAX_FLAGGED:
+            self.wait, self.waited = 1, 0
+            return False
+        self.waited += 1
+        if self.waited < self.wait:
+            return False
+        self.wait, self.waited = min(2 * self.wait, _MAX_CARRIED), 0
+        return True
+
+
+def _seen_from_end(motion: Motion, paths: Paths) -> tuple[Motion, Paths]:
+    """Return a motion as seen from the last frame, and its paths."""
+    try:
+        motion = motion.seen_from(float(len(paths.blocks.burst) - 1))
+    except ValueError:
+        # A wrong motion may fold the image, so that its displacements have no bounds. The image
+        # then shows the middle of the window.
+        return motion, paths
+    return motion, as_paths(motion, paths.blocks)
