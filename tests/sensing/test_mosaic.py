@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.film import film
 from jotlight.sensing.mosaic import Mosaic
 
 IMAGE = np.random.default_rng(0).random((12, 10, 3))
@@ -211,11 +210,9 @@ def test_a_mosaic_must_fit_the_image_and_the_kernel():
 def test_methods_for_gray_sensors_refuse_a_mosaic():
     sensor = jl.Sensor(frames=16, mosaic="RGGB")
     bits = sensor.expose(IMAGE, rng=0)
-    for call in (jl.mle, jl.noniterative, jl.admm_tv, jl.uncertainty, jl.merge_readings):
+    for call in (jl.mle, jl.noniterative, jl.admm_tv, jl.merge_readings):
         with pytest.raises(ValueError, match=r"expected a gray sensor.*jotlight.reconstruct"):
             call(bits)
-    with pytest.raises(ValueError, match=r"films of a mosaic.*merge the bits for each image"):
-        next(iter(film(bits, window=8, step=8)))
     with pytest.raises(ValueError, match="expected a gray sensor"):
         jl.pretrained(sensor)(bits)
     with pytest.raises(ValueError, match="expected a gray sensor"):
