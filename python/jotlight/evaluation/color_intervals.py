@@ -5,14 +5,13 @@ them. A pixel's bits test the light behind its own filter.
 """
 
 import dataclasses
-import warnings
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.errors import JotlightWarning
+from jotlight.errors import hide_warnings
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.choice import JOINT
 from jotlight.evaluation.error_scale import (
@@ -102,8 +101,7 @@ class MosaicPixels:
     def estimate(self, counted: PixelCounts | None = None) -> Image:
         """Return the colors by the color network, (H, W, 3), of these counts or of others."""
         networks = pretrained_color(MOSAIC_FILE), pretrained_conditional(self.sensor, COLOR_START)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", JotlightWarning)
+        with hide_warnings():
             colors = estimate_mosaic(
                 *networks, counted or self.counted, self.sensor, self.mosaic, self.threads
             )

@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 
-from jotlight.errors import JotlightWarning, warn
+from jotlight.errors import JotlightWarning, hide_warnings, warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
 from jotlight.motion.carrying import carry
@@ -150,8 +150,7 @@ class State:
         """
         window, offset = len(part), start - first
         sensor = self.sensor.replace(frames=self.sensor.frames * len(frames) // window)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", JotlightWarning)
+        with hide_warnings():
             motion = align(frames, sensor, model=self._settings.model, threads=self._threads)
         motion = dataclasses.replace(
             motion, times=motion.times - offset, reference=motion.reference - offset
