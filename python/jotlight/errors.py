@@ -18,6 +18,9 @@ from typing import Any
 _hidden: ContextVar[tuple[str, ...]] = ContextVar("hidden", default=())
 """Texts whose warnings this thread hides."""
 
+_recorded: ContextVar[list[str] | None] = ContextVar("recorded", default=None)
+"""Where this thread collects the messages of warnings, if it does."""
+
 
 class JotlightWarning(UserWarning):
     """A warning about something that jotlight did, such as inpainting a dead pixel."""
@@ -79,6 +82,9 @@ def warn(message: str, category: type[JotlightWarning] = JotlightWarning) -> Non
     """Issue a warning that points to the line of code which called jotlight."""
     if any(text in message for text in _hidden.get()):
         return
+    if (recorded := _recorded.get()) is not None:
+        recorded.append(message)
+        return
     level, frame = 1, sys._getframe()
     while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] == "jotlight":
         level, frame = level + 1, frame.f_back
@@ -102,3 +108,22 @@ def hide_warnings(text: str = "") -> Iterator[None]:
         yield
     finally:
         _hidden.reset(token)
+
+
+@contextlib.contextmanager
+def record_warnings() -> Iterator[list[str]]:
+    """Collect the messages of jotlight's warnings in place of issuing them, in this thread only.
+
+    Examples
+    --------
+    >>> with record_warnings() as messages:
+    ...     warn("2 of 64 pixels have no valid bit")
+    >>> messages
+    ['2 of 64 pixels have no valid bit']
+    """
+    messages: list[str] = []
+    token = _recorded.set(messages)
+    try:
+        yield messages
+    finally:
+        _recorded.reset(token)

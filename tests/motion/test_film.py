@@ -355,9 +355,8 @@ def test_more_frames_are_those_of_four_windows(causal, stop, expected):
     settings = FilmSettings(
         window=32, step=8, model="auto", causal=causal, memory=None, upsample=1, threads=None
     )
-    state = State(jl.Sensor(frames=32), settings)
-    assert state._more_frames(0, stop, 400) == expected
-    assert state._more_frames(390, stop, 400).start == 390
+    assert settings.more_frames(0, stop, 400) == expected
+    assert settings.more_frames(390, stop, 400).start == 390
 
 
 def test_a_motion_without_doubt_is_not_estimated_again(monkeypatch):

@@ -7,8 +7,10 @@ import jotlight as jl
 from jotlight.motion.align import excluded_jots
 from jotlight.motion.film import film
 from jotlight.motion.film_colors import FilmColors
+from jotlight.motion.film_state import State
 from jotlight.motion.live_film import LiveFilm
-from jotlight.motion.mosaics import in_squares, is_mergeable
+from jotlight.motion.mosaic_colors import is_mergeable
+from jotlight.motion.mosaics import in_squares
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.readings import without_mosaic
 
@@ -48,7 +50,9 @@ def test_each_image_is_as_good_as_with_a_fresh_alignment(causal):
         truth = scene.image(index * STEP + at)
         part = bits[index * STEP : index * STEP + WINDOW]
         fresh = quality(jl.merge(part, at=at), truth)
-        assert quality(image.data, truth) > fresh - 0.3
+        # A motion from more frames has fewer flags, but may be less precise in such a small image.
+        is_of_window = image.is_carried or index == 0
+        assert quality(image.data, truth) > fresh - (0.3 if is_of_window else 2.0)
         assert quality(image.data, truth) > quality(part[at - 4 : at + 5], truth) + 2
 
 
@@ -95,13 +99,14 @@ def test_squares_of_windows_are_those_of_all_frames(mosaic, step):
     _, bits = behind(mosaic, mask=mask)
     colors = FilmColors(bits.sensor, SIZE, step, lambda: None)
     gray = without_mosaic(bits.sensor)
-    # The third window does not follow the second one.
+    # The third window does not follow the second one, and the last one begins before it.
     for start in (0, step, step + 30, 2 * step):
         stop = min(start + 32, FRAMES)
-        stack, sensor = colors.squares(bits[start:stop], start)
+        first = max(0, start - 3)
+        stack = colors.squares(bits[first:], first, range(start, stop))
         expected, own = in_squares(bits[start:stop], bits.sensor, excluded_jots(gray))
         np.testing.assert_array_equal(stack.images, expected.images)
-        assert sensor == own
+        assert colors.sensor_of_squares(stop - start) == own
 
 
 def test_a_motion_that_is_lost_flags_every_pixel():
@@ -129,3 +134,52 @@ def test_what_cannot_be_merged_is_refused_before_the_first_image():
     bayer = jl.Bits.from_array(zeros, sensor=jl.Sensor(frames=32, mosaic="RGGB"))
     with pytest.raises(ValueError, match="upsample: expected 1 for a sensor with a mosaic, got 2"):
         film(bayer, window=16, upsample=2)
+
+
+@pytest.mark.parametrize("oversampling", [1, 2])
+def test_where_no_motion_explains_the_scene_the_bits_of_fewer_frames_are_shown(
+    monkeypatch, oversampling
+):
+    scene = jl.datasets.moving(
+        jl.datasets.photograph("astronaut").astype(np.float64),
+        "shake",
+        sensor=jl.Sensor(frames=48, mosaic="RGGB", oversampling=oversampling),
+        shape=(48, 64),
+        photons=0.5,
+        rng=4,
+    )
+    bits = jl.Bits(np.asarray(scene.bits.packed), 64 * oversampling, scene.sensor)
+    # No motion is better than any window.
+    monkeypatch.setattr("jotlight.motion.merge._MAX_FLAGGED", -1.0)
+    monkeypatch.setattr("jotlight.motion.guard._MIN_LEAD", np.inf)
+    with pytest.warns(jl.JotlightWarning, match="only .* frames are used") as caught:
+        image = next(iter(film(bits, window=32, step=8)))
+    number = int(str(caught[0].message).split("only ")[1].split()[0])
+    assert number < 32
+    assert image.merged.shape == (48, 64, 3)
+    assert image.merged.flags.all()
+    assert image.data.shape == (number, 48 * oversampling, 64 * oversampling)
+    first = 16 - number // 2
+    expected = np.asarray(bits.packed)[first : first + number]
+    np.testing.assert_array_equal(np.asarray(image.data.packed), expected)
+    assert jl.reconstruct(image.data).shape == (48, 64, 3)
+
+
+def test_color_films_look_at_more_frames(monkeypatch):
+    _, bits = behind(motion="layers")
+    lengths, found = [], State._of_more_frames
+
+    def counted(self, frames, *arguments):
+        lengths.append(len(frames))
+        return found(self, frames, *arguments)
+
+    monkeypatch.setattr(State, "_of_more_frames", counted)
+    monkeypatch.setattr("jotlight.motion.film_state._MAX_FLAGGED", -1.0)
+    list(film(bits, window=32, step=32))
+    assert lengths[0] == 32 + 48
+
+
+def test_frames_with_channels_are_refused():
+    live = LiveFilm(jl.Sensor(frames=64, mosaic="RGGB"), window=16, step=8)
+    with pytest.raises(ValueError, match=r"expected gray bits \(T, H, W\)"):
+        live.add(jl.Bits.from_array(np.zeros((16, 8, 8, 3), bool)))

@@ -6,7 +6,7 @@ from jotlight.cli.console import caution
 from jotlight.evaluation.choice import Choice
 from jotlight.formats.capture import Capture
 from jotlight.motion.detection import THRESHOLD, motion_score
-from jotlight.motion.mosaics import is_mergeable
+from jotlight.motion.mosaic_colors import is_mergeable
 from jotlight.networks.pretrained import CONDITIONAL_SIZE
 from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor

@@ -1,14 +1,13 @@
 """The uncertainty of each pixel, and the exact confidence interval of `jotlight.mle`."""
 
 import dataclasses
-import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.errors import JotlightWarning
+from jotlight.errors import hide_warnings
 from jotlight.estimators.figure import draw_map
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
 from jotlight.estimators.light_inversion import (
@@ -302,6 +301,5 @@ def _standard_error(
 
 def _silent_mle(images: GrayImages, sensor: Sensor, threads: int | None) -> Estimate:
     """Return the estimate without a warning about dead pixels, because they get a flag."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", JotlightWarning)
+    with hide_warnings():
         return mle(images, sensor, threads=threads)

@@ -85,8 +85,8 @@ class MosaicPixels:
     def densities(self) -> Array:
         """The fraction of the pixels whose bits determine each color, (3,).
 
-        Were the image constant, the variances of its least-squares colors would be those of a
-        sensor with this fraction of pixels of each color. RGGB: 1/4, 1/2, 1/4.
+        For a constant image, least squares estimates each color as precisely as this fraction of
+        pixels behind a filter of that color alone would. RGGB: 1/4, 1/2, 1/4.
         """
         shares = self.shares.reshape(3, -1)
         normal = shares @ shares.T / shares.shape[1]
@@ -277,7 +277,10 @@ def mosaic_uncertainty(
         pixels = MosaicPixels.of(counted, own, mosaic, threads)
         expected = *images.layout.shape, *pixels.trials.shape, 3
         if estimate.shape != expected:
-            raise ValueError(f"estimate: expected shape {expected}, got {estimate.shape}")
+            raise ValueError(
+                f"estimate: expected shape {expected}, got {estimate.shape}; pass what "
+                "jotlight.reconstruct returns for the same data"
+            )
         if (most := float(np.median(pixels.trials))) > LARGE_TRIALS:
             raise ValueError(
                 f"data: expected up to {LARGE_TRIALS:,} trials per pixel, because the errors of "

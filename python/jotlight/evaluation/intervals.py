@@ -1,14 +1,13 @@
 """Intervals of the intensity around the estimate of any method."""
 
 import dataclasses
-import warnings
 from collections.abc import Sequence
 from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.errors import JotlightWarning
+from jotlight.errors import hide_warnings
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.error_scale import (
     ErrorModel,
@@ -235,8 +234,7 @@ def estimate_halves(
 def _quietly(network: Network, images: GrayImages, sensor: Sensor, threads: int | None) -> Estimate:
     """Return the estimates (N, H, W) of a network without warnings, which the method issues."""
     images = dataclasses.replace(images, layout=Layout((len(images),)))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", JotlightWarning)
+    with hide_warnings():
         return network.reconstruct(images, sensor, threads=threads)
 
 

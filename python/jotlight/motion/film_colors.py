@@ -6,21 +6,15 @@ from collections.abc import Callable
 import numpy as np
 
 from jotlight.formats.capture import CountStack
-from jotlight.motion.align import excluded_jots, prepare_burst
+from jotlight.motion.align import bits_behind_mosaic, excluded_jots, prepare_burst
 from jotlight.motion.carrying import divide_by_steps
 from jotlight.motion.film_image import FilmImage, FilmSettings
 from jotlight.motion.film_merging import FilmMerging
 from jotlight.motion.film_state import State
 from jotlight.motion.memory import Memory
 from jotlight.motion.merge import paths_at
-from jotlight.motion.mosaics import (
-    Counts,
-    Squares,
-    check_mergeable,
-    enlarge,
-    join_colors,
-    sensors_of_colors,
-)
+from jotlight.motion.mosaic_colors import check_mergeable, join_colors, sensors_of_colors
+from jotlight.motion.mosaics import Counts, Squares, enlarge
 from jotlight.motion.motion import Motion
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
@@ -61,27 +55,37 @@ class FilmColors:
         self._sensor, self._size, self._step, self._threads = sensor, size, step, threads
         self._squares = Squares(sensor, size, excluded_jots(without_mosaic(sensor)))
         self._sums: Counts = np.zeros((0, *self._squares.size), np.uint8)
-        self._stop = 0
+        self._first = 0
         self._of_colors = [
             (FilmMerging(own, step, may_stand_still=False), new_memory())
             for own in sensors_of_colors(sensor, size)
         ]
 
-    def squares(self, part: Bits, start: int) -> tuple[CountStack, Sensor]:
-        """Return the sums of a window, and their gray sensor. Only new frames are summed.
+    def squares(self, data: Bits, first: int, wanted: range) -> CountStack:
+        """Return the sums of some frames. Only those that are not known are summed.
 
         Parameters
         ----------
-        part : Bits
-            The frames of the window.
-        start : int
-            The first of them.
+        data : Bits
+            Frames, among them the wanted ones.
+        first : int
+            The number of the first frame of the data.
+        wanted : range
+            The numbers of the frames.
         """
-        known = max(0, self._stop - start) if start < self._stop <= start + len(part) else 0
-        new = self._squares.count(part, known)
-        self._sums = np.concatenate([self._sums[len(self._sums) - known :], new])
-        self._stop = start + len(part)
+        is_known = self._first <= wanted.start < self._first + len(self._sums)
+        known = self._sums[wanted.start - self._first :] if is_known else self._sums[:0]
+        new = self._squares.count(data, wanted.start + len(known) - first, wanted.stop - first)
+        self._sums, self._first = np.concatenate([known, new])[: len(wanted)], wanted.start
         return self._squares.stack(self._sums)
+
+    def sensor_of_squares(self, frames: int) -> Sensor:
+        """Return the gray sensor of the squares in some frames."""
+        return self._squares.sensor(frames)
+
+    def frames_of(self, of_squares: Merged) -> int:
+        """Return the number of frames of merged squares whose motion was replaced by a window."""
+        return max(1, round(float(np.max(of_squares.trials)) / self._squares.side**2))
 
     def merge(
         self, part: Bits, of_squares: Motion, start: int, *, is_carried: bool, is_lost: bool
@@ -110,7 +114,7 @@ class FilmColors:
             found.append(color.merge(paths, motion, start, memory, is_carried=is_carried))
         merged = join_colors(found, self._sensor)
         if is_lost:
-            merged = dataclasses.replace(merged, flags=np.ones(self._size, bool))
+            merged = dataclasses.replace(merged, flags=np.ones(merged.shape[:2], bool))
             for _, memory in self._of_colors:
                 if memory is not None:
                     memory.forget()
@@ -132,21 +136,33 @@ class ColorState:
 
     def next_image(self, data: Bits | CountStack, first: int, start: int) -> FilmImage:
         """Return the image of a window, as :meth:`State.next_image`."""
-        assert isinstance(data, Bits), "the data of a mosaic"
-        settings, size = self._settings, (data.shape[1], data.shape[2])
+        settings = self._settings
         window = data[start - first : start - first + settings.window]
+        bits_behind_mosaic(window, self.sensor)  # it refuses other data
+        assert isinstance(data, Bits), "the data of a mosaic"
+        assert isinstance(window, Bits), "a part of the data"
         part = Bits(window.packed, window.width, self.sensor)
         if self._colors is None:
+            size = data.shape[1], data.shape[2]
             self._colors = FilmColors(
                 self.sensor, size, settings.step, settings.new_memory, settings.threads
             )
-        stack, own = self._colors.squares(part, start)
         if self._of_squares is None:
+            own = self._colors.sensor_of_squares(settings.window)
             self._of_squares = State(own, dataclasses.replace(settings, memory=False))
-        found = self._of_squares.next_image(stack, start, start)
+        around = settings.more_frames(first, first + len(data), start)
+        stack = self._colors.squares(data, first, around)
+        found = self._of_squares.next_image(stack, around.start, start)
         is_lost = found.merged.flags is not None and bool(found.merged.flags.all())
         merged, motion = self._colors.merge(
             part, found.motion, start, is_carried=found.is_carried, is_lost=is_lost
         )
-        shown = part if motion.model == "none" else merged
-        return FilmImage(merged, motion, found.is_carried, shown)
+        if motion.model == "none":
+            return FilmImage(merged, motion, found.is_carried, part)
+        if not is_lost:
+            return FilmImage(merged, motion, found.is_carried, merged)
+        length = self._colors.frames_of(found.merged)
+        low = min(max(0, round(motion.reference) - length // 2), len(part) - length)
+        frames = part.packed[low : low + length]
+        fewer = Bits(frames, part.width, self.sensor.replace(frames=length))
+        return FilmImage(merged, motion, found.is_carried, fewer)

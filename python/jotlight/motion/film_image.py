@@ -7,6 +7,9 @@ from jotlight.motion.motion import MODELS, Motion
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 
+KEPT_WINDOWS = 4
+"""Number of windows whose frames together show the motion of a scene if one is not enough."""
+
 
 @dataclasses.dataclass(frozen=True)
 class FilmImage:
@@ -18,8 +21,9 @@ class FilmImage:
     is_carried: bool
     """Whether the motion is that of the image before, with new blocks at its end."""
     data: Merged | Bits
-    """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or the bits of the
-    window if the scene stands still behind a mosaic, where each pixel sees one color alone."""
+    """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or bits behind a
+    mosaic: those of the window if the scene stands still, and those of fewer frames if no motion
+    explains it. The flags of `merged` then say nothing about the image."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -45,3 +49,12 @@ class FilmSettings:
             self.memory, self.window, self.step, causal=self.causal, upsample=self.upsample
         )
         return Memory(self.window) if has_memory else None
+
+    def more_frames(self, first: int, stop: int, start: int) -> range:
+        """Return the numbers of up to four windows of frames, of those from `first` to `stop`.
+
+        They are around the window that begins at `start`, or before its end if the film is causal.
+        """
+        more = (KEPT_WINDOWS - 1) * self.window
+        before, after = (more, 0) if self.causal else (more // 2, more // 2)
+        return range(max(first, start - before), min(stop, start + self.window + after))

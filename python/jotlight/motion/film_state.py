@@ -2,11 +2,10 @@
 
 import copy
 import dataclasses
-import warnings
 
 import numpy as np
 
-from jotlight.errors import JotlightWarning, hide_warnings, warn
+from jotlight.errors import hide_warnings, record_warnings, warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
 from jotlight.motion.carrying import carry
@@ -26,9 +25,6 @@ _MAX_CARRIED = 33
 _MIN_OVERLAP = 0.75
 """Minimum fraction of a window that the next one shares, for the motion to be carried."""
 
-KEPT_WINDOWS = 4
-"""Number of windows whose frames together show the motion of a scene if one is not enough."""
-
 _MAX_LOSS = 0.03
 """The motion is estimated afresh if the fraction of accepted bits falls by more than this."""
 
@@ -36,7 +32,7 @@ _MAX_FLAGGED = 0.5
 """If more than this fraction of the pixels is flagged, a fresh motion may be better."""
 
 _MARGIN = 0.1
-"""Fraction of flagged pixels that a motion may add if it is estimated anew from a window alone."""
+"""A fresh motion of one window replaces the carried one even if it flags this much more."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +59,7 @@ class _Candidate:
         return 1.0 if acceptance is None else float(acceptance.mean())
 
     def or_better(self, other: "_Candidate | None", margin: float = 0.0) -> "_Candidate":
-        """Return the other candidate if it has fewer flags, or at most `margin` more."""
+        """Return the other candidate if it has fewer flags, or less than a margin more."""
         is_better = other is not None and other.flagged - self.flagged < margin
         return other if other is not None and is_better else self
 
@@ -99,7 +95,8 @@ class State:
             best = self._fresh(part, start)
         elif is_old or best.accepted < self._usual - _MAX_LOSS:
             best = best.or_better(self._fresh(part, start), _MARGIN)
-        around = self._more_frames(first, first + len(data), start)
+            self._number, self._usual = 0, best.accepted
+        around = settings.more_frames(first, first + len(data), start)
         if len(around) > len(part) and self._doubt.is_due(best.flagged):
             frames = data[around.start - first : around.stop - first]
             best = best.or_better(self._of_more_frames(frames, around.start, part, start))
@@ -130,16 +127,6 @@ class State:
         """Return the image of a window along a motion that is estimated from it alone."""
         motion = align(part, self.sensor, model=self._settings.model, threads=self._threads)
         return self._along(motion, part, start)
-
-    def _more_frames(self, first: int, stop: int, start: int) -> range:
-        """Return the numbers of up to four windows of frames, of those from `first` to `stop`.
-
-        They show dim objects that one window does not show.
-        """
-        window = self._settings.window
-        more = (KEPT_WINDOWS - 1) * window
-        before, after = (more, 0) if self._settings.causal else (more // 2, more // 2)
-        return range(max(first, start - before), min(stop, start + window + after))
 
     def _of_more_frames(
         self, frames: Bits | CountStack, first: int, part: Bits | CountStack, start: int
@@ -181,10 +168,8 @@ class State:
             paths = as_paths(shown, blocks)
         # Merging changes the memory, and other candidates need the one before.
         memory = copy.copy(self._memory)
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", JotlightWarning)
+        with record_warnings() as texts:
             merged = self._merging.merge(paths, shown, start, memory, is_carried=is_carried)
-        texts = [str(each.message) for each in caught]
         return _Candidate(FilmImage(merged, shown, is_carried, merged), motion, memory, texts)
 
 

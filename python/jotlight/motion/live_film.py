@@ -5,8 +5,7 @@ import numpy.typing as npt
 
 from jotlight.checks import whole_number_in_range
 from jotlight.motion.film import begin_film
-from jotlight.motion.film_image import FilmImage, FilmSettings
-from jotlight.motion.film_state import KEPT_WINDOWS
+from jotlight.motion.film_image import KEPT_WINDOWS, FilmImage, FilmSettings
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor, require_sensor

@@ -26,7 +26,7 @@ from jotlight.motion.flicker import without_saturation
 from jotlight.motion.guard import count_window, find_window
 from jotlight.motion.merged_pixels import as_fine, as_merged
 from jotlight.motion.model import divide
-from jotlight.motion.mosaics import join_colors, sensors_of_colors
+from jotlight.motion.mosaic_colors import join_colors, sensors_of_colors
 from jotlight.motion.motion import Motion
 from jotlight.motion.track import Paths, Track
 from jotlight.progress import Progress, Update, shown_progress

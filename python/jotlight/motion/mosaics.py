@@ -6,7 +6,6 @@ the sums is that of the scene.
 """
 
 import math
-from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -19,17 +18,12 @@ from jotlight.motion.tiles import TILE, tile_centers
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_frames
 from jotlight.sensing.maps import constant_or_map
-from jotlight.sensing.merged import Merged
 from jotlight.sensing.mosaic import Pattern
 from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 Counts = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.uint32]
 Map = npt.NDArray[np.float64]
-
-FILTERS = "RGB"
-"""The filters whose bits can be merged to a color image."""
 
 _MAX_SIDE = 8
 """Largest side of a square of pixels. Longer periods have parts with nearly the same filters."""
@@ -39,6 +33,9 @@ _USUAL_SIDE = 4
 
 _MAX_BYTES = 1 << 28
 """Maximum number of bytes of sums that are kept. More are computed when they are needed."""
+
+_FRAMES = 64
+"""Number of frames that are unpacked at a time."""
 
 _MIN_JOTS = 0.5
 """Fraction of the jots of a square that must be good."""
@@ -94,20 +91,28 @@ class Squares:
 
     def count(self, bits: Bits, start: int = 0, stop: int | None = None) -> Counts:
         """Return the sums in each of some frames, (n, rows, columns)."""
-        packed = read_frames(bits.packed, start, len(bits) if stop is None else stop)
-        each = np.unpackbits(packed, axis=2, count=bits.width) & self._good
-        rows, columns = self.size
-        each = each[:, : rows * self.side, : columns * self.side]
+        stop = len(bits) if stop is None else stop
         dtype = np.min_scalar_type(self.side**2)
-        sums = each.reshape(-1, rows, self.side, columns * self.side).sum(axis=2, dtype=dtype)
-        counts: Counts = sums.reshape(-1, rows, columns, self.side).sum(axis=3, dtype=dtype)
-        return counts
+        sums: Counts = np.empty((max(0, stop - start), *self.size), dtype)
+        rows, columns = (self.side * number for number in self.size)
+        for first in range(start, stop, _FRAMES):
+            last = min(first + _FRAMES, stop)
+            packed = read_frames(bits.packed, first, last)
+            each = np.unpackbits(packed, axis=2, count=bits.width) & self._good
+            each = each[:, :rows, :columns].reshape(len(each), self.size[0], self.side, columns)
+            of_rows = each.sum(axis=2, dtype=dtype)
+            of_rows = of_rows.reshape(len(each), *self.size, self.side)
+            of_rows.sum(axis=3, dtype=dtype, out=sums[first - start : last - start])
+        return sums
 
-    def stack(self, images: Counts | Frames) -> tuple[CountStack, Sensor]:
-        """Return the sums in T frames (T, rows, columns), and a gray sensor that counts them."""
-        trials = self.side**2
-        stack = CountStack(images, Provenance("bits", "sums over squares of jots"), trials=trials)
-        return stack, _sensor_of_squares(self._sensor, self._good, len(images), self.side)
+    def stack(self, images: Counts | Frames) -> CountStack:
+        """Return the sums in T frames, (T, rows, columns), as counts."""
+        provenance = Provenance("bits", "sums over squares of jots")
+        return CountStack(images, provenance, trials=self.side**2)
+
+    def sensor(self, frames: int) -> Sensor:
+        """Return the gray sensor that counts the squares in some frames."""
+        return _sensor_of_squares(self._sensor, self._good, frames, self.side)
 
 
 def in_squares(
@@ -133,13 +138,10 @@ def in_squares(
     squares = Squares(sensor, (height, width), excluded)
     dtype = np.dtype(np.min_scalar_type(squares.side**2))
     shape = frames, *squares.size
-    if math.prod(shape) * dtype.itemsize > _MAX_BYTES:
-        return squares.stack(Frames(shape, partial(squares.count, bits), dtype))
-    images = np.empty(shape, dtype)
-    for first in range(0, frames, 64):
-        last = min(first + 64, frames)
-        images[first:last] = squares.count(bits, first, last)
-    return squares.stack(images)
+    images: Counts | Frames = Frames(shape, partial(squares.count, bits), dtype)
+    if math.prod(shape) * dtype.itemsize <= _MAX_BYTES:
+        images = squares.count(bits)
+    return squares.stack(images), squares.sensor(frames)
 
 
 def _sensor_of_squares(sensor: Sensor, good: Pattern, frames: int, side: int) -> Sensor:
@@ -169,103 +171,6 @@ def _mean(values: Map, side: int) -> Map:
     rows, columns = (length // side for length in values.shape)
     whole = values[: rows * side, : columns * side]
     return np.asarray(whole.reshape(rows, side, columns, side).mean(axis=(1, 3)))
-
-
-def is_mergeable(sensor: Sensor) -> bool:
-    """Return whether the bits of a sensor can be merged along a motion.
-
-    Behind a mosaic, they can if there are ideal filters for red, green, and blue, and no white
-    balance.
-
-    Examples
-    --------
-    >>> [is_mergeable(Sensor(mosaic=mosaic)) for mosaic in (None, "RGGB", "RGBW")]
-    [True, True, False]
-    """
-    mosaic = sensor.mosaic
-    return mosaic is None or (
-        mosaic.filters == FILTERS and mosaic.is_ideal and bool((mosaic.white_balance == 1).all())
-    )
-
-
-def check_mergeable(sensor: Sensor) -> None:
-    """Raise ValueError if the bits of a sensor cannot be merged along a motion."""
-    if is_mergeable(sensor):
-        return
-    mosaic = sensor.mosaic
-    if mosaic.filters != FILTERS or not mosaic.is_ideal:
-        raise ValueError(
-            "sensor: expected ideal filters R, G, and B to merge bits behind a mosaic, got "
-            f"{mosaic!r}; jotlight.align takes every mosaic"
-        )
-    raise ValueError(
-        "sensor: expected a mosaic with the white balance 1 for merged counts, got "
-        f"{np.asarray(mosaic.white_balance).tolist()}; multiply the estimate by it"
-    )
-
-
-def sensors_of_colors(sensor: Sensor, size: tuple[int, int]) -> list[Sensor]:
-    """Return the gray sensors of the jots behind red, green, and blue filters.
-
-    The other jots of each are dead.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        The sensor, with a mosaic.
-    size : (int, int)
-        H and W in jots.
-
-    Raises
-    ------
-    ValueError
-        When bits behind the mosaic cannot be merged.
-
-    Examples
-    --------
-    >>> red, green, blue = sensors_of_colors(Sensor(mosaic="RGGB"), (4, 4))
-    >>> red.mask[:2, :2].tolist()
-    [[False, True], [True, True]]
-    """
-    check_mergeable(sensor)
-    places = sensor.mosaic.of_jots(*size, sensor.oversampling)
-    gray = without_mosaic(sensor)
-    dead = np.zeros(size, bool) if sensor.mask is None else sensor.mask
-    return [
-        gray.replace(mask=dead | (places != index), gain=gray.gain) for index in range(len(FILTERS))
-    ]
-
-
-def join_colors(merged: Sequence[Merged], sensor: Sensor) -> Merged:
-    """Return the merged counts of red, green, and blue as those of a color image.
-
-    Efficiency and dark counts are the means over the colors. A pixel is flagged if it is for two
-    colors.
-
-    Parameters
-    ----------
-    merged : sequence of Merged
-        The counts of each color.
-    sensor : Sensor
-        The sensor, with a mosaic.
-    """
-    shape = merged[0].shape
-
-    def mean(name: str) -> Map:
-        maps = [np.broadcast_to(getattr(each, name), shape) for each in merged]
-        return np.asarray(np.mean(maps, axis=0, dtype=np.float64))
-
-    return Merged(
-        np.stack([each.ones for each in merged], axis=-1),
-        np.stack([np.broadcast_to(each.trials, shape) for each in merged], axis=-1),
-        sensor.replace(mosaic=None, mask=None, gain=sensor.gain),
-        mean("dark_counts"),
-        mean("efficiency"),
-        mean("acceptance").astype(np.float32),
-        mean("posterior_error").astype(np.float32),
-        mean("flags") > 1 / 2,
-        channel_axis=-1,
-    )
 
 
 def enlarge(motion: Motion, side: int, size: tuple[int, int]) -> Motion:
