@@ -4,7 +4,7 @@
 
 As in ``calibrate_intervals``, training photographs determine the scale of the errors, and
 validation photographs the quantiles of error/scale. The mosaics are those that train the network.
-The result goes to ``python/jotlight/evaluation/color_error_scale.json``. It takes half an hour on
+The result goes to ``python/jotlight/evaluation/color_error_scale.json``. It takes ten minutes on
 one core.
 """
 
@@ -39,7 +39,7 @@ FOLDERS = "photographs/cid22", "photographs/clic2025", "bsds500_extra"
 PHOTOGRAPHS, SIDE = 30, 160
 """Maximum number of photographs of each folder, and the side of their central parts."""
 
-IMAGES, PIXELS = 5, 800
+IMAGES, PIXELS = 3, 800
 """Number of photographs for each K and exposure, and of pixels of each color."""
 
 Scene = tuple[MosaicPixels, NDArray[np.float64]]

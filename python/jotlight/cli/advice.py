@@ -64,7 +64,9 @@ def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int 
         score = motion_score(part, trials=trials, threshold=sensor.threshold, threads=threads)
         if score > THRESHOLD:
             way = (
-                "--motion aligns its frames" if is_mergeable(sensor) else "fewer frames are sharper"
+                "--motion aligns its frames"
+                if is_mergeable(sensor)
+                else "an image from fewer frames is sharper"
             )
             caution("motion", f"the scene moves, so the image is blurred; {way}")
             return

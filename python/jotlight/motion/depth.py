@@ -105,9 +105,10 @@ class Gain:
         return float(self.nats[pixels].sum()) - _LENGTH * float(length)
 
     def pixels(self, before: Mask | None = None, known: Mask | None = None) -> Mask:
-        """Return the pixels of the object, given those that it had before, if they are known.
+        """Return the pixels of the object.
 
-        Those that are `known` from other bits only change if there is clear evidence.
+        `before` are those that it had in the sweep before, and `known` those that it has by other
+        bits, from which pixels only change by clear evidence.
 
         Where object and background are smooth, the gain is about 0. So a pixel must gain more than
         a fraction of what the clear pixels of the object gain.

@@ -29,7 +29,8 @@ def film(
 
     Each image shows the middle of a window of frames. The motion of a window is carried to the next
     one, where only the new frames are aligned. It is estimated afresh for every 33rd image, and
-    where many of the new bits disagree with the rest.
+    where many of the new bits disagree with the rest. Where most pixels are flagged, up to four
+    windows of frames are aligned.
 
     Parameters
     ----------
@@ -47,8 +48,8 @@ def film(
         The model of the motion, as in :func:`jotlight.align`.
     causal : bool
         Whether each image shows the last frame of its window, as in live viewing. The motion is
-        then estimated afresh only where many of the new bits disagree. So all other images take
-        the same time. `LiveFilm` takes frames that arrive one after the other.
+        then not estimated afresh for every 33rd image, so usual images take the same time.
+        :class:`jotlight.motion.live_film.LiveFilm` takes frames that arrive one after the other.
     memory : bool, optional
         Whether bits from before the window are counted, too, where they agree with it. They fade,
         so a still point has up to 3.5 times the trials of a window. Not possible with `upsample`.

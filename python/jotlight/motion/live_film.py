@@ -14,8 +14,8 @@ from jotlight.sensing.sensor import Sensor, require_sensor
 class LiveFilm:
     """A film of frames that arrive one after the other. Each image shows the latest frame.
 
-    It keeps the frames of four windows, the motion, and sums of earlier bits. So an image takes the
-    same time and the same number of bytes, however many came before.
+    It keeps the frames of four windows, the motion, and sums of earlier bits. So its memory does
+    not grow, however many frames came before.
 
     Parameters
     ----------
