@@ -20,7 +20,7 @@ class FilmImage:
     """The motion. Times count from the first frame of the window."""
     is_carried: bool
     """Whether the motion is that of the image before, with new blocks at its end."""
-    data: Merged | Bits
+    data: Merged | Bits = dataclasses.field(repr=False)
     """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or bits behind a
     mosaic: those of the window if the scene stands still, and those of fewer frames if no motion
     explains it. The flags of `merged` then say nothing about the image."""
