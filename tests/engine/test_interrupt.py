@@ -22,7 +22,7 @@ pytestmark = [
 PROGRAM = """
 import json, os, queue, signal, sys, threading, time
 import numpy as np
-import scipy.interpolate, scipy.optimize, skimage.restoration, skimage.filters
+import scipy.interpolate, scipy.ndimage, scipy.optimize, skimage.restoration, skimage.filters
 import jotlight as jl
 
 counts = np.full((4000, 4000), 50, np.int32)
