@@ -8,13 +8,10 @@ import pytest
 
 import jotlight as jl
 from jotlight.formats.capture import CountStack
-from jotlight.motion import film_state
 from jotlight.motion.align import as_motion
 from jotlight.motion.carrying import carry, divide_by_steps
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.film import film
-from jotlight.motion.film_image import FilmSettings
-from jotlight.motion.film_state import State
 from jotlight.motion.live_film import LiveFilm
 from jotlight.motion.merge import as_paths
 from jotlight.motion.scoring import FAST
@@ -291,82 +288,3 @@ def test_bad_input_is_refused_before_the_first_image(options, message):
 def test_data_of_another_type_are_refused():
     with pytest.raises(TypeError, match="Bits"):
         film(np.zeros((32, 16, 16)), window=16)
-
-
-@pytest.fixture
-def attempts(monkeypatch):
-    """Return the first frames of the windows whose motion is estimated from more frames.
-
-    A carried image has 90 % of flagged pixels, one along a motion from more frames has 10 % or 95 %
-    (``attempts(True)`` or ``attempts(False)``), and one along a motion from its window 60 %.
-    """
-    starts, longer = [], State._of_more_frames
-
-    def counted(self, frames, first, part, start):
-        starts.append(start)
-        # It is the same motion, so that images only differ in what they carry.
-        found = longer(self, frames, first, part, start)
-        return dataclasses.replace(found, warnings=["more frames"])
-
-    def prepare(is_better):
-        def flagged(self):
-            if self.image.is_carried:
-                return 0.9
-            return (0.1 if is_better else 0.95) if self.warnings == ["more frames"] else 0.6
-
-        monkeypatch.setattr(State, "_of_more_frames", counted)
-        monkeypatch.setattr(film_state._Candidate, "flagged", property(flagged))
-        return starts
-
-    return prepare
-
-
-@pytest.mark.filterwarnings("ignore:more frames:jotlight.JotlightWarning")
-@pytest.mark.parametrize("causal", [False, True])
-@pytest.mark.parametrize("is_better", [False, True])
-def test_a_doubtful_motion_is_estimated_from_more_frames(monkeypatch, attempts, causal, is_better):
-    """The image with fewer flags is shown, and the film goes on with its motion and its memory."""
-    _, bits = moving("shake", frames=96, photons=1.0)
-    starts = attempts(is_better)
-    images = list(film(bits, window=32, step=8, causal=causal))
-    assert len(images) == 9
-    # The number of images between attempts doubles. A causal film has no more frames at first.
-    assert starts == ([8, 24, 56] if causal else [0, 16, 48])
-    assert [image.is_carried for image in images] == [
-        start > 0 and not (is_better and start in starts) for start in range(0, 65, 8)
-    ]
-    if not is_better:
-        # Attempts that fail change neither the motion nor the memory.
-        monkeypatch.setattr(film_state._Doubt, "is_due", lambda *_: False)
-        for image, other in zip(images, film(bits, window=32, step=8, causal=causal), strict=True):
-            np.testing.assert_array_equal(image.merged.ones, other.merged.ones)
-
-
-@pytest.mark.parametrize(
-    ("causal", "stop", "expected"),
-    [
-        (True, 1000, range(304, 432)),
-        (True, 432, range(304, 432)),
-        (False, 1000, range(352, 480)),
-        (False, 440, range(352, 440)),
-    ],
-)
-def test_more_frames_are_those_of_four_windows(causal, stop, expected):
-    settings = FilmSettings(
-        window=32, step=8, model="auto", causal=causal, memory=None, upsample=1, threads=None
-    )
-    assert settings.more_frames(0, stop, 400) == expected
-    assert settings.more_frames(390, stop, 400).start == 390
-
-
-def test_a_motion_without_doubt_is_not_estimated_again(monkeypatch):
-    _, bits = moving("static", frames=56, shape=(160, 160))
-    starts, longer = [], State._of_more_frames
-    monkeypatch.setattr(
-        State,
-        "_of_more_frames",
-        lambda self, *arguments: starts.append(0) or longer(self, *arguments),
-    )
-    images = list(film(bits, window=32, step=8))
-    assert max(image.merged.flags.mean() for image in images) < 0.5
-    assert starts == []

@@ -147,7 +147,7 @@ def test_sensors_whose_jots_differ_are_remembered(kind, motion):
     spans = {"window": 32, "step": 8, "causal": True}
     last = list(film(bits, **spans))[-1]
     without = list(film(bits, **spans, memory=False))[-1]
-    assert np.median(last.merged.trials) > 36  # a window has 32
+    assert np.median(last.merged.trials) > 40
     assert quality(last, scene) > quality(without, scene) - 0.05
 
 

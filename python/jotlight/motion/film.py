@@ -6,9 +6,9 @@ from jotlight.checks import whole_number_in_range
 from jotlight.chunks import windows
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import bits_behind_mosaic, prepare_burst
-from jotlight.motion.film_colors import ColorState
+from jotlight.motion.film_colors import ColorFilmState
 from jotlight.motion.film_image import FilmImage, FilmSettings
-from jotlight.motion.film_state import State
+from jotlight.motion.film_state import FilmState
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
@@ -91,7 +91,7 @@ def film(
     return (state.next_image(data, 0, span.start) for span in spans)
 
 
-def begin_film(sensor: Sensor, settings: FilmSettings) -> "State | ColorState":
+def begin_film(sensor: Sensor, settings: FilmSettings) -> "FilmState | ColorFilmState":
     """Return the state of a film before its first image, from the sensor of a window.
 
     Raises
@@ -99,4 +99,4 @@ def begin_film(sensor: Sensor, settings: FilmSettings) -> "State | ColorState":
     ValueError
         When the settings do not fit the sensor.
     """
-    return (State if sensor.mosaic is None else ColorState)(sensor, settings)
+    return (FilmState if sensor.mosaic is None else ColorFilmState)(sensor, settings)

@@ -10,7 +10,7 @@ from jotlight.motion.align import bits_behind_mosaic, excluded_jots, prepare_bur
 from jotlight.motion.carrying import divide_by_steps
 from jotlight.motion.film_image import FilmImage, FilmSettings
 from jotlight.motion.film_merging import FilmMerging
-from jotlight.motion.film_state import State
+from jotlight.motion.film_state import FilmState
 from jotlight.motion.memory import Memory
 from jotlight.motion.merge import paths_at
 from jotlight.motion.mosaic_colors import check_mergeable, join_colors, sensors_of_colors
@@ -121,7 +121,7 @@ class FilmColors:
         return merged, motion
 
 
-class ColorState:
+class ColorFilmState:
     """What is carried from image to image behind a mosaic."""
 
     def __init__(self, sensor: Sensor, settings: FilmSettings) -> None:
@@ -132,10 +132,10 @@ class ColorState:
         check_mergeable(sensor)
         self.sensor, self._settings = sensor, settings
         self._colors: FilmColors | None = None
-        self._of_squares: State | None = None
+        self._of_squares: FilmState | None = None
 
     def next_image(self, data: Bits | CountStack, first: int, start: int) -> FilmImage:
-        """Return the image of a window, as :meth:`State.next_image`."""
+        """Return the image of a window, as :meth:`FilmState.next_image`."""
         settings = self._settings
         window = data[start - first : start - first + settings.window]
         bits_behind_mosaic(window, self.sensor)  # it refuses other data
@@ -149,7 +149,7 @@ class ColorState:
             )
         if self._of_squares is None:
             own = self._colors.sensor_of_squares(settings.window)
-            self._of_squares = State(own, dataclasses.replace(settings, memory=False))
+            self._of_squares = FilmState(own, dataclasses.replace(settings, memory=False))
         around = settings.more_frames(first, first + len(data), start)
         stack = self._colors.squares(data, first, around)
         found = self._of_squares.next_image(stack, around.start, start)

@@ -29,7 +29,10 @@ _MAX_LOSS = 0.03
 """The motion is estimated afresh if the fraction of accepted bits falls by more than this."""
 
 _MAX_FLAGGED = 0.5
-"""If more than this fraction of the pixels is flagged, a fresh motion may be better."""
+"""A motion is doubtful if more than this fraction of the pixels is flagged.
+
+The motion in more frames replaces it if that one is not doubtful.
+"""
 
 _MARGIN = 0.1
 """A fresh motion of one window replaces the carried one even if it flags this much more."""
@@ -58,13 +61,8 @@ class _Candidate:
         acceptance = self.image.merged.acceptance
         return 1.0 if acceptance is None else float(acceptance.mean())
 
-    def or_better(self, other: "_Candidate | None", margin: float = 0.0) -> "_Candidate":
-        """Return the other candidate if it has fewer flags, or less than a margin more."""
-        is_better = other is not None and other.flagged - self.flagged < margin
-        return other if other is not None and is_better else self
 
-
-class State:
+class FilmState:
     """What is carried from image to image."""
 
     def __init__(self, sensor: Sensor, settings: FilmSettings) -> None:
@@ -94,12 +92,14 @@ class State:
         if best is None:
             best = self._fresh(part, start)
         elif is_old or best.accepted < self._usual - _MAX_LOSS:
-            best = best.or_better(self._fresh(part, start), _MARGIN)
+            fresh = self._fresh(part, start)
+            best = fresh if fresh.flagged < best.flagged + _MARGIN else best
             self._number, self._usual = 0, best.accepted
         around = settings.more_frames(first, first + len(data), start)
         if len(around) > len(part) and self._doubt.is_due(best.flagged):
             frames = data[around.start - first : around.stop - first]
-            best = best.or_better(self._of_more_frames(frames, around.start, part, start))
+            other = self._of_more_frames(frames, around.start, part, start)
+            best = other if other is not None and other.flagged <= _MAX_FLAGGED else best
         if not best.image.is_carried:
             self._number, self._usual = 0, best.accepted
             for text in best.warnings:
@@ -126,14 +126,16 @@ class State:
     def _fresh(self, part: Bits | CountStack, start: int) -> _Candidate:
         """Return the image of a window along a motion that is estimated from it alone."""
         motion = align(part, self.sensor, model=self._settings.model, threads=self._threads)
-        return self._along(motion, part, start)
+        burst, sensor = prepare_burst(part, self.sensor)
+        blocks = as_blocks(burst, divide(len(burst)), sensor, self._threads)
+        return self._merge(as_paths(motion, blocks), motion, start, is_carried=False)
 
     def _of_more_frames(
         self, frames: Bits | CountStack, first: int, part: Bits | CountStack, start: int
     ) -> _Candidate | None:
         """Return the image of a window along the motion in more frames, from number `first` on.
 
-        Return None if the motion folds the image.
+        Return None if the window contradicts this motion.
         """
         window, offset = len(part), start - first
         sensor = self.sensor.replace(frames=self.sensor.frames * len(frames) // window)
@@ -142,17 +144,11 @@ class State:
         motion = dataclasses.replace(
             motion, times=motion.times - offset, reference=motion.reference - offset
         )
-        try:
-            motion = motion.seen_from(float(window // 2))
-        except ValueError:
+        # The window has shorter blocks, which show the motion at its end better.
+        paths = carry(motion, part, self.sensor, 0, self._threads)
+        if paths is None:
             return None
-        return self._along(motion, part, start)
-
-    def _along(self, motion: Motion, part: Bits | CountStack, start: int) -> _Candidate:
-        """Return the image of a window along a motion that is not that of the last image."""
-        burst, sensor = prepare_burst(part, self.sensor)
-        blocks = as_blocks(burst, divide(len(burst)), sensor, self._threads)
-        return self._merge(as_paths(motion, blocks), motion, start, is_carried=False)
+        return self._merge(paths, as_motion(paths, motion.model), start, is_carried=False)
 
     def _merge(self, paths: Paths, motion: Motion, start: int, *, is_carried: bool) -> _Candidate:
         """Return the image of a window along paths, which are those of a motion."""

@@ -1,0 +1,100 @@
+"""What films carry: doubt about the motion, and the motion in more frames."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.motion import film_state
+from jotlight.motion.film import film
+from jotlight.motion.film_image import FilmSettings
+from jotlight.motion.film_state import FilmState
+
+PHOTO = jl.datasets.photograph("camera")
+
+
+def moving(motion, frames=128, shape=(96, 96), photons=0.5, rng=1):
+    scene = jl.datasets.moving(
+        PHOTO, motion, sensor=jl.Sensor(frames=frames), shape=shape, photons=photons, rng=rng
+    )
+    return scene, jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
+
+
+@pytest.fixture
+def attempts(monkeypatch):
+    """Return the first frames of the windows whose motion is estimated from more frames.
+
+    A carried image has 90 % of flagged pixels, one along a motion from more frames has 10 % or 95 %
+    (``attempts(True)`` or ``attempts(False)``), and one along a motion from its window 60 %.
+    """
+    starts, longer = [], FilmState._of_more_frames
+
+    def counted(self, frames, first, part, start):
+        starts.append(start)
+        # It is the same motion, so that images only differ in what they carry.
+        found = longer(self, frames, first, part, start)
+        return dataclasses.replace(found, warnings=["more frames"])
+
+    def prepare(is_better):
+        def flagged(self):
+            if self.image.is_carried:
+                return 0.9
+            return (0.1 if is_better else 0.95) if self.warnings == ["more frames"] else 0.6
+
+        monkeypatch.setattr(FilmState, "_of_more_frames", counted)
+        monkeypatch.setattr(film_state._Candidate, "flagged", property(flagged))
+        return starts
+
+    return prepare
+
+
+@pytest.mark.filterwarnings("ignore:more frames:jotlight.JotlightWarning")
+@pytest.mark.parametrize("causal", [False, True])
+@pytest.mark.parametrize("is_better", [False, True])
+def test_a_doubtful_motion_is_estimated_from_more_frames(monkeypatch, attempts, causal, is_better):
+    """The image with fewer flags is shown, and the film goes on with its motion and its memory."""
+    _, bits = moving("shake", frames=96, photons=1.0)
+    starts = attempts(is_better)
+    images = list(film(bits, window=32, step=8, causal=causal))
+    assert len(images) == 9
+    # The number of images between attempts doubles. A causal film has no more frames at first.
+    assert starts == ([8, 24, 56] if causal else [0, 16, 48])
+    assert [image.is_carried for image in images] == [
+        start > 0 and not (is_better and start in starts) for start in range(0, 65, 8)
+    ]
+    if not is_better:
+        # Attempts that fail change neither the motion nor the memory.
+        monkeypatch.setattr(film_state._Doubt, "is_due", lambda *_: False)
+        for image, other in zip(images, film(bits, window=32, step=8, causal=causal), strict=True):
+            np.testing.assert_array_equal(image.merged.ones, other.merged.ones)
+
+
+@pytest.mark.parametrize(
+    ("causal", "stop", "expected"),
+    [
+        (True, 1000, range(304, 432)),
+        (True, 432, range(304, 432)),
+        (False, 1000, range(352, 480)),
+        (False, 440, range(352, 440)),
+    ],
+)
+def test_more_frames_are_those_of_four_windows(causal, stop, expected):
+    settings = FilmSettings(
+        window=32, step=8, model="auto", causal=causal, memory=None, upsample=1, threads=None
+    )
+    assert settings.more_frames(0, stop, 400) == expected
+    assert settings.more_frames(390, stop, 400).start == 390
+
+
+def test_a_motion_without_doubt_is_not_estimated_again(monkeypatch):
+    _, bits = moving("static", frames=56, shape=(160, 160))
+    starts, longer = [], FilmState._of_more_frames
+    monkeypatch.setattr(
+        FilmState,
+        "_of_more_frames",
+        lambda self, *arguments: starts.append(0) or longer(self, *arguments),
+    )
+    images = list(film(bits, window=32, step=8))
+    assert max(image.merged.flags.mean() for image in images) < 0.5
+    assert starts == []
