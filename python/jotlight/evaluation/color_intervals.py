@@ -5,6 +5,7 @@ them. A pixel's bits test the light behind its own filter.
 """
 
 import dataclasses
+from collections.abc import Callable
 from functools import cached_property
 from typing import Self
 
@@ -13,7 +14,6 @@ import numpy.typing as npt
 
 from jotlight.errors import hide_warnings
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.choice import JOINT
 from jotlight.evaluation.error_scale import (
     COLOR_FILE,
     ErrorModel,
@@ -25,7 +25,7 @@ from jotlight.evaluation.error_scale import (
 )
 from jotlight.evaluation.intervals import MIN_TRIALS, Pixels, intensity_of, stabilize, widen
 from jotlight.evaluation.methods import LARGE_TRIALS
-from jotlight.evaluation.mosaics import count_image, takes_colors
+from jotlight.evaluation.mosaics import count_image
 from jotlight.layout import Layout
 from jotlight.networks.color_inference import estimate_mosaic
 from jotlight.networks.pretrained import (
@@ -114,22 +114,15 @@ class MosaicPixels:
         """
         if np.median(self.trials) < MIN_TRIALS:
             return []
-        halves = divide_bits(self.counted.counts, self.trials)
-        gray = Pixels(
-            self.sensor,
-            self.counted.counts,
-            self.trials,
-            self.counted.efficiency,
-            self.counted.dark_counts,
-        )
-        return [
-            (
-                self.estimate(count_pixels(gray.merged(*_as_data(one)), self.sensor, self.threads)),
-                one,
-                other,
-            )
-            for one, other in (halves, halves[::-1])
-        ]
+        pair = divide_bits(self.counted.counts, self.trials)
+        jot = self.counted.efficiency, self.counted.dark_counts
+        gray = Pixels(self.sensor, self.counted.counts, self.trials, *jot)
+        halves = []
+        for half, other in (pair, pair[::-1]):
+            merged = gray.merged(half.ones, half.trials)
+            colors = self.estimate(count_pixels(merged, self.sensor, self.threads))
+            halves.append((colors, half, other))
+        return halves
 
     def scale(
         self, model: ErrorModel, colors: Image, halves: list[tuple[Image, Half, Half]]
@@ -198,10 +191,6 @@ class MosaicPixels:
         return stabilize(mean, self.sensor, *reference_jot(self.sensor))
 
 
-def _as_data(half: Half) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    return half.ones, half.trials
-
-
 def find_color_intervals(
     pixels: MosaicPixels, colors: Image, *, is_own: bool, confidence_level: float
 ) -> list[Uncertainty]:
@@ -239,7 +228,7 @@ def find_color_intervals(
 def mosaic_uncertainty(
     data: Data,
     sensor: Sensor,
-    estimate: Image,
+    estimate: Callable[[], Image],
     *,
     is_own: bool,
     confidence_level: float,
@@ -253,8 +242,8 @@ def mosaic_uncertainty(
     ----------
     data, sensor, trials, channel_axis, threads
         As of :func:`jotlight.uncertainty`. The sensor has a mosaic.
-    estimate : ndarray of float32, shape (..., H, W, 3)
-        The estimate.
+    estimate : callable
+        A function that returns the estimate, (..., H, W, 3). It is called after all checks.
     is_own : bool
         Whether the estimate is that of the color network.
     confidence_level : float
@@ -271,47 +260,26 @@ def mosaic_uncertainty(
         data, sensor, trials, channel_axis, may_differ=True, takes_mosaics=True
     )
     images = gray_images(prepared)
-    results: list[Uncertainty] = []
-    for index, one in enumerate(images.data):
+    pixels = []
+    for one in images.data:
         counted, own = count_image(one, gray, threads)
-        pixels = MosaicPixels.of(counted, own, mosaic, threads)
-        expected = *images.layout.shape, *pixels.trials.shape, 3
-        if estimate.shape != expected:
-            raise ValueError(
-                f"estimate: expected shape {expected}, got {estimate.shape}; pass what "
-                "jotlight.reconstruct returns for the same data"
-            )
-        if (most := float(np.median(pixels.trials))) > LARGE_TRIALS:
+        pixels.append(MosaicPixels.of(counted, own, mosaic, threads))
+        if (most := float(np.median(pixels[-1].trials))) > LARGE_TRIALS:
             raise ValueError(
                 f"data: expected up to {LARGE_TRIALS:,} trials per pixel, because the errors of "
                 f"colors are not known for more, got {most:,.0f}; take fewer frames"
             )
-        colors = estimate.reshape(-1, *expected[-3:])[index]
-        plain = colors / np.maximum(mosaic.white_balance, 1e-6).astype(np.float32)
+    colors, expected = estimate(), (*images.layout.shape, *pixels[0].trials.shape, 3)
+    if colors.shape != expected:
+        raise ValueError(
+            f"estimate: expected shape {expected}, got {colors.shape}; pass what "
+            "jotlight.reconstruct returns for the same data"
+        )
+    plain = colors / np.maximum(mosaic.white_balance, 1e-6).astype(np.float32)
+    results: list[Uncertainty] = []
+    for each, own_colors in zip(pixels, plain.reshape(-1, *expected[-3:]), strict=True):
         results += find_color_intervals(
-            pixels, plain, is_own=is_own, confidence_level=confidence_level
+            each, own_colors, is_own=is_own, confidence_level=confidence_level
         )
     found = Uncertainty.arrange(results, Layout((*images.layout.shape, 3), -1))
     return found.scaled(mosaic.white_balance)
-
-
-def is_color_network(
-    data: Data,
-    *,
-    method: object,
-    quality: str | None,
-    demosaicing: str | None,
-    trials: npt.ArrayLike | None,
-) -> bool:
-    """Return whether the color network estimates the image of a mosaic.
-
-    The parameters are those of :func:`jotlight.reconstruct`.
-
-    Examples
-    --------
-    >>> counts = np.zeros((4, 4), int)
-    >>> is_color_network(counts, method=None, quality=None, demosaicing=None, trials=None)
-    True
-    """
-    is_default = method is None and quality is None and demosaicing in (None, JOINT)
-    return is_default and takes_colors(data, trials)

@@ -1,7 +1,5 @@
 """The uncertainty of each pixel of the estimate of any method."""
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
@@ -9,13 +7,14 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
 from jotlight.evaluation.channels import takes_channels
-from jotlight.evaluation.choice import choose_method
-from jotlight.evaluation.color_intervals import is_color_network, mosaic_uncertainty
+from jotlight.evaluation.choice import check_demosaicing, choose_method
+from jotlight.evaluation.color_intervals import mosaic_uncertainty
 from jotlight.evaluation.different_readings import with_one_response
 from jotlight.evaluation.intervals import find_intervals
 from jotlight.evaluation.methods import find_method
+from jotlight.evaluation.mosaics import takes_colors
 from jotlight.evaluation.own_method import OwnMethod
-from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.reconstruct import reconstruct, uses_color_network
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained
 from jotlight.sensing.pixel_counts import (
@@ -133,28 +132,35 @@ def uncertainty(
         )
     stated = carried_sensor(data) if sensor is None else sensor
     if isinstance(stated, Sensor) and stated.mosaic is not None:
-        options: dict[str, Any] = {
-            "method": method,
-            "quality": quality,
-            "demosaicing": demosaicing,
-            "trials": trials,
-        }
-        arrays: dict[str, Any] = {"channel_axis": channel_axis, "threads": threads}
-        if estimate is None:
-            estimate = reconstruct(data, stated, **options, **arrays)
+        is_default = method is None and quality is None and takes_colors(data, trials)
+
+        def colors() -> npt.NDArray[np.float32]:
+            if estimate is not None:
+                return np.asarray(estimate, np.float32)
+            return reconstruct(
+                data,
+                stated,
+                method=method,
+                quality=quality,
+                trials=trials,
+                channel_axis=channel_axis,
+                demosaicing=demosaicing,
+                threads=threads,
+            )
+
         found = mosaic_uncertainty(
             data,
             stated,
-            np.asarray(estimate, np.float32),
-            is_own=is_color_network(data, **options),
+            colors,
+            is_own=uses_color_network(stated, demosaicing, is_default=is_default),
             confidence_level=confidence_level,
             trials=trials,
-            **arrays,
+            channel_axis=channel_axis,
+            threads=threads,
         )
         return found.scaled(unit_scale(stated, units))
-    if demosaicing is not None:
-        raise ValueError("demosaicing: is for a sensor with a mosaic; leave it out")
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
+    check_demosaicing(demosaicing, sensor)
     scale = unit_scale(sensor, units)
     images = gray_images(data)
     if not sensor.has_plain_bits and method == EXACT_METHOD:

@@ -81,8 +81,8 @@ def refine_outlines(paths: Paths, *, are_known: bool = False) -> Paths:
     for _ in range(_SWEEPS if opaque > 1 else 0):
         labels = np.where(paths.labels < opaque, np.uint8(0), paths.labels)
         for segment, gain in enumerate(object_gains(paths), 1):
-            known = None if before is None else before == segment
-            pixels = gain.pixels(paths.labels == segment, known)
+            expected = None if before is None else before == segment
+            pixels = gain.pixels(paths.labels == segment, expected)
             labels[pixels & (paths.labels < opaque)] = segment
         if (labels == paths.labels).all():
             break
@@ -104,11 +104,11 @@ class Gain:
         length = (pixels[1:] != pixels[:-1]).sum() + (pixels[:, 1:] != pixels[:, :-1]).sum()
         return float(self.nats[pixels].sum()) - _LENGTH * float(length)
 
-    def pixels(self, before: Mask | None = None, known: Mask | None = None) -> Mask:
+    def pixels(self, before: Mask | None = None, expected: Mask | None = None) -> Mask:
         """Return the pixels of the object.
 
-        `before` are those that it had in the sweep before, and `known` those that it has by other
-        bits, from which pixels only change by clear evidence.
+        `before` are those that it had in the sweep before. `expected` are those that it has by
+        other bits. A pixel only differs from them by clear evidence.
 
         Where object and background are smooth, the gain is about 0. So a pixel must gain more than
         a fraction of what the clear pixels of the object gain.
@@ -118,8 +118,8 @@ class Gain:
         usual = float((clear**2).sum()) / max(float(clear.sum()), 1e-9)
         needed = np.float32(_SHARE * usual) * self.known
         gain = self.nats + _UNKNOWN * (1 - self.known) - needed
-        if known is not None:
-            gain += np.where(known, _EVIDENCE, -_EVIDENCE)
+        if expected is not None:
+            gain += np.where(expected, _EVIDENCE, -_EVIDENCE)
         return shortest_outlines(gain, _LENGTH)
 
 

@@ -7,7 +7,6 @@ from jotlight.checks import whole_number_in_range
 from jotlight.motion.film import begin_film
 from jotlight.motion.film_image import KEPT_WINDOWS, FilmImage, FilmSettings
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor, require_sensor
 
 
@@ -60,7 +59,7 @@ class LiveFilm:
         upsample: int = 1,
         threads: int | None = None,
     ) -> None:
-        require_sensor(without_mosaic(sensor) if isinstance(sensor, Sensor) else sensor)
+        require_sensor(sensor, takes_mosaics=True)
         self._window = whole_number_in_range("window", window, 1, 2**31 - 1)
         self._step = whole_number_in_range("step", step, 1, window)
         settings = FilmSettings(
@@ -73,7 +72,8 @@ class LiveFilm:
             threads=threads,
         )
         self._state = begin_film(sensor.replace(frames=window), settings)
-        self._kept: npt.NDArray[np.uint8] | None = None
+        self._parts: list[npt.NDArray[np.uint8]] = []
+        """The latest frames: those of up to four windows, and those added since the last image."""
         self._width, self._seen = 0, 0
 
     def add(self, frames: Bits) -> list[FilmImage]:
@@ -90,12 +90,13 @@ class LiveFilm:
                 "Bits.from_array packs frames (T, H, W) of 0 and 1"
             )
         packed = np.asarray(frames.packed)
-        if self._kept is None:
-            self._kept, self._width = packed[:0], frames.width
-        if packed.shape[1:] != self._kept.shape[1:] or frames.width != self._width:
+        if not self._parts:
+            self._parts, self._width = [packed[:0]], frames.width
+        size = self._parts[0].shape[1:]
+        if packed.shape[1:] != size or frames.width != self._width:
             raise ValueError(
-                f"frames: expected the size of earlier frames, {self._kept.shape[1]} x "
-                f"{self._width}, got {frames.shape[1]} x {frames.width}"
+                f"frames: expected the size of earlier frames, {size[0]} x {self._width}, got "
+                f"{frames.shape[1]} x {frames.width}"
             )
         images = []
         while len(packed):
@@ -103,10 +104,11 @@ class LiveFilm:
             if missing <= 0:
                 missing = self._step - (self._seen - self._window) % self._step
             part, packed = packed[:missing], packed[missing:]
-            self._kept = np.concatenate([self._kept, part])[-KEPT_WINDOWS * self._window :]
+            self._parts.append(part.copy())  # the caller may change its frames
             self._seen += len(part)
             if len(part) == missing:
-                bits = Bits(self._kept, self._width)
-                first = self._seen - len(self._kept)
+                kept = np.concatenate(self._parts)[-KEPT_WINDOWS * self._window :]
+                self._parts = [kept]
+                bits, first = Bits(kept, self._width), self._seen - len(kept)
                 images.append(self._state.next_image(bits, first, self._seen - self._window))
         return images
