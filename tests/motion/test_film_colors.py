@@ -13,22 +13,10 @@ from jotlight.motion.mosaic_colors import is_mergeable
 from jotlight.motion.mosaics import in_squares
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.readings import without_mosaic
+from moving import behind
 
 FRAMES, SIZE = 96, (96, 112)
 WINDOW, STEP = 64, 16
-
-
-def behind(mosaic="RGGB", motion="shake", frames=FRAMES, **maps):
-    """Return a moving color scene behind a mosaic, and its bits in memory."""
-    scene = jl.datasets.moving(
-        jl.datasets.photograph("astronaut").astype(np.float64),
-        motion,
-        sensor=jl.Sensor(frames=frames, mosaic=mosaic, **maps),
-        shape=SIZE,
-        photons=0.5,
-        rng=4,
-    )
-    return scene, jl.Bits(np.asarray(scene.bits.packed), SIZE[1], scene.sensor)
 
 
 def quality(data, truth):
@@ -94,7 +82,9 @@ def test_a_still_window_keeps_its_bits(causal):
 @pytest.mark.parametrize("step", [5, 16, 40])
 def test_squares_of_windows_are_those_of_all_frames(mosaic, step):
     mask = np.random.default_rng(0).random(SIZE) < 0.05
-    _, bits = behind(mosaic, mask=mask)
+    _, bits = behind(mosaic)
+    sensor = bits.sensor.replace(mask=mask, gain=bits.sensor.gain)
+    bits = jl.Bits(bits.packed, SIZE[1], sensor)
     colors = FilmColors(bits.sensor, SIZE, step, lambda: None)
     gray = without_mosaic(bits.sensor)
     # The third window does not follow the second one, and the last one begins before it.

@@ -5,20 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-import jotlight as jl
 from jotlight.motion import film_state
 from jotlight.motion.film import film
 from jotlight.motion.film_image import FilmSettings
 from jotlight.motion.film_state import FilmState
-
-PHOTO = jl.datasets.photograph("camera")
-
-
-def moving(motion, frames=128, shape=(96, 96), photons=0.5, rng=1):
-    scene = jl.datasets.moving(
-        PHOTO, motion, sensor=jl.Sensor(frames=frames), shape=shape, photons=photons, rng=rng
-    )
-    return scene, jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
+from moving import record
 
 
 @pytest.fixture
@@ -54,7 +45,7 @@ def attempts(monkeypatch):
 @pytest.mark.parametrize("is_better", [False, True])
 def test_a_doubtful_motion_is_estimated_from_more_frames(monkeypatch, attempts, causal, is_better):
     """The image with fewer flags is shown, and the film goes on with its motion and its memory."""
-    _, bits = moving("shake", frames=96, photons=1.0)
+    _, bits = record("shake", frames=96, photons=1.0)
     starts = attempts(is_better)
     images = list(film(bits, window=32, step=8, causal=causal))
     assert len(images) == 9
@@ -88,7 +79,7 @@ def test_more_frames_are_those_of_four_windows(causal, stop, expected):
 
 
 def test_a_motion_without_doubt_is_not_estimated_again(monkeypatch):
-    _, bits = moving("static", frames=56, shape=(160, 160))
+    _, bits = record("static", frames=56, shape=(160, 160))
     starts, longer = [], FilmState._of_more_frames
     monkeypatch.setattr(
         FilmState,

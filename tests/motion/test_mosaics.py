@@ -13,23 +13,14 @@ from jotlight.motion.tiles import tile_centers
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
+from moving import behind
 
 FRAMES, SIZE = 96, (128, 160)
 
 
-def behind(mosaic, motion="shake", photons=0.5, rng=4):
-    """Return a moving color scene behind a mosaic, and its bits."""
-    photograph = jl.datasets.photograph("astronaut").astype(np.float64)
-    scene = jl.datasets.moving(
-        photograph,
-        motion,
-        sensor=jl.Sensor(frames=FRAMES, mosaic=mosaic),
-        shape=SIZE,
-        photons=photons,
-        rng=rng,
-    )
-    bits = scene.bits
-    return scene, jl.Bits(np.asarray(bits.packed), bits.width, bits.sensor)
+def large(mosaic="RGGB", motion="shake", rng=4):
+    """Return a moving color scene of the size, and its bits."""
+    return behind(mosaic, motion, FRAMES, SIZE, rng)
 
 
 def by_loops(bits, side, good):
@@ -102,7 +93,7 @@ def test_an_affine_motion_is_enlarged_exactly(side):
     ids=["RGGB", "quad", "random"],
 )
 def test_the_motion_is_found(mosaic):
-    scene, bits = behind(mosaic)
+    scene, bits = large(mosaic)
     motion = jl.align(bits)
     assert motion.model != "none"
     for time in (4, 30, 90):
@@ -111,12 +102,12 @@ def test_the_motion_is_found(mosaic):
 
 
 def test_a_still_scene_has_no_motion():
-    _, bits = behind("RGGB", motion="static")
+    _, bits = large("RGGB", motion="static")
     assert jl.align(bits).model == "none"
 
 
 def test_merged_colors_are_better_than_every_window():
-    scene, bits = behind("RGGB")
+    scene, bits = large("RGGB")
     truth = scene.image()
     merged = jl.merge(bits)
     assert merged.shape == (*SIZE, 3)
@@ -133,7 +124,7 @@ def test_merged_colors_are_better_than_every_window():
 
 
 def test_each_color_has_the_bits_of_its_jots():
-    _, bits = behind("RGGB", motion="static")
+    _, bits = large("RGGB", motion="static")
     motion = jl.align(bits)
     with pytest.warns(jl.JotlightWarning, match="the scene stands still"):
         merged = jl.merge(bits, motion=motion)
@@ -180,7 +171,7 @@ def test_pixels_with_few_bits_of_a_color_count_those_nearby(side):
 
 def test_slow_motions_lose_nothing_to_missing_colors():
     """Near the center of a rotation, a pixel sees one filter alone."""
-    scene, bits = behind("RGGB", motion="rotate", rng=1)
+    scene, bits = large("RGGB", motion="rotate", rng=1)
     merged = jl.merge(bits)
     assert merged.trials.min() > 0
     truth = scene.image()
@@ -234,7 +225,7 @@ def test_the_command_line_simulates_a_moving_mosaic(run, tmp_path):
 
 
 def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
-    _, bits = behind("RGGB")
+    _, bits = large("RGGB")
     jl.save(bits, tmp_path / "bits.npy")
     status, printed = run(
         "reconstruct", "bits.npy", "--motion", "-o", "out.npy", "--save-motion", "m.safetensors"
@@ -247,7 +238,7 @@ def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
     assert f"by {info.title} in" in printed
     assert info.method == "network-color"
     np.testing.assert_allclose(found, expected, atol=1e-5)
-    _, still = behind("RGGB", motion="static")
+    _, still = large("RGGB", motion="static")
     jl.save(still, tmp_path / "still.npy")
     status, printed = run("reconstruct", "still.npy", "--motion", "-o", "still_out.npy")
     assert status == 0, printed

@@ -131,3 +131,17 @@ def paths_of(blocks, shifts, reference):
     information = np.zeros((number, 3, *shape))
     track = Track(blocks, reference, nodes, np.ones(number, bool), information)
     return Paths([track], np.zeros(blocks.size, np.uint8))
+
+
+@functools.cache
+def behind(mosaic="RGGB", motion="shake", frames=96, shape=(96, 112), rng=4):
+    """Return a moving color scene behind a mosaic, and its bits."""
+    scene = jl.datasets.moving(
+        jl.datasets.photograph("astronaut").astype(np.float64),
+        motion,
+        sensor=jl.Sensor(frames=frames, mosaic=mosaic),
+        shape=shape,
+        photons=0.5,
+        rng=rng,
+    )
+    return scene, in_memory(scene)
