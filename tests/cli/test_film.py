@@ -197,7 +197,7 @@ def test_the_window_is_required(run, capture):
     assert "--window requires an argument" in output
 
 
-@pytest.mark.parametrize("motion", ["shake", "static"])
+@pytest.mark.parametrize("motion", ["shake", pytest.param("static", marks=pytest.mark.slow)])
 def test_a_film_behind_a_mosaic_has_colors(run, tmp_path, motion):
     scene = jl.datasets.moving(
         jl.datasets.photograph("astronaut").astype(np.float64),

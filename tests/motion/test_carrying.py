@@ -2,6 +2,8 @@
 
 import dataclasses
 
+import pytest
+
 import jotlight as jl
 from jotlight.motion.carrying import carry
 from jotlight.motion.film_image import FilmSettings
@@ -10,6 +12,7 @@ from jotlight.motion.mosaics import enlarge, in_squares
 from moving import behind, in_memory
 
 
+@pytest.mark.slow
 def test_a_window_keeps_the_outlines_that_more_frames_show():
     """Regions without detail look the same along both motions."""
     scene = jl.datasets.moving(

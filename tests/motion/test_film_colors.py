@@ -24,7 +24,7 @@ def quality(data, truth):
     return jl.metrics.psnr(jl.reconstruct(data)[inner], truth[inner], data_range=1.0)
 
 
-@pytest.mark.parametrize("causal", [False, True])
+@pytest.mark.parametrize("causal", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_each_image_is_as_good_as_with_a_fresh_alignment(causal):
     scene, bits = behind()
     images = list(film(bits, window=WINDOW, step=STEP, causal=causal, memory=False))
@@ -55,6 +55,7 @@ def test_live_images_are_those_of_a_causal_film():
         np.testing.assert_array_equal(one.merged.trials, other.merged.trials)
 
 
+@pytest.mark.slow
 def test_a_causal_film_remembers_colors():
     scene, bits = behind(frames=2 * FRAMES)
     last = [
@@ -153,6 +154,7 @@ def test_where_no_motion_explains_the_scene_the_bits_of_fewer_frames_are_shown(
     assert jl.reconstruct(image.data).shape == (48, 64, 3)
 
 
+@pytest.mark.slow
 def test_color_films_look_at_more_frames(monkeypatch):
     _, bits = behind(motion="layers")
     lengths, found = [], FilmState._of_more_frames

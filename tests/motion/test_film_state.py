@@ -41,8 +41,15 @@ def attempts(monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore:more frames:jotlight.JotlightWarning")
-@pytest.mark.parametrize("causal", [False, True])
-@pytest.mark.parametrize("is_better", [False, True])
+@pytest.mark.parametrize(
+    ("causal", "is_better"),
+    [
+        (True, True),
+        (False, True),
+        pytest.param(True, False, marks=pytest.mark.slow),
+        pytest.param(False, False, marks=pytest.mark.slow),
+    ],
+)
 def test_a_doubtful_motion_is_estimated_from_more_frames(monkeypatch, attempts, causal, is_better):
     """The image with fewer flags is shown, and the film goes on with its motion and its memory."""
     _, bits = record("shake", frames=96, photons=1.0)
