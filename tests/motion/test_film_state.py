@@ -57,15 +57,23 @@ def test_a_doubtful_motion_is_estimated_from_more_frames(monkeypatch, attempts, 
     images = list(film(bits, window=32, step=8, causal=causal))
     assert len(images) == 9
     # The number of images between attempts doubles. A causal film has no more frames at first.
-    assert starts == ([8, 24, 56] if causal else [0, 16, 48])
+    assert starts == ([8, 16, 32, 64] if causal else [0, 8, 24, 56])
     assert [image.is_carried for image in images] == [
         start > 0 and not (is_better and start in starts) for start in range(0, 65, 8)
     ]
     if not is_better:
         # Attempts that fail change neither the motion nor the memory.
-        monkeypatch.setattr(film_state._Doubt, "is_due", lambda *_: False)
+        monkeypatch.setattr(film_state._Doubt, "is_due", lambda *_, **__: False)
         for image, other in zip(images, film(bits, window=32, step=8, causal=causal), strict=True):
             np.testing.assert_array_equal(image.merged.ones, other.merged.ones)
+
+
+def test_a_single_flagged_image_is_no_reason_to_doubt():
+    doubt = film_state._Doubt()
+    shares = [0.9, 0.1, 0.9, 0.9, 0.1, 0.9]
+    due = [doubt.is_due(share, is_new=False) for share in shares]
+    assert due == [False, False, False, True, False, False]
+    assert film_state._Doubt().is_due(0.9, is_new=True)
 
 
 @pytest.mark.parametrize(

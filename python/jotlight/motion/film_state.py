@@ -87,16 +87,18 @@ class FilmState:
         """
         settings = self._settings
         part = data[start - first : start - first + settings.window]
-        best = self._carried(part, start)
+        carried = self._carried(part, start)
+        best = self._fresh(part, start) if carried is None else carried
         is_old = not settings.causal and self._number >= _MAX_CARRIED
-        if best is None:
-            best = self._fresh(part, start)
-        elif is_old or best.accepted < self._usual - _MAX_LOSS:
+        if carried and (is_old or best.accepted < self._usual - _MAX_LOSS):
             fresh = self._fresh(part, start)
             best = fresh if fresh.flagged < best.flagged + _MARGIN else best
             self._number, self._usual = 0, best.accepted
         around = settings.more_frames(first, first + len(data), start)
-        if len(around) > len(part) and self._doubt.is_due(best.flagged):
+        is_due = self._doubt.is_due(best.flagged, is_new=carried is None)
+        if is_due and len(around) > len(part):
+            self._doubt.attempts += 1
+            self._doubt.images = 0
             frames = data[around.start - first : around.stop - first]
             other = self._of_more_frames(frames, around.start, part, start)
             best = other if other is not None and other.flagged <= _MAX_FLAGGED else best
@@ -171,25 +173,29 @@ class FilmState:
 
 @dataclasses.dataclass
 class _Doubt:
-    """After how many images the motion is estimated afresh, if most of their pixels are flagged.
+    """Whether the motion in more frames is due, because most pixels of images are flagged.
 
-    The number doubles with each attempt, so that films of scenes that no model explains take little
-    longer.
+    Single images may be flagged by chance, so the first attempt is made at the second image in
+    succession, unless nothing was carried to the first. The number of images between two attempts
+    doubles. So films of scenes that no model explains take little longer.
     """
 
-    wait: int = 1
-    waited: int = 0
+    attempts: int = 0
+    images: int = 0
+    """Number of flagged images since the last attempt."""
 
-    def is_due(self, flagged: float) -> bool:
-        """Return whether the motion of an image is estimated afresh, by its flagged fraction."""
+    def is_due(self, flagged: float, *, is_new: bool) -> bool:
+        """Return whether an attempt is due for an image with a flagged fraction.
+
+        `is_new` states that no motion was carried to it.
+        """
         if flagged <= _MAX_FLAGGED:
-            self.wait, self.waited = 1, 0
+            self.attempts, self.images = 0, 0
             return False
-        self.waited += 1
-        if self.waited < self.wait:
-            return False
-        self.wait, self.waited = min(2 * self.wait, _MAX_CARRIED), 0
-        return True
+        self.images += 1
+        if self.attempts == 0:
+            return is_new or self.images >= 2
+        return self.images >= min(1 << (self.attempts - 1), _MAX_CARRIED)
 
 
 def _seen_from_end(motion: Motion, paths: Paths) -> tuple[Motion, Paths]:
