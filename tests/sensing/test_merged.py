@@ -76,7 +76,7 @@ def test_a_constant_map_is_as_uniform_as_a_number():
     [
         ((ONES * 0.5, 8, SENSOR), {}, TypeError, "image of counts in whole numbers"),
         ((ONES, 8, "sensor"), {}, TypeError, "sensor: expected a jotlight.Sensor, got str"),
-        ((ONES, 7.9, SENSOR), {}, ValueError, "ones: .*got 0 to 8 with up to 7.9 trials"),
+        ((ONES, 7.9, SENSOR), {}, ValueError, "ones: .*got 8 of 7.9 at the index"),
         ((ONES, TRIALS - 1, SENSOR), {}, ValueError, "trials: expected finite numbers, 0 or more"),
         ((ONES, np.nan, SENSOR), {}, ValueError, "trials: expected finite numbers, 0 or more"),
         ((ONES, TRIALS[:1], SENSOR), {}, ValueError, r"trials: .*shape \(2, 3\), got \(1, 3\)"),

@@ -151,3 +151,9 @@ def test_unpacked_frames_in_place_of_a_stack_of_counts_are_reported():
         assert jl.mle(frames, sensor).shape == (16, 8, 9)
     jl.mle(frames, jl.Sensor(frames=1))
     jl.mle(frames[:5], sensor)
+    # A pair of dim images has no count of 2 by chance.
+    pair = np.stack(
+        [each.counts() for each in jl.Sensor(frames=2).expose([np.full((8, 9), 0.05)] * 2, rng=0)]
+    )
+    assert pair.max() == 1
+    jl.mle(pair, jl.Sensor(frames=2))

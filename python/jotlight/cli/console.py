@@ -4,7 +4,7 @@ import contextlib
 import re
 import warnings
 from collections.abc import Callable, Iterator
-from typing import Protocol, TextIO
+from typing import Any, Protocol, TextIO
 
 from rich.console import Console
 from rich.markup import escape
@@ -22,7 +22,21 @@ from jotlight.estimators.convergence import Iteration, IterationCallback, follow
 from jotlight.training import Record
 from jotlight.training.reporting import StepDescriber
 
-out = Console(highlight=False, emoji=False)
+
+class _Output(Console):
+    """The standard output."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print as :class:`rich.console.Console`; errors name the standard output."""
+        try:
+            super().print(*objects, **options)
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise OSError(f"cannot write to the standard output: {error.strerror}") from error
+
+
+out = _Output(highlight=False, emoji=False)
 err = console
 
 shown_warnings: set[str] = set()

@@ -14,7 +14,7 @@ from jotlight.chunks import windows
 from jotlight.cli.advice import caution_about_motion
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import sum_counts
-from jotlight.cli.color_choice import refuse_demosaicing, without_demosaicing
+from jotlight.cli.color_choice import without_demosaicing
 from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
 from jotlight.cli.console import progress, report
 from jotlight.cli.jot_checks import caution_about_jots
@@ -25,6 +25,7 @@ from jotlight.cli.reconstruction import Brightness, Inputs, Reconstruction, repo
 from jotlight.cli.records import Records, origin_of
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
+from jotlight.estimators.demosaicing import TITLES
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.files import atomic_write_together
 from jotlight.formats.capture import Capture
@@ -37,7 +38,7 @@ from jotlight.motion.film_image import FilmImage
 from jotlight.motion.memory import remembers
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
-from jotlight.sensing.readings import require_plain_bits, without_mosaic
+from jotlight.sensing.readings import FRAMES_ADVICE, require_plain_bits, without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -116,9 +117,7 @@ def film(
     motion.check()
     inputs.check_outputs([outputs.output])
     job = inputs.prepare(outputs.output, window=outputs.window)
-    require_plain_bits(without_mosaic(job.captured.sensor))
-    if motion.motion:
-        refuse_demosaicing(job.settings)
+    require_plain_bits(without_mosaic(job.captured.sensor), FRAMES_ADVICE)
     spans = windows(len(job.captured.data), outputs.window, outputs.step)
     brightness = _write(job, outputs, motion, spans, threads)
     report_assumptions(job, brightness)
@@ -185,7 +184,7 @@ def _write(
         f"{job.choice.title} in {seconds:.3g} s"
         + (f"; {_amount(data, unused, each)} at the end lie in no window" if unused else "")
     )
-    report(*summary.lines())
+    report(*summary.lines(job.settings.get("demosaicing")))
     return Brightness(maximum, brightness)
 
 
@@ -221,8 +220,11 @@ class _Summary:
         if image.data is image.merged and image.merged.acceptance is not None:
             self.accepted.append(float(image.merged.acceptance.mean()))
 
-    def lines(self) -> list[str]:
-        """Return what was found, in one line, or nothing without motion."""
+    def lines(self, demosaicing: str | None) -> list[str]:
+        """Return what was found, or nothing without motion.
+
+        `demosaicing` is the requested one, if any.
+        """
         if not self.models:
             return []
         number, models = len(self.models), ", ".join(sorted(set(self.models)))
@@ -235,6 +237,13 @@ class _Summary:
                 f"; {np.mean(self.accepted):.1%} of the bits agree and are used, and "
                 f"{min(self.accepted):.1%} or more of each image"
             )
+        if demosaicing in TITLES and self.accepted:
+            number = len(self.accepted)
+            return [
+                line,
+                f"demosaicing: not used for {number} merged image{'s' * (number > 1)}, because "
+                "along the motion each pixel is seen through all filters",
+            ]
         return [line]
 
 

@@ -22,6 +22,9 @@ def gather(
     if not folders:
         raise ValueError("gather: expected one folder or more")
     parts = find_unfinished(folders)
+    if not parts:
+        report("nothing to complete: these folders contain no unfinished results, NAME.zarr.part")
+        return
     with progress(1) as begin:
         finished, unfinished = gather_results(parts, begin("gathering"))
     report(f"{len(finished)} of {len(parts)} results completed")

@@ -1,5 +1,6 @@
 """The origin of a result, as `jotlight info` shows it."""
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ from jotlight.dask.jobs import conversion_record
 from jotlight.dask.store import PART, open_unfinished, read_json, read_record
 from jotlight.formats.checksums import file_checksum
 from jotlight.images.io import read_note
+from jotlight.sensing.mosaic import Mosaic
 
 _NOTED = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
 """Endings of images that contain a note."""
@@ -132,7 +134,15 @@ def _run_facts(run: dict[str, Any]) -> Facts:
 
 def _text(value: Any) -> str:
     if isinstance(value, dict):
-        return ", ".join(f"{name}={each}" for name, each in value.items())
+        return ", ".join(f"{name}={_setting(name, each)}" for name, each in value.items())
     if isinstance(value, list):
         return ", ".join(map(str, value))
+    return str(value)
+
+
+def _setting(name: str, value: Any) -> str:
+    """Return the value of a sensor's setting or of a method's option."""
+    if name == "mosaic" and value is not None:
+        with contextlib.suppress(ValueError):  # of a damaged record
+            return repr(Mosaic.of(value))
     return str(value)

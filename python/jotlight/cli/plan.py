@@ -131,7 +131,7 @@ def _motion_line(frames: int, size: tuple[int, int]) -> str:
     cost = motion_cost(frames, size)
     return (
         f"If the scene moves, --motion takes about {cost.seconds:.2g} s on one thread and "
-        f"{cost.memory / 1e6:.2g} MB for {frames} frame{'s' * (frames > 1)} of "
+        f"{cost.memory / 1e6:.0f} MB for {frames} frame{'s' * (frames > 1)} of "
         f"{size[0]} x {size[1]} jots, and {cost.further_seconds:.2g} s for each further image of a "
         "film."
     )

@@ -16,6 +16,7 @@ from jotlight.evaluation.uncertainty import check_errors_known
 from jotlight.formats.locations import is_url
 from jotlight.images.io import image_writer
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 
@@ -54,7 +55,9 @@ def reconstruct(
     if outputs.uncertainty is not None and motion.factor > 1:
         raise ValueError("uncertainty: is not known for the finer grid of --upsample")
     if outputs.uncertainty is not None:
-        check_errors_known(job.method, job.captured.sensor)
+        # After an alignment, the data may have no mosaic.
+        seen = job.captured.sensor
+        check_errors_known(job.method, without_mosaic(seen) if motion.motion else seen)
     reconstruct_image(job, outputs, motion, threads)
     caution_about_jots(job.captured, threads)
     if not motion.motion:

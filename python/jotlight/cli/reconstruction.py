@@ -32,6 +32,7 @@ from jotlight.evaluation.choice import COLOR_NETWORK, JOINT, Choice, choose_meth
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.uncertainty import check_errors_known
 from jotlight.files import atomic_write_together, refuse_overwrite
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
@@ -213,6 +214,8 @@ def reconstruct_image(
         if motion.motion:
             merged, path = motion.align(captured, threads)
             job = _with_colors(job, merged)
+            if outputs.uncertainty is not None and merged is None:
+                check_errors_known(job.method, captured.sensor)
         title = job.choice.title
         metadata = outputs.metadata(captured.sensor, title, captured.provenance)
         if motion.motion:

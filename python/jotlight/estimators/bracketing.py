@@ -121,7 +121,9 @@ def plan_brackets(
     True
     """
     require_sensor(sensor, may_differ=True)
-    refuse_different_readings(sensor)
+    refuse_different_readings(
+        sensor, "state one of each; jotlight.plan_brackets finds exposures that differ"
+    )
     levels = _checked_light(light)
     fractions = _checked_exposures(exposures, levels[-1] * reference_jot(sensor)[0])
     if not len(thresholds):

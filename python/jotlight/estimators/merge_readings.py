@@ -205,6 +205,8 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     trials = np.where((all_trials > 0) & (trials > 0), trials, 0.0)
     trials = np.minimum(trials, _MAX_TRIALS)
     ones = np.where(dark, 0.0, np.where(saturated, trials, ones))
+    # Dark counts far above the threshold of the reference sensor leave no information.
+    ones = np.where(trials > 0, ones, 0.0)
     return np.clip(ones, 0, trials), trials
 
 

@@ -183,7 +183,9 @@ def plan(
     ([12.3, 25.3], 758)
     """
     require_sensor(sensor, may_differ=True)
-    refuse_different_readings(sensor)
+    refuse_different_readings(
+        sensor, "state one of each; jotlight.plan_brackets finds exposures that differ"
+    )
     warn_about_smooth_kernel(sensor)
     levels = _light_levels(light)
     max_frames = _MAX_BITS // sensor.oversampling**2

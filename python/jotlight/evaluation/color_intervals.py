@@ -225,6 +225,20 @@ def find_color_intervals(
     return results
 
 
+def check_color_errors_known(trials: float) -> None:
+    """Raise ValueError if the errors of colors are not known for a number of trials per pixel.
+
+    Examples
+    --------
+    >>> check_color_errors_known(1000)
+    """
+    if trials > LARGE_TRIALS:
+        raise ValueError(
+            f"data: expected up to {LARGE_TRIALS:,} trials per pixel, because the errors of "
+            f"colors are not known for more, got {trials:,.0f}; take fewer frames"
+        )
+
+
 def mosaic_uncertainty(
     data: Data,
     sensor: Sensor,
@@ -264,11 +278,7 @@ def mosaic_uncertainty(
     for one in images.data:
         counted, own = count_image(one, gray, threads)
         pixels.append(MosaicPixels.of(counted, own, mosaic, threads))
-        if (most := float(np.median(pixels[-1].trials))) > LARGE_TRIALS:
-            raise ValueError(
-                f"data: expected up to {LARGE_TRIALS:,} trials per pixel, because the errors of "
-                f"colors are not known for more, got {most:,.0f}; take fewer frames"
-            )
+        check_color_errors_known(float(np.median(pixels[-1].trials)))
     colors, expected = estimate(), (*images.layout.shape, *pixels[0].trials.shape, 3)
     if colors.shape != expected:
         raise ValueError(

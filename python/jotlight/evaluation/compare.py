@@ -2,7 +2,6 @@
 
 import dataclasses
 import time
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight.metrics as metrics
-from jotlight.errors import JotlightWarning
+from jotlight.errors import hide_warnings
 from jotlight.estimators.convergence import IterationCallback, follow_slowest
 from jotlight.evaluation.methods import METHODS, Method, find_method
 from jotlight.sensing.bits import Bits
@@ -125,6 +124,5 @@ def _warm_up(
     side = sensor.oversampling
     packed = np.ascontiguousarray(bits.packed[:, : 16 * side, : 2 * side])
     corner = Bits(packed, sensor=sensor.without_maps())
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", JotlightWarning)
+    with hide_warnings():
         method.run(corner, corner.sensor, threads=threads)

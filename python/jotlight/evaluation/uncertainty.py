@@ -8,7 +8,7 @@ from jotlight.estimators.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
 from jotlight.evaluation.channels import takes_channels
 from jotlight.evaluation.choice import check_demosaicing, choose_method
-from jotlight.evaluation.color_intervals import mosaic_uncertainty
+from jotlight.evaluation.color_intervals import check_color_errors_known, mosaic_uncertainty
 from jotlight.evaluation.different_readings import with_one_response
 from jotlight.evaluation.intervals import find_intervals
 from jotlight.evaluation.methods import find_method
@@ -196,7 +196,13 @@ def check_errors_known(method: str | Network | OwnMethod | None, sensor: Sensor)
     Traceback (most recent call last):
       ...
     ValueError: sensor: expected the box kernel, got cubic: ...
+    >>> check_errors_known(None, Sensor(frames=1001, mosaic="RGGB"))
+    Traceback (most recent call last):
+      ...
+    ValueError: data: expected up to 1,000 trials per pixel, because ...
     """
+    if sensor.mosaic is not None:
+        check_color_errors_known(sensor.trials)
     if method != EXACT_METHOD and sensor.kernel != "box":
         raise ValueError(
             f"sensor: expected the box kernel, got {sensor.kernel}: the errors of its estimates "

@@ -22,7 +22,7 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.pixel_counts import carried_sensor
-from jotlight.sensing.readings import require_plain_bits, without_mosaic
+from jotlight.sensing.readings import FRAMES_ADVICE, require_plain_bits, without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 MIN_FRAMES = 16
@@ -165,7 +165,7 @@ def _motion_behind_mosaic(
 ) -> Motion:
     """Return the motion of a scene behind a mosaic, from sums over squares of jots."""
     gray = without_mosaic(sensor)
-    require_plain_bits(gray)
+    require_plain_bits(gray, FRAMES_ADVICE)
     squares, own = in_squares(bits, sensor, excluded_jots(gray))
     motion, _ = find_motion(squares, own, at, model, threads, progress)
     side = squares_side(sensor)
@@ -192,7 +192,7 @@ def prepare_burst(
             "arguments by their names, such as motion=motion"
         )
     if sensor is not None:
-        require_plain_bits(sensor)
+        require_plain_bits(sensor, FRAMES_ADVICE)
     if isinstance(data, CountStack):
         if sensor is not None and sensor.oversampling > 1:
             raise ValueError(

@@ -11,6 +11,8 @@ from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, read_frames
+from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import FRAMES_ADVICE, require_plain_bits, without_mosaic
 
 Planes = list[tuple[int, npt.NDArray[np.uint8]]]
 """Weights, each with packed bits of weight 1 (T, H, ceil(W / 8)). Their weighted sum are counts."""
@@ -113,6 +115,8 @@ def as_burst(data: Bits | CountStack, trials: int | None = None) -> Burst:
     ValueError
         When the number of trials of counts is unknown, or the sum of all frames may exceed int32.
     """
+    if isinstance(data, Readings):
+        require_plain_bits(without_mosaic(data.sensor), FRAMES_ADVICE)
     if not isinstance(data, Bits | CountStack):
         raise TypeError(
             "data: expected jotlight.Bits, or a stack of counts that jotlight.open returns, got "

@@ -51,14 +51,23 @@ def estimate_values(
         The intensities.
     list
         The information about the planes.
+
+    Raises
+    ------
+    ValueError
+        When no pixel of a plane has a valid bit.
     """
     places = mosaic.full(*counted.counts.shape)
     by_filter = mosaic.pattern.size > MAX_POSITIONS
+    filters = list(_planes(places, mosaic))
+    for index, planes in filters:
+        for plane in planes:
+            _check_any_valid(counted, plane, mosaic.filters[index])
     if by_filter and (dead := counted.dead_pixels) is not None:
         warn_about_dead_pixels(dead[None])
     values = np.zeros(counted.counts.shape, np.float32)
     infos = []
-    for index, planes in _planes(places, mosaic):
+    for index, planes in filters:
         own = _plane_sensor(sensor, float(mosaic.sensitivity[index]))
         # In planes by filter, the pixels of other filters are not dead.
         with hide_warnings(NO_VALID_BIT) if by_filter else contextlib.nullcontext():
@@ -104,6 +113,22 @@ def _planes(places: Pattern, mosaic: Mosaic) -> Iterator[tuple[int, list[_Plane]
             planes.setdefault((int(index), shape), []).append(plane)
     for (index, _), same in planes.items():
         yield index, same
+
+
+def _check_any_valid(counted: PixelCounts, plane: _Plane, name: str) -> None:
+    """Raise ValueError unless some pixel of a plane of the filter `name` has a valid bit."""
+    dead = counted.dead_pixels
+    if dead is None:
+        return
+    own = plane.take(dead) if plane.own is None else dead[plane.own]
+    if own.all():
+        first = plane.rows.start, plane.columns.start
+        where = f", whose first pixel is {first}" if plane.own is None else ""
+        raise ValueError(
+            f"trials: expected at least one pixel with a valid bit behind each filter of the "
+            f"mosaic, got none behind {name}{where}; the sensor's mask marks all of its jots as "
+            "dead, or all of its trials are 0"
+        )
 
 
 def _plane_sensor(sensor: Sensor, sensitivity: float) -> Sensor:

@@ -255,7 +255,22 @@ def has_plain_bits(sensor: GroupedSensor) -> bool:
     return not readings_differ(sensor) and sensor.bit_depth == 1 and sensor.read_noise == 0
 
 
-def require_plain_bits(sensor: GroupedSensor) -> None:
+COUNTS_ADVICE = (
+    "pass jotlight.merge_readings(bits), counts of one gain and threshold with the same "
+    "information; jotlight.mle takes such bits directly, and so do jotlight.reconstruct and "
+    'jotlight.uncertainty with "mle" or a network'
+)
+"""What to do with readings that a method of counts does not take."""
+
+FRAMES_ADVICE = (
+    "jotlight.reconstruct makes one image of all frames; motion, films, and the viewer take "
+    "single bits of one gain and threshold, such as a part of a bracket, bits[:16] "
+    "(--frame-range 0:16)"
+)
+"""What to do with readings where each frame is needed."""
+
+
+def require_plain_bits(sensor: GroupedSensor, advice: str = COUNTS_ADVICE) -> None:
     """Raise ValueError unless the readings are bits with one gain and threshold, without noise.
 
     The sensor must be gray, too.
@@ -270,13 +285,11 @@ def require_plain_bits(sensor: GroupedSensor) -> None:
     """
     refuse_mosaic(sensor)
     if sensor.bit_depth == 1 and sensor.read_noise == 0:
-        refuse_different_readings(sensor)
+        refuse_different_readings(sensor, advice)
         return
     depth = f"readings of {sensor.bit_depth} bits" if sensor.bit_depth > 1 else "bits"
     noise = f" with read noise {sensor.read_noise:g}" if sensor.read_noise else ""
-    raise ValueError(
-        f"sensor: expected bits without read noise, got {depth}{noise}; pass {_ADVICE}"
-    )
+    raise ValueError(f"sensor: expected bits without read noise, got {depth}{noise}; {advice}")
 
 
 def without_mosaic(sensor: S) -> S:
@@ -310,7 +323,7 @@ def refuse_mosaic(sensor: GroupedSensor) -> None:
         )
 
 
-def refuse_different_readings(sensor: GroupedSensor) -> None:
+def refuse_different_readings(sensor: GroupedSensor, advice: str = COUNTS_ADVICE) -> None:
     """Raise ValueError when the readings of a sensor differ in their gain or their threshold.
 
     Examples
@@ -330,14 +343,5 @@ def refuse_different_readings(sensor: GroupedSensor) -> None:
             for name in names
         )
         raise ValueError(
-            f"sensor: expected one gain and one threshold for all readings, got {each}; pass "
-            f"{_ADVICE}"
+            f"sensor: expected one gain and one threshold for all readings, got {each}; {advice}"
         )
-
-
-_ADVICE = (
-    "jotlight.merge_readings(bits), counts of one gain and threshold with the same information; "
-    "jotlight.mle takes such bits directly, and so do jotlight.reconstruct and "
-    'jotlight.uncertainty with "mle" or a network'
-)
-"""What to do with readings that a method does not take."""

@@ -25,6 +25,10 @@ _MAX_TRIALS = 4096
 _MIN_NONZERO = 16
 """Minimum number of pixels above 0 from which a common divisor of counts is no coincidence."""
 
+_MIN_EXPECTED = 10
+"""Expected number of counts above 1 from which it is no coincidence that there are none: then its
+probability is below exp(-10)."""
+
 
 def check_trials(dtype: np.dtype[Any], scale: float, trials: int) -> None:
     """Raise ValueError if values of a type cannot distinguish counts of this number of trials.
@@ -240,7 +244,11 @@ def warn_about_frames(images: Counts, sensor: Sensor) -> None:
     >>> frames = Sensor(frames=16).expose(np.full((8, 8), 0.5), rng=0).to_array().astype(int)
     >>> warn_about_frames(frames.sum(0)[None], Sensor(frames=16))  # no warning
     """
-    if len(images) == sensor.frames > 1 == images.max():
+    if not len(images) == sensor.frames > 1 == images.max():
+        return
+    trials, share = sensor.trials, float(images.mean()) / sensor.trials
+    one_or_none = (1 - share) ** (trials - 1) * (1 + (trials - 1) * share)
+    if images.size * (1 - one_or_none) > _MIN_EXPECTED:
         warn(
             f"counts: {len(images)} images of nothing but 0 and 1 look like the {sensor.frames} "
             "frames of one image; jotlight.Bits.from_array(frames, sensor) makes bits of them"

@@ -96,9 +96,14 @@ def checked_trials(
     4.0
     """
     checked = number_or_map("trials", numbers_from_zero("trials", trials), ones.shape)
-    if ones.min() < 0 or (ones > checked).any():
+    if ones.min() < 0:
+        raise ValueError(f"ones: expected 0 to the number of trials, got {ones.min()}")
+    if (ones > checked).any():
+        worst = int(np.argmax(ones - checked))
+        index = tuple(int(each) for each in np.unravel_index(worst, ones.shape))
+        trials_there = np.broadcast_to(checked, ones.shape)[index]
         raise ValueError(
-            f"ones: expected 0 to the number of trials, got {ones.min()} to {ones.max()} with up "
-            f"to {np.max(checked):g} trials"
+            f"ones: expected 0 to the number of trials, got {ones[index]} of {trials_there:g} at "
+            f"the index {index}"
         )
     return checked

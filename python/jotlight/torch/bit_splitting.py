@@ -5,7 +5,6 @@ noise of the other. `docs/guide/fine_tuning.md` describes the method.
 """
 
 import dataclasses
-import warnings
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from jotlight.errors import JotlightWarning
+from jotlight.errors import hide_warnings
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.networks.inference import Inference
 from jotlight.networks.network import Network
@@ -263,9 +262,8 @@ class BitSplitter:
         input_bits = input_ones, subset
         if self.is_single:
             input_bits = _fill(rng, *input_bits)
-        with warnings.catch_warnings():
-            # The split of the held-out bits already warned that dead pixels are inpainted.
-            warnings.simplefilter("ignore", JotlightWarning)
+        # The split of the held-out bits already warned that dead pixels are inpainted.
+        with hide_warnings():
             split = self._split(self.channels[index], window, input_trials, input_bits, target)
         symmetry = int(rng.integers(8))
         planes = torch.rot90(split.planes, symmetry % 4, (2, 3))

@@ -11,7 +11,6 @@ import uvicorn
 
 from jotlight.view.access import LOOPBACK, is_loopback, names_of
 from jotlight.view.app import make_app
-from jotlight.view.notes import shown_warnings
 from jotlight.view.state import MAX_STATE_BYTES
 from jotlight.view.viewed import Viewable
 from jotlight.view.workshop import Workshop
@@ -89,8 +88,7 @@ class Server:
         """
         started()  # the socket listens already, so that no connection is refused
         try:
-            with shown_warnings():
-                self._server.run(sockets=[self._socket])
+            self._server.run(sockets=[self._socket])
         finally:
             self._workshop.close()
             self._socket.close()
