@@ -1,10 +1,13 @@
 """All commands, the translation of errors into exit codes, and the entry point."""
 
+import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from typing import Any, get_args
 
-from cyclopts import App, CycloptsError, Group, Parameter
+from cyclopts import App, CycloptsError, Group, Parameter, Token
+from cyclopts import convert as convert_tokens
 
 from jotlight._engine import __version__
 from jotlight.cli.calibrate import calibrate
@@ -51,6 +54,9 @@ COMMANDS: tuple[Callable[..., None], ...] = (
 )
 """All commands, in the order of the help page."""
 
+_FRACTION = re.compile(r"[+-]?[0-9]*\.[0-9]*[1-9][0-9]*")
+"""A number with a fraction."""
+
 REFUSED, USAGE, STOPPED = 1, 2, 130
 """Exit codes for refused input, a wrong command line, and Ctrl-C."""
 
@@ -60,12 +66,26 @@ def _shown_default(value: object) -> object:
     return {False: "off", True: "on"}[value] if isinstance(value, bool) else value
 
 
+def _convert(kind: Any, tokens: Sequence[Token]) -> Any:
+    """Return the value of an option or an argument.
+
+    cyclopts would round a number with a fraction where a whole number is expected.
+    """
+    if kind is int or set(get_args(kind)) == {int, type(None)}:
+        for token in tokens:
+            if _FRACTION.fullmatch(token.value):
+                raise ValueError(f"expected a whole number, got {token.value}.")
+    return convert_tokens(kind, tokens)
+
+
 app = App(
     name="jotlight",
     help="Images from the bits of single-photon cameras.",
     version=f"jotlight {__version__}",
     # An option that occurs twice takes its last value, as in most shells' tools.
-    default_parameter=Parameter(negative=(), allow_repeating=True, show_default=_shown_default),
+    default_parameter=Parameter(
+        negative=(), allow_repeating=True, show_default=_shown_default, converter=_convert
+    ),
     group_parameters=Group("Options", sort_key=0),
     help_epilogue=overview_epilogue(),
     help_format="markdown",

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -98,13 +99,13 @@ def _join(frames: list[Planes]) -> Planes:
     ]
 
 
-def as_burst(data: Bits | CountStack, trials: int | None = None) -> Burst:
+def as_burst(data: Bits | CountStack | Readings, trials: int | None = None) -> Burst:
     """Return bits or counts as a burst.
 
     Parameters
     ----------
     data : Bits or CountStack
-        T frames.
+        T frames. Readings of several bits raise an error that says what takes them.
     trials : int, optional
         Number of binary readings behind each count of a stack that does not state it.
 
@@ -115,9 +116,10 @@ def as_burst(data: Bits | CountStack, trials: int | None = None) -> Burst:
     ValueError
         When the number of trials of counts is unknown, or the sum of all frames may exceed int32.
     """
-    if isinstance(data, Readings):
-        require_plain_bits(without_mosaic(data.sensor), FRAMES_ADVICE)
     if not isinstance(data, Bits | CountStack):
+        if isinstance(data, Readings):
+            sensor: Any = data.sensor
+            require_plain_bits(without_mosaic(sensor), FRAMES_ADVICE)
         raise TypeError(
             "data: expected jotlight.Bits, or a stack of counts that jotlight.open returns, got "
             f"{type(data).__name__}; Bits.from_array packs frames (T, H, W) of 0 and 1"

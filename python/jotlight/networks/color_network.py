@@ -12,6 +12,7 @@ from jotlight.networks.bounds import output_bounds
 from jotlight.networks.color_layers import COLORS, build_color
 from jotlight.networks.color_planes import PLANES
 from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.description import repr_of
 from jotlight.networks.graph import halo_radius, size_divisor
 from jotlight.networks.layer import Layer
 from jotlight.networks.network_files import read_network, write_network
@@ -134,17 +135,18 @@ class ColorNetwork:
         return total
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the network to a `.safetensors` file."""
+        """Write the color network to a `.safetensors` file, with its history as metadata."""
         write_network(path, self)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Return the network in a file that :meth:`save` wrote. No code in the file is executed.
+        """Return the color network in a file that :meth:`save` wrote. No code in it is executed.
 
         Raises
         ------
         OSError, ValueError
-            When the file does not exist, or is not the file of a color network.
+            When the file does not exist, is no network file, or holds a network of gray images,
+            which :meth:`jotlight.Network.load` reads.
         """
 
         def make(
@@ -152,7 +154,10 @@ class ColorNetwork:
         ) -> "ColorNetwork":
             return cls(layers, history, trials_range=options["trials_range"])
 
-        return cast(Self, read_network(path, make))
+        return cast(Self, read_network(path, make, is_color=True))
+
+    def __repr__(self) -> str:
+        return repr_of(self)
 
 
 def _check_color_layers(layers: Sequence[Layer]) -> None:

@@ -14,15 +14,19 @@ class DescribedNetwork(Protocol):
 
     layers: tuple[Layer, ...]
     sensor: Sensor
-    trials_range: tuple[int, int] | None
     rotations: int
+
+    @property
+    def trials_range(self) -> tuple[int, int] | None:
+        """Smallest and largest K of a K-conditioned network."""
 
 
 def repr_of(network: DescribedNetwork) -> str:
     """Return the channels, the number of parameters, and the sensors of a network."""
     channels, parameters, purpose, *rotations = _facts(network).values()
     mean = f", mean of {rotations[0]} rotations" if rotations else ""
-    return f"<Network: channels {channels}, {parameters} parameters, for {purpose}{mean}>"
+    kind = type(network).__name__
+    return f"<{kind}: channels {channels}, {parameters} parameters, for {purpose}{mean}>"
 
 
 def html_of(network: DescribedNetwork) -> str:

@@ -327,9 +327,10 @@ class Network(TorchHints):
         Raises
         ------
         OSError, ValueError
-            When the file does not exist, or is not a network file.
+            When the file does not exist, is no network file, or holds a color network, which
+            :meth:`jotlight.ColorNetwork.load` reads.
         """
-        return read_network(path, cls)
+        return read_network(path, cls, is_color=False)
 
     def export_onnx(self, path: str | os.PathLike[str], sensor: Sensor | None = None) -> None:
         """Write an ONNX model from counts (N, 1, H, W) to intensities (extra `onnx`).

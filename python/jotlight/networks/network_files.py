@@ -76,7 +76,17 @@ def _expand(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return array.astype(np.float32) if array.dtype == np.float16 else array
 
 
-def read_network(path: str | os.PathLike[str], make: Callable[..., _Network]) -> _Network:
+def is_color_network(path: str | os.PathLike[str]) -> bool:
+    """Return whether a network file holds a color network, whose last layer has several channels.
+
+    The errors are those of :func:`read_network`.
+    """
+    return read_network(path, lambda layers, *_, **__: bool(layers[-1].channels > 1))
+
+
+def read_network(
+    path: str | os.PathLike[str], make: Callable[..., _Network], *, is_color: bool | None = None
+) -> _Network:
     """Return `make(layers, sensor, history, trials_range=..., rotations=...)` for a file's parts.
 
     Raises
@@ -84,7 +94,8 @@ def read_network(path: str | os.PathLike[str], make: Callable[..., _Network]) ->
     OSError
         When the file does not exist.
     ValueError
-        When it is not a network file, or `make` rejects its parts.
+        When it is not a network file, `make` rejects its parts, or it is a color network but
+        `is_color` is False, or the other way around. None allows both.
     """
     path = Path(path)
     if not path.is_file():
@@ -116,6 +127,12 @@ def read_network(path: str | os.PathLike[str], make: Callable[..., _Network]) ->
         options = {"trials_range": trials_range}
         # The files of most shipped networks were written before this number existed.
         options["rotations"] = json.loads(metadata.get("rotations", "1"))
-        return make(layers, sensor, json.loads(metadata["history"]), **options)
+        is_other = bool(layers) and (layers[-1].channels > 1) == (is_color is False)
+        if is_color is None or not is_other:
+            return make(layers, sensor, json.loads(metadata["history"]), **options)
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise ValueError(f"{path}: damaged network file: {error}") from error
+    gray, color = "a network of gray images", "a color network"
+    expected, got = (color, gray) if is_color else (gray, color)
+    name = "Network" if is_color else "ColorNetwork"
+    raise ValueError(f"{path}: expected {expected}, got {got}, which jotlight.{name}.load reads")
