@@ -293,7 +293,10 @@ def count_jots(
         return JotSums(ones, len(data), steadiness(data, threads=threads, progress=progress))
     ones = as_counts(data)
     if ones.ndim != 2:
-        raise ValueError(f"{name}: expected counts of one channel (H, W), got shape {ones.shape}")
+        raise ValueError(
+            f"{name}: expected jotlight.Bits, or counts of ones of one channel (H, W), got shape "
+            f"{ones.shape}; Bits.from_array packs frames (T, H, W) of 0 and 1"
+        )
     if frames is None:
         raise ValueError(
             f"frames: {name} holds counts, and their number of frames is unknown; pass frames "

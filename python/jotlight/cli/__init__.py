@@ -5,12 +5,13 @@ In reading order:
 - ``app``: all commands, the translation of errors into exit codes, and the entry point.
 - One module per command: ``demo``, ``compare``, ``simulate``, ``reconstruct``, ``film``,
   ``calibrate``, ``train``, ``fine_tune``, ``evaluate``, ``reproduce``, ``plan``, ``info``,
-  ``convert``.
+  ``convert``, ``gather``, ``view``.
 - Option groups, each declared once as a dataclass: ``common_options``, ``capture_options``,
   ``sensor_options``, ``method_options``, ``motion_options``, ``output_options``,
-  ``training_options``.
+  ``run_options``, ``training_options``.
 - Steps of ``reconstruct`` and ``film``: ``captured``, ``applied_calibration``, ``reconstruction``,
-  ``advice``.
+  ``color_choice``, ``advice``, ``jot_checks``, ``records``. ``many``: runs over many captures.
+- Parts of ``info``: ``capture_facts``, ``origins``.
 - Steps of ``train`` and ``fine-tune``: ``learners``, ``training_data``, ``training_run``.
 - Terminal: ``console`` for output, ``signals`` for termination.
 """

@@ -2,11 +2,14 @@
 
 In reading order:
 
-- ``held_out``: the blend of several methods that suits the data.
+- ``held_out`` with ``blend_weights``: the blend of several methods that suits the data.
 - ``methods``: every method by name.
 - ``choice``: the method for some data.
 - ``own_method``: functions of the caller as methods.
-- ``reconstruct``: an image by the recommended method, or by another one.
+- ``reconstruct``: an image by the recommended method, or by another one, and ``info``: how it was
+  made. ``channels``, ``mosaics``, ``different_readings``: data other than gray plain bits.
+- ``uncertainty``: an interval for each pixel, by ``intervals`` and ``error_scale``, or by
+  ``color_intervals`` behind a mosaic.
 - ``evaluate``: one method on many images.
 - ``compare``, ``comparison``: many methods on one image.
 """

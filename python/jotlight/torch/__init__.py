@@ -2,8 +2,9 @@
 
 In reading order: `network` (a network as a module), `splines` and `padding` (its parts), `sensing`
 and `response` (the sensor as a differentiable layer), `training`, `patches`, and `precision`
-(training on images), `fine_tuning` and `bit_splitting` (training on a capture), `trainer` and
-`distributed` (the loop of both), and `deepinv` (adapters for that library, extra `deepinv`).
+(training on images), `color_network` and `color_patches` (training of color networks),
+`fine_tuning`, `bit_splitting`, and `blind_spots` (training on a capture), `trainer`, `ahead`, and
+`distributed` (the loop of all), and `deepinv` (adapters for that library, extra `deepinv`).
 
 Examples
 --------
