@@ -44,6 +44,8 @@ def test_channels_are_split_and_arranged_again(stack, channels, place):
         ((5, 6), -1, ValueError, "three axes or more, with channels"),
         ((5, 6, 3), None, ValueError, "looks like color; pass channel_axis=-1"),
         ((9, 5, 6, 4), None, ValueError, "looks like color"),
+        ((3, 50, 60), -1, ValueError, "looks like channels on the axis 0; pass channel_axis=0"),
+        ((50, 60, 3), 0, ValueError, "looks like channels on the axis -1; pass channel_axis=-1"),
         ((5, 6, 3), 3, ValueError, "channel_axis: expected -3 to 2"),
         ((5, 6, 3), 0.5, TypeError, "whole number, such as -1, got 0.5"),
         ((5, 6, 3), True, TypeError, "whole number"),

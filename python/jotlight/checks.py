@@ -18,6 +18,22 @@ T = TypeVar("T")
 Counts = npt.NDArray[np.int32]
 """Numbers of ones, L."""
 
+_MAX_SHOWN = 8
+"""Largest number of numbers of an array that a message shows."""
+
+
+def shown(value: object) -> str:
+    """Return how a message shows a value: an array of many numbers by its type and shape.
+
+    Examples
+    --------
+    >>> shown("a"), shown(np.zeros((64, 64)))
+    ("'a'", 'an array of float64 of shape (64, 64)')
+    """
+    if isinstance(value, np.ndarray) and value.size > _MAX_SHOWN:
+        return f"an array of {value.dtype} of shape {value.shape}"
+    return repr(value)
+
 
 def whole_number(name: str, value: Any, minimum: int) -> int:
     """Return `value` as an int that is at least `minimum`.
@@ -37,7 +53,7 @@ def whole_number(name: str, value: Any, minimum: int) -> int:
     try:
         number = operator.index(value)
     except TypeError:
-        raise TypeError(f"{name}: expected a whole number, got {value!r}") from None
+        raise TypeError(f"{name}: expected a whole number, got {shown(value)}") from None
     if number < minimum:
         raise ValueError(f"{name}: expected at least {minimum}, got {number}")
     return number
@@ -59,7 +75,7 @@ def whole_number_in_range(name: str, value: Any, minimum: int, maximum: int) -> 
     number = real_number(value)
     if not minimum <= number <= maximum or number != int(number):
         raise ValueError(
-            f"{name}: expected a whole number from {minimum} to {maximum}, got {value!r}"
+            f"{name}: expected a whole number from {minimum} to {maximum}, got {shown(value)}"
         )
     return int(number)
 
@@ -79,7 +95,7 @@ def positive_number(name: str, value: Any) -> float:
     """
     number = float(real_number(value))
     if not (math.isfinite(number) and number > 0):
-        raise ValueError(f"{name}: expected a finite number above 0, got {value!r}")
+        raise ValueError(f"{name}: expected a finite number above 0, got {shown(value)}")
     return number
 
 
@@ -99,7 +115,7 @@ def number_in_range(name: str, value: Any, minimum: float, maximum: float) -> fl
     number = float(real_number(value))
     if not minimum <= number <= maximum:
         raise ValueError(
-            f"{name}: expected a number from {minimum:g} to {maximum:g}, got {value!r}"
+            f"{name}: expected a number from {minimum:g} to {maximum:g}, got {shown(value)}"
         )
     return number
 

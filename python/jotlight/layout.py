@@ -11,6 +11,9 @@ import numpy.typing as npt
 MAX_CHANNELS = 4
 """Largest length of an axis of colors."""
 
+_MIN_SIDE = 16
+"""Length of two axes from which a third, short one is that of colors."""
+
 
 def looks_like_color(shape: tuple[int, ...]) -> bool:
     """Return whether a short last axis after two longer ones suggests color channels.
@@ -21,6 +24,21 @@ def looks_like_color(shape: tuple[int, ...]) -> bool:
     (True, False)
     """
     return len(shape) > 2 and shape[-1] <= MAX_CHANNELS < min(shape[-3:-1])
+
+
+def _likelier_axis(shape: tuple[int, ...], axis: int) -> int | None:
+    """Return the first or the last axis if it looks like colors, but the other one is stated.
+
+    Examples
+    --------
+    >>> _likelier_axis((3, 256, 256), -1), _likelier_axis((256, 256, 3), 0)
+    (0, -1)
+    >>> _likelier_axis((256, 256, 31), -1)
+    """
+    other = {0: -1, 2: 0}.get(axis % len(shape))
+    if len(shape) != 3 or other is None or shape[other] > MAX_CHANNELS:
+        return None
+    return other if min(np.delete(shape, other)) >= _MIN_SIDE else None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,6 +98,11 @@ class Layout:
             raise ValueError(
                 f"channel_axis: expected {-array.ndim} to {array.ndim - 1} for shape "
                 f"{array.shape}, got {axis}"
+            )
+        if (other := _likelier_axis(array.shape, axis)) is not None:
+            raise ValueError(
+                f"{name}: expected channels on the axis {axis}, but shape {array.shape} looks like "
+                f"channels on the axis {other}; pass channel_axis={other}"
             )
         return cls(np.moveaxis(array, axis, -3).shape[:-2], axis)
 

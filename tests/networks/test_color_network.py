@@ -52,18 +52,14 @@ def test_files_keep_a_network(tmp_path):
         for each in (loaded, network)
     )
     np.testing.assert_array_equal(found, expected)
-    with pytest.raises(
-        ValueError, match=r"got a color network, which jotlight\.ColorNetwork\.load reads"
-    ):
+    with pytest.raises(ValueError, match=r"got a color network, .*ColorNetwork\.load reads"):
         jl.Network.load(tmp_path / "c.safetensors")
 
 
 def test_other_layers_and_kernels_are_refused(tmp_path):
     gray = jl.Network.conditional("small", rng=0)
     gray.save(tmp_path / "gray.safetensors")
-    with pytest.raises(
-        ValueError, match=r"expected a color network, .* jotlight\.Network\.load reads"
-    ):
+    with pytest.raises(ValueError, match=r"expected a color network, .*Network\.load reads"):
         ColorNetwork.load(tmp_path / "gray.safetensors")
     with pytest.raises(ValueError, match="expected 11 channels of the first layer and 3"):
         ColorNetwork(gray.layers, trials_range=(1, 4))

@@ -133,23 +133,7 @@ class Inputs:
             calibration = AppliedCalibration.read(self.sensor.calibration, output)
             self.check_outputs([calibration.record])
         known = None if calibration is None else calibration.calibration
-        captured = add_sensor(opened, self.path, sensor_kwargs, known)
-        if self.sensor.find_hot_jots:
-            captured = mask_hot_jots(captured)
-        if (
-            network is not None
-            and network.trials_range is None
-            and self.sensor.max_intensity is None
-        ):
-            captured = _with_max_intensity(captured, network.sensor.max_intensity)
-        is_bits = isinstance(captured.data, Bits)
-        if window is not None:
-            if is_bits and self.sensor.frames is not None:
-                raise ValueError(
-                    "frames: --window states the frames of each image; --frame-range selects "
-                    "frames of the capture"
-                )
-            captured = of_window(captured, window)
+        captured = self._adapt(add_sensor(opened, self.path, sensor_kwargs, known), network, window)
         is_range_known = captured.has_own_sensor or self.sensor.max_intensity is not None
         choice = choose_method(
             captured.sensor,
@@ -180,6 +164,22 @@ class Inputs:
             white,
             self.method.model,
         )
+
+    def _adapt(self, captured: Captured, network: Network | None, window: int | None) -> Captured:
+        """Return the capture as the options, the network, and the window of an image change it."""
+        if self.sensor.find_hot_jots:
+            captured = mask_hot_jots(captured)
+        is_range_open = self.sensor.max_intensity is None
+        if network is not None and network.trials_range is None and is_range_open:
+            captured = _with_max_intensity(captured, network.sensor.max_intensity)
+        if window is None:
+            return captured
+        if isinstance(captured.data, Bits) and self.sensor.frames is not None:
+            raise ValueError(
+                "frames: --window states the frames of each image; --frame-range selects frames of "
+                "the capture"
+            )
+        return of_window(captured, window)
 
 
 def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:

@@ -78,6 +78,11 @@ class MotionOptions:
     ) -> MovingScene:
         """Return the moving scene of an image."""
         assert self.motion is not None
+        if self.motion not in MOTIONS and not Path(self.motion).is_file():
+            raise ValueError(
+                f"motion: expected one of {', '.join(MOTIONS)}, or a file with a line for each "
+                f"frame, got {self.motion}"
+            )
         motion = self.motion if self.motion in MOTIONS else read_poses(Path(self.motion))
         front = self.foreground
         foreground = None if front is None else as_image(read_image(front, white=white, gray=gray))

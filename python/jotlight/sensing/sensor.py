@@ -6,7 +6,7 @@ from typing import Any, Self, cast
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range, require_names, whole_number_in_range
+from jotlight.checks import number_in_range, require_names, shown, whole_number_in_range
 from jotlight.sensing import readings
 from jotlight.sensing.exposure import Exposure
 from jotlight.sensing.maps import LIMITS, checked_maps
@@ -256,7 +256,7 @@ def require_sensor(
     if not isinstance(sensor, Sensor):
         raise TypeError(
             "sensor: expected a jotlight.Sensor, such as Sensor(frames=16) for 16 trials per "
-            f"pixel, got {sensor!r}"
+            f"pixel, got {shown(sensor)}"
         )
     if takes_mosaics:
         sensor = readings.without_mosaic(sensor)

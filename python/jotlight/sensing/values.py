@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import refuse_masked
+from jotlight.checks import refuse_masked, shown
 
 
 def flatten(value: Any) -> Any:
@@ -53,8 +53,17 @@ def numbers_from_zero(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float6
     refuse_masked(name, values)
     array = np.asarray(values)
     if array.dtype.kind not in "iuf" or not (np.isfinite(array) & (array >= 0)).all():
-        raise ValueError(f"{name}: expected finite numbers, 0 or more, got {values!r}")
+        raise ValueError(f"{name}: expected finite numbers, 0 or more, got {_outside(values)}")
     return as_doubles(array)
+
+
+def _outside(values: npt.ArrayLike) -> str:
+    """Return how a message shows values that are not all finite numbers from 0 upward."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "iuf":
+        return shown(values)
+    outside = array[~(np.isfinite(array) & (array >= 0))]
+    return f"{outside[0]:g}" + (f" and {len(outside) - 1} others" if len(outside) > 1 else "")
 
 
 def number_or_map(

@@ -166,18 +166,12 @@ def train(
     source = as_patch_source(images)
     side = _patch_side(source, patch)
     is_color = isinstance(network, ColorNetwork)
-    if is_color and test is not None:
-        raise ValueError("test: expected none for a color network; measure it after the training")
-    tests = None if test is None else check_images(test)
+    tests = _test_images(test, is_color=is_color)
     with (
         process_group(chosen_device) as group,
         shown_steps(group.is_main and progress, steps, callback) as report,
     ):
-        if batch < group.world_size:
-            raise ValueError(
-                f"batch: expected at least one patch for each of the {group.world_size} "
-                f"processes, got {batch}"
-            )
+        _check_batch(batch, group.world_size)
         network, seed = group.shared_network(network), group.shared_seed(rng)
         kind = ColorPatchLoader if is_color else PatchLoader
         loader = kind(source, network, patch_sensor(sensor), seed, batch, side)
@@ -192,15 +186,7 @@ def train(
             if group.is_main:
                 report(last)
     history = History([*trainer.history.records, last])
-    trained = module.to_network()
-    if network.trials_range is None:
-        trained = Network(trained.layers, sensor)
-    trained.history = {
-        **network.history,
-        "run": settings,
-        "records": history.subsample().to_json(),
-    }
-    return trained, history
+    return _trained(module, network, sensor, settings, history), history
 
 
 class ImageTrainer(Trainer):
@@ -278,6 +264,42 @@ class ImageTrainer(Trainer):
             estimate = network.reconstruct(sensor.expose(image, seed), sensor)
             values.append(psnr(estimate, image, data_range=1.0))
         return float(np.mean(values))
+
+
+def _test_images(
+    test: npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | None, *, is_color: bool
+) -> Images | None:
+    """Return the images whose PSNR is measured, after a check."""
+    if is_color and test is not None:
+        raise ValueError("test: expected none for a color network; measure it after the training")
+    return None if test is None else check_images(test)
+
+
+def _check_batch(batch: int, processes: int) -> None:
+    """Raise ValueError if a batch has fewer patches than there are processes."""
+    if batch < processes:
+        raise ValueError(
+            f"batch: expected at least one patch for each of the {processes} processes, got {batch}"
+        )
+
+
+def _trained(
+    module: TorchNetwork,
+    network: Network,
+    sensor: Sensor,
+    settings: dict[str, object],
+    history: History,
+) -> Network:
+    """Return the trained network of a module, which started as `network`, with its history."""
+    trained = module.to_network()
+    if network.trials_range is None:
+        trained = Network(trained.layers, sensor)
+    trained.history = {
+        **network.history,
+        "run": settings,
+        "records": history.subsample().to_json(),
+    }
+    return trained
 
 
 def _patch_side(source: PatchSource, patch: int | None) -> int:
