@@ -1,5 +1,9 @@
 """Messages name options on the command line and parameters in Python."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.io
@@ -64,3 +68,23 @@ def test_only_the_sum_of_several_images_is_reported(run, tmp_path):
         status, output = run("reconstruct", "counts.npy", "-t", 16, "-m", "mle", "-o", "out.npy")
         assert status == 0
         assert ("the sum of a stack of" in output) == warned
+
+
+@pytest.mark.parametrize("value", ["2.5", "-0.5", "16.25"])
+def test_a_whole_number_is_not_rounded(run, tmp_path, value):
+    np.save(tmp_path / "scene.npy", np.full((8, 8), 0.5))
+    status, output = run("simulate", "scene.npy", "-o", "a.npy", f"--frames={value}")
+    assert status == 2
+    assert f"--frames: expected a whole number, got {value}." in output
+    assert run("simulate", "scene.npy", "-o", "a.npy", "--frames=2.0")[0] == 0
+    assert len(jl.open(tmp_path / "a.npy")) == 2
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_behind_the_standard_output_is_named(tmp_path):
+    np.save(tmp_path / "a.npy", np.full((8, 8), 0.5))
+    command = [sys.executable, "-m", "jotlight", "info", tmp_path / "a.npy"]
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert ended.returncode == 1
+    assert ended.stderr.startswith("error: cannot write to the standard output: No space left")

@@ -176,3 +176,21 @@ def test_a_capture_at_a_url_is_described(run, tmp_path):
     assert status == 1
     assert "no.npy" in output
     assert "16 x 24" in local[1]
+
+
+def test_results_name_the_mosaic_by_its_letters(run, tmp_path):
+    sensor = jl.Sensor(frames=4, mosaic="GRBG")
+    jl.save(sensor.expose(np.full((8, 8, 3), 0.5), rng=0), tmp_path / "a.npy")
+    options = "-m", "mle", "--demosaicing", "differences"
+    assert run("reconstruct", "a.npy", "-o", "a.tif", *options)[0] == 0
+    status, output = run("info", "a.tif")
+    assert status == 0
+    assert "mosaic=Mosaic('GRBG')" in " ".join(output.split())
+
+
+def test_color_networks_are_described(run, tmp_path):
+    jl.ColorNetwork.initial("small", rng=0).save(tmp_path / "color.safetensors")
+    status, output = run("info", "color.safetensors")
+    assert status == 0
+    assert "color network" in output
+    assert "starts at classical colors" in output

@@ -138,3 +138,13 @@ def test_the_spread_of_the_estimates_is_that_which_the_information_states():
         spread = float(jl.mle(bits).std())
         # The standard deviation of 3,600 estimates is known to 1.2 %: four times that, and bias.
         assert spread == pytest.approx(information**-0.5, rel=0.06)
+
+
+def test_dark_counts_that_saturate_the_reference_leave_no_trials():
+    rng = np.random.default_rng(0)
+    dark = rng.uniform(0, 70_000, (16, 16)).astype(np.float32)
+    sensor = jl.Sensor(frames=4, oversampling=2, threshold=65_535, gain=262_140.0, dark_counts=dark)
+    merged = jl.merge_readings(sensor.expose(rng.random((8, 8)), rng=0))  # no warning
+    assert (merged.ones >= 0).all()
+    assert (merged.ones <= merged.trials).all()
+    assert (np.asarray(merged.trials) == 0).any()

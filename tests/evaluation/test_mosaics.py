@@ -243,3 +243,19 @@ def test_bad_commands_say_what_to_do(run, tmp_path, arguments, message):
     assert np.any(
         [message.replace(".*", "") in printed, all(m in printed for m in message.split(" .* "))]
     )
+
+
+@pytest.mark.parametrize(
+    ("mosaic", "dead", "message"),
+    [
+        ("RGGB", np.s_[::2, 1::2], r"behind G, whose first pixel is \(0, 1\)"),
+        ("RGB", np.s_[:, 2::3], "behind B"),
+    ],
+)
+def test_a_mask_without_a_pixel_of_a_filter_is_named(mosaic, dead, message):
+    mask = np.zeros((12, 12), bool)
+    mask[dead] = True
+    sensor = jl.Sensor(frames=4, mosaic=mosaic, mask=mask)
+    bits = sensor.expose(np.full((12, 12, 3), 0.5), rng=0)
+    with pytest.raises(ValueError, match=f"trials: .*{message}"):
+        jl.reconstruct(bits, method="mle", demosaicing="differences")
