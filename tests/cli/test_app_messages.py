@@ -84,7 +84,7 @@ def test_a_whole_number_is_not_rounded(run, tmp_path, value):
 def test_a_full_disk_behind_the_standard_output_is_named(tmp_path):
     np.save(tmp_path / "a.npy", np.full((8, 8), 0.5))
     command = [sys.executable, "-m", "jotlight", "info", tmp_path / "a.npy"]
-    with open("/dev/full", "w") as full:
+    with Path("/dev/full").open("w") as full:
         ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
     assert ended.returncode == 1
     assert ended.stderr.startswith("error: cannot write to the standard output: No space left")
