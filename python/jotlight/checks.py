@@ -18,7 +18,7 @@ T = TypeVar("T")
 Counts = npt.NDArray[np.int32]
 """Numbers of ones, L."""
 
-_MAX_SHOWN = 8
+MAX_SHOWN = 8
 """Largest number of numbers of an array that a message shows."""
 
 
@@ -30,7 +30,7 @@ def shown(value: object) -> str:
     >>> shown("a"), shown(np.zeros((64, 64)))
     ("'a'", 'an array of float64 of shape (64, 64)')
     """
-    if isinstance(value, np.ndarray) and value.size > _MAX_SHOWN:
+    if isinstance(value, np.ndarray) and value.size > MAX_SHOWN:
         return f"an array of {value.dtype} of shape {value.shape}"
     return repr(value)
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import refuse_masked, shown
+from jotlight.checks import MAX_SHOWN, refuse_masked, shown
 
 
 def flatten(value: Any) -> Any:
@@ -60,7 +60,7 @@ def numbers_from_zero(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float6
 def _outside(values: npt.ArrayLike) -> str:
     """Return how a message shows values that are not all finite numbers from 0 upward."""
     array = np.asarray(values)
-    if array.dtype.kind not in "iuf":
+    if array.dtype.kind not in "iuf" or array.size <= MAX_SHOWN:
         return shown(values)
     outside = array[~(np.isfinite(array) & (array >= 0))]
     return f"{outside[0]:g}" + (f" and {len(outside) - 1} others" if len(outside) > 1 else "")
