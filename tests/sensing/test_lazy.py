@@ -56,6 +56,28 @@ def test_a_file_that_changed_is_refused(capture):
         lazy_bits.compute()
 
 
+def test_copies_in_a_process_share_the_files_that_they_open(capture, monkeypatch):
+    monkeypatch.setattr(lazy, "_COPIES", {})
+    text = pickle.dumps(lazy.FrameSource(jl.open(capture).packed, "first"))
+    assert pickle.loads(text) is pickle.loads(text)
+    for number in range(4):
+        pickle.loads(pickle.dumps(lazy.FrameSource(jl.open(capture).packed, str(number))))
+    assert len(lazy._COPIES) == 4
+    assert "first" not in lazy._COPIES
+
+
+def test_a_file_that_changed_gets_another_copy(capture, monkeypatch):
+    monkeypatch.setattr(lazy, "_COPIES", {})
+    first = pickle.loads(pickle.dumps(jl.open(capture).to_dask(8)))
+    packed = np.load(capture)
+    np.testing.assert_array_equal(first.compute(scheduler="sync"), packed)
+    np.save(capture, packed[::-1])
+    second = pickle.loads(pickle.dumps(jl.open(capture).to_dask(8)))
+    np.testing.assert_array_equal(second.compute(scheduler="sync"), packed[::-1])
+    with pytest.raises((OSError, ValueError), match="changed"):
+        first.compute(scheduler="sync")
+
+
 def test_frames_that_are_decoded_are_read():
     frames = Frames((10, 2, 3), lambda a, b: np.full((b - a, 2, 3), 7, np.uint8))
     assert jl.Bits(frames).to_dask(4).compute().tolist() == [[[7] * 3] * 2] * 10

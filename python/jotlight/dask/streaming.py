@@ -1,16 +1,13 @@
 """Counts of consecutive windows of a capture, read in parts of a few MiB, in constant memory."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from isal import isal_zlib
 
-import jotlight._engine as engine
-from jotlight.dask.counting import Spans
+from jotlight.dask.counting import Spans, add_counts
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, Packed
 
 _MAX_BYTES = 1 << 23
@@ -145,25 +142,3 @@ class WindowCounter:
             last = min(start + frames, len(self._packed))
             first, mapped = self._last_map = start, self._packed.map(start, max(stop, last))
         return mapped[start - first : stop - first]
-
-
-def add_counts(
-    packed: Packed,
-    width: int,
-    oversampling: int,
-    out: npt.NDArray[np.int32],
-    threads: int | None = None,
-) -> None:
-    """Add the number of ones of each pixel to `out`, (H, W) or (H, W, C).
-
-    Examples
-    --------
-    >>> out = np.zeros((1, 8), np.int32)
-    >>> add_counts(np.full((3, 1, 1), 0b10000001, np.uint8), 8, 1, out)
-    >>> out.tolist()
-    [[3, 0, 0, 0, 0, 0, 0, 3]]
-    """
-    views: list[Any] = channel_views(packed, 3)
-    stack = out[None]
-    for channel, place in zip(views, channel_views(stack, 3), strict=True):
-        engine.add_block_counts([channel], width, oversampling, None, place, threads)

@@ -2,7 +2,8 @@
 
 import functools
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
 
 Chunks = str | int | tuple[int, ...]
 """The size of a chunk, its number of frames, or its shape."""
+
+_KEPT = 4
+"""Number of captures that a process keeps open."""
 
 
 def import_dask_array() -> Any:
@@ -29,7 +33,11 @@ def to_dask(packed: Packed | Frames, chunks: Chunks) -> "dask.array.Array":
     shape = (frames, *packed.shape[1:])
     if isinstance(packed, np.ndarray):
         return array.from_array(packed, shape)
-    return array.from_array(FrameSource(packed), shape, name=_name(packed), asarray=False)
+    name = _name(packed)
+    source = FrameSource(packed, name or None)
+    # Each task names the files itself. As a task of its own, the source would travel from the
+    # worker that gets it to all others, before they can begin.
+    return array.from_array(source, shape, name=name, asarray=False, inline_array=bool(name))
 
 
 def frames_per_chunk(shape: tuple[int, ...], chunks: Chunks) -> int:
@@ -94,6 +102,8 @@ class FrameSource:
     Parameters
     ----------
     frames : Frames
+    name : str, optional
+        A name of the state of the files. The copies in a process share the files that it opened.
 
     Examples
     --------
@@ -102,9 +112,14 @@ class FrameSource:
     [[[7, 7, 7]], [[7, 7, 7]]]
     """
 
-    def __init__(self, frames: Frames) -> None:
-        self.frames = frames
+    def __init__(self, frames: Frames, name: str | None = None) -> None:
+        self.frames, self.name = frames, name
         self.shape, self.dtype, self.ndim = frames.shape, frames.dtype, frames.ndim
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self.name is None:
+            return FrameSource, (self.frames,)
+        return _copy, (self.name, *self.frames.__reduce__())
 
     def __getitem__(self, key: Any) -> npt.NDArray[np.uint8]:
         first, *rest = key if isinstance(key, tuple) else (key,)
@@ -118,7 +133,20 @@ class FrameSource:
         return part[(slice(None, None, indices.step), *rest)]
 
 
-def _name(frames: Frames) -> str | bool:
+_COPIES: dict[str, FrameSource] = {}
+"""The copies that this process used last."""
+
+
+def _copy(name: str, open_again: Callable[..., Frames], arguments: tuple[Any, ...]) -> FrameSource:
+    """Return the copy of this name, whose files are opened unless they are open already."""
+    source = _COPIES.pop(name, None) or FrameSource(open_again(*arguments), name)
+    _COPIES[name] = source
+    for old in list(_COPIES)[:-_KEPT]:
+        _COPIES.pop(old, None)
+    return source
+
+
+def _name(frames: Frames) -> str | Literal[False]:
     """Return a name for the lazy array: the same one for the same files, if they are known."""
     from dask.base import tokenize
 
