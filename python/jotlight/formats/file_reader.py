@@ -1,6 +1,7 @@
 """Reading of any part of a file, with an error if the file has changed since it was opened."""
 
 import contextlib
+import mmap
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +10,9 @@ import numpy as np
 
 from jotlight.formats.stubs import remote_file
 from jotlight.sensing.frames import Packed
+
+_MIN_LARGE_PAGES = 1 << 22
+"""Minimum number of bytes that are mapped with large pages. Linux reads as many at a time."""
 
 
 class FileReader:
@@ -81,6 +85,11 @@ class FileReader:
             return self.read(position, size)
         self.check_unchanged()
         data = np.memmap(self.path, np.uint8, "r", position, (size,))
+        if size >= _MIN_LARGE_PAGES and hasattr(mmap, "MADV_HUGEPAGE"):
+            # Linux then reads the file in large pages, and a page of 2 MiB needs one page fault.
+            assert isinstance(data.base, mmap.mmap), "a map"
+            with contextlib.suppress(OSError):  # this system has no large pages
+                data.base.madvise(mmap.MADV_HUGEPAGE)
         self.check_unchanged()
         return data.view(np.ndarray)
 
