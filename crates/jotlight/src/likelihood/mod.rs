@@ -16,6 +16,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::values::Values;
@@ -258,6 +259,15 @@ impl<'a> Readings<'a> {
 
 /// Check that each count lies between 0 and the number of readings, which is finite.
 pub(crate) fn check_counts(counts: &[i32], trials: Values<'_, f64>) -> Result<()> {
+    if let Values::Same(trials) = trials
+        && trials < f64::INFINITY
+    {
+        let (mut min, mut max) = (0, 0);
+        include_range(counts, &mut min, &mut max);
+        if min == 0 && f64::from(max) <= trials {
+            return Ok(());
+        }
+    }
     for (index, &ones) in counts.iter().enumerate() {
         let trials = trials.get(index);
         if trials.is_nan() || trials == f64::INFINITY {
@@ -268,4 +278,17 @@ pub(crate) fn check_counts(counts: &[i32], trials: Values<'_, f64>) -> Result<()
         }
     }
     Ok(())
+}
+
+levels! {
+    /// Extend the range from `min` to `max` to all counts.
+    fn include_range(counts: &[i32], min: &mut i32, max: &mut i32) = include_range_inlined;
+}
+
+#[inline(always)]
+fn include_range_inlined(counts: &[i32], min: &mut i32, max: &mut i32) {
+    for &count in counts {
+        *min = (*min).min(count);
+        *max = (*max).max(count);
+    }
 }

@@ -134,13 +134,23 @@ pub fn from_counts(
         }
         _ => None,
     };
-    for_each_pixel(out, |index| {
-        let ones = counts[index];
-        match &intensities {
-            Some(intensities) => intensities[ones as usize],
-            None => response.intensity_from_count(ones, trials.get(index), jots.get(index)),
-        }
-    });
+    let Some(intensities) = intensities else {
+        for_each_pixel(out, |index| {
+            response.intensity_from_count(counts[index], trials.get(index), jots.get(index))
+        });
+        return Ok(());
+    };
+    let counts = counts.par_chunks(PIXELS_PER_CHUNK);
+    out.par_chunks_mut(PIXELS_PER_CHUNK)
+        .zip(counts)
+        .for_each(|(out, counts)| {
+            if interrupt::is_requested() {
+                return;
+            }
+            for (out, &ones) in out.iter_mut().zip(counts) {
+                *out = intensities[ones as usize];
+            }
+        });
     Ok(())
 }
 
