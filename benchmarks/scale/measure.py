@@ -4,6 +4,7 @@
     python benchmarks/scale/measure.py small --folder FOLDER     "small": two workers and one thread
     python benchmarks/scale/measure.py memory --folder FOLDER    memory for 1, 4, and 16 GiB
     python benchmarks/scale/measure.py stages --folder FOLDER    seconds per GiB of each stage
+    python benchmarks/scale/measure.py finish --folder FOLDER    completion of 512 images
 
 The folder needs up to 21 GiB of free space. Each round measures everything in turns, so that other
 programs affect all of it alike. The script prints one line of JSON for each round, and then the
@@ -311,9 +312,29 @@ def measure_stages(options):
     path.unlink()
 
 
+def measure_finish(options):
+    """Measure the completion of a video: its images are compared, and flushed to the disk."""
+    folder, number = options.folder / "out", 512
+    image = np.random.default_rng(0).random((512, 512), np.float32)
+    for _ in range(options.rounds):
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir()
+        shape = number, *image.shape
+        store = VideoStore(folder / "v.zarr", {"values": "float32"}, shape, "float32", 64)
+        store.create()
+        for index in range(number):
+            store.write_image(index, image)
+        for group in range(store.groups):
+            store.mark(group, {"crc32": "0", "bytes": 0, "minimum": 0.0, "maximum": 1.0})
+        cpu = time.process_time()
+        seconds = timed(store.finish)
+        print(f"{seconds:.2f} s, {time.process_time() - cpu:.2f} CPU s", flush=True)
+    shutil.rmtree(folder)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("speed", "small", "memory", "stages"))
+    parser.add_argument("what", choices=("speed", "small", "memory", "stages", "finish"))
     parser.add_argument("--folder", type=Path, required=True)
     parser.add_argument("--gib", type=int, default=4)
     parser.add_argument("--rounds", type=int, default=5)

@@ -5,6 +5,7 @@ import mmap
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -87,9 +88,9 @@ class FileReader:
         data = np.memmap(self.path, np.uint8, "r", position, (size,))
         if size >= _MIN_LARGE_PAGES and hasattr(mmap, "MADV_HUGEPAGE"):
             # Linux then reads the file in large pages, and a page of 2 MiB needs one page fault.
-            assert isinstance(data.base, mmap.mmap), "a map"
+            file_map: Any = data.base
             with contextlib.suppress(OSError):  # this system has no large pages
-                data.base.madvise(mmap.MADV_HUGEPAGE)
+                file_map.madvise(mmap.MADV_HUGEPAGE)
         self.check_unchanged()
         return data.view(np.ndarray)
 
