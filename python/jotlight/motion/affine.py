@@ -31,7 +31,7 @@ _LONG = 0.4
 _SYSTEMATIC_ERROR = 0.05
 """Standard deviation of the errors that do not depend on the number of photons, in pixels."""
 
-_SMALL = 0.3
+SMALL = 0.3
 """Steps up to this length in pixels need no further round with a narrower filter."""
 
 _TINY = 0.1
@@ -52,6 +52,9 @@ _MAX_EXCESS = 0.3
 _MIN_SHARE_OF_OTHERS = 0.3
 """Smallest assumed share of the other blocks in the template."""
 
+_SAMPLED = 4
+"""The mean number of trials of a block is that of every fourth row."""
+
 
 def follow(
     blocks: Blocks,
@@ -71,7 +74,7 @@ def follow(
     for number, block in enumerate(order[2:], 3):
         extrapolate(track, block, segment.velocity)
         for sigma in SIGMAS:
-            if improve(track, block, template, sigma, weights) <= _SMALL:
+            if improve(track, block, template, sigma, weights) <= SMALL:
                 break
         track.known[block] = True
         total = total + track.nearby_sums(block)
@@ -194,7 +197,7 @@ def against_others(equations: Equations, sums: Sums, template: Template) -> Equa
 
     The block itself is a share of the template, which makes its apparent error smaller.
     """
-    share = float(sums.trials.mean() / max(template.mean_trials, 1e-9))
+    share = float(sums.trials[::_SAMPLED].mean() / max(template.mean_trials, 1e-9))
     right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
     return Equations(equations.information, right)
 

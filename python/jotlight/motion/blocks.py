@@ -289,7 +289,7 @@ class Blocks:
             self.add_unmoved(sums, frames)
             return
         for part, planes in self.burst.parts(frames, self.channel):
-            index, fraction = locate(part, times)
+            places = _places(part, tuple(np.asarray(times, np.float64).tolist()))
             for number, (weight, packed) in enumerate(planes):
                 is_plain = weight == 1 and self.trials == 1
                 target = sums if is_plain else Sums.zeros(self.size)
@@ -298,7 +298,7 @@ class Blocks:
                     self.size[1],
                     fields,
                     None if fields.shape[2:] == self.size else TILE,
-                    index + fraction,
+                    places,
                     self.valid,
                     target.ones,
                     target.trials,
@@ -328,6 +328,18 @@ class Blocks:
         else:
             sums.trials += trials * np.unpackbits(self.valid, axis=1, count=self.size[1])
         sums.frames += len(frames)
+
+
+@functools.lru_cache(maxsize=512)
+def _places(frames: range, times: tuple[float, ...]) -> npt.NDArray[np.float64]:
+    """Return the places of frames between some times, in numbers of times.
+
+    Blocks are counted again along better motions, so these are kept. The array cannot be changed.
+    """
+    index, fraction = locate(frames, times)
+    places = np.asarray(index + fraction)
+    places.flags.writeable = False
+    return places
 
 
 def locate(

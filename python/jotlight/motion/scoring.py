@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,9 @@ FAST, PRECISE = "small", CONDITIONAL_SIZE
 
 _EQUAL_TRIALS = np.float32(1024)
 """Number of trials above those that the network serves, for which its error equals the noise."""
+
+_LEVELS_PER_OCTAVE = 8
+"""Templates are denoised for K on this logarithmic grid, so networks keep their parameters."""
 
 _MIN_PROBABILITY = 1e-4
 """Smallest distance of a probability of the template from 0 and from 1."""
@@ -89,12 +93,13 @@ def make_template(sums: Sums, threads: int | None, size: str = FAST) -> Template
     known = sums.trials > 0
     fraction = fill_from_nearest(sums.ones / np.where(known, sums.trials, 1), known)
     # Most pixels have about the same number of trials.
-    trials = int(np.clip(sums.trials.sum() / max(int(known.sum()), 1), 1, MAX_TRIALS))
+    mean = min(max(float(sums.trials.sum()) / max(int(known.sum()), 1), 1.0), MAX_TRIALS)
+    trials = round(2 ** (round(_LEVELS_PER_OCTAVE * math.log2(mean)) / _LEVELS_PER_OCTAVE))
     if jots_differ:
         fraction = _supplement(fraction, sums, np.float32(trials))
     probability = read_network(size).denoise_probability(fraction, trials, threads=threads)
-    excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
-    if excess.any():
+    if sums.trials.max() > MAX_TRIALS:
+        excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
         probability += excess / (excess + _EQUAL_TRIALS) * (fraction - probability)
     return without_shift(probability, sums, threads)
 
