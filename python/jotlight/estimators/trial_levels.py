@@ -36,7 +36,7 @@ _NEAR_RATIO = 1.2
 _FEWER = 0.9
 """The largest level may have this fraction of the largest number of trials, which costs nothing."""
 
-_FEW_PIXELS, _MAX_GAP = 0.005, 4.0
+_FEW_PIXELS, _MAX_GAP = 0.002, 4.0
 """A level for less than this fraction of the pixels is left out, if the ratio of its neighbors is at
 most the second number. Its pixels get the next lower level."""
 
@@ -54,11 +54,15 @@ def level_range(smallest: float, largest: float) -> list[int]:
     Examples
     --------
     >>> level_range(3, 30), level_range(4, 30)
-    ([3, 4, 5, 8, 11, 15, 21, 30], [4, 5, 8, 11, 15, 21, 30])
+    ([3, 4, 6, 8, 11, 15, 21, 30], [4, 6, 8, 11, 15, 21, 30])
     """
-    first, last = max(1, round(smallest)), max(1, round(largest))
-    steps = max(0, int(np.ceil(np.log2(last / first) / np.log2(_MAX_RATIO) - 1e-9)))
-    return sorted({max(first, round(last / _MAX_RATIO**step)) for step in range(steps + 1)})
+    first = max(1, round(smallest))
+    level = max(first, round(largest))
+    levels = [level]
+    while level > first:
+        level = max(first, round(level / _MAX_RATIO))
+        levels.append(level)
+    return levels[::-1]
 
 
 def _levels_of_map(trials: npt.NDArray[np.floating]) -> list[int]:

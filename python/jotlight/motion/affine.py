@@ -52,10 +52,6 @@ _MAX_EXCESS = 0.3
 _MIN_SHARE_OF_OTHERS = 0.3
 """Smallest assumed share of the other blocks in the template."""
 
-_SAMPLED = 4
-"""The mean number of trials of a block is that of every fourth row."""
-
-
 def follow(
     blocks: Blocks,
     reference: int,
@@ -197,7 +193,7 @@ def against_others(equations: Equations, sums: Sums, template: Template) -> Equa
 
     The block itself is a share of the template, which makes its apparent error smaller.
     """
-    share = float(sums.trials[::_SAMPLED].mean() / max(template.mean_trials, 1e-9))
+    share = float(sums.trials.mean() / max(template.mean_trials, 1e-9))
     right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
     return Equations(equations.information, right)
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import math
 
 import numpy as np
 import numpy.typing as npt
@@ -22,9 +21,6 @@ FAST, PRECISE = "small", CONDITIONAL_SIZE
 
 _EQUAL_TRIALS = np.float32(1024)
 """Number of trials above those that the network serves, for which its error equals the noise."""
-
-_LEVELS_PER_OCTAVE = 8
-"""Templates are denoised for K on this logarithmic grid, so networks keep their parameters."""
 
 _MIN_PROBABILITY = 1e-4
 """Smallest distance of a probability of the template from 0 and from 1."""
@@ -93,8 +89,7 @@ def make_template(sums: Sums, threads: int | None, size: str = FAST) -> Template
     known = sums.trials > 0
     fraction = fill_from_nearest(sums.ones / np.where(known, sums.trials, 1), known)
     # Most pixels have about the same number of trials.
-    mean = min(max(float(sums.trials.sum()) / max(int(known.sum()), 1), 1.0), MAX_TRIALS)
-    trials = round(2 ** (round(_LEVELS_PER_OCTAVE * math.log2(mean)) / _LEVELS_PER_OCTAVE))
+    trials = int(np.clip(sums.trials.sum() / max(int(known.sum()), 1), 1, MAX_TRIALS))
     if jots_differ:
         fraction = _supplement(fraction, sums, np.float32(trials))
     probability = read_network(size).denoise_probability(fraction, trials, threads=threads)
