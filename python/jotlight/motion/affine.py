@@ -31,7 +31,7 @@ _LONG = 0.4
 _SYSTEMATIC_ERROR = 0.05
 """Standard deviation of the errors that do not depend on the number of photons, in pixels."""
 
-SMALL = 0.3
+_SMALL = 0.3
 """Steps up to this length in pixels need no further round with a narrower filter."""
 
 _TINY = 0.1
@@ -70,7 +70,7 @@ def follow(
     for number, block in enumerate(order[2:], 3):
         extrapolate(track, block, segment.velocity)
         for sigma in SIGMAS:
-            if improve(track, block, template, sigma, weights) <= SMALL:
+            if improve(track, block, template, sigma, weights) <= _SMALL:
                 break
         track.known[block] = True
         total = total + track.nearby_sums(block)

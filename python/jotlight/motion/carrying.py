@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.capture import CountStack
-from jotlight.motion.affine import SIGMAS, SMALL, extrapolate, improve, improve_together, template_of
+from jotlight.motion.affine import SIGMAS, extrapolate, improve, improve_together, template_of
 from jotlight.motion.align import as_blocks, prepare_burst
 from jotlight.motion.deformation import improve_tiles, improve_tiles_together
 from jotlight.motion.depth import refine_outlines
@@ -129,8 +129,8 @@ def _add_blocks(
         for sigma in SIGMAS:
             if is_of_tiles:
                 improve_tiles(track, int(block), template, sigma)
-            elif improve(track, int(block), template, sigma, weights) <= SMALL:
-                break
+            else:
+                improve(track, int(block), template, sigma, weights)
         track.known[block] = True
     if is_of_tiles:
         improve_tiles_together(track, template)
