@@ -52,6 +52,7 @@ _MAX_EXCESS = 0.3
 _MIN_SHARE_OF_OTHERS = 0.3
 """Smallest assumed share of the other blocks in the template."""
 
+
 def follow(
     blocks: Blocks,
     reference: int,
