@@ -37,8 +37,8 @@ _FEWER = 0.9
 """The largest level may have this fraction of the largest number of trials, which costs nothing."""
 
 _FEW_PIXELS, _MAX_GAP = 0.002, 4.0
-"""A level for less than this fraction of the pixels is left out, if the ratio of its neighbors is at
-most the second number. Its pixels get the next lower level."""
+"""A level for less than this fraction of the pixels is left out, if the ratio of its neighbors is
+at most the second number. Its pixels get the next lower level."""
 
 _NEAR, _MIN_SHARE = 0.99, 0.03
 """It does if more than this share of the pixels (second value) has trials from the one fraction of

@@ -19,7 +19,7 @@ TRANSLATION, LINEAR = [0, 3], [1, 2, 4, 5]
 """Indices of the coefficients of the translation, and of the linear ones."""
 
 _ORDERED = np.ravel_multi_index(np.ix_(TRANSLATION + LINEAR, TRANSLATION + LINEAR), (6, 6)).ravel()
-"""Indices of the entries of a matrix (6, 6) whose first coefficients are those of the translation."""
+"""Indices of the entries of a matrix (6, 6) that begins with those of the translation."""
 
 
 def information_of_linear(information: Array) -> tuple[Array, Array]:

@@ -48,9 +48,7 @@ def sum_tiles(values: npt.NDArray[np.floating], tile: int = TILE) -> Array:
         values = values.reshape(*others, height // tile, tile, width).sum(axis=-2)
     else:
         values = np.add.reduceat(values, np.arange(0, height, tile), axis=-2, dtype=np.float64)
-    return np.asarray(
-        np.add.reduceat(values, np.arange(0, width, tile), axis=-1, dtype=np.float64)
-    )
+    return np.asarray(np.add.reduceat(values, np.arange(0, width, tile), axis=-1, dtype=np.float64))
 
 
 @functools.lru_cache(maxsize=8)

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.motion.blocks import Blocks, Sums, locate
+from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.frame_times import locate
 from jotlight.motion.tiles import interpolate
 
 Array = npt.NDArray[np.float64]
