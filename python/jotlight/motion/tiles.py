@@ -43,12 +43,13 @@ def sum_tiles(values: npt.NDArray[np.floating], tile: int = TILE) -> Array:
     [[256.0, 64.0]]
     """
     *others, height, width = values.shape
-    if height % tile == 0 and values.dtype == np.float32:
-        # In single precision, sums of few rows are exact enough, and take a tenth of the time.
+    values = values.astype(np.float64, copy=False)
+    if height % tile == 0:
+        # The same sums in a third of the time.
         values = values.reshape(*others, height // tile, tile, width).sum(axis=-2)
     else:
-        values = np.add.reduceat(values, np.arange(0, height, tile), axis=-2, dtype=np.float64)
-    return np.asarray(np.add.reduceat(values, np.arange(0, width, tile), axis=-1, dtype=np.float64))
+        values = np.add.reduceat(values, np.arange(0, height, tile), axis=-2)
+    return np.asarray(np.add.reduceat(values, np.arange(0, width, tile), axis=-1))
 
 
 @functools.lru_cache(maxsize=8)
