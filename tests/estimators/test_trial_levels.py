@@ -23,6 +23,27 @@ def test_levels_are_whole_and_their_ratios_about_2_at_most(smallest, largest):
     assert (levels[1:] / levels[:-1] < 2.3).all()
 
 
+def test_all_levels_but_the_smallest_depend_on_the_largest_alone():
+    every = level_range(1, 256)
+    for smallest in (2, 7.4, 100, 255):
+        found = level_range(smallest, 256)
+        assert set(found[1:]) <= set(every)
+        assert found == sorted(found)
+
+
+def test_levels_that_few_pixels_need_are_left_out():
+    trials = np.full((100, 200), 128.0)
+    trials[0, :13] = np.geomspace(8, 120, 13)
+    trials[50:] = 200.0
+    weights = dict(level_weights(trials))
+    # The ratio of neighbors is 4 at most.
+    assert sorted(weights) == [8, 25, 100, 141, 200]
+    np.testing.assert_allclose(sum(weights.values()), 1, atol=1e-6)
+    for level, weight in weights.items():
+        # No pixel has a level above its trials alone.
+        assert (trials[weight == 1] >= level).all()
+
+
 def test_pixels_halfway_between_two_levels_are_interpolated_by_the_logarithm():
     trials = np.random.default_rng(0).uniform(0.5, 90, (20, 30))
     levels = level_range(trials.min(), trials.max())

@@ -36,6 +36,10 @@ _NEAR_RATIO = 1.2
 _FEWER = 0.9
 """The largest level may have this fraction of the largest number of trials, which costs nothing."""
 
+_FEW_PIXELS, _MAX_GAP = 0.002, 4.0
+"""A level for less than this fraction of the pixels is left out, if the ratio of its neighbors is
+at most the second number. Its pixels get the next lower level."""
+
 _NEAR, _MIN_SHARE = 0.99, 0.03
 """It does if more than this share of the pixels (second value) has trials from the one fraction of
 the largest number to the other. Otherwise, these pixels would need two levels."""
@@ -44,15 +48,34 @@ the largest number to the other. Otherwise, these pixels would need two levels."
 def level_range(smallest: float, largest: float) -> list[int]:
     """Return whole numbers from `smallest` to `largest`, with ratios of at most about √2.
 
+    Those above the smallest depend on the largest one alone. So images of a film have the same
+    levels, and networks keep their parameters.
+
     Examples
     --------
-    >>> level_range(3, 30)
-    [3, 4, 6, 8, 11, 16, 22, 30]
+    >>> level_range(3, 30), level_range(4, 30)
+    ([3, 4, 6, 8, 11, 15, 21, 30], [4, 6, 8, 11, 15, 21, 30])
     """
-    first, last = max(1, round(smallest)), max(1, round(largest))
-    steps = max(0, int(np.ceil(np.log2(last / first) / np.log2(_MAX_RATIO) - 1e-9)))
-    ratio = (last / first) ** (1 / steps) if steps else 1.0
-    return sorted({round(first * ratio**step) for step in range(steps + 1)})
+    first = max(1, round(smallest))
+    level = max(first, round(largest))
+    levels = [level]
+    while level > first:
+        level = max(first, round(level / _MAX_RATIO))
+        levels.append(level)
+    return levels[::-1]
+
+
+def _levels_of_map(trials: npt.NDArray[np.floating]) -> list[int]:
+    """Return the levels of a map, without those that few pixels need."""
+    levels = level_range(float(trials.min()), _largest_level(trials))
+    above = [np.count_nonzero(trials >= level) for level in levels]
+    kept = levels[:1]
+    for index in range(1, len(levels) - 1):
+        pixels = above[index - 1] - above[index + 1]
+        gap = levels[index + 1] / kept[-1]
+        if pixels >= _FEW_PIXELS * trials.size or gap > _MAX_GAP:
+            kept.append(levels[index])
+    return kept + levels[1:][-1:]
 
 
 def level_weights(
@@ -75,7 +98,7 @@ def level_weights(
     8 [1.  1.  0.6 0. ]
     11 [0.  0.  0.4 1. ]
     """
-    levels = level_range(float(trials.min()), _largest_level(trials))
+    levels = _levels_of_map(trials)
     if len(levels) == 1:
         yield levels[0], np.ones(trials.shape, np.float32)
         return

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.burst import Burst
+from jotlight.motion.frame_times import Times, locate, places_of
 from jotlight.motion.jots import Jots, SeenJots
 from jotlight.motion.tiles import TILE, interpolate_rows
 
@@ -19,9 +20,6 @@ Counts = npt.NDArray[Any]
 
 Fields = Sequence[npt.NDArray[np.floating]] | npt.NDArray[np.floating]
 """Displacements at two or more times."""
-
-Times = Sequence[float] | npt.NDArray[np.float64]
-"""These times, increasing."""
 
 _REMAINDER_PIXELS = 16
 """Number of pixels of a row for which the engine returns one remainder."""
@@ -289,7 +287,7 @@ class Blocks:
             self.add_unmoved(sums, frames)
             return
         for part, planes in self.burst.parts(frames, self.channel):
-            index, fraction = locate(part, times)
+            places = places_of(part, tuple(np.asarray(times, np.float64).tolist()))
             for number, (weight, packed) in enumerate(planes):
                 is_plain = weight == 1 and self.trials == 1
                 target = sums if is_plain else Sums.zeros(self.size)
@@ -298,7 +296,7 @@ class Blocks:
                     self.size[1],
                     fields,
                     None if fields.shape[2:] == self.size else TILE,
-                    index + fraction,
+                    places,
                     self.valid,
                     target.ones,
                     target.trials,
@@ -328,22 +326,3 @@ class Blocks:
         else:
             sums.trials += trials * np.unpackbits(self.valid, axis=1, count=self.size[1])
         sums.frames += len(frames)
-
-
-def locate(
-    frames: range | npt.NDArray[np.float64], times: Times
-) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.float64]]:
-    """Return the last of some times before each frame, but not the very last one, and its place.
-
-    The place is from 0 at this time to 1 at the next time, or beyond for frames before the first
-    and after the last time.
-
-    Examples
-    --------
-    >>> index, place = locate(range(5), [1, 2, 4])
-    >>> index.tolist(), place.tolist()
-    ([0, 0, 1, 1, 1], [-1.0, 0.0, 0.0, 0.5, 1.0])
-    """
-    times, frames_of = np.asarray(times, np.float64), np.asarray(frames)
-    index = np.clip(np.searchsorted(times, frames_of, "right") - 1, 0, len(times) - 2)
-    return index, (frames_of - times[index]) / (times[index + 1] - times[index])

@@ -106,4 +106,6 @@ def _grow(pixels: npt.NDArray[np.bool_], distance: int) -> npt.NDArray[np.bool_]
     """Return the pixels whose square neighborhood contains one of some pixels."""
     from scipy.ndimage import maximum_filter
 
+    if distance == 0 or not pixels.any():
+        return pixels
     return np.asarray(maximum_filter(pixels, 2 * distance + 1))

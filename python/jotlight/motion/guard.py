@@ -7,8 +7,9 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Sums, locate
+from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums, expected_probability
+from jotlight.motion.frame_times import locate
 from jotlight.motion.scoring import read_network
 from jotlight.motion.tiles import interpolate
 from jotlight.motion.track import Paths

@@ -282,7 +282,7 @@ def _count(of_channels: list[Paths], consistent: Consistent, upsample: int) -> l
 
 def as_paths(motion: Motion, blocks: Blocks) -> Paths:
     """Return the paths of a motion over the blocks of a burst."""
-    nodes = np.stack([motion.nodes_at(time) for time in blocks.centers], axis=1)
+    nodes = motion.nodes_at_times(blocks.centers)
     known = np.ones(len(blocks.centers), bool)
     unknown = np.zeros((len(known), 3, *nodes.shape[3:]))
     tracks = [

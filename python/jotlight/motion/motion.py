@@ -138,12 +138,16 @@ class Motion:
         """Return u at the centers of the tiles at a time, (m, 2, rows, columns)."""
         if not np.isfinite(time):
             raise ValueError(f"time: expected a finite number of frames, got {time}")
-        last = len(self.times) - 2
-        index = int(np.clip(np.searchsorted(self.times, time, "right") - 1, 0, last))
+        return self.nodes_at_times(np.array([time], np.float64))[:, 0]
+
+    def nodes_at_times(self, times: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:
+        """Return u at the centers of the tiles at n times, (m, n, 2, rows, columns)."""
+        index = np.searchsorted(self.times, times, "right") - 1
+        index = np.clip(index, 0, len(self.times) - 2)
         before, after = self.times[index], self.times[index + 1]
-        fraction = np.float32(np.clip((time - before) / (after - before), -1e9, 1e9))
-        change = self.nodes[:, index + 1] - self.nodes[:, index]
-        nodes = self.nodes[:, index] + fraction * change
+        fraction = np.clip((times - before) / (after - before), -1e9, 1e9).astype(np.float32)
+        start = self.nodes[:, index]
+        nodes = start + fraction[:, None, None, None] * (self.nodes[:, index + 1] - start)
         return np.asarray(np.clip(nodes, -MAX_DISPLACEMENT, MAX_DISPLACEMENT))
 
     def at(self, time: float) -> npt.NDArray[np.float32]:

@@ -66,5 +66,7 @@ def _origins(places: Field, now: Field) -> Field:
     origin = places
     for _ in range(_ROUNDS):
         # Impossible motions may diverge.
-        origin = np.clip(places - interpolate_at(now, origin), -_FAR, _FAR)
+        before, origin = origin, np.clip(places - interpolate_at(now, origin), -_FAR, _FAR)
+        if np.array_equal(origin, before):
+            break
     return origin

@@ -93,8 +93,8 @@ def make_template(sums: Sums, threads: int | None, size: str = FAST) -> Template
     if jots_differ:
         fraction = _supplement(fraction, sums, np.float32(trials))
     probability = read_network(size).denoise_probability(fraction, trials, threads=threads)
-    excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
-    if excess.any():
+    if sums.trials.max() > MAX_TRIALS:
+        excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
         probability += excess / (excess + _EQUAL_TRIALS) * (fraction - probability)
     return without_shift(probability, sums, threads)
 

@@ -18,6 +18,9 @@ _SINGULAR = 1e-12
 TRANSLATION, LINEAR = [0, 3], [1, 2, 4, 5]
 """Indices of the coefficients of the translation, and of the linear ones."""
 
+_ORDERED = np.ravel_multi_index(np.ix_(TRANSLATION + LINEAR, TRANSLATION + LINEAR), (6, 6)).ravel()
+"""Indices of the entries of a matrix (6, 6) that begins with those of the translation."""
+
 
 def information_of_linear(information: Array) -> tuple[Array, Array]:
     """Return the information about the linear coefficients, and their effect on the translation.
@@ -34,9 +37,10 @@ def information_of_linear(information: Array) -> tuple[Array, Array]:
     effect : ndarray of float, shape (2, 4)
         By how much the estimated translation decreases if the linear coefficients increase.
     """
-    mixed = information[np.ix_(TRANSLATION, LINEAR)]
-    effect = _inverse(information[np.ix_(TRANSLATION, TRANSLATION)]) @ mixed
-    return information[np.ix_(LINEAR, LINEAR)] - mixed.T @ effect, effect
+    ordered = information.take(_ORDERED).reshape(6, 6)
+    mixed = ordered[:2, 2:]
+    effect = _inverse(ordered[:2, :2]) @ mixed
+    return ordered[2:, 2:] - mixed.T @ effect, effect
 
 
 def _inverse(matrix: Array) -> Array:

@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.motion.blocks import Blocks, Sums, locate
+from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.frame_times import locate
 from jotlight.motion.tiles import interpolate
 
 Array = npt.NDArray[np.float64]
@@ -50,7 +51,7 @@ class _Curve:
     @functools.cached_property
     def mean(self) -> Array:
         """The mean displacements of the frames, (2, rows, columns)."""
-        weights = _weights(self.frames, tuple(self.times)).mean(axis=0)
+        weights = _mean_weights(self.frames, tuple(self.times.tolist()))
         mean = weights @ self.fields.reshape(len(weights), -1)
         return np.asarray(mean.reshape(self.fields.shape[1:]))
 
@@ -65,7 +66,7 @@ class _Curve:
         first, last = self.frames[0], self.frames[-1]
         three = first, (first + last) / 2, last
         one, two = (
-            _weights(three, tuple(each.times)) @ each.fields.reshape(len(each.fields), -1)
+            _weights(three, tuple(each.times.tolist())) @ each.fields.reshape(len(each.fields), -1)
             for each in (self, other)
         )
         return float(abs(one - two).max())
@@ -100,6 +101,12 @@ def _weights(frames: Sequence[float], times: tuple[float, ...]) -> Array:
     weights[np.arange(len(index)), index] = 1 - place
     weights[np.arange(len(index)), index + 1] = place
     return weights
+
+
+@functools.lru_cache(maxsize=4096)
+def _mean_weights(frames: Sequence[float], times: tuple[float, ...]) -> Array:
+    """Return the mean weights of the frames, (m,)."""
+    return np.asarray(_weights(frames, times).mean(axis=0))
 
 
 @dataclasses.dataclass
