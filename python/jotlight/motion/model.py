@@ -14,7 +14,7 @@ from jotlight.motion.depth import order_by_depth, refine_outlines, without_absen
 from jotlight.motion.objects import add_objects
 from jotlight.motion.outlines import choose
 from jotlight.motion.scoring import make_blurred_template
-from jotlight.motion.segments import Segment, central_half, energy_of, find_segments
+from jotlight.motion.segments import Segment, energy_of, find_segments
 from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.tiles import mean_tiles, tile_counts
 from jotlight.motion.track import Paths, Track, keeps_sums
@@ -117,8 +117,24 @@ def find_paths(
             best, most = found, gain
         if is_clear:
             break
+    if best.model == "tiles" and model == "auto":
+        best = _slow_segments(blocks, reference, best)
     advance(1.0)
     return dataclasses.replace(best, paths=best.paths.with_all_frames())
+
+
+def _slow_segments(blocks: Blocks, reference: int, found: Found) -> Found:
+    """Return paths of segments that move slowly, or those found before if they explain more.
+
+    If parts of a scene move slowly, tiles follow them before their velocities differ clearly.
+    """
+    most = -np.inf
+    for segments in find_segments(blocks, reference, is_slow=True):
+        if len(segments) > 1:
+            other = _explain(blocks, reference, segments, "auto", _ignore)
+            if other.model == "segments" and (gain := likelihood_gain(other.paths)) > most:
+                found, most = other, gain
+    return found
 
 
 def _with_tiles(
@@ -188,7 +204,7 @@ def _follow(blocks: Blocks, reference: int, segments: list[Segment]) -> list[Tra
     tracks = [follow(blocks, reference, segments[0])]
     for segment in segments[1:]:
         tiles = segment.weights > 0
-        others = [float(_energy_along(track)[tiles].sum()) for track in tracks]
+        others = [float(_energy_along(track, segment.half)[tiles].sum()) for track in tracks]
         if max(others) < _EXPLAINED * segment.energy:
             tracks.append(follow(blocks, reference, segment))
     if len(tracks) == 1 and len(segments) > 1:
@@ -197,9 +213,11 @@ def _follow(blocks: Blocks, reference: int, segments: list[Segment]) -> list[Tra
     return tracks
 
 
-def _energy_along(track: Track) -> Array:
-    """Return the energy of the sum of central frames along a track, (rows, columns)."""
-    half = central_half(track.blocks, track.reference)
+def _energy_along(track: Track, half: int) -> Array:
+    """Return the energy of the sum of central frames along a track, (rows, columns).
+
+    They are those of `half` frames before the reference time, and of as many after it.
+    """
     central = np.flatnonzero(abs(track.blocks.centers - track.reference) < half)
     sums = Sums.total(track.sums(int(block)) for block in central)
     return energy_of(sums, track.blocks.threads)
