@@ -24,6 +24,12 @@ Array = npt.NDArray[np.float64]
 _ROUNDS = 2
 """Number of rounds that improve the motions of segments after their outlines are known."""
 
+_SHORT = 24.0
+"""Distance in pixels by which two tracks move apart, below which their outlines are in doubt.
+
+If they move less, smooth regions may belong to either, and either may be in front.
+"""
+
 _EXPLAINED = 0.8
 """A track explains a segment if it has this fraction of the energy of the segment's velocity."""
 
@@ -124,7 +130,7 @@ def find_paths(
 
 
 def _slow_segments(blocks: Blocks, reference: int, found: Found) -> Found:
-    """Return paths of segments that move slowly, or those found before if they explain more.
+    """Return paths of segments that move slowly if they explain the scene, or those found before.
 
     If parts of a scene move slowly, tiles follow them before their velocities differ clearly.
     """
@@ -179,6 +185,8 @@ def _explain(
     if len(tracks) > 1:
         paths = _from_back_to_front(_improve_segments(paths))
         paths = without_absent(refine_outlines(_improve_inside(refine_outlines(paths))))
+        if len(paths.tracks) == 2 and _distance(*paths.tracks) < _SHORT:
+            paths = _with_other_outlines(paths)
         alone = Paths(paths.tracks[:1], np.zeros_like(paths.labels))
         paths = _more_likely(alone, paths)
     advance(0.7)
@@ -214,10 +222,7 @@ def _follow(blocks: Blocks, reference: int, segments: list[Segment]) -> list[Tra
 
 
 def _energy_along(track: Track, half: int) -> Array:
-    """Return the energy of the sum of central frames along a track, (rows, columns).
-
-    They are those of `half` frames before the reference time, and of as many after it.
-    """
+    """Return the energy along a track of the frames that are up to `half` frames away."""
     central = np.flatnonzero(abs(track.blocks.centers - track.reference) < half)
     sums = Sums.total(track.sums(int(block)) for block in central)
     return energy_of(sums, track.blocks.threads)
@@ -253,6 +258,27 @@ def _improve_segments(paths: Paths) -> Paths:
             for _ in range(_ROUNDS):
                 improve_together(track, weights)
     return Paths(paths.tracks, choose(paths.tracks))
+
+
+def _distance(first: Track, second: Track) -> float:
+    """Return by how many pixels two tracks move apart."""
+    apart = (first.nodes - second.nodes).mean(axis=(2, 3))
+    return float(np.hypot(*np.ptp(apart, axis=0)))
+
+
+def _with_other_outlines(paths: Paths) -> Paths:
+    """Return two tracks with other outlines, if these explain the bits better.
+
+    They are found from an object that has no pixels at first, so that its background is known
+    everywhere, and with either track in front.
+    """
+    most, empty = likelihood_gain(paths), np.zeros_like(paths.labels)
+    for tracks in (paths.tracks, paths.tracks[::-1]):
+        other = refine_outlines(_improve_inside(refine_outlines(Paths(list(tracks), empty))))
+        gain = likelihood_gain(other)
+        if gain > most:
+            paths, most = other, gain
+    return paths
 
 
 def _from_back_to_front(paths: Paths) -> Paths:
