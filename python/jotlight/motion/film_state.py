@@ -131,7 +131,7 @@ class FilmState:
         return best.image
 
     def _has_more(self, around: range, motion: Motion) -> bool:
-        """Return whether so many frames are known that they show other outlines of segments.
+        """Return whether more frames are known, which may show other outlines of segments.
 
         The first windows of a causal film have shown the parts of a scene too briefly.
         """
