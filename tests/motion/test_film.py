@@ -161,12 +161,26 @@ def test_frames_that_arrive_in_any_parts_make_the_same_film(sizes):
         assert one.is_carried == two.is_carried
 
 
-def test_a_live_film_keeps_four_windows_of_frames():
+def test_a_live_film_keeps_four_windows_of_frames(monkeypatch):
     _, bits = moving("static", 32, (32, 32))
     live = LiveFilm(bits.sensor, window=16, step=4, model="none")
+    packed, shown = np.asarray(bits.packed), []
+    shows = live._state.next_image
+
+    def next_image(data, first, start):
+        assert len(data) == min(64, start + 16)
+        assert first + len(data) == start + 16
+        expected = packed[np.arange(first, first + len(data)) % 32]
+        np.testing.assert_array_equal(data.packed, expected)
+        shown.append(data)
+        return shows(data, first, start)
+
+    monkeypatch.setattr(live._state, "next_image", next_image)
     number = sum(len(live.add(bits)) for _ in range(10))
-    assert number == 1 + (320 - 16) // 4
-    assert sum(map(len, live._parts)) == 64
+    assert number == len(shown) == 1 + (320 - 16) // 4
+    assert len(live._kept) == 80
+    # Frames that an image may refer to are not overwritten later.
+    np.testing.assert_array_equal(shown[-3].packed, packed[np.arange(248, 312) % 32])
 
 
 @pytest.mark.parametrize(

@@ -105,7 +105,7 @@ def test_a_motion_that_is_lost_flags_every_pixel():
     found = {}
     for is_lost in (False, True):
         colors = FilmColors(part.sensor, SIZE, STEP, lambda: None)
-        merged, _ = colors.merge(part, motion, 0, is_carried=False, is_lost=is_lost)
+        merged, _ = colors.merge(part, motion, 0, is_lost=is_lost)
         found[is_lost] = merged.flags.mean()
     assert found[True] == 1 > found[False]
 

@@ -5,11 +5,25 @@ import dataclasses
 import numpy as np
 import pytest
 
+import jotlight as jl
 from jotlight.motion import film_state
 from jotlight.motion.film import film
 from jotlight.motion.film_image import FilmSettings
 from jotlight.motion.film_state import FilmState
+from jotlight.motion.merge import as_paths
 from moving import record
+
+
+def settings_of(window, *, causal=True):
+    return FilmSettings(
+        window=window,
+        step=window // 4,
+        model="auto",
+        causal=causal,
+        memory=None,
+        upsample=1,
+        threads=None,
+    )
 
 
 @pytest.fixture
@@ -35,6 +49,7 @@ def attempts(monkeypatch):
 
         monkeypatch.setattr(FilmState, "_of_more_frames", counted)
         monkeypatch.setattr(film_state._Candidate, "flagged", property(flagged))
+        monkeypatch.setattr(film_state._Candidate, "explains_more", lambda *_: is_better)
         return starts
 
     return prepare
@@ -51,7 +66,7 @@ def attempts(monkeypatch):
     ],
 )
 def test_a_doubtful_motion_is_estimated_from_more_frames(monkeypatch, attempts, causal, is_better):
-    """The image with fewer flags is shown, and the film goes on with its motion and its memory."""
+    """The better image is shown, and the film goes on with its motion and its memory."""
     _, bits = record("shake", frames=96, photons=1.0)
     starts = attempts(is_better)
     images = list(film(bits, window=32, step=8, causal=causal))
@@ -66,6 +81,44 @@ def test_a_doubtful_motion_is_estimated_from_more_frames(monkeypatch, attempts, 
         monkeypatch.setattr(film_state._Doubt, "is_due", lambda *_, **__: False)
         for image, other in zip(images, film(bits, window=32, step=8, causal=causal), strict=True):
             np.testing.assert_array_equal(image.merged.ones, other.merged.ones)
+
+
+def test_the_motion_that_explains_the_bits_is_better_unless_merging_rejected_it():
+    _, bits = record("shake", frames=32, photons=1.0)
+    state = FilmState(bits.sensor, settings_of(window=32))
+    right = state._fresh(bits, 0)
+    nodes = 1.5 * right.motion.nodes
+    wrong_motion = dataclasses.replace(right.motion, nodes=nodes)
+    paths = as_paths(wrong_motion, right.paths.blocks)
+    wrong = dataclasses.replace(right, motion=wrong_motion, paths=paths)
+    assert right.explains_more(wrong)
+    assert not wrong.explains_more(right)
+    rejected = dataclasses.replace(right, image=flagged_everywhere(right.image))
+    assert wrong.explains_more(rejected)
+    assert not rejected.explains_more(wrong)
+
+
+def flagged_everywhere(image):
+    flags = np.ones(image.merged.shape, bool)
+    return dataclasses.replace(image, merged=dataclasses.replace(image.merged, flags=flags))
+
+
+def test_segments_are_aligned_again_as_the_frames_of_a_causal_film_become_more():
+    _, bits = record("shake", frames=32, photons=1.0)
+    affine = jl.align(bits)
+    segments = dataclasses.replace(affine, model="segments")
+    for causal, motion, expected in (
+        (True, segments, [48, 72, 108, 128]),
+        (True, affine, []),
+        (False, segments, []),
+    ):
+        state = FilmState(bits.sensor, settings_of(window=32, causal=causal))
+        state._frames, found = 32, []
+        for known in [*range(32, 128), *[128] * 40]:
+            if state._has_more(range(known), motion):
+                state._frames = known
+                found.append(known)
+        assert found == expected
 
 
 def test_a_single_flagged_image_is_no_reason_to_doubt():
@@ -86,9 +139,7 @@ def test_a_single_flagged_image_is_no_reason_to_doubt():
     ],
 )
 def test_more_frames_are_those_of_four_windows(causal, stop, expected):
-    settings = FilmSettings(
-        window=32, step=8, model="auto", causal=causal, memory=None, upsample=1, threads=None
-    )
+    settings = settings_of(window=32, causal=causal)
     assert settings.more_frames(0, stop, 400) == expected
     assert settings.more_frames(390, stop, 400).start == 390
 

@@ -59,7 +59,7 @@ def test_sums_are_displaced_by_whole_pixels_and_fade(shift, monkeypatch):
     # The last image shows the point of pixel x at x + shift.
     motion = moved([shift])
     old, own = sums_of(smooth_scene(), rng=1), sums_of(smooth_scene(shift), rng=2)
-    (total,) = remembered(old, motion).recall([own], EVERY, motion, start=8, is_carried=True)
+    (total,) = remembered(old, motion).recall([own], EVERY, motion, start=8)
     rows, columns = (np.arange(n) + step for n, step in zip(SIZE, shift, strict=True))
     inside = np.ix_((rows >= 0) & (rows < SIZE[0]), (columns >= 0) & (columns < SIZE[1]))
     source = np.ix_(
@@ -80,9 +80,9 @@ def test_what_was_recalled_fades_again(monkeypatch):
         moved([(0, 0)]),
     )
     memory = remembered(old, motion)
-    memory.recall([own], EVERY, motion, start=8, is_carried=True)
+    memory.recall([own], EVERY, motion, start=8)
     memory.remember([Sums.zeros(SIZE)], motion, start=8)
-    (again,) = memory.recall([own], EVERY, motion, start=16, is_carried=True)
+    (again,) = memory.recall([own], EVERY, motion, start=16)
     expected = (own.ones + FADING**2 * old.ones) / (32 + FADING**2 * 32)
     np.testing.assert_allclose(again.ones / again.trials, expected, rtol=1e-4)
 
@@ -94,7 +94,7 @@ def test_pixels_that_disagree_and_their_neighbors_are_not_counted(monkeypatch):
     changed = scene.copy()
     changed[:, 40:] += np.where(np.arange(40, SIZE[1]) // 8 % 2, 0.12, -0.12)
     memory = remembered(sums_of(scene, rng=1), motion)
-    (total,) = memory.recall([sums_of(changed, rng=2)], EVERY, motion, start=8, is_carried=True)
+    (total,) = memory.recall([sums_of(changed, rng=2)], EVERY, motion, start=8)
     assert (total.trials[:, 36:] == 32).all()
     assert (total.trials[:, :16] > 32).mean() > 0.8
 
@@ -105,7 +105,7 @@ def test_pixels_that_are_not_trusted_are_not_counted(monkeypatch):
     trusted = np.ones(SIZE, bool)
     trusted[20, 30] = False
     memory = remembered(sums_of(scene, rng=1), motion)
-    (total,) = memory.recall([sums_of(scene, rng=2)], trusted, motion, start=8, is_carried=True)
+    (total,) = memory.recall([sums_of(scene, rng=2)], trusted, motion, start=8)
     y, x = np.indices(SIZE)
     near = abs(y - 20) + abs(x - 30) <= 5
     assert (total.trials[near] == 32).all()
@@ -125,20 +125,30 @@ def test_points_that_another_segment_hid_are_not_counted(everything_agrees):
     before[:, :32] = 1  # 8 columns further to the right
     motion, own = moved([(0, 0), (0, 0)], labels=labels), sums_of(smooth_scene(), rng=1)
     last = moved([(0, 0), (0, 0)], labels=before)
-    (total,) = remembered(own, last).recall([own], EVERY, motion, start=8, is_carried=True)
+    (total,) = remembered(own, last).recall([own], EVERY, motion, start=8)
     assert (total.trials[:, 24:32] == 32).all()
     assert (total.trials[:, 40:] > 40).all()
-    fresh = remembered(own, motion)
-    assert fresh.recall([own], EVERY, motion, start=8, is_carried=False) == [own]
+
+
+def test_a_fresh_motion_may_number_its_segments_differently(everything_agrees):
+    before, now = np.zeros((2, *SIZE), np.uint8)
+    before[:, :24] = 1
+    now[:, 24:] = 1
+    own, still = sums_of(smooth_scene(), rng=1), [(0, 0), (0, 0)]
+    memory = remembered(own, moved(still, labels=before))
+    (total,) = memory.recall([own], EVERY, moved(still, labels=now), start=8)
+    assert (total.trials > 32).all()
+    other = remembered(own, moved([(0, 0)]))
+    assert other.recall([own], EVERY, moved(still, labels=now), start=8) == [own]
 
 
 def test_nothing_is_recalled_from_before_the_window_or_after_the_motion_is_lost():
     motion, own = moved([(0, 0)]), sums_of(smooth_scene())
     memory = remembered(own, motion)
-    assert memory.recall([own], EVERY, motion, start=17, is_carried=True) == [own]
+    assert memory.recall([own], EVERY, motion, start=17) == [own]
     memory = remembered(own, motion)
     memory.forget()
-    assert memory.recall([own], EVERY, motion, start=8, is_carried=True) == [own]
+    assert memory.recall([own], EVERY, motion, start=8) == [own]
 
 
 def test_what_the_bits_have_seen_of_the_jots_is_displaced():
@@ -149,7 +159,7 @@ def test_what_the_bits_have_seen_of_the_jots_is_displaced():
     for sums in (old, own):
         sums.jots = SeenJots(jots, maps[:2] * sums.trials)
     motion = moved([(0, 2)])
-    (total,) = remembered(old, motion).recall([own], EVERY, motion, start=8, is_carried=True)
+    (total,) = remembered(old, motion).recall([own], EVERY, motion, start=8)
     counted = total.trials[:, :-2] > 32
     assert counted.mean() > 0.5
     expected = (maps[0, :, :-2] + FADING * maps[0, :, 2:]) / (1 + FADING)
@@ -174,7 +184,7 @@ def test_the_first_frames_are_counted_once(step):
 def test_there_are_never_more_trials_than_bits(everything_agrees):
     old, own = sums_of(smooth_scene(), rng=1), sums_of(smooth_scene(), trials=4, rng=2)
     memory = remembered(old.masked(np.indices(SIZE)[1] >= 30), moved([(0, 0.5)]))
-    (total,) = memory.recall([own], EVERY, moved([(0, 0.5)]), start=8, is_carried=True)
+    (total,) = memory.recall([own], EVERY, moved([(0, 0.5)]), start=8)
     (kept,) = memory._sums
     assert kept.trials.max() <= FADING * 32 * (1 + 1e-5)
     np.testing.assert_allclose(total.trials[:, :28], 4)
@@ -184,7 +194,7 @@ def test_there_are_never_more_trials_than_bits(everything_agrees):
 def test_bits_fade_with_the_frames_between_windows(everything_agrees):
     old, own = sums_of(smooth_scene(), rng=1), sums_of(smooth_scene(), rng=2)
     last, motion = moved([(0, 0)], reference=31.0), moved([(0, 0)], reference=16.0)
-    (total,) = remembered(old, last).recall([own], EVERY, motion, start=8, is_carried=True)
+    (total,) = remembered(old, last).recall([own], EVERY, motion, start=8)
     expected = (own.ones + FADING * old.ones) / (32 + FADING * 32)
     np.testing.assert_allclose(total.ones / total.trials, expected, rtol=1e-4)
 
@@ -198,7 +208,7 @@ def test_the_means_of_the_jots_stay_in_the_range_of_the_maps(everything_agrees):
         sums.jots = SeenJots(jots, 0 * maps[:2])
     old.jots = SeenJots(jots, maps[:2] * 32)
     memory = remembered(old, motion)
-    memory.recall([own], EVERY, motion, start=8, is_carried=True)
+    memory.recall([own], EVERY, motion, start=8)
     (kept,) = memory._sums
     assert kept.jots.sums.min() >= 0
     assert (kept.jots.sums <= kept.trials).all()
@@ -210,7 +220,7 @@ def test_other_segments_end_the_memory():
     memory = remembered(sums_of(smooth_scene(), rng=1), moved([(0, 0)] * 3, labels=labels))
     own = sums_of(smooth_scene(), rng=1)
     motion = moved([(0, 0)] * 2, labels=labels)
-    assert memory.recall([own], EVERY, motion, start=8, is_carried=True) == [own]
+    assert memory.recall([own], EVERY, motion, start=8) == [own]
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,18 @@ from jotlight.motion import model
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import as_burst
 from jotlight.motion.consistency import find_consistent
-from jotlight.motion.model import Found, _share_of_unknown, _still, divide, find_paths
-from jotlight.motion.track import Paths
-from moving import blocks_of, record, two_halves
+from jotlight.motion.model import (
+    Found,
+    _distance,
+    _share_of_unknown,
+    _still,
+    _with_other_outlines,
+    divide,
+    find_paths,
+)
+from jotlight.motion.tiles import tile_counts
+from jotlight.motion.track import Paths, Track
+from moving import blocks_of, occluded, record, two_halves
 
 
 @pytest.mark.parametrize("frames", [1, 2, 15, 16, 17, 31, 64, 200, 999, 1024, 1025, 50_000])
@@ -162,3 +171,54 @@ def test_pixels_whose_bits_disagree_are_unknown_but_dead_ones_are_not():
     assert np.mean(shares_of_left) < 0.02
     nothing = dataclasses.replace(blocks, valid=np.zeros((48, 6), np.uint8))
     assert share_of_unknown(Paths([_still(nothing, 32)], labels)) == 0
+
+
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_wrong_outlines_of_slow_segments_are_replaced(is_reversed):
+    """A large object hides its background everywhere, so the bits do not show that it is wrong."""
+    size, velocities = (48, 64), ((0, 0), (0, 1))
+    mask = np.zeros(size, bool)
+    mask[14:34, 22:42] = True
+    bits, _ = occluded(velocities, (np.ones(size, bool), mask), 20)
+    blocks = blocks_of(bits, 20)
+    shape = 20, 2, *tile_counts(size)
+    times = blocks.centers - 10
+    tracks = [
+        Track(
+            blocks,
+            10,
+            np.broadcast_to(np.outer(times, each)[:, :, None, None], shape).copy(),
+            np.ones(20, bool),
+            np.zeros((20, 3, *shape[2:])),
+        )
+        for each in velocities
+    ]
+    assert _distance(*tracks) == pytest.approx(19)
+    labels = np.zeros(size, np.uint8)
+    labels[:, 8:] = 1
+    wrong = Paths(tracks[::-1], 1 - labels) if is_reversed else Paths(tracks, labels)
+    found = _with_other_outlines(wrong)
+    # The object is in front.
+    speed = [np.ptp(track.nodes[:, 1].mean(axis=(1, 2))) for track in found.tracks]
+    assert speed[1] > 10 > speed[0]
+    assert (found.labels == mask).mean() > 0.95
+    assert _with_other_outlines(found).labels is found.labels
+
+
+@pytest.mark.parametrize("of_slow", ["segments", "tiles"])
+def test_slow_segments_replace_tiles_if_they_explain_the_scene(monkeypatch, of_slow):
+    _, bits = record("shake", 16, shape=(32, 32))
+    blocks = blocks_of(bits)
+    paths = Paths([_still(blocks, 8)], np.zeros(blocks.size, np.uint8))
+
+    def segments(*_, is_slow=False):
+        return [[of_slow] * 2] if is_slow else [["tiles"]]
+
+    def explain(_, __, parts, *___):
+        return Found(paths, parts[0], None)
+
+    monkeypatch.setattr(model, "find_segments", segments)
+    monkeypatch.setattr(model, "_explain", explain)
+    monkeypatch.setattr(model, "_gain_over_rest", lambda _: (50.0, True))
+    monkeypatch.setattr(model, "likelihood_gain", lambda *_: 1.0)
+    assert find_paths(blocks, 8, "auto", lambda _: None).model == of_slow

@@ -9,6 +9,7 @@ from jotlight.motion.segments import (
     _energy,
     _majority,
     _refine,
+    _Scene,
     count_at_velocity,
     energy_of,
     find_segments,
@@ -49,12 +50,23 @@ def test_halves_that_move_differently_are_two_segments():
     assert total.mean() > 0.9
 
 
+def test_velocities_that_hardly_differ_are_found_in_all_frames():
+    """In the central half, the parts move apart by 10 pixels: less than their details are wide."""
+    velocities = (0.1, 0.1), (-0.1, -0.1)
+    blocks = blocks_of(two_halves(velocities, 96))
+    for is_slow in (False, True):
+        segments = find_segments(blocks, 48, is_slow=is_slow)[0]
+        found = [segment.velocity.mean(axis=(1, 2)) for segment in segments]
+        errors = [min(abs(each - velocity).max() for each in found) for velocity in velocities]
+        assert (max(errors) < 0.02) == is_slow
+
+
 def test_the_energy_is_largest_at_the_true_velocity():
     velocity = 0.5, -0.25
     bits = moved(np.outer(np.arange(48) - 24, velocity), shape=(80, 80), photons=0.3, rng=0)[1]
     blocks = blocks_of(bits)
     energies = {
-        (rows, columns): _energy(blocks, 24, field_of((rows, columns), blocks)).mean()
+        (rows, columns): _energy(_Scene(blocks, 24, 12), field_of((rows, columns), blocks)).mean()
         for rows in (0.3, 0.5, 0.7)
         for columns in (-0.45, -0.25, -0.05)
     }
@@ -66,12 +78,14 @@ def test_the_energy_of_noise_is_about_zero_and_that_of_details_is_their_power():
     flat = blocks_of(jl.Bits.from_array(rng.random((64, 160, 160)) < 0.3))
     still = field_of((0, 0), flat)
     noise = 1 / 32 / (4 * np.pi * 1.5**2)
-    assert abs(_energy(flat, 32, still).mean()) < 0.1 * noise
+    assert abs(_energy(_Scene(flat, 32, 16), still).mean()) < 0.1 * noise
     texture = gaussian_filter(rng.normal(size=(80, 80)), 2)
     p = 0.3 + 0.05 * texture / texture.std()
     blocks = blocks_of(jl.Bits.from_array(rng.random((64, 80, 80)) < p))
     power = gaussian_filter(p - gaussian_filter(p, 6), 1.5)[8:-8, 8:-8].var()
-    assert _energy(blocks, 32, still).mean() == pytest.approx(power / (0.3 * 0.7), rel=0.15)
+    assert _energy(_Scene(blocks, 32, 16), still).mean() == pytest.approx(
+        power / (0.3 * 0.7), rel=0.15
+    )
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])

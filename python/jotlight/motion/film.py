@@ -30,7 +30,8 @@ def film(
     Each image shows the middle of a window of frames. The motion of a window is carried to the next
     one, where only the new frames are aligned. It is estimated afresh for every 33rd image, and
     where many of the new bits disagree with the rest. Where most pixels are flagged, up to four
-    windows of frames are aligned.
+    windows of frames are aligned. They also are at some of the first images of a causal film whose
+    parts move differently.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ class FilmColors:
         return max(1, round(float(np.max(of_squares.trials)) / self._squares.side**2))
 
     def merge(
-        self, part: Bits, of_squares: Motion, start: int, *, is_carried: bool, is_lost: bool
+        self, part: Bits, of_squares: Motion, start: int, *, is_lost: bool
     ) -> tuple[Merged, Motion]:
         """Return the merged colors of a window, and its motion in jots.
 
@@ -100,8 +100,6 @@ class FilmColors:
             The motion of the squares.
         start : int
             The first frame of the window.
-        is_carried : bool
-            Whether the segments of the motion are those of the last image.
         is_lost : bool
             Whether the motion does not explain the squares. All pixels are then flagged.
         """
@@ -111,7 +109,7 @@ class FilmColors:
         for color, memory in self._of_colors:
             burst, _ = prepare_burst(part, color.sensor, may_repeat=True)
             paths, _ = paths_at(burst, color.sensor, None, motion, self._threads, edges)
-            found.append(color.merge(paths, motion, start, memory, is_carried=is_carried))
+            found.append(color.merge(paths, motion, start, memory))
         merged = join_colors(found, self._sensor)
         if is_lost:
             merged = dataclasses.replace(merged, flags=np.ones(merged.shape[:2], bool))
@@ -154,9 +152,7 @@ class ColorFilmState:
         stack = self._colors.squares(data, first, around)
         found = self._of_squares.next_image(stack, around.start, start)
         is_lost = found.merged.flags is not None and bool(found.merged.flags.all())
-        merged, motion = self._colors.merge(
-            part, found.motion, start, is_carried=found.is_carried, is_lost=is_lost
-        )
+        merged, motion = self._colors.merge(part, found.motion, start, is_lost=is_lost)
         if motion.model == "none":
             return FilmImage(merged, motion, found.is_carried, part)
         if not is_lost:

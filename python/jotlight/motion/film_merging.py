@@ -38,15 +38,7 @@ class FilmMerging:
         self.sensor = sensor
         self._step, self._upsample, self._may_stand_still = step, upsample, may_stand_still
 
-    def merge(
-        self,
-        paths: Paths,
-        motion: Motion,
-        start: int,
-        memory: Memory | None,
-        *,
-        is_carried: bool,
-    ) -> Merged:
+    def merge(self, paths: Paths, motion: Motion, start: int, memory: Memory | None) -> Merged:
         """Return the counts of a window along paths, which are those of a motion.
 
         Parameters
@@ -57,8 +49,6 @@ class FilmMerging:
             The first frame of the window.
         memory : Memory or None
             Bits from before the window, which are counted, too. It is changed for the next window.
-        is_carried : bool
-            Whether the segments of the motion are those of the last image.
         """
         consistent = find_consistent(paths, is_still=motion.model == "none", network=FAST)
         merge = partial(
@@ -71,7 +61,7 @@ class FilmMerging:
         )
         if memory is None:
             return merge(upsample=self._upsample)
-        recall = partial(memory.recall, motion=motion, start=start, is_carried=is_carried)
+        recall = partial(memory.recall, motion=motion, start=start)
         merged = merge(recall=recall)
         leaving = sum_leaving(paths, consistent, motion, self._step)
         memory.remember(leaving, motion, start)

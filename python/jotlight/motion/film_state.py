@@ -9,12 +9,13 @@ from jotlight.errors import hide_warnings, record_warnings, warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
 from jotlight.motion.carrying import carry
-from jotlight.motion.film_image import FilmImage, FilmSettings
+from jotlight.motion.film_image import KEPT_WINDOWS, FilmImage, FilmSettings
 from jotlight.motion.film_merging import FilmMerging
 from jotlight.motion.memory import Memory
 from jotlight.motion.merge import as_paths, check_upsample
 from jotlight.motion.model import divide
 from jotlight.motion.motion import Motion
+from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.track import Paths
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
@@ -29,10 +30,10 @@ _MAX_LOSS = 0.03
 """The motion is estimated afresh if the fraction of accepted bits falls by more than this."""
 
 _MAX_FLAGGED = 0.5
-"""A motion is doubtful if more than this fraction of the pixels is flagged.
+"""A motion is doubtful if more than this fraction of the pixels is flagged."""
 
-The motion in more frames replaces it if that one is not doubtful.
-"""
+_GROWTH = 1.5
+"""Factor by which frames must become more, until a causal film estimates its motion from them."""
 
 _MARGIN = 0.1
 """A fresh motion of one window replaces the carried one even if it flags this much more."""
@@ -45,6 +46,8 @@ class _Candidate:
     image: FilmImage
     motion: Motion
     """The motion, as seen from the middle of the window."""
+    paths: Paths
+    """The paths of the image."""
     memory: Memory | None
     warnings: list[str]
     """The warnings of merging."""
@@ -61,6 +64,15 @@ class _Candidate:
         acceptance = self.image.merged.acceptance
         return 1.0 if acceptance is None else float(acceptance.mean())
 
+    def explains_more(self, other: "_Candidate") -> bool:
+        """Return whether the bits of the window are more likely along this motion.
+
+        Where merging has rejected a motion, the other one is better.
+        """
+        if 1 in (self.flagged, other.flagged):
+            return self.flagged < other.flagged
+        return likelihood_gain(self.paths) > likelihood_gain(other.paths)
+
 
 class FilmState:
     """What is carried from image to image."""
@@ -74,6 +86,8 @@ class FilmState:
         """The motion of the last window, as seen from its middle."""
         self._start, self._number, self._usual = 0, 0, 0.0
         self._doubt = _Doubt()
+        self._frames = 0
+        """The number of frames from which the motion was estimated."""
 
     def next_image(self, data: Bits | CountStack, first: int, start: int) -> FilmImage:
         """Return the image of a window.
@@ -96,12 +110,13 @@ class FilmState:
             self._number, self._usual = 0, best.accepted
         around = settings.more_frames(first, first + len(data), start)
         is_due = self._doubt.is_due(best.flagged, is_new=carried is None)
-        if is_due and len(around) > len(part):
-            self._doubt.attempts += 1
-            self._doubt.images = 0
+        if len(around) > len(part) and (is_due or self._has_more(around, best.motion)):
+            if is_due:
+                self._doubt.begin_attempt()
+            self._frames = len(around)
             frames = data[around.start - first : around.stop - first]
             other = self._of_more_frames(frames, around.start, part, start)
-            best = other if other is not None and other.flagged <= _MAX_FLAGGED else best
+            best = other if other is not None and other.explains_more(best) else best
         if not best.image.is_carried:
             self._number, self._usual = 0, best.accepted
             for text in best.warnings:
@@ -115,6 +130,17 @@ class FilmState:
                 self._memory.forget()
         return best.image
 
+    def _has_more(self, around: range, motion: Motion) -> bool:
+        """Return whether more frames are known, which may show other outlines of segments.
+
+        The first windows of a causal film have shown the parts of a scene too briefly.
+        """
+        is_single = motion.model in ("none", "affine")
+        if is_single or not self._settings.causal:
+            return False
+        most = KEPT_WINDOWS * self._settings.window
+        return len(around) > self._frames and len(around) >= min(_GROWTH * self._frames, most)
+
     def _carried(self, part: Bits | CountStack, start: int) -> _Candidate | None:
         """Return the image of a window along the motion of the one before, or None if lost."""
         step, motion = start - self._start, self._motion
@@ -127,6 +153,7 @@ class FilmState:
 
     def _fresh(self, part: Bits | CountStack, start: int) -> _Candidate:
         """Return the image of a window along a motion that is estimated from it alone."""
+        self._frames = len(part)
         motion = align(part, self.sensor, model=self._settings.model, threads=self._threads)
         burst, sensor = prepare_burst(part, self.sensor)
         blocks = as_blocks(burst, divide(len(burst)), sensor, self._threads)
@@ -167,8 +194,9 @@ class FilmState:
         # Merging changes the memory, and other candidates need the one before.
         memory = copy.copy(self._memory)
         with record_warnings() as texts:
-            merged = self._merging.merge(paths, shown, start, memory, is_carried=is_carried)
-        return _Candidate(FilmImage(merged, shown, is_carried, merged), motion, memory, texts)
+            merged = self._merging.merge(paths, shown, start, memory)
+        image = FilmImage(merged, shown, is_carried, merged)
+        return _Candidate(image, motion, paths, memory, texts)
 
 
 @dataclasses.dataclass
@@ -183,6 +211,10 @@ class _Doubt:
     attempts: int = 0
     images: int = 0
     """Number of flagged images since the last attempt."""
+
+    def begin_attempt(self) -> None:
+        """Count an attempt."""
+        self.attempts, self.images = self.attempts + 1, 0
 
     def is_due(self, flagged: float, *, is_new: bool) -> bool:
         """Return whether an attempt is due for an image with a flagged fraction.

@@ -72,9 +72,9 @@ class LiveFilm:
             threads=threads,
         )
         self._state = begin_film(sensor.replace(frames=window), settings)
-        self._parts: list[npt.NDArray[np.uint8]] = []
-        """The latest frames: those of up to four windows, and those added since the last image."""
-        self._width, self._seen = 0, 0
+        self._kept = np.zeros((0, 0, 0), np.uint8)
+        """The latest frames, with room for further ones."""
+        self._filled, self._width, self._seen = 0, 0, 0
 
     def add(self, frames: Bits) -> list[FilmImage]:
         """Return the images that are complete with some further frames, usually none or one.
@@ -90,9 +90,10 @@ class LiveFilm:
                 "Bits.from_array packs frames (T, H, W) of 0 and 1"
             )
         packed = np.asarray(frames.packed)
-        if not self._parts:
-            self._parts, self._width = [packed[:0]], frames.width
-        size = self._parts[0].shape[1:]
+        if self._width == 0:
+            room = (KEPT_WINDOWS + 1) * self._window
+            self._kept, self._width = np.empty((room, *packed.shape[1:]), np.uint8), frames.width
+        size = self._kept.shape[1:]
         if packed.shape[1:] != size or frames.width != self._width:
             raise ValueError(
                 f"frames: expected the size of earlier frames, {size[0]} x {self._width}, got "
@@ -104,11 +105,22 @@ class LiveFilm:
             if missing <= 0:
                 missing = self._step - (self._seen - self._window) % self._step
             part, packed = packed[:missing], packed[missing:]
-            self._parts.append(part.copy())  # the caller may change its frames
-            self._seen += len(part)
+            self._keep(part)
             if len(part) == missing:
-                kept = np.concatenate(self._parts)[-KEPT_WINDOWS * self._window :]
-                self._parts = [kept]
-                bits, first = Bits(kept, self._width), self._seen - len(kept)
-                images.append(self._state.next_image(bits, first, self._seen - self._window))
+                first = max(0, self._filled - KEPT_WINDOWS * self._window)
+                bits = Bits(self._kept[first : self._filled], self._width)
+                before = self._seen - len(bits)
+                images.append(self._state.next_image(bits, before, self._seen - self._window))
         return images
+
+    def _keep(self, part: npt.NDArray[np.uint8]) -> None:
+        """Add frames to those that are kept, which are moved once per window."""
+        if self._filled + len(part) > len(self._kept):
+            start = max(0, self._filled - KEPT_WINDOWS * self._window)
+            # Earlier images may refer to their frames, so these are not overwritten.
+            room = np.empty_like(self._kept)
+            room[: self._filled - start] = self._kept[start : self._filled]
+            self._kept, self._filled = room, self._filled - start
+        self._kept[self._filled : self._filled + len(part)] = part
+        self._filled += len(part)
+        self._seen += len(part)

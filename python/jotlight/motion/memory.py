@@ -83,9 +83,7 @@ class Memory:
         """Forget all bits, because the motion is lost."""
         self._sums = []
 
-    def recall(
-        self, sums: list[Sums], trusted: Mask, motion: Motion, start: int, *, is_carried: bool
-    ) -> list[Sums]:
+    def recall(self, sums: list[Sums], trusted: Mask, motion: Motion, start: int) -> list[Sums]:
         """Return the sums of a window, plus the remembered ones where they agree.
 
         Only what agrees is kept.
@@ -100,12 +98,9 @@ class Memory:
             The motion in the window.
         start : int
             The first frame of the window.
-        is_carried : bool
-            Whether the segments of the motion are those of the last image.
         """
         time, several = self._time - start, len(motion.nodes) > 1
-        has_other_fields = several and not (is_carried and len(motion.nodes) == self._fields)
-        if not self._sums or time < 0 or has_other_fields:
+        if not self._sums or time < 0 or (several and len(motion.nodes) != self._fields):
             self.forget()
             return sums
         places = np.indices(motion.size, np.float32) + motion.at(time)
@@ -116,7 +111,7 @@ class Memory:
         limit = _MAX_IF_STILL if motion.model == "none" else _MAX_DISAGREEMENT
         agrees = trusted & (disagreement(own, old) < limit)
         if several:
-            agrees &= _nearest(self._labels, places) == motion.labels
+            agrees &= _same_segments(_nearest(self._labels, places), motion.labels)
         agrees = _without_margin(agrees)
         if not _as_bright(own, old, agrees):
             self.forget()
@@ -219,6 +214,18 @@ def _nearest(values: npt.NDArray[Any], places: Image) -> npt.NDArray[Any]:
         for each, length in zip(places, values.shape, strict=True)
     )
     return np.asarray(values[rows, columns])
+
+
+def _same_segments(before: npt.NDArray[np.uint8], now: npt.NDArray[np.uint8]) -> Mask:
+    """Return whether pixels follow the same segments as before, (H, W).
+
+    A fresh motion may number them differently. A segment is that of most of its pixels.
+    """
+    same = np.zeros(now.shape, bool)
+    for segment in np.unique(before):
+        pixels = before == segment
+        same |= pixels & (now == np.bincount(now[pixels]).argmax())
+    return same
 
 
 def _as_bright(own: Sums, old: Sums, pixels: Mask) -> bool:

@@ -14,7 +14,7 @@ from jotlight.motion.depth import order_by_depth, refine_outlines, without_absen
 from jotlight.motion.objects import add_objects
 from jotlight.motion.outlines import choose
 from jotlight.motion.scoring import make_blurred_template
-from jotlight.motion.segments import Segment, central_half, energy_of, find_segments
+from jotlight.motion.segments import Segment, energy_of, find_segments
 from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.tiles import mean_tiles, tile_counts
 from jotlight.motion.track import Paths, Track, keeps_sums
@@ -23,6 +23,12 @@ Array = npt.NDArray[np.float64]
 
 _ROUNDS = 2
 """Number of rounds that improve the motions of segments after their outlines are known."""
+
+_SHORT = 24.0
+"""Distance in pixels by which two tracks move apart, below which their outlines are in doubt.
+
+If they move less, smooth regions may belong to either, and either may be in front.
+"""
 
 _EXPLAINED = 0.8
 """A track explains a segment if it has this fraction of the energy of the segment's velocity."""
@@ -117,8 +123,24 @@ def find_paths(
             best, most = found, gain
         if is_clear:
             break
+    if best.model == "tiles" and model == "auto":
+        best = _slow_segments(blocks, reference, best)
     advance(1.0)
     return dataclasses.replace(best, paths=best.paths.with_all_frames())
+
+
+def _slow_segments(blocks: Blocks, reference: int, found: Found) -> Found:
+    """Return paths of segments that move slowly if they explain the scene, or those found before.
+
+    If parts of a scene move slowly, tiles follow them before their velocities differ clearly.
+    """
+    most = -np.inf
+    for segments in find_segments(blocks, reference, is_slow=True):
+        if len(segments) > 1:
+            other = _explain(blocks, reference, segments, "auto", _ignore)
+            if other.model == "segments" and (gain := likelihood_gain(other.paths)) > most:
+                found, most = other, gain
+    return found
 
 
 def _with_tiles(
@@ -163,6 +185,8 @@ def _explain(
     if len(tracks) > 1:
         paths = _from_back_to_front(_improve_segments(paths))
         paths = without_absent(refine_outlines(_improve_inside(refine_outlines(paths))))
+        if len(paths.tracks) == 2 and _distance(*paths.tracks) < _SHORT:
+            paths = _with_other_outlines(paths)
         alone = Paths(paths.tracks[:1], np.zeros_like(paths.labels))
         paths = _more_likely(alone, paths)
     advance(0.7)
@@ -188,7 +212,7 @@ def _follow(blocks: Blocks, reference: int, segments: list[Segment]) -> list[Tra
     tracks = [follow(blocks, reference, segments[0])]
     for segment in segments[1:]:
         tiles = segment.weights > 0
-        others = [float(_energy_along(track)[tiles].sum()) for track in tracks]
+        others = [float(_energy_along(track, segment.half)[tiles].sum()) for track in tracks]
         if max(others) < _EXPLAINED * segment.energy:
             tracks.append(follow(blocks, reference, segment))
     if len(tracks) == 1 and len(segments) > 1:
@@ -197,9 +221,8 @@ def _follow(blocks: Blocks, reference: int, segments: list[Segment]) -> list[Tra
     return tracks
 
 
-def _energy_along(track: Track) -> Array:
-    """Return the energy of the sum of central frames along a track, (rows, columns)."""
-    half = central_half(track.blocks, track.reference)
+def _energy_along(track: Track, half: int) -> Array:
+    """Return the energy along a track of the frames that are up to `half` frames away."""
     central = np.flatnonzero(abs(track.blocks.centers - track.reference) < half)
     sums = Sums.total(track.sums(int(block)) for block in central)
     return energy_of(sums, track.blocks.threads)
@@ -235,6 +258,27 @@ def _improve_segments(paths: Paths) -> Paths:
             for _ in range(_ROUNDS):
                 improve_together(track, weights)
     return Paths(paths.tracks, choose(paths.tracks))
+
+
+def _distance(first: Track, second: Track) -> float:
+    """Return by how many pixels two tracks move apart."""
+    apart = (first.nodes - second.nodes).mean(axis=(2, 3))
+    return float(np.hypot(*np.ptp(apart, axis=0)))
+
+
+def _with_other_outlines(paths: Paths) -> Paths:
+    """Return two tracks with other outlines, if these explain the bits better.
+
+    They are found from an object that has no pixels at first, so that its background is known
+    everywhere, and with either track in front.
+    """
+    most, empty = likelihood_gain(paths), np.zeros_like(paths.labels)
+    for tracks in (paths.tracks, paths.tracks[::-1]):
+        other = refine_outlines(_improve_inside(refine_outlines(Paths(list(tracks), empty))))
+        gain = likelihood_gain(other)
+        if gain > most:
+            paths, most = other, gain
+    return paths
 
 
 def _from_back_to_front(paths: Paths) -> Paths:

@@ -81,52 +81,75 @@ class Segment:
     """Fraction of each tile that belongs to the segment, (rows, columns)."""
     energy: float
     """Energy of its tiles along its velocity."""
+    half: int = 0
+    """Number of frames before and after the reference time whose energy this is."""
 
 
-def find_segments(blocks: Blocks, reference: int) -> list[list[Segment]]:
+@dataclasses.dataclass(frozen=True)
+class _Scene:
+    """The frames of a scene whose energies are compared."""
+
+    blocks: Blocks
+    reference: int
+    half: int
+    """Their number before the reference time, and after it."""
+
+
+def find_segments(blocks: Blocks, reference: int, *, is_slow: bool = False) -> list[list[Segment]]:
     """Return one or two divisions of a scene into segments, the more probable one first.
 
     One search begins with the best affine velocity of the whole scene. The other begins with a
     constant velocity: an affine one may be a compromise between two parts that move differently.
     In dim light, it adds segments that are less clear. The segments of a division are in the order
     of their energies.
+
+    Parameters
+    ----------
+    blocks : Blocks
+        The burst.
+    reference : int
+        Time at which displacements are 0.
+    is_slow : bool
+        Whether the energies are those of all frames, which differ more if parts move slowly.
+        Otherwise, they are those of the central half, because velocities change.
     """
-    scene = blocks, reference
+    half = min(reference, len(blocks.burst) - reference)
+    scene = _Scene(blocks, reference, max(1, half if is_slow else half // 2))
     candidates = list(find_velocities(blocks.burst, reference, blocks.threads, blocks.pattern))
-    energies = [_energy(*scene, field) for field in candidates]
+    energies = [_energy(scene, field) for field in candidates]
     pairs = list(zip(candidates, energies, strict=True))
     constant = [pair for pair in pairs if np.ptp(pair[0], axis=(1, 2)).max() == 0]
     start = max(constant, key=lambda pair: float(pair[1].sum()))
-    divisions = [_add_segments(*scene, _best_of_all(*scene, candidates, energies), pairs, _CLEAR)]
-    several = _add_segments(*scene, start, pairs, _LESS_CLEAR)
+    divisions = [_add_segments(scene, _best_of_all(scene, candidates, energies), pairs, _CLEAR)]
+    several = _add_segments(scene, start, pairs, _LESS_CLEAR)
     if len(several) > 1:
         is_first = _majority([energy for _, energy in several]) == 0
-        divisions.append([_refined(*scene, several[0], is_first), *several[1:]])
-    noise = _noise(*scene)
+        divisions.append([_refined(scene, several[0], is_first), *several[1:]])
+    noise = _noise(scene)
     divisions.sort(key=lambda parts: -_score([energy for _, energy in parts], noise))
-    return [_as_segments(parts) for parts in divisions]
+    return [_as_segments(parts, scene.half) for parts in divisions]
 
 
-def _as_segments(parts: list[Part]) -> list[Segment]:
+def _as_segments(parts: list[Part], half: int) -> list[Segment]:
     """Return the segments with the given velocities, without small ones."""
     labels = _majority([energy for _, energy in parts])
     segments = [
-        Segment(field, (labels == position).astype(float), float(energy[labels == position].sum()))
+        Segment(
+            field, (labels == position).astype(float), float(energy[labels == position].sum()), half
+        )
         for position, (field, energy) in enumerate(parts)
         if position == 0 or (labels == position).sum() >= _MIN_TILES
     ]
     return sorted(segments, key=lambda segment: -segment.energy)
 
 
-def _add_segments(
-    blocks: Blocks, reference: int, start: Part, candidates: list[Part], clear: float
-) -> list[Part]:
+def _add_segments(scene: _Scene, start: Part, candidates: list[Part], clear: float) -> list[Part]:
     """Return a first velocity and others, as long as some region clearly has more energy.
 
     An energy is clear if it exceeds another one by `clear` standard deviations of noise.
     """
     found, remaining = [start], list(candidates)
-    noise = _noise(blocks, reference)
+    noise = _noise(scene)
     while remaining:
         best = np.max([energy for _, energy in found], axis=0)
         regions = [_majority([best, energy]) == 1 for _, energy in remaining]
@@ -137,14 +160,14 @@ def _add_segments(
         index = int(np.argmax(gains))
         if gains[index] <= max(0.0, _MIN_ENERGY * float(start[1].sum())):
             break
-        found.append(_refined(blocks, reference, remaining.pop(index), regions[index]))
+        found.append(_refined(scene, remaining.pop(index), regions[index]))
     return found
 
 
-def _refined(blocks: Blocks, reference: int, part: Part, region: npt.NDArray[np.bool_]) -> Part:
+def _refined(scene: _Scene, part: Part, region: npt.NDArray[np.bool_]) -> Part:
     """Return a better velocity of a region and its energy, or the same if none is better."""
-    field = _refine(blocks, reference, part[0], region.astype(float))
-    energy = _energy(blocks, reference, field)
+    field = _refine(scene.blocks, scene.reference, part[0], region.astype(float))
+    energy = _energy(scene, field)
     return (field, energy) if energy[region].sum() > part[1][region].sum() else part
 
 
@@ -157,14 +180,12 @@ def _score(energies: list[Array], noise: float) -> float:
     )
 
 
-def _best_of_all(
-    blocks: Blocks, reference: int, candidates: list[Array], energies: list[Array]
-) -> Part:
+def _best_of_all(scene: _Scene, candidates: list[Array], energies: list[Array]) -> Part:
     """Return the affine velocity with the most energy in the whole scene, from several starts."""
     everywhere = np.ones(energies[0].shape, bool)
-    frames = max(_MIN_FRAMES, len(blocks.burst) // _ROUNDS[0][0])
+    frames = max(_MIN_FRAMES, len(scene.blocks.burst) // _ROUNDS[0][0])
     totals = np.array([energy.sum() for energy in energies])
-    by_chance = _by_chance(everywhere.size, _noise(blocks, reference))
+    by_chance = _by_chance(everywhere.size, _noise(scene))
     refined: list[Part] = []
     for index in np.argsort(-totals)[:_STARTS]:
         field = candidates[index]
@@ -174,13 +195,14 @@ def _best_of_all(
         # Worse starts hardly ever end at a better velocity than one that is clearly better.
         if any(energy.sum() > totals[index] + by_chance for _, energy in refined):
             break
-        refined.append(_refined(blocks, reference, (field, energies[index]), everywhere))
+        refined.append(_refined(scene, (field, energies[index]), everywhere))
     return max(refined, key=lambda part: part[1].sum())
 
 
-def _noise(blocks: Blocks, reference: int) -> float:
+def _noise(scene: _Scene) -> float:
     """Return the standard deviation of the energy of a tile without details."""
-    trials = min(2 * central_half(blocks, reference), _most_counted(blocks.burst)) * blocks.trials
+    blocks = scene.blocks
+    trials = min(2 * scene.half, _most_counted(blocks.burst)) * blocks.trials
     # The energy of noise fluctuates less than its mean: it is averaged over a wider filter.
     return _FINE / _ENERGY_BLUR / (trials * 4 * np.pi * _FINE**2)
 
@@ -193,16 +215,11 @@ def _by_chance(number: int, noise: float, clear: float = _CLEAR) -> float:
     return noise * (clear * math.sqrt(_CORRELATED * number) + _CHOSEN * number)
 
 
-def _energy(blocks: Blocks, reference: int, field: Array) -> Array:
+def _energy(scene: _Scene, field: Array) -> Array:
     """Return the energy of the sum of frames along a velocity, (rows, columns)."""
-    half = central_half(blocks, reference)
-    frames = range(reference - half, reference + half)
+    blocks, reference = scene.blocks, scene.reference
+    frames = range(reference - scene.half, reference + scene.half)
     return energy_of(count_at_velocity(blocks, frames, field, reference), blocks.threads)
-
-
-def central_half(blocks: Blocks, reference: float) -> int:
-    """Return the number of frames before and after the reference time whose energy is compared."""
-    return max(1, int(min(reference, len(blocks.burst) - reference)) // 2)
 
 
 def energy_of(sums: Sums, threads: int | None) -> Array:
