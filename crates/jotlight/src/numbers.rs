@@ -86,6 +86,12 @@ pub trait Lanes: Copy {
     ) -> Self::Vector<S>;
     /// Return the sum of the lanes of a register.
     fn reduce_sum<S: Simd>(simd: S, vector: Self::Vector<S>) -> Self;
+    /// Return four registers of consecutive values, separated by their position in a group of four.
+    ///
+    /// The order of the groups depends on the instruction set, but not on the position.
+    fn deinterleave<S: Simd>(simd: S, values: [Self::Vector<S>; 4]) -> [Self::Vector<S>; 4];
+    /// Return the registers of which [`Lanes::deinterleave`] returns `values`.
+    fn interleave<S: Simd>(simd: S, values: [Self::Vector<S>; 4]) -> [Self::Vector<S>; 4];
 }
 
 macro_rules! lanes {
@@ -97,7 +103,9 @@ macro_rules! lanes {
         $slice_mut:ident,
         $splat:ident,
         $multiply_add:ident,
-        $reduce_sum:ident
+        $reduce_sum:ident,
+        $deinterleave:ident,
+        $interleave:ident
     ) => {
         impl Lanes for $float {
             type Vector<S: Simd> = S::$vector;
@@ -130,6 +138,14 @@ macro_rules! lanes {
             fn reduce_sum<S: Simd>(simd: S, vector: S::$vector) -> Self {
                 simd.$reduce_sum(vector)
             }
+            #[inline(always)]
+            fn deinterleave<S: Simd>(simd: S, values: [S::$vector; 4]) -> [S::$vector; 4] {
+                simd.$deinterleave(values)
+            }
+            #[inline(always)]
+            fn interleave<S: Simd>(simd: S, values: [S::$vector; 4]) -> [S::$vector; 4] {
+                simd.$interleave(values)
+            }
         }
     };
 }
@@ -141,7 +157,9 @@ lanes!(
     as_mut_simd_f32s,
     splat_f32s,
     mul_add_e_f32s,
-    reduce_sum_f32s
+    reduce_sum_f32s,
+    deinterleave_shfl_f32s,
+    interleave_shfl_f32s
 );
 lanes!(
     f64,
@@ -151,7 +169,9 @@ lanes!(
     as_mut_simd_f64s,
     splat_f64s,
     mul_add_e_f64s,
-    reduce_sum_f64s
+    reduce_sum_f64s,
+    deinterleave_shfl_f64s,
+    interleave_shfl_f64s
 );
 
 /// The number of elements whose products are added before their sum is added to the total, which

@@ -211,32 +211,72 @@ impl<F: Real> BankCorrelation<'_, '_, F> {
         column: usize,
     ) -> usize {
         let ChannelBank { rows, columns, .. } = *self.bank;
-        let lanes = F::lanes::<S>();
+        let length = C * F::lanes::<S>();
+        let stride = self.source.plane_stride;
         let mut sums = [[F::splat(simd, F::zero()); C]; O];
-        let inputs = taps.chunks_exact(rows * columns);
-        for (input, taps) in inputs.enumerate() {
-            // The last registers of a tile may lie beyond the plane. Their sums are discarded.
-            let plane = &self.source.data[input * self.source.plane_stride..];
+        // The last registers of a tile may lie beyond the plane. Their sums are discarded.
+        if (rows, columns) == (1, 1) {
+            // A filter of one tap per input needs no loops over its rows and columns.
+            let start = row * self.source.row_stride + column;
+            let planes = self.source.data[start..].chunks(stride);
+            for (plane, taps) in planes.zip(taps) {
+                add_tap::<S, F, O, C>(simd, &plane[..length], taps, &mut sums);
+            }
+            return self.store::<S, O, C>(first, row, column, sums);
+        }
+        for (input, taps) in taps.chunks_exact(rows * columns).enumerate() {
+            let plane = &self.source.data[input * stride..];
             for (tap_row, taps) in taps.chunks_exact(columns).enumerate() {
                 let source = &plane[(row + tap_row) * self.source.row_stride + column..];
-                let source = &source[..columns - 1 + C * lanes];
-                for (taps, window) in taps.iter().zip(source.windows(C * lanes)) {
-                    let window = F::vectors::<S>(window);
-                    let window: [_; C] = std::array::from_fn(|column| window[column]);
-                    for output in 0..O {
-                        let tap = F::splat(simd, taps[output]);
-                        for column in 0..C {
-                            sums[output][column] =
-                                F::multiply_add(simd, window[column], tap, sums[output][column]);
-                        }
+                let source = &source[..columns - 1 + length];
+                if let Ok(taps) = <&[[F; O]; 3]>::try_from(taps) {
+                    // The compiler unrolls the loop, which is that of the first deep layer.
+                    for tap in 0..3 {
+                        let window = &source[tap..][..length];
+                        add_tap::<S, F, O, C>(simd, window, &taps[tap], &mut sums);
+                    }
+                } else {
+                    for (taps, window) in taps.iter().zip(source.windows(length)) {
+                        add_tap::<S, F, O, C>(simd, window, taps, &mut sums);
                     }
                 }
             }
         }
-        let length = (self.out.width - column).min(C * lanes);
+        self.store::<S, O, C>(first, row, column, sums)
+    }
+
+    /// Write the sums of a tile, and return `C`.
+    #[inline(always)]
+    fn store<S: Simd, const O: usize, const C: usize>(
+        &mut self,
+        first: usize,
+        row: usize,
+        column: usize,
+        sums: [[F::Vector<S>; C]; O],
+    ) -> usize {
+        let length = (self.out.width - column).min(C * F::lanes::<S>());
         for (plane, sums) in (first..self.bank.outputs).zip(sums) {
             store::<S, F, C>(sums, &mut self.out.row(plane, row)[column..][..length]);
         }
         C
+    }
+}
+
+/// Add the products of `C` registers and one tap per output.
+#[inline(always)]
+fn add_tap<S: Simd, F: Real, const O: usize, const C: usize>(
+    simd: S,
+    source: &[F],
+    taps: &[F; O],
+    sums: &mut [[F::Vector<S>; C]; O],
+) {
+    let source = &F::vectors::<S>(source)[..C];
+    // Values that are loaded first leave a register for each sum.
+    let source: [_; C] = std::array::from_fn(|column| source[column]);
+    for output in 0..O {
+        let tap = F::splat(simd, taps[output]);
+        for column in 0..C {
+            sums[output][column] = F::multiply_add(simd, source[column], tap, sums[output][column]);
+        }
     }
 }

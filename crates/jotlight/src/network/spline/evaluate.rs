@@ -2,6 +2,8 @@
 //! (19).
 
 #[cfg(target_arch = "x86_64")]
+use super::register_pairs::RegisterPairValues;
+#[cfg(target_arch = "x86_64")]
 use super::registers::{MAX_INTERVALS, RegisterSpline, RegisterValues, SmallSpline};
 #[cfg(target_arch = "x86_64")]
 use crate::cpu;
@@ -149,6 +151,10 @@ impl<F: Real> Spline<F> {
         if let Some(work) = self.values_in_registers(values) {
             return work.with_simd(simd);
         }
+        #[cfg(target_arch = "x86_64")]
+        if let Some(work) = self.values_in_register_pairs(values) {
+            return work.with_simd(simd);
+        }
         let _ = simd;
         self.apply_inlined(values);
     }
@@ -156,6 +162,10 @@ impl<F: Real> Spline<F> {
     fn apply_to_part(&self, plane: &mut [F]) {
         #[cfg(target_arch = "x86_64")]
         if let Some(work) = self.values_in_registers(plane) {
+            return cpu::run(work);
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let Some(work) = self.values_in_register_pairs(plane) {
             return cpu::run(work);
         }
         apply(self, plane);
@@ -167,6 +177,20 @@ impl<F: Real> Spline<F> {
     fn values_in_registers<'a>(&'a self, plane: &'a mut [F]) -> Option<RegisterValues<'a>> {
         Some(RegisterValues {
             spline: self.in_registers()?,
+            plane: F::as_f32_slice(plane)?,
+        })
+    }
+
+    /// Return the evaluation with the spline in pairs of registers, if that is possible.
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    fn values_in_register_pairs<'a>(
+        &'a self,
+        plane: &'a mut [F],
+    ) -> Option<RegisterPairValues<'a>> {
+        Some(RegisterPairValues {
+            simd: cpu::v3()?,
+            small: self.small.as_deref()?,
             plane: F::as_f32_slice(plane)?,
         })
     }

@@ -2,10 +2,12 @@
 //! knots.
 //!
 //! `evaluate` computes φ and its derivatives, and `registers` does the same faster with AVX-512.
-//! `backward` computes gradients. `channels` applies one spline per channel.
+//! `register_pairs` computes φ faster with AVX2. `backward` computes gradients. `channels` applies one spline per channel.
 
 mod backward;
 pub(crate) mod channels;
 pub(crate) mod evaluate;
+#[cfg(target_arch = "x86_64")]
+mod register_pairs;
 #[cfg(target_arch = "x86_64")]
 mod registers;

@@ -10,6 +10,6 @@
 pub(crate) mod dependencies;
 pub(crate) mod region;
 pub(crate) mod schedule;
-mod strip_workspace;
+pub(crate) mod strip_workspace;
 pub(crate) mod strips;
 mod workspace;

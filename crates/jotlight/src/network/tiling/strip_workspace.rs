@@ -169,8 +169,9 @@ levels! {
     fn add[F: Real](values: &[F], out: &mut [F]) = add_inlined;
 }
 
+/// Write the values of two rows alternately into `out`.
 #[inline(always)]
-fn interleave_inlined<F: Real>(even: &[F], odd: &[F], out: &mut [F]) {
+pub(crate) fn interleave_inlined<F: Real>(even: &[F], odd: &[F], out: &mut [F]) {
     let (pairs, _) = out.as_chunks_mut::<2>();
     for ((pair, &even), &odd) in pairs.iter_mut().zip(even).zip(odd) {
         *pair = [even, odd];

@@ -22,11 +22,12 @@ pub(super) struct InputBlock<'a, F> {
 
 /// The buffers for the transform of planes.
 pub(super) struct InputBuffers<'a, F> {
-    /// Rows after the transform along columns, `(DEPTH, columns)`. The output's first column is
-    /// [`MARGIN`].
+    /// Rows of two planes after the transform along columns, `(2, DEPTH, columns)`. The output's
+    /// first column is [`MARGIN`].
     pub rows: &'a mut [F],
     /// The columns of the tiles of two planes, `(2, DEPTH, DEPTH, tiles)`: planes, rows of a tile,
-    /// and columns of a tile. After each column, [`MAX_LANES`] values are free.
+    /// and columns of a tile. After each column, [`MAX_LANES`] values are free. Only blocks with
+    /// several rows of tiles need them.
     pub columns: &'a mut [F],
 }
 
@@ -44,15 +45,20 @@ impl<F: Real> InputBuffers<'_, F> {
     /// Return the lengths of the buffers for a block of `tiles` tiles.
     pub const fn lengths(tiles: usize) -> (usize, usize) {
         (
-            DEPTH * (MARGIN + TILE * tiles + MAX_LANES),
+            2 * DEPTH * (MARGIN + TILE * tiles + MAX_LANES),
             2 * DEPTH * DEPTH * (tiles + MAX_LANES),
         )
     }
 }
 
 impl<F: Real> InputBlock<'_, F> {
-    /// Write the transform of a plane into `transformed`. Its shape is `(PRODUCTS, inputs, N)` with
-    /// a distance of `stride` values between products, and its elements are registers.
+    /// Write the transform of the planes into `transformed`. Its shape is `(PRODUCTS, inputs, N)`
+    /// with a distance of `stride` values between products, and its elements are registers.
+    ///
+    /// The order of the tiles in a register is that of [`Lanes::deinterleave`], unless the block has
+    /// several rows of tiles.
+    ///
+    /// [`Lanes::deinterleave`]: crate::numbers::Lanes::deinterleave
     #[inline(always)]
     pub fn transform<S: Simd, const N: usize>(
         &self,
@@ -61,23 +67,58 @@ impl<F: Real> InputBlock<'_, F> {
         buffers: &mut InputBuffers<'_, F>,
         (transformed, stride): (&mut [F], usize),
     ) {
-        let mut rows = [[None; DEPTH]; MAX_TILE_ROWS];
-        let rows = &mut rows[..self.height.div_ceil(TILE)];
-        self.find_rows(rows);
-        let zeros = [F::zero(); MAX_COLUMNS];
-        let tiles = self.width.div_ceil(TILE);
+        if self.height > TILE {
+            return self.transform_rows_of_tiles::<S, N>(
+                simd,
+                inputs,
+                buffers,
+                (transformed, stride),
+            );
+        }
+        let rows = self.find_rows(0);
         let stride = stride / F::lanes::<S>();
-        let half = buffers.columns.len() / 2;
-        let (mut current, mut previous) = buffers.columns.split_at_mut(half);
+        let half = buffers.rows.len() / 2;
+        let (mut current, mut previous) = buffers.rows.split_at_mut(half);
         // The transform along the rows reads values across two stores. It would wait for them
         // without another plane in between.
         for input in 0..=inputs {
             if input < inputs {
+                self.transform_columns(simd, &rows, input, current);
+            }
+            if input > 0 {
+                let vectors = &mut F::vectors_mut::<S>(transformed)[(input - 1) * N..];
+                separate_and_transform_rows::<S, F, N>(simd, previous, vectors, stride);
+            }
+            std::mem::swap(&mut current, &mut previous);
+        }
+    }
+
+    /// Do the same for several rows of tiles of a narrow plane, which fill the registers together.
+    #[inline(always)]
+    fn transform_rows_of_tiles<S: Simd, const N: usize>(
+        &self,
+        simd: S,
+        inputs: usize,
+        buffers: &mut InputBuffers<'_, F>,
+        (transformed, stride): (&mut [F], usize),
+    ) {
+        let mut rows = [[None; DEPTH]; MAX_TILE_ROWS];
+        let rows = &mut rows[..self.height.div_ceil(TILE)];
+        for (tile_row, rows) in rows.iter_mut().enumerate() {
+            *rows = self.find_rows(tile_row);
+        }
+        let tiles = self.width.div_ceil(TILE);
+        let stride = stride / F::lanes::<S>();
+        let (half, half_rows) = (buffers.columns.len() / 2, buffers.rows.len() / 2);
+        let buffer = &mut buffers.rows[..half_rows];
+        let (mut current, mut previous) = buffers.columns.split_at_mut(half);
+        for input in 0..=inputs {
+            if input < inputs {
                 for (tile_row, rows) in rows.iter().enumerate() {
-                    self.transform_columns(simd, rows, input, &zeros, buffers.rows);
+                    self.transform_columns(simd, rows, input, buffer);
                     let tiles = tile_row * tiles..(tile_row + 1) * tiles;
                     let capacity = N * F::lanes::<S>();
-                    separate_columns::<S, F>(simd, buffers.rows, current, capacity, tiles);
+                    separate_columns::<S, F>(simd, buffer, current, capacity, tiles);
                 }
             }
             if input > 0 {
@@ -88,21 +129,21 @@ impl<F: Real> InputBlock<'_, F> {
         }
     }
 
-    /// Find the input of each row of tiles.
+    /// Return the input of a row of tiles.
     ///
     /// The rows that the output does not depend on are 0. Then the result does not depend on the
     /// strips that are in memory.
     #[inline(always)]
-    fn find_rows<'a>(&'a self, rows: &mut [InputRows<'a, F>]) {
-        for (tile_row, rows) in rows.iter_mut().enumerate() {
-            for (row, source) in rows.iter_mut().enumerate() {
-                let row = TILE * tile_row + row;
-                if row < self.height + 2 {
-                    let row = (self.top + row) as isize - 1;
-                    *source = Some(self.source.row(mirror_index(row, self.source.size.0)));
-                }
+    fn find_rows(&self, tile_row: usize) -> InputRows<'_, F> {
+        let mut rows = [None; DEPTH];
+        for (row, source) in rows.iter_mut().enumerate() {
+            let row = TILE * tile_row + row;
+            if row < self.height + 2 {
+                let row = (self.top + row) as isize - 1;
+                *source = Some(self.source.row(mirror_index(row, self.source.size.0)));
             }
         }
+        rows
     }
 
     /// Transform a plane along its columns.
@@ -112,36 +153,36 @@ impl<F: Real> InputBlock<'_, F> {
         simd: S,
         rows: &InputRows<'_, F>,
         plane: usize,
-        zeros: &[F],
         out: &mut [F],
     ) {
         let lanes = F::lanes::<S>();
         let tile_columns = self.width.next_multiple_of(TILE);
         // The tiles read one column before the output, and one after it.
         let before = if self.left == 0 { 0 } else { lanes };
-        let length = (before + tile_columns + 1).next_multiple_of(lanes);
-        let mut sources = [zeros; DEPTH];
+        let registers = (before + tile_columns + 1).div_ceil(lanes);
+        let zeros = [F::zero(); MAX_COLUMNS];
+        let mut sources = [&F::vectors::<S>(&zeros)[..registers]; DEPTH];
         for (source, row) in sources.iter_mut().zip(rows) {
             if let Some(row) = row {
                 let (values, lead) = row.plane_and_lead(plane);
-                let first = lead + self.left - self.source.columns.start;
-                *source = &values[first - before..];
+                let first = lead + self.left - self.source.columns.start - before;
+                *source = &F::vectors::<S>(&values[first..][..registers * lanes])[..registers];
             }
-            *source = &source[..length];
         }
         let row_length = out.len() / DEPTH;
-        let mut start = 0;
-        while start < length {
-            let mut values = [F::splat(simd, F::zero()); DEPTH];
-            for row in 0..DEPTH {
-                values[row] = F::vectors::<S>(&sources[row][start..start + lanes])[0];
-            }
-            values = transform_input::<S, F>(simd, values);
-            for row in 0..DEPTH {
-                let first = row * row_length + MARGIN - before + start;
-                F::vectors_mut::<S>(&mut out[first..first + lanes])[0] = values[row];
-            }
-            start += lanes;
+        let mut rest = &mut *out;
+        let transformed: [_; DEPTH] = std::array::from_fn(|_| {
+            let (row, others) = std::mem::take(&mut rest).split_at_mut(row_length);
+            rest = others;
+            &mut F::vectors_mut::<S>(&mut row[MARGIN - before..])[..registers]
+        });
+        // Iterators need no bounds checks.
+        let [a, b, c, d, e, f] = sources;
+        let values = a.iter().zip(b).zip(c).zip(d).zip(e).zip(f);
+        let [p, q, r, s, t, u] = transformed;
+        let results = p.iter_mut().zip(q).zip(r).zip(s).zip(t).zip(u);
+        for ((((((a, b), c), d), e), f), (((((p, q), r), s), t), u)) in values.zip(results) {
+            [*p, *q, *r, *s, *t, *u] = transform_input::<S, F>(simd, [*a, *b, *c, *d, *e, *f]);
         }
         let known = (self.source.columns.end - self.left).min(tile_columns + 1);
         for row in out.chunks_exact_mut(row_length) {
@@ -191,6 +232,34 @@ fn separate_columns<S: Simd, F: Real>(
         }
         before[0] = row[MARGIN - 1];
         after[tiles.len() - 1] = row[MARGIN + TILE * tiles.len()];
+    }
+}
+
+/// Separate the columns of `N` registers of tiles, and transform the tiles along their rows.
+#[inline(always)]
+fn separate_and_transform_rows<S: Simd, F: Real, const N: usize>(
+    simd: S,
+    rows: &[F],
+    transformed: &mut [F::Vector<S>],
+    stride: usize,
+) {
+    let length = TILE * F::lanes::<S>();
+    let row_length = rows.len() / DEPTH;
+    for row in 0..DEPTH {
+        // The first column of a tile is one before its output.
+        let columns = &rows[row * row_length + MARGIN - 1..][..N * length + TILE];
+        for register in 0..N {
+            let columns = &columns[register * length..];
+            let first = F::vectors::<S>(&columns[..length]);
+            let next = F::vectors::<S>(&columns[TILE..][..length]);
+            let first = [first[0], first[1], first[2], first[3]];
+            let [a, b, c, d] = F::deinterleave(simd, first);
+            let [e, f, ..] = F::deinterleave(simd, [next[0], next[1], next[2], next[3]]);
+            let values = transform_input::<S, F>(simd, [a, b, c, d, e, f]);
+            for column in 0..DEPTH {
+                transformed[(row * DEPTH + column) * stride + register] = values[column];
+            }
+        }
     }
 }
 

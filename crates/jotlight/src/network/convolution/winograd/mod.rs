@@ -17,7 +17,7 @@ use ndarray::ArrayView4;
 use self::input::{InputBlock, InputBuffers};
 pub(crate) use self::output::Finish;
 use self::output::{OutputBlock, OutputBuffers};
-use self::products::{MAX_GROUP, PRODUCTS, TransformedFilters};
+use self::products::{PRODUCTS, TransformedFilters};
 use crate::cpu::{self, Simd, WithSimd};
 use crate::interrupt;
 use crate::network::tiling::region::Region;
@@ -133,7 +133,9 @@ impl<F: Real> Convolution<'_, '_, F> {
         let tiles = N * lanes;
         // An odd number of registers between products distributes them over all sets of the cache.
         let stride = ((filters.inputs * N) | 1) * lanes;
-        let mut memory = Memory::aligned(self.workspace, stride, tiles, self.finish);
+        let sums_stride = ((filters.batch(tiles) * N) | 1) * lanes;
+        let strides = (stride, sums_stride);
+        let mut memory = Memory::aligned(self.workspace, strides, tiles, self.finish);
         let input = InputBlock {
             source: self.source,
             top: self.output.rows.start + block.row,
@@ -143,12 +145,13 @@ impl<F: Real> Convolution<'_, '_, F> {
         };
         let transformed = (&mut *memory.transformed, stride);
         input.transform::<S, N>(simd, filters.inputs, &mut memory.input, transformed);
-        for group in 0..filters.outputs.div_ceil(filters.group) {
-            let transformed = (&*memory.transformed, stride);
-            filters.multiply::<S, N>(simd, group, transformed, memory.sums);
-            let first = group * filters.group;
-            let sums = F::vectors::<S>(memory.sums).chunks_exact(N * PRODUCTS);
-            for (filter, sums) in (first..filters.outputs).zip(sums.take(filters.group)) {
+        let batch = filters.batch(tiles);
+        for first in (0..filters.outputs).step_by(batch) {
+            let planes = (&*memory.transformed, &mut *memory.sums);
+            filters.multiply::<S, N>(simd, first, planes, strides);
+            let sums = F::vectors::<S>(memory.sums);
+            for filter in first..(first + batch).min(filters.outputs) {
+                let sums = (&sums[(filter - first) * N..], sums_stride / lanes);
                 let buffers = &mut memory.output;
                 let out = &mut *self.out;
                 self.finish
@@ -171,15 +174,15 @@ impl<'a, F: Real> Memory<'a, F> {
     /// cache lines share takes twice as long to read.
     fn aligned(
         workspace: &'a mut Vec<F>,
-        stride: usize,
+        strides: (usize, usize),
         tiles: usize,
         finish: &Finish<'_, F>,
     ) -> Self {
         let (rows, columns) = InputBuffers::<F>::lengths(tiles);
         let (phases, deep, channel) = finish.lengths(tiles);
         let lengths = [
-            PRODUCTS * stride,
-            MAX_GROUP * tiles * PRODUCTS,
+            PRODUCTS * strides.0,
+            PRODUCTS * strides.1,
             rows,
             columns,
             phases,

@@ -4,13 +4,13 @@
 use std::ops::Range;
 
 use super::TILE;
-use super::products::PRODUCTS;
 use super::transforms::{DEPTH, transform_output};
 use crate::cpu::Simd;
 use crate::network::spline::evaluate::Spline;
 use crate::network::tiling::region::Region;
+use crate::network::tiling::strip_workspace::interleave_inlined;
 use crate::network::tiling::strips::{PlanesMut, StripedPlanes};
-use crate::numbers::Real;
+use crate::numbers::{MAX_LANES, Real};
 
 /// The operations of a layer after its convolution.
 pub(crate) struct Finish<'a, F> {
@@ -38,6 +38,13 @@ impl OutputBlock {
     pub fn tiles(&self) -> usize {
         self.height.div_ceil(TILE) * self.width.div_ceil(TILE)
     }
+
+    /// Return whether several rows of tiles fill the registers together. The tiles of a register
+    /// then follow each other. Otherwise, they have the order of
+    /// [`Lanes::deinterleave`](crate::numbers::Lanes::deinterleave).
+    fn has_rows_of_tiles(&self) -> bool {
+        self.height > TILE
+    }
 }
 
 /// The buffers for the output of a block of `tiles` tiles.
@@ -59,21 +66,22 @@ impl<F: Real> Finish<'_, F> {
         (plane, plane * planes, plane * planes)
     }
 
-    /// Write the output of one filter. `sums` has the shape `(N, PRODUCTS)`, and its elements are
-    /// registers.
+    /// Write the output of one filter. `sums` begins at the sums of the filter. Its shape is
+    /// `(PRODUCTS, filters, N)` with a distance of `stride` registers between products, and its
+    /// elements are registers.
     #[inline(always)]
     pub(super) fn write<S: Simd, const N: usize>(
         &self,
         simd: S,
         filter: usize,
-        sums: &[F::Vector<S>],
+        (sums, stride): (&[F::Vector<S>], usize),
         block: OutputBlock,
         buffers: &mut OutputBuffers<'_, F>,
         out: &mut PlanesMut<'_, F>,
     ) {
-        transform_tiles::<S, F, N>(simd, sums, buffers.phases);
+        transform_tiles::<S, F, N>(simd, (sums, stride), buffers.phases);
         if self.upsampling == 1 {
-            return self.write_plane(simd, filter, block, buffers.phases, out);
+            return self.write_plane::<S, N>(simd, filter, block, buffers.phases, out);
         }
         let planes = self.upsampling * self.upsampling;
         let plane = buffers.phases.len();
@@ -83,18 +91,21 @@ impl<F: Real> Finish<'_, F> {
             .chunks_exact(plane / TILE)
             .zip(deep.chunks_exact_mut(plane / TILE))
         {
-            join_phases(phases, 0..plane / TILE / TILE, deep);
+            if block.has_rows_of_tiles() {
+                join_phases(phases, 0..plane / TILE / TILE, deep);
+            } else {
+                join_registers::<S, F, N>(simd, phases, deep);
+            }
         }
         if filter % planes == planes - 1 {
             let columns = TILE * N * F::lanes::<S>();
-            depth_to_space(buffers.deep, self.upsampling, columns, buffers.channel);
-            self.write_upsampled(simd, filter / planes, block, columns, buffers.channel, out);
+            self.write_upsampled(simd, filter / planes, block, columns, buffers, out);
         }
     }
 
     /// Write a plane of a block. Its columns are separated by their position in a tile.
     #[inline(always)]
-    fn write_plane<S: Simd>(
+    fn write_plane<S: Simd, const N: usize>(
         &self,
         simd: S,
         channel: usize,
@@ -110,15 +121,19 @@ impl<F: Real> Finish<'_, F> {
         let tiles = block.width.div_ceil(TILE);
         for row in 0..block.height {
             let phases = &phases[row % TILE * row_length..][..row_length];
-            let first = row / TILE * tiles;
-            let out = out.row_to_end(channel, block.row + row);
-            join_phases(phases, first..first + tiles, &mut out[block.column..]);
+            let out = &mut out.row_to_end(channel, block.row + row)[block.column..];
+            if block.has_rows_of_tiles() {
+                let first = row / TILE * tiles;
+                join_phases(phases, first..first + tiles, out);
+            } else {
+                join_registers::<S, F, N>(simd, phases, &mut out[..tiles * TILE]);
+            }
             if self.skip.is_some() {
                 self.add_skip(
                     simd,
                     channel,
                     (block.row + row, block.column),
-                    &mut out[block.column..][..block.width],
+                    &mut out[..block.width],
                 );
             }
         }
@@ -146,7 +161,7 @@ impl<F: Real> Finish<'_, F> {
         }
     }
 
-    /// Write a channel of a block after its upsampling. The rows of `values` belong to `columns`
+    /// Write a channel of a block after its upsampling. The rows of the buffers belong to `columns`
     /// columns before the upsampling.
     #[inline(always)]
     fn write_upsampled<S: Simd>(
@@ -155,18 +170,30 @@ impl<F: Real> Finish<'_, F> {
         channel: usize,
         block: OutputBlock,
         columns: usize,
-        values: &[F],
+        buffers: &mut OutputBuffers<'_, F>,
         out: &mut PlanesMut<'_, F>,
     ) {
         let factor = self.upsampling;
         let width = block.width * factor;
         let tile_row_width = block.width.next_multiple_of(TILE) * factor;
         let (top, left) = (block.row * factor, block.column * factor);
+        let is_double = factor == 2;
+        if !is_double {
+            depth_to_space(buffers.deep, factor, columns, buffers.channel);
+        }
         for row in 0..block.height * factor {
             let (tile_row, tile_row_row) = (row / (TILE * factor), row % (TILE * factor));
-            let start = tile_row_row * columns * factor + tile_row * tile_row_width;
+            let first = tile_row * tile_row_width;
             let out = &mut out.row(channel, top + row)[left..][..width];
-            out.copy_from_slice(&values[start..][..width]);
+            if is_double {
+                let start = tile_row_row / 2 * columns + first / 2;
+                let phases = &buffers.deep[tile_row_row % 2 * 2 * TILE * columns + start..];
+                let next = &phases[TILE * columns..];
+                interleave_inlined(phases, next, out);
+            } else {
+                let start = tile_row_row * columns * factor + first;
+                out.copy_from_slice(&buffers.channel[start..][..width]);
+            }
             self.add_skip(simd, channel, (top + row, left), out);
         }
     }
@@ -176,17 +203,20 @@ impl<F: Real> Finish<'_, F> {
 #[inline(always)]
 fn transform_tiles<S: Simd, F: Real, const N: usize>(
     simd: S,
-    sums: &[F::Vector<S>],
+    (sums, stride): (&[F::Vector<S>], usize),
     phases: &mut [F],
 ) {
     let phases = F::vectors_mut::<S>(phases);
     let phases = &mut phases[..TILE * TILE * N];
-    for (register, sums) in sums.as_chunks::<PRODUCTS>().0.iter().enumerate() {
+    for register in 0..N {
         // Closures would not be compiled for the instruction set, so these are loops.
-        let (products, _) = sums.as_chunks::<DEPTH>();
         let mut columns = [[F::splat(simd, F::zero()); DEPTH]; TILE];
         for row in 0..DEPTH {
-            let values = transform_output::<S, F>(simd, products[row]);
+            let mut products = [F::splat(simd, F::zero()); DEPTH];
+            for column in 0..DEPTH {
+                products[column] = sums[(row * DEPTH + column) * stride + register];
+            }
+            let values = transform_output::<S, F>(simd, products);
             for column in 0..TILE {
                 columns[column][row] = values[column];
             }
@@ -196,6 +226,26 @@ fn transform_tiles<S: Simd, F: Real, const N: usize>(
             for row in 0..TILE {
                 phases[(row * TILE + column) * N + register] = values[row];
             }
+        }
+    }
+}
+
+/// Return the columns of a row of tiles to their order. The first registers of each column contain
+/// the tiles in the order of `Lanes::deinterleave`.
+#[inline(always)]
+fn join_registers<S: Simd, F: Real, const N: usize>(simd: S, phases: &[F], row: &mut [F]) {
+    let (phases, _) = F::vectors::<S>(phases).as_chunks::<N>();
+    let [a, b, c, d] = [&phases[0], &phases[1], &phases[2], &phases[3]];
+    let length = TILE * F::lanes::<S>();
+    for (register, out) in row.chunks_mut(length).enumerate().take(N) {
+        let values = [a[register], b[register], c[register], d[register]];
+        let values = F::interleave(simd, values);
+        if out.len() == length {
+            F::vectors_mut::<S>(out)[..TILE].copy_from_slice(&values);
+        } else {
+            let mut whole = [F::zero(); TILE * MAX_LANES];
+            F::vectors_mut::<S>(&mut whole)[..TILE].copy_from_slice(&values);
+            out.copy_from_slice(&whole[..out.len()]);
         }
     }
 }
