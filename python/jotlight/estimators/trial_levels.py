@@ -32,8 +32,8 @@ def level_weights(trials: npt.NDArray[np.floating]) -> list[tuple[int, Image]]:
     """Return the levels of a map, and their weights at each pixel, of which one is above 0.
 
     The weights of a pixel belong to the largest level up to its trials, and near the next level to
-    both. Their sum is 1. Up to half of the way to the next level, by logarithm, a level alone serves
-    a pixel. From there on, the share of the next level rises: a denoiser that expects 10 % fewer
+    both. Their sum is 1. A level alone serves a pixel up to half of the way to the next one, by
+    logarithm. From there on, the share of the next level rises: a denoiser that expects 10 % fewer
     trials than there are is as good as the right one, but for 10 % more trials it loses up to
     0.6 dB.
 

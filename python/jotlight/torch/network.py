@@ -295,7 +295,7 @@ class Network(nn.Module):
 
 
 # torch.compile cannot read the function of the engine, so it calls it once for each K.
-@torch.compiler.assume_constant_result  # type: ignore[untyped-decorator]
+@torch.compiler.assume_constant_result
 def _weights(trials: int, trials_range: tuple[int, int], sets: int) -> Tensor:
     return torch.from_numpy(conditioning_weights(trials, trials_range, sets))
 

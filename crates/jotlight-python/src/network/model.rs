@@ -9,8 +9,8 @@ use jotlight::network::{
 use jotlight::values::Values;
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayDyn, PyArrayMethods, PyReadonlyArray2,
-    PyReadonlyArray3, PyReadonlyArrayDyn, PyReadwriteArray2,
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayDyn, PyReadonlyArray2, PyReadonlyArray3,
+    PyReadonlyArrayDyn, PyReadwriteArray2,
 };
 use pyo3::prelude::*;
 use rayon::prelude::*;

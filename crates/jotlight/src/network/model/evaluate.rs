@@ -105,13 +105,11 @@ impl Network {
 
     /// Return K of a network for one sensor.
     pub(super) fn own_trials(&self) -> Result<f64> {
-        match self.served {
-            Served::Sensor(sensor) => Ok(f64::from(sensor.trials)),
-            _ => {
-                let expected = "a network for one sensor";
-                Err(Error::range("network", expected, "one for many K"))
-            }
-        }
+        let Served::Sensor(sensor) = self.served else {
+            let expected = "a network for one sensor";
+            return Err(Error::range("network", expected, "one for many K"));
+        };
+        Ok(f64::from(sensor.trials))
     }
 
     /// Write the output of tied layers for counts, which need not be whole.

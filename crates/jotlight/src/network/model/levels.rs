@@ -77,7 +77,7 @@ pub fn local_trials(trials: ArrayView2<'_, f64>) -> Result<LocalTrials> {
     let Some(&first) = trials.first() else {
         return Err(Error::range("trials", "at least one pixel", 0));
     };
-    if trials.iter().all(|&other| other == first) {
+    if trials.iter().all(|other| other.total_cmp(&first).is_eq()) {
         return Ok(LocalTrials::Same(round(first)));
     }
     let noise = trials.mapv(|trials| (1.0 / trials) as f32);
@@ -106,6 +106,7 @@ fn round(trials: f64) -> u32 {
 }
 
 /// Return whole numbers from `smallest` to `largest`, with ratios of at most about √2.
+#[must_use]
 pub fn level_range(smallest: f64, largest: f64) -> Vec<u32> {
     let (first, last) = (f64::from(round(smallest)), f64::from(round(largest)));
     // Rounding may make the ratio of two neighbors a little larger than the maximum.
@@ -127,6 +128,7 @@ pub fn level_range(smallest: f64, largest: f64) -> Vec<u32> {
 ///
 /// The weights of a pixel belong to the largest level up to its trials, and near the next level to
 /// both. Their sum is 1.
+#[must_use]
 pub fn level_weights(trials: ArrayView2<'_, f32>) -> Vec<(u32, Array2<f32>)> {
     let (low, high) = extremes(trials);
     let levels = level_range(f64::from(low), largest_level(trials, f64::from(high)));
@@ -230,7 +232,8 @@ mod tests {
     fn local_trials_are_harmonic_means() -> Result<()> {
         let (height, width) = (30, 40);
         let image = Array2::from_shape_fn((height, width), |(row, column)| {
-            4.0 + f64::from((row * 7 + column * 13) as u32 % 23) * 9.0
+            let trials = 4.0 + f64::from((row * 7 + column * 13) as u32 % 23);
+            if column < 20 { trials } else { 8.0 * trials }
         });
         let same = Array2::from_elem((3, 4), 16.4);
         assert!(matches!(local_trials(same.view())?, LocalTrials::Same(16)));

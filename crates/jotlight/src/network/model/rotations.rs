@@ -88,7 +88,10 @@ mod tests {
             Ok(planes.mapv(|_| corner))
         };
         let mean = mean_of_rotations(planes.view(), 4, 1, first)?;
-        assert!(mean.iter().all(|&x| x == (0.0 + 4.0 + 24.0 + 20.0) / 4.0));
+        assert_eq!(
+            mean,
+            Array3::from_elem((2, 3, 5), (0.0 + 4.0 + 24.0 + 20.0) / 4.0)
+        );
         Ok(())
     }
 
