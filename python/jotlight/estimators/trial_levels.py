@@ -49,7 +49,7 @@ def level_weights(trials: npt.NDArray[np.floating]) -> list[tuple[int, Image]]:
     8 [[1.  1.  0.6 0. ]]
     11 [[0.  0.  0.4 1. ]]
     """
-    return engine.level_weights(np.asarray(trials, np.float32))
+    return engine.level_weights([np.asarray(trials, np.float32)])[0]
 
 
 def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
@@ -72,7 +72,7 @@ def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
     >>> local_trials(trials)[0, [0, 44, 45, 89]].round(1)
     array([ 4. ,  5.9,  7. , 16. ], dtype=float32)
     """
-    return engine.local_trials(np.asarray(trials, np.float64), None)
+    return engine.local_trials([np.asarray(trials, np.float64)], None)[0]
 
 
 def count_local_trials(pixels: PixelCounts) -> list[LocalTrials]:
@@ -101,7 +101,8 @@ def count_local_trials(pixels: PixelCounts) -> list[LocalTrials]:
     # The images of a sensor with a mask share one map.
     is_shared = pixels.trials.strides[0] == 0
     maps = pixels.trials[:1] if is_shared else pixels.trials
-    local = [local_trials(fill_from_nearest(trials, trials > 0)) for trials in maps]
+    filled = [fill_from_nearest(trials, trials > 0).astype(np.float64) for trials in maps]
+    local = engine.local_trials(filled, None)
     return local * number if is_shared else local
 
 
@@ -134,11 +135,13 @@ def share_levels(
     for image, each in enumerate(trials):
         # Images of the same sensor share one map.
         groups.setdefault(-id(each) if isinstance(each, np.ndarray) else each, []).append(image)
+    firsts = [trials[images[0]] for images in groups.values()]
+    maps = [np.asarray(each, np.float32) for each in firsts if isinstance(each, np.ndarray)]
+    weights_of_maps = iter(engine.level_weights(maps) if maps else [])
     levels: dict[int, list[tuple[list[int], Image | None]]] = {}
-    for images in groups.values():
-        each = trials[images[0]]
+    for images, each in zip(groups.values(), firsts, strict=True):
         if isinstance(each, np.ndarray):
-            for level, weights in level_weights(each):
+            for level, weights in next(weights_of_maps):
                 levels.setdefault(level, []).append((images, weights))
         else:
             levels.setdefault(each, []).append((images, None))

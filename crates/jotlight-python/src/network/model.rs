@@ -7,7 +7,7 @@ use jotlight::network::{
     SensorModel, Served, Wiring, write_images,
 };
 use jotlight::values::Values;
-use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
+use ndarray::{Array2, ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayDyn, PyReadonlyArray2, PyReadonlyArray3,
     PyReadonlyArrayDyn, PyReadwriteArray2,
@@ -364,14 +364,17 @@ pub fn level_range(smallest: f64, largest: f64) -> Vec<u32> {
     network::level_range(smallest, largest)
 }
 
-/// Return the levels of a map of trials, and their weights at each pixel.
+/// The levels of a map, and their weights at each pixel.
+type PyLevels<'py> = Vec<(u32, Bound<'py, PyArray2<f32>>)>;
+
+/// Return the levels of maps of trials, and their weights at each pixel.
 #[pyfunction]
 pub fn level_weights<'py>(
     py: Python<'py>,
-    trials: PyReadonlyArray2<'_, f32>,
-) -> PyResult<Vec<(u32, Bound<'py, PyArray2<f32>>)>> {
-    let trials = trials.as_array();
-    if trials.is_empty() {
+    maps: Vec<PyReadonlyArray2<'_, f32>>,
+) -> PyResult<Vec<PyLevels<'py>>> {
+    let maps: Vec<_> = maps.iter().map(PyReadonlyArray2::as_array).collect();
+    if maps.iter().any(|map| map.is_empty()) {
         let error = Error::Range {
             what: "trials",
             expected: "at least one pixel".to_owned(),
@@ -379,23 +382,31 @@ pub fn level_weights<'py>(
         };
         return Err(to_python(error));
     }
-    let levels = py.detach(|| network::level_weights(trials)).into_iter();
-    Ok(levels
-        .map(|(level, weights)| (level, weights.into_pyarray(py)))
-        .collect())
+    let found: Vec<_> = py.detach(|| maps.into_iter().map(network::level_weights).collect());
+    let to_arrays = |levels: Vec<(u32, Array2<f32>)>| {
+        let levels = levels.into_iter();
+        let levels = levels.map(|(level, weights)| (level, weights.into_pyarray(py)));
+        levels.collect()
+    };
+    Ok(found.into_iter().map(to_arrays).collect())
 }
 
-/// Return the number of trials that states the noise around each pixel: one number, or a map.
+/// Return the number of trials that states the noise around each pixel of each map: one number, or a
+/// map.
 #[pyfunction]
-#[pyo3(signature = (trials, threads))]
+#[pyo3(signature = (maps, threads))]
 pub fn local_trials(
     py: Python<'_>,
-    trials: PyReadonlyArray2<'_, f64>,
+    maps: Vec<PyReadonlyArray2<'_, f64>>,
     threads: Option<isize>,
-) -> PyResult<Py<PyAny>> {
-    let trials = trials.as_array();
-    match run(py, threads, || network::local_trials(trials))? {
+) -> PyResult<Vec<Py<PyAny>>> {
+    let maps: Vec<_> = maps.iter().map(PyReadonlyArray2::as_array).collect();
+    let found: Vec<LocalTrials> = run(py, threads, || {
+        maps.into_iter().map(network::local_trials).collect()
+    })?;
+    let to_python = |trials: LocalTrials| match trials {
         LocalTrials::Same(trials) => Ok(trials.into_pyobject(py)?.into_any().unbind()),
         LocalTrials::Map(map) => Ok(map.into_owned().into_pyarray(py).into_any().unbind()),
-    }
+    };
+    found.into_iter().map(to_python).collect()
 }
