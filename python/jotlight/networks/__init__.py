@@ -5,9 +5,9 @@ with any numbers of trials, averages over rotations, and returns intensities.
 
 In reading order: `layer` (one layer), `graph` (how layers are connected), `splines` and
 `conditioning` (the B-spline basis, and parameters that depend on K), `architectures` (networks at
-their initial parameters), `network` (the class that users meet), `engine_backed` (its counterpart in
-the engine), `layer_checks` (that its layers fit), `served_sensors` (whose data it serves),
-`inference` (how the engine gets the data), `conditional_inference` and `trials_map` (smooth kernels,
-grids of half pixels, and maps of trials), `network_files` (its file format), and `pretrained` (the
-trained networks in `weights/`, each with a model card).
+their initial parameters), `network` (the class that users meet), `engine_backed` (its counterpart
+in the engine), `layer_checks` (that its layers fit), `served_sensors` (whose data it serves),
+`inference` (how the engine gets the data), `conditional_inference` and `trials_map` (smooth
+kernels, grids of half pixels, and maps of trials), `network_files` (its file format), and
+`pretrained` (the trained networks in `weights/`, each with a model card).
 """
