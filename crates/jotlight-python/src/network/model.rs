@@ -374,7 +374,7 @@ pub fn level_weights<'py>(
     maps: Vec<PyReadonlyArray2<'_, f32>>,
 ) -> PyResult<Vec<PyLevels<'py>>> {
     let maps: Vec<_> = maps.iter().map(PyReadonlyArray2::as_array).collect();
-    if maps.iter().any(|map| map.is_empty()) {
+    if maps.iter().any(ndarray::ArrayBase::is_empty) {
         let error = Error::Range {
             what: "trials",
             expected: "at least one pixel".to_owned(),
