@@ -26,7 +26,7 @@ pub struct Pixels<'a> {
 }
 
 /// An image of the counts that jots would show if each of them were the jot of the sensor
-/// ([`SensorModel::jot`]), with the dark counts for which the network was made.
+/// ([`super::SensorModel::jot`]), with the dark counts for which the network was made.
 #[derive(Clone, Debug)]
 pub struct EquivalentCounts<'a> {
     /// The counts, which need not be whole.
