@@ -34,7 +34,7 @@ REPLACED = {
     r"\bstep_of\b": "size_divisor",
     r"\bwork_of\b": "flops_per_pixel",
     r"\bshares_of\b": "conditioning_weights",
-    r"\bhalo_of\b": "halo_radius",
+    r"\bhalo_of\b": "halo",
     r"\bchained\b": "is_sequential",
     r"\bMEMBERS?\b": "ARCHITECTURES",
     r"\bdeeper\(": "build_residual",

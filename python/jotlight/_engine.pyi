@@ -1,12 +1,16 @@
+from collections.abc import Sequence
 from typing import Any, TypeAlias, final
 
 import numpy as np
 import numpy.typing as npt
 
 __all__ = [
+    "BRIGHT",
     "DEBUG_BUILD",
+    "RATIO_OF_PASS",
     "FilteredTemplate",
     "Layer",
+    "Network",
     "__version__",
     "activate",
     "activate_backward",
@@ -22,6 +26,7 @@ __all__ = [
     "brightness",
     "chi_squared",
     "choose_cpu_level",
+    "conditioning_weights",
     "cost_of_curve",
     "cpu_level",
     "cpu_levels",
@@ -37,8 +42,6 @@ __all__ = [
     "fit_affine",
     "forward",
     "forward_bits",
-    "forward_counts",
-    "forward_tied_bits",
     "gradient",
     "inner_products",
     "inverse_anscombe_algebraic",
@@ -47,13 +50,15 @@ __all__ = [
     "joint_maximum",
     "joint_solution",
     "kernel_taps",
+    "level_range",
+    "level_weights",
     "likelihood_admm_update",
     "likelihood_gradient_and_curvature",
     "likelihood_information",
     "likelihood_proximal",
+    "local_trials",
     "log_likelihood",
     "mark_covered",
-    "masked_sums",
     "mle_from_counts",
     "mle_from_jots",
     "mle_from_probability",
@@ -87,6 +92,10 @@ __all__ = [
 
 __version__: str
 DEBUG_BUILD: bool
+# The rate at the largest intensity above which networks estimate P(b = 0).
+BRIGHT: float
+# The largest ratio of K to that of the network for one more pass of the network.
+RATIO_OF_PASS: float
 
 _Floats: TypeAlias = npt.NDArray[np.floating]
 _Image: TypeAlias = npt.NDArray[np.float32] | npt.NDArray[np.float64]
@@ -98,6 +107,10 @@ _Wiring: TypeAlias = tuple[int, int, int | None, int | None]
 _Layer: TypeAlias = tuple[_Floats, _Floats | None, float, float, _Wiring]
 # Threshold, light (expected photons per jot and frame) at intensity 1, and maximum intensity.
 _PixelResponse: TypeAlias = tuple[int, float, float]
+# K, response of a pixel, efficiency and dark counts of the reference jot.
+_SensorModel: TypeAlias = tuple[int, _PixelResponse, tuple[float, float]]
+# The local trials of an image.
+_Trials: TypeAlias = int | npt.NDArray[np.float32]
 _Span: TypeAlias = tuple[int, int]
 # Whole numbers of bits, or the real numbers of an equivalent sensor.
 _Counts: TypeAlias = npt.NDArray[np.int32] | npt.NDArray[np.float32]
@@ -394,13 +407,91 @@ class Layer:
     @property
     def multiplications(self) -> float: ...
 
-def masked_sums(
-    layer: Layer,
-    packed: list[npt.NDArray[np.uint8]],
-    width: int,
-    valid: npt.NDArray[np.uint8],
-    threads: int | None,
-) -> list[npt.NDArray[np.float32]]: ...
+@final
+class Network:
+    def __new__(
+        cls,
+        layers: Sequence[_Layer],
+        sensor: _SensorModel,
+        trials_range: tuple[int, int] | None,
+        is_color: bool,
+        rotations: int,
+    ) -> Network: ...
+    @property
+    def halo(self) -> int: ...
+    @property
+    def output_bounds(self) -> list[tuple[float, float]]: ...
+    def estimates_zeros(self, sensor: _SensorModel) -> bool: ...
+    def conditioned(
+        self, trials: float, zeros: bool
+    ) -> list[tuple[npt.NDArray[np.float32], npt.NDArray[np.float32] | None]]: ...
+    def bits(
+        self,
+        packed: Sequence[npt.NDArray[np.uint8]],
+        width: int,
+        oversampling: int,
+        sensor: _SensorModel,
+        out: Sequence[npt.NDArray[np.float32]],
+        threads: int | None,
+    ) -> None: ...
+    def counts(
+        self,
+        counts: npt.NDArray[np.int32],
+        trials: float,
+        jot: tuple[float, float],
+        sensor: _SensorModel,
+        out: Sequence[npt.NDArray[np.float32]],
+        threads: int | None,
+    ) -> None: ...
+    def equivalent_counts(
+        self,
+        counts: npt.NDArray[np.float32],
+        of: Sequence[int],
+        trials: Sequence[_Trials],
+        sensor: _SensorModel,
+        out: Sequence[npt.NDArray[np.float32]],
+        threads: int | None,
+    ) -> None: ...
+    def masked_sums(
+        self,
+        packed: Sequence[npt.NDArray[np.uint8]],
+        width: int,
+        valid: npt.NDArray[np.uint8],
+        threads: int | None,
+    ) -> list[npt.NDArray[np.float32]]: ...
+    def sums(
+        self,
+        sums: Sequence[npt.NDArray[np.float32]],
+        sensor: _SensorModel,
+        out: Sequence[npt.NDArray[np.float32]],
+        threads: int | None,
+    ) -> None: ...
+    def run_counts(
+        self,
+        counts: Sequence[npt.NDArray[np.float32]],
+        trials: int,
+        zeros: bool,
+        threads: int | None,
+    ) -> list[npt.NDArray[np.float32]]: ...
+    def denoise(
+        self,
+        fractions: Sequence[npt.NDArray[np.float32]],
+        trials: Sequence[_Trials],
+        zeros: bool,
+        threads: int | None,
+    ) -> list[npt.NDArray[np.float32]]: ...
+    def improve_colors(
+        self, planes: npt.NDArray[np.float32], trials: float, threads: int | None
+    ) -> npt.NDArray[np.float32]: ...
+
+def conditioning_weights(
+    trials: float, trials_range: tuple[float, float], sets: int
+) -> npt.NDArray[np.float64]: ...
+def level_range(smallest: float, largest: float) -> list[int]: ...
+def level_weights(
+    maps: Sequence[npt.NDArray[np.float32]],
+) -> list[list[tuple[int, npt.NDArray[np.float32]]]]: ...
+def local_trials(maps: Sequence[npt.NDArray[np.float64]], threads: int | None) -> list[_Trials]: ...
 def squared_errors(
     layers: list[_Layer], batch: dict[str, Any], threads: int | None
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]: ...
@@ -482,22 +573,6 @@ def forward_bits(
     layers: list[Layer],
     packed: list[npt.NDArray[np.uint8]],
     width: int,
-    out: list[npt.NDArray[np.float32]],
-    threads: int | None,
-) -> None: ...
-def forward_counts(
-    layers: list[Layer],
-    counts: npt.NDArray[np.int32],
-    sums: npt.NDArray[np.float32],
-    out: list[npt.NDArray[np.float32]],
-    threads: int | None,
-) -> None: ...
-def forward_tied_bits(
-    layers: list[Layer],
-    packed: list[npt.NDArray[np.uint8]],
-    width: int,
-    oversampling: int,
-    sums: npt.NDArray[np.float32],
     out: list[npt.NDArray[np.float32]],
     threads: int | None,
 ) -> None: ...

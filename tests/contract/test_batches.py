@@ -8,6 +8,7 @@ import pytest
 import jotlight as jl
 import jotlight._engine as engine
 from jotlight.evaluation.methods import METHODS
+from jotlight.networks.engine_backed import EngineBacked
 from jotlight.sensing.pixel_counts import GrayImages
 from reference.iterative import scene
 
@@ -86,6 +87,20 @@ def calls(monkeypatch):
     for name, function in vars(engine).copy().items():
         if callable(function) and not isinstance(function, type):
             monkeypatch.setattr(engine, name, record(name, function))
+
+    class Recorded:
+        """A network of the engine, whose methods are recorded."""
+
+        def __init__(self, network):
+            self._network = network
+
+        def __getattr__(self, name):
+            found = getattr(self._network, name)
+            return record(name, found) if callable(found) else found
+
+    own = EngineBacked.engine_network.fget
+    recorded = property(lambda network: Recorded(own(network)))
+    monkeypatch.setattr(EngineBacked, "engine_network", recorded)
     return names
 
 

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.estimators.trial_levels import local_trials
 from jotlight.networks.trials_map import denoise_map
+from reference import trials_map as reference
 
 NETWORK = jl.pretrained(jl.Sensor())
 IMAGE = 0.2 + 0.5 * np.outer(np.hanning(80), np.hanning(96)) + 0.2 * (np.arange(96) > 40)
@@ -19,18 +21,8 @@ def psnr(estimate):
     return float(jl.metrics.psnr(estimate, IMAGE))
 
 
-class CountedNetwork(jl.Network):
-    """A network that counts its runs."""
-
-    runs = 0
-
-    def conditioned_layers(self, trials):
-        self.runs += 1
-        return super().conditioned_layers(trials)
-
-
-def counted_network():
-    return CountedNetwork(NETWORK.layers, NETWORK.sensor, trials_range=NETWORK.trials_range)
+def intensity(probability):
+    return np.clip(-np.log1p(-np.clip(probability, 0, 1 - 1e-7)), 0, 1)
 
 
 def test_a_map_of_trials_is_denoised_at_levels():
@@ -38,8 +30,7 @@ def test_a_map_of_trials_is_denoised_at_levels():
     counts = draw(trials)
     estimate = NETWORK.reconstruct(counts, SENSOR, trials=trials)
     probability = denoise_map(NETWORK, counts.astype(np.float32), trials.astype(np.float32))
-    expected = np.clip(-np.log1p(-np.minimum(probability, 1 - 1e-7)), 0, 1)
-    np.testing.assert_allclose(estimate, expected, atol=1e-4)
+    np.testing.assert_allclose(estimate, intensity(probability), atol=1e-4)
     assert psnr(estimate) > psnr(NETWORK.reconstruct(counts, SENSOR, trials=64)) + 3
 
 
@@ -64,17 +55,34 @@ def test_fewer_trials_than_the_range_are_denoised_at_its_lower_end():
 def test_a_few_dead_jots_are_one_run():
     mask = np.random.default_rng(0).random((160, 192)) < 0.03
     sensor = jl.Sensor(oversampling=2, frames=4, mask=mask)
-    network = counted_network()
-    estimate = network.reconstruct(sensor.expose(IMAGE, rng=0))
-    assert network.runs == 1
+    bits = sensor.expose(IMAGE, rng=0)
+    estimate = NETWORK.reconstruct(bits)
+    valid = 16.0 - 4 * mask.reshape(80, 2, 96, 2).sum((1, 3))
+    assert valid.min() > 0
+    level = local_trials(valid)
+    assert level in (15, 16)
+    fraction = (bits.counts() / valid).astype(np.float32)
+    expected = intensity(NETWORK.denoise_probability(fraction, level))
+    np.testing.assert_allclose(estimate, expected, atol=1e-5)
     assert psnr(estimate) > psnr(NETWORK.reconstruct(draw(16), SENSOR)) - 0.7
 
 
-@pytest.mark.parametrize(("trials", "runs"), [(16, 1), (16.4, 1), (256, 1), (1000, 2)])
-def test_equal_trials_are_one_run_up_to_the_range(trials, runs):
-    network = counted_network()
-    network.reconstruct(draw(int(trials)), SENSOR, trials=trials)
-    assert network.runs == runs
+@pytest.mark.parametrize("trials", [16, 16.4, 256])
+def test_equal_trials_are_one_run_up_to_the_range(trials):
+    counts = draw(int(trials))
+    estimate = NETWORK.reconstruct(counts, SENSOR, trials=trials)
+    fraction = (counts / trials).astype(np.float32)
+    expected = intensity(NETWORK.denoise_probability(fraction, round(trials)))
+    np.testing.assert_allclose(estimate, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(("trials", "runs"), [(1000, 2), (4096, 2), (5000, 3)])
+def test_each_factor_of_16_above_the_range_is_one_more_run(trials, runs):
+    counts, levels = draw(trials).astype(np.float32), []
+    expected = reference.denoise_map(NETWORK, counts, np.full_like(counts, trials), levels)
+    assert levels == [256] * runs
+    estimate = NETWORK.reconstruct(draw(trials), SENSOR, trials=trials)
+    np.testing.assert_allclose(estimate, intensity(expected), atol=1e-5)
 
 
 def test_dark_counts_of_the_pixels_are_subtracted():

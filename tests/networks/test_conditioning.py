@@ -51,8 +51,23 @@ def test_equal_parameter_sets_give_the_same_layer_for_every_k():
     layer = network.layers[5]
     assert layer.set_counts
     for bits in (1, 7, 256):
-        at = layer.interpolate(conditioning_weights(bits, TRIALS_RANGE, 6))
+        at = network.conditioned_layers(bits)[5]
         np.testing.assert_allclose(at.coefficients, layer.coefficients[0], atol=1e-6)
+
+
+@pytest.mark.parametrize("bits", [1, 16, 99, 256])
+def test_conditioned_layers_are_weighted_sums_of_the_sets(bits):
+    network = conditional_network()
+    sets = count_sets(network.layers)
+    expected = deep.conditioned(network.layers, bits, TRIALS_RANGE, sets)
+    found = network.conditioned_layers(bits)
+    for one, other in zip(found, expected, strict=True):
+        assert one.metadata() == other.metadata()
+        np.testing.assert_allclose(one.filters, other.filters, atol=1e-6)
+        if one.coefficients is not None:
+            np.testing.assert_allclose(one.coefficients, other.coefficients, atol=1e-6)
+    zeros = network.conditioned_layers(bits, zeros=True)[-1].coefficients
+    np.testing.assert_allclose(zeros, 1 - expected[-1].coefficients, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.networks.graph import halo_radius, size_divisor
+from jotlight.networks.graph import size_divisor
 from reference import deep
 from reference.deep import random_counts
 
@@ -85,5 +85,5 @@ def test_the_halo_is_as_narrow_as_possible():
 
 def test_the_halo_is_a_multiple_of_the_size_divisor():
     for name in ARCHITECTURES:
-        layers = jl.Network.residual(SENSOR, name, rng=0).layers
-        assert halo_radius(layers) % size_divisor(layers) == 0
+        network = jl.Network.residual(SENSOR, name, rng=0)
+        assert network.halo % size_divisor(network.layers) == 0

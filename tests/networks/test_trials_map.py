@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.estimators.trial_levels import level_range, level_weights, local_trials
-from jotlight.networks.trials_map import denoise_map
+from jotlight.estimators.trial_levels import level_range, local_trials
+from jotlight.networks.trials_map import denoise_fractions, denoise_map
+from reference import trials_map as reference
 
 NETWORK = jl.pretrained(jl.Sensor())
 IMAGE = jl.datasets.photograph()[100:196, 200:328]
@@ -51,29 +52,45 @@ def test_trials_between_two_levels_are_interpolated():
     assert psnr(mixed, truth) > 28
 
 
-def test_a_level_that_only_a_corner_needs_runs_there(monkeypatch):
+def test_a_level_that_only_a_corner_needs_hardly_changes_where_it_runs_there_alone():
+    """The engine runs a level only where pixels need it, and the twin everywhere."""
     trials = np.full(IMAGE.shape, 64)
     trials[:20, :20] = 8
     ones, trials_map, _ = draw(trials)
-    areas = {}
-
-    def spy(fractions, trials, *, threads=None):
-        areas[trials] = sum(fraction.size for fraction in fractions)
-        return type(NETWORK).denoise_probabilities(NETWORK, fractions, trials, threads=threads)
-
-    monkeypatch.setattr(NETWORK, "denoise_probabilities", spy)
-    found = denoise_map(NETWORK, ones, trials_map)
-    # The corner is 24 pixels wide, with half of the receptive field around it.
-    assert areas[8] == (24 + NETWORK.halo // 2) ** 2
-    assert areas[64] == IMAGE.size
-    monkeypatch.undo()
-    # The result is nearly the same as if each level ran everywhere.
-    weights = level_weights(local_trials(trials_map))
-    fraction = ones / trials_map
-    expected = sum(w * NETWORK.denoise_probability(fraction, level) for level, w in weights)
-    difference = found - np.clip(expected, 0, 1)
+    difference = denoise_map(NETWORK, ones, trials_map) - reference.denoise_map(
+        NETWORK, ones, trials_map
+    )
     assert abs(difference).max() < 2e-3
     assert np.sqrt(np.mean(difference**2)) < 1e-4
+
+
+@pytest.mark.parametrize("trials", [(8, 64), (200, 5000), (700, 20_000)])
+def test_maps_of_trials_agree_with_the_twin(trials):
+    trials_map = np.where(np.arange(128) < 50, *trials) * np.ones((96, 1), int)
+    ones, trials_map, _ = draw(trials_map)
+    found = denoise_map(NETWORK, ones, trials_map)
+    expected = reference.denoise_map(NETWORK, ones, trials_map)
+    # The halos of the engine are half as wide as the receptive field, at a long border here.
+    assert abs(found - expected).max() < 5e-3
+    assert np.sqrt(np.mean((found - expected) ** 2)) < 2e-4
+
+
+def test_images_that_share_a_map_are_those_of_separate_calls():
+    trials = [
+        local_trials(np.where(np.arange(48) < n, 8.0, 90.0) * np.ones((40, 1))) for n in (9, 30)
+    ]
+    fractions = np.random.default_rng(4).random((6, 40, 48), np.float32)
+    own = [trials[0], 17, trials[1], trials[0], 17, 3000]
+    together = denoise_fractions(NETWORK, fractions, own)
+    for image, each, found in zip(fractions, own, together, strict=True):
+        (alone,) = denoise_fractions(NETWORK, image[None], [each])
+        np.testing.assert_array_equal(found, alone)
+
+
+def test_the_number_of_threads_does_not_change_a_map_of_trials():
+    ones, trials, _ = draw(np.where(np.eye(96, 128, 20) > 0, 2, 700))
+    one = denoise_map(NETWORK, ones, trials, threads=1)
+    np.testing.assert_array_equal(denoise_map(NETWORK, ones, trials, threads=3), one)
 
 
 def test_pixels_without_trials_get_the_value_of_their_neighbors():

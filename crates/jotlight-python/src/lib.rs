@@ -30,6 +30,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _engine {
     use super::{PyModule, PyResult};
+    use jotlight::network::{BRIGHT, RATIO_OF_PASS};
     use pyo3::prelude::*;
 
     #[pymodule_export]
@@ -66,8 +67,9 @@ mod _engine {
     };
     #[pymodule_export]
     use super::network::{
-        PreparedLayer, activate, activate_backward, forward, forward_bits, forward_counts,
-        forward_tied_bits, gradient, masked_sums, normal_equations, squared_errors,
+        PreparedLayer, PyNetwork, activate, activate_backward, conditioning_weights, forward,
+        forward_bits, gradient, level_range, level_weights, local_trials, normal_equations,
+        squared_errors,
     };
     #[pymodule_export]
     use super::sensing::{
@@ -84,7 +86,9 @@ mod _engine {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
-        module.add("DEBUG_BUILD", cfg!(debug_assertions))
+        module.add("DEBUG_BUILD", cfg!(debug_assertions))?;
+        module.add("BRIGHT", BRIGHT)?;
+        module.add("RATIO_OF_PASS", RATIO_OF_PASS)
     }
 }
 

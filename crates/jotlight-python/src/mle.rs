@@ -15,7 +15,7 @@ use crate::{run, to_python};
 pub struct PyPixelResponse(u32, f64, f64);
 
 impl PyPixelResponse {
-    fn to_engine(&self) -> PyResult<PixelResponse> {
+    pub fn to_engine(&self) -> PyResult<PixelResponse> {
         Ok(PixelResponse {
             threshold: Threshold::new(self.0).map_err(to_python)?,
             light_per_intensity: self.1,
@@ -29,10 +29,18 @@ impl PyPixelResponse {
 pub struct PyJotResponse(f64, f64);
 
 impl PyJotResponse {
-    fn to_engine(&self) -> JotResponse {
+    pub fn to_engine(&self) -> JotResponse {
         JotResponse {
             efficiency: self.0,
             dark_counts: self.1,
+        }
+    }
+
+    /// Return the response of all pixels.
+    pub fn to_all(&self) -> JotResponses<'static> {
+        JotResponses {
+            efficiency: Values::Same(self.0),
+            dark_counts: Values::Same(self.1),
         }
     }
 }

@@ -103,35 +103,6 @@ def intensity_from_probability(
     return out
 
 
-def intensity_from_complement(
-    complement: npt.NDArray[np.float32], sensor: Sensor, threads: int | None
-) -> npt.NDArray[np.float32]:
-    """Return the intensity at which bits are 0 with the given probability, for the threshold 1.
-
-    It is ``c = (K/α)(-log P(b = 0) - d)/η``, clipped to [0, S]. Near saturation, it is more precise
-    than :func:`intensity_from_probability`.
-
-    Parameters
-    ----------
-    complement : ndarray of float32, any shape
-        P(b = 0). Values below 0 and above 1 are clipped.
-    sensor : Sensor
-        The sensor.
-    threads : int, optional
-        Without effect.
-
-    Examples
-    --------
-    >>> intensity_from_complement(np.float32([1.0, 0.5, 1e-9]), Sensor(max_intensity=30), None)
-    array([ 0.       ,  0.6931472, 20.723267 ], dtype=float32)
-    """
-    efficiency, dark_counts = reference_jot(sensor)
-    with np.errstate(divide="ignore"):
-        rate = 0.0 - np.log(np.clip(complement, 0, 1), dtype=np.float64)  # never -0.0
-    intensity = (rate - dark_counts) / (efficiency * sensor.light_per_intensity)
-    return np.clip(intensity, 0, sensor.max_intensity).astype(np.float32)
-
-
 def warn_about_smooth_kernel(sensor: Sensor) -> None:
     """Warn if the kernel is smooth, for methods that assume the box kernel."""
     if sensor.kernel != "box":

@@ -14,77 +14,30 @@ Image = npt.NDArray[np.float32]
 LocalTrials = int | Image
 """The local trials of an image: one whole number, or a map (H, W)."""
 
-_MAX_RATIO = 2**0.5
-"""Maximum ratio of neighboring levels.
-
-A ratio of 2 costs networks up to 0.5 dB (``docs/results/networks.md``).
-"""
-
-_PLATEAU = 0.5
-"""A level alone serves the trials up to this fraction of the way to the next one, by logarithm.
-
-From there on, the share of the next level rises. A denoiser that expects 10 % fewer trials than
-there are is as good as the right one, but for 10 % more trials it loses up to 0.6 dB.
-"""
-
-_NEIGHBORHOOD = 3.0
-"""Standard deviation of the neighborhood in which noise is averaged, in pixels."""
-
-_NEAR_RATIO = 1.2
-"""Ratio of the largest to the smallest local trials up to which one run serves all pixels."""
-
-_FEWER = 0.9
-"""The largest level may have this fraction of the largest number of trials, which costs nothing."""
-
-_FEW_PIXELS, _MAX_GAP = 0.002, 4.0
-"""A level for less than this fraction of the pixels is left out, if the ratio of its neighbors is
-at most the second number. Its pixels get the next lower level."""
-
-_NEAR, _MIN_SHARE = 0.99, 0.03
-"""It does if more than this share of the pixels (second value) has trials from the one fraction of
-the largest number to the other. Otherwise, these pixels would need two levels."""
-
 
 def level_range(smallest: float, largest: float) -> list[int]:
     """Return whole numbers from `smallest` to `largest`, with ratios of at most about √2.
 
     Those above the smallest depend on the largest one alone. So images of a film have the same
     levels, and networks keep their parameters.
+    A ratio of 2 costs networks up to 0.5 dB (``docs/results/networks.md``).
 
     Examples
     --------
     >>> level_range(3, 30), level_range(4, 30)
     ([3, 4, 6, 8, 11, 15, 21, 30], [4, 6, 8, 11, 15, 21, 30])
     """
-    first = max(1, round(smallest))
-    level = max(first, round(largest))
-    levels = [level]
-    while level > first:
-        level = max(first, round(level / _MAX_RATIO))
-        levels.append(level)
-    return levels[::-1]
+    return engine.level_range(smallest, largest)
 
 
-def _levels_of_map(trials: npt.NDArray[np.floating]) -> list[int]:
-    """Return the levels of a map, without those that few pixels need."""
-    levels = level_range(float(trials.min()), _largest_level(trials))
-    above = [np.count_nonzero(trials >= level) for level in levels]
-    kept = levels[:1]
-    for index in range(1, len(levels) - 1):
-        pixels = above[index - 1] - above[index + 1]
-        gap = levels[index + 1] / kept[-1]
-        if pixels >= _FEW_PIXELS * trials.size or gap > _MAX_GAP:
-            kept.append(levels[index])
-    return kept + levels[1:][-1:]
-
-
-def level_weights(
-    trials: npt.NDArray[np.floating],
-) -> Iterator[tuple[int, npt.NDArray[np.float32]]]:
-    """Yield the levels of a map, and their weights at each pixel, of which one is above 0.
+def level_weights(trials: npt.NDArray[np.floating]) -> list[tuple[int, Image]]:
+    """Return the levels of a map, and their weights at each pixel, of which one is above 0.
 
     The weights of a pixel belong to the largest level up to its trials, and near the next level to
-    both. Their sum is 1.
+    both. Their sum is 1. A level alone serves a pixel up to half of the way to the next one, by
+    logarithm. From there on, the share of the next level rises: a denoiser that expects 10 % fewer
+    trials than there are is as good as the right one, but for 10 % more trials it loses up to
+    0.6 dB.
 
     Parameters
     ----------
@@ -93,36 +46,12 @@ def level_weights(
 
     Examples
     --------
-    >>> for level, weights in level_weights(np.array([8, 9, 10, 11])):
+    >>> for level, weights in level_weights(np.array([[8, 9, 10, 11]])):
     ...     print(level, weights.round(2))
-    8 [1.  1.  0.6 0. ]
-    11 [0.  0.  0.4 1. ]
+    8 [[1.  1.  0.6 0. ]]
+    11 [[0.  0.  0.4 1. ]]
     """
-    levels = _levels_of_map(trials)
-    if len(levels) == 1:
-        yield levels[0], np.ones(trials.shape, np.float32)
-        return
-    logarithms = np.log2(levels)
-    starts = logarithms[:-1] + _PLATEAU * np.diff(logarithms)
-    ends = np.stack([starts, logarithms[1:]], axis=1)
-    places = np.repeat(np.arange(len(levels)), 2)[1:-1]
-    place = np.interp(np.log2(trials), ends.ravel(), places).astype(np.float32)
-    for index, level in enumerate(levels):
-        weight = np.maximum(1 - abs(place - np.float32(index)), 0)
-        if weight.any():
-            yield level, weight
-
-
-def _largest_level(trials: npt.NDArray[np.floating]) -> float:
-    """Return the number of trials of the largest level of a map.
-
-    Most pixels of merged bits have about the same number of trials, but a few bits of some of them
-    were left out. The largest level then serves all of these.
-    """
-    largest = float(trials.max())
-    near, fewer = (np.count_nonzero(trials >= part * largest) for part in (_NEAR, _FEWER))
-    is_useful = 2 * fewer > trials.size and fewer - near > _MIN_SHARE * trials.size
-    return _FEWER * largest if is_useful else largest
+    return engine.level_weights([np.asarray(trials, np.float32)])[0]
 
 
 def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
@@ -145,28 +74,7 @@ def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
     >>> local_trials(trials)[0, [0, 44, 45, 89]].round(1)
     array([ 4. ,  5.9,  7. , 16. ], dtype=float32)
     """
-    return _local_trials_of([trials])[0]
-
-
-def _local_trials_of(maps: Sequence[npt.NDArray[np.floating]]) -> list[LocalTrials]:
-    """Return :func:`local_trials` of maps (H, W), which the engine blurs in one call."""
-    noise = [1 / trials for trials in maps if trials.min() < trials.max()]
-    blurred = np.empty((len(noise), *maps[0].shape), np.float32)
-    if noise:
-        engine.blur(np.array(noise, np.float32), _NEIGHBORHOOD, blurred, None)
-    images = iter(blurred)
-    return [
-        _number_or_map(next(images))
-        if trials.min() < trials.max()
-        else max(1, round(float(trials.flat[0])))
-        for trials in maps
-    ]
-
-
-def _number_or_map(noise: Image) -> LocalTrials:
-    if noise.max() <= _NEAR_RATIO * noise.min():
-        return max(1, round(1 / float(noise.mean(dtype=np.float64))))
-    return np.asarray(1 / noise, np.float32)
+    return engine.local_trials([np.asarray(trials, np.float64)], None)[0]
 
 
 def count_local_trials(pixels: PixelCounts) -> list[LocalTrials]:
@@ -195,7 +103,8 @@ def count_local_trials(pixels: PixelCounts) -> list[LocalTrials]:
     # The images of a sensor with a mask share one map.
     is_shared = pixels.trials.strides[0] == 0
     maps = pixels.trials[:1] if is_shared else pixels.trials
-    local = _local_trials_of([fill_from_nearest(trials, trials > 0) for trials in maps])
+    filled = [fill_from_nearest(trials, trials > 0).astype(np.float64) for trials in maps]
+    local = engine.local_trials(filled, None)
     return local * number if is_shared else local
 
 
@@ -228,11 +137,13 @@ def share_levels(
     for image, each in enumerate(trials):
         # Images of the same sensor share one map.
         groups.setdefault(-id(each) if isinstance(each, np.ndarray) else each, []).append(image)
+    firsts = [trials[images[0]] for images in groups.values()]
+    maps = [np.asarray(each, np.float32) for each in firsts if isinstance(each, np.ndarray)]
+    weights_of_maps = iter(engine.level_weights(maps) if maps else [])
     levels: dict[int, list[tuple[list[int], Image | None]]] = {}
-    for images in groups.values():
-        each = trials[images[0]]
+    for images, each in zip(groups.values(), firsts, strict=True):
         if isinstance(each, np.ndarray):
-            for level, weights in level_weights(each):
+            for level, weights in next(weights_of_maps):
                 levels.setdefault(level, []).append((images, weights))
         else:
             levels.setdefault(each, []).append((images, None))

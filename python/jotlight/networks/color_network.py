@@ -7,24 +7,20 @@ from typing import Any, Self, cast
 import numpy as np
 import numpy.typing as npt
 
-import jotlight._engine as engine
-from jotlight.networks.bounds import output_bounds
 from jotlight.networks.color_layers import COLORS, build_color
 from jotlight.networks.color_planes import PLANES
-from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.conditioning import count_sets
 from jotlight.networks.description import repr_of
-from jotlight.networks.graph import halo_radius, size_divisor
+from jotlight.networks.engine_backed import EngineBacked
+from jotlight.networks.graph import size_divisor
 from jotlight.networks.layer import Layer
 from jotlight.networks.network_files import read_network, write_network
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
 
-_LARGEST_INPUT = np.pi / 2
-"""Largest absolute value of a plane."""
 
-
-class ColorNetwork:
+class ColorNetwork(EngineBacked):
     """A K-conditioned network that improves classical colors with the bits of all filters.
 
     :func:`jotlight.reconstruct` uses one for sensors with a mosaic, and one for color channels.
@@ -51,6 +47,8 @@ class ColorNetwork:
     8
     """
 
+    _is_color = True
+
     def __init__(
         self,
         layers: Sequence[Layer],
@@ -59,7 +57,7 @@ class ColorNetwork:
         trials_range: tuple[int, int],
     ) -> None:
         self.layers = tuple(layers)
-        self.trials_range = trials_range
+        self.trials_range: tuple[int, int] = trials_range
         self.history = dict(history or {})
         self.sensor, self.tied = Sensor(), True
         self.rotations = 1
@@ -68,7 +66,7 @@ class ColorNetwork:
         A file does not store it.
         """
         _check_color_layers(self.layers)
-        output_bounds(self.layers, _LARGEST_INPUT)
+        _ = self.engine_network  # It refuses layers whose values could overflow.
 
     @classmethod
     def initial(
@@ -92,11 +90,6 @@ class ColorNetwork:
         layers = build_color(architecture, np.random.default_rng(rng))
         history = {"start": f"{architecture}, starts at classical colors"}
         return cls(layers, history, trials_range=trials_range)
-
-    @property
-    def halo(self) -> int:
-        """Radius of the receptive field in pixels, without that of the classical estimate."""
-        return halo_radius(self.layers)
 
     def check_sensor(self, sensor: Sensor) -> None:
         """Raise ValueError for a sensor whose kernel spreads light over several filters."""
@@ -122,17 +115,7 @@ class ColorNetwork:
         threads : int, optional
             Number of threads. Default: all.
         """
-        served = float(np.clip(trials, *self.trials_range))
-        weights = conditioning_weights(served, self.trials_range, count_sets(self.layers))
-        layers = [layer.interpolate(weights).engine_layer for layer in self.layers]
-        total = np.zeros((COLORS, *planes.shape[1:]), np.float32)
-        for turns in range(self.rotations):
-            turned = np.ascontiguousarray(np.rot90(planes, turns, (1, 2)))
-            out = np.empty((COLORS, *turned.shape[1:]), np.float32)
-            engine.forward(layers, [turned], [out], threads)
-            total += np.rot90(out, -turns, (1, 2))
-        total /= np.float32(self.rotations)
-        return total
+        return self.engine_network.improve_colors(planes, trials, threads)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the color network to a `.safetensors` file, with its history as metadata."""

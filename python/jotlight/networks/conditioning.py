@@ -1,14 +1,12 @@
 """K-conditioned parameters: M sets, interpolated by cubic B-splines over log2 K."""
 
-import dataclasses
-import math
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.networks.layer import Layer
-from jotlight.networks.splines import CUBIC_BASIS
 
 MIN_SETS = 4
 """Smallest number M of parameter sets, because four cubic B-splines overlap between two knots."""
@@ -45,17 +43,7 @@ def conditioning_weights(
     >>> conditioning_weights(16, (1, 256), 5).round(3).tolist()
     [0.0, 0.167, 0.667, 0.167, 0.0]
     """
-    if not trials_range[0] <= trials <= trials_range[1]:
-        raise ValueError(
-            f"trials: expected {trials_range[0]} to {trials_range[1]}, the K that the parameters "
-            f"are for, got {trials}"
-        )
-    low, high = (math.log2(bound) for bound in trials_range)
-    position = (math.log2(trials) - low) / (high - low) * (number - 3)
-    knot = min(max(math.floor(position), 0), number - 4)
-    t = position - knot
-    weights = [(((d * t + c) * t + b) * t + a) / 6 for a, b, c, d in CUBIC_BASIS]
-    return np.array([0.0] * knot + weights + [0.0] * (number - 4 - knot))
+    return engine.conditioning_weights(trials, trials_range, number)
 
 
 def count_sets(layers: Sequence[Layer]) -> int:
@@ -73,12 +61,3 @@ def count_sets(layers: Sequence[Layer]) -> int:
             f"more, got {sorted(found)}"
         )
     return max(found, default=MIN_SETS)
-
-
-def condition(
-    layers: Sequence[Layer], trials: int, trials_range: tuple[int, int]
-) -> tuple[Layer, ...]:
-    """Return the layers for K = `trials`, which map counts to the detection probability."""
-    weights = conditioning_weights(trials, trials_range, count_sets(layers))
-    first, *others = (layer.interpolate(weights) for layer in layers)
-    return dataclasses.replace(first, filters=first.filters / np.float32(trials)), *others

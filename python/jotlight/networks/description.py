@@ -3,7 +3,6 @@
 from typing import Protocol
 
 from jotlight.networks.figure import figure_of_layers
-from jotlight.networks.graph import halo_radius
 from jotlight.networks.layer import Layer
 from jotlight.notebook import card
 from jotlight.sensing.sensor import Sensor
@@ -20,6 +19,10 @@ class DescribedNetwork(Protocol):
     def trials_range(self) -> tuple[int, int] | None:
         """Smallest and largest K of a K-conditioned network."""
 
+    @property
+    def halo(self) -> int:
+        """Radius of the receptive field in pixels."""
+
 
 def repr_of(network: DescribedNetwork) -> str:
     """Return the channels, the number of parameters, and the sensors of a network."""
@@ -31,7 +34,7 @@ def repr_of(network: DescribedNetwork) -> str:
 
 def html_of(network: DescribedNetwork) -> str:
     """Return HTML that describes a network, for notebooks."""
-    halo = {"halo": f"{halo_radius(network.layers)} pixels"}
+    halo = {"halo": f"{network.halo} pixels"}
     drawing = figure_of_layers(network.layers).thumbnail()
     return card("Network", {**_facts(network), **halo}, drawing)
 

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import LocalTrials, local_trials
-from jotlight.networks.trials_map import ConditionalDenoiser, denoise_fractions
+from jotlight.networks.trials_map import ConditionalNetwork, denoise_fractions
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.response import (
@@ -161,8 +161,8 @@ class Prior:
 
     Parameters
     ----------
-    denoiser : ConditionalDenoiser
-        The network; of the probability of a zero if `of_zeros`.
+    network : ConditionalNetwork
+        The network.
     sensor : Sensor
         The sensor.
     of_zeros : bool
@@ -171,7 +171,7 @@ class Prior:
         Number of threads.
     """
 
-    denoiser: ConditionalDenoiser
+    network: ConditionalNetwork
     sensor: Sensor
     of_zeros: bool
     threads: int | None
@@ -196,7 +196,7 @@ class Prior:
             if isinstance(trials, np.ndarray):
                 own = np.ascontiguousarray(np.rot90(trials, turn))
             turned = np.ascontiguousarray(np.rot90(known, turn))[None]
-            denoised = denoise_fractions(self.denoiser, turned, [own], threads=self.threads)[0]
+            denoised = self._denoise(turned, own)
             mean += np.rot90(denoised, -turn) / np.float64(len(turns))
         efficiency, dark_counts = self.jot
         p, zero = (1 - mean, mean) if self.of_zeros else (mean, 1 - mean)
@@ -204,6 +204,11 @@ class Prior:
         p, zero = np.maximum(p, limits[0]), np.maximum(zero, limits[1])
         rate = inverse_detection_probability(self.sensor.threshold, p, zero)
         return np.asarray((rate - dark_counts) / efficiency)
+
+    def _denoise(self, fractions: Image, trials: LocalTrials) -> Image:
+        zeros, threads = self.of_zeros, self.threads
+        images = denoise_fractions(self.network, fractions, [trials], zeros=zeros, threads=threads)
+        return images[0]
 
     def information(self, light: Light) -> Light:
         """Return the information of one reading of the reference jot about the light."""

@@ -1,4 +1,4 @@
-"""The graph of a network's layers: connections, resolutions, work, and receptive field."""
+"""The graph of a network's layers: connections, resolutions, and work."""
 
 import math
 import operator
@@ -9,9 +9,6 @@ from jotlight.networks.layer import Layer
 
 _MAX_SIZE_DIVISOR = 256
 """Largest size divisor, and largest number of feature-map rows per row of the estimate."""
-
-_Interval = tuple[Fraction, Fraction]
-"""Rows or columns [first, last) of a feature map."""
 
 
 def sources(layers: Sequence[Layer]) -> list[int]:
@@ -144,41 +141,3 @@ def flops_per_pixel(layers: Sequence[Layer]) -> float:
         if layer.coefficients is not None:
             flops += 10 * layer.channels / scale**2
     return float(flops)
-
-
-def halo_radius(layers: Sequence[Layer]) -> int:
-    """Return the radius of the receptive field in pixels, a multiple of the size divisor.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> halo_radius([Layer(np.ones((1, 1, 1, 1)), None), Layer(np.ones((1, 1, 5, 3)), None)])
-    2
-    """
-    step = size_divisor(layers)
-    # Rows of each layer's output on which `step` rows of the estimate depend; same for columns.
-    intervals: list[_Interval | None] = [None] * len(layers)
-    intervals[-1] = Fraction(0), Fraction(step)
-    for index, source in reversed(list(enumerate(sources(layers)))):
-        layer, interval = layers[index], intervals[index]
-        if index == 0 or interval is None:
-            continue
-        first = math.floor(interval[0] / layer.upsampling)
-        last = math.ceil(interval[1] / layer.upsampling)
-        needed = []
-        for taps, padding in zip(layer.shape[2:], layer.padding, strict=True):
-            start, stop = first * layer.stride, (last - 1) * layer.stride + taps
-            needed.append((Fraction(start - padding), Fraction(stop - padding)))
-        intervals[source] = _hull(intervals[source], *needed)
-        if layer.skip is not None:
-            aligned = Fraction(first * layer.upsampling), Fraction(last * layer.upsampling)
-            intervals[layer.skip] = _hull(intervals[layer.skip], aligned)
-    assert intervals[0] is not None, "every layer is used"
-    radius = max(-intervals[0][0], intervals[0][1] - step)
-    return step * math.ceil(radius / step)
-
-
-def _hull(*intervals: _Interval | None) -> _Interval:
-    """Return the smallest interval that contains all intervals that are not None."""
-    known = [interval for interval in intervals if interval is not None]
-    return min(first for first, _ in known), max(last for _, last in known)

@@ -1,24 +1,24 @@
-"""The output of a network for bits or counts of gray images."""
+"""The image of a network for bits or counts of gray images."""
 
-import dataclasses
 import math
-from collections.abc import Iterable, Sequence
-from typing import cast
+from collections.abc import Sequence
+from typing import Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.chunks import frame_chunks
-from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
+from jotlight.estimators.inpaint import check_any_valid, fill_dead_pixels, warn_about_dead_pixels
 from jotlight.estimators.inverse_response import equivalent_counts
-from jotlight.networks.graph import size_divisor
+from jotlight.estimators.trial_levels import LocalTrials, count_local_trials
+from jotlight.networks.engine_backed import sensor_model
 from jotlight.networks.layer import Layer
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.output_images import OutputImages
-from jotlight.sensing.pixel_counts import GrayImages, PixelCounts, describe_pixels
-from jotlight.sensing.reference import Jot
+from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages, PixelCounts
+from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.sensor import Sensor
 
 _MAX_BYTES = 1 << 28
@@ -27,190 +27,175 @@ _MAX_BYTES = 1 << 28
 Image = npt.NDArray[np.float32]
 
 
-@dataclasses.dataclass(frozen=True)
-class Inference:
-    """A network's forward pass on gray images."""
-
-    layers: Sequence[Layer]
-    sensor: Sensor
-    """Sensor of the data."""
-    reference: Jot
-    """Efficiency and dark counts of the jots for which the layers were made."""
-    threads: int | None
-    rotations: int = 1
-    """Over how many rotations of the data by 90 degrees a tied network averages its output."""
-
-    def run(self, images: GrayImages, output: OutputImages) -> npt.NDArray[np.float32]:
-        """Return the output of the last layer, shape (N, H, W), as the images of `output`.
-
-        Raises
-        ------
-        TypeError
-            When an untied network gets counts.
-        ValueError
-            When the data do not fit the sensor, or an untied network gets a sensor whose jots
-            differ from its own.
-        """
-        if self.layers[0].shape[1:] != (1, 1, 1):
-            return self._run_untied(images, output)
-        bits = bits_alike(images, self.sensor) if self.rotations == 1 else None
-        if bits is not None:
-            return self.run_bits(bits, self.sensor.trials, output)
-        pixels = images.count(self.sensor, self.threads)
-        return self.run_pixels(pixels, self.sensor.trials, output)
-
-    def run_pixels(
-        self, pixels: PixelCounts, trials: int, output: OutputImages
-    ) -> npt.NDArray[np.float32]:
-        """Return the output of a tied network for K = `trials`, shape (N, H, W)."""
-        if self.rotations == 1 and pixels.uniform and pixels.trials < pixels.counts.size:
-            table = self._table(pixels, trials)
-            arguments = self._engine_layers, pixels.counts, table
-            engine.forward_counts(*arguments, list(output.images), self.threads)
-            return output.images
-        counts = equivalent_counts(pixels, self.reference, trials, self.threads)
-        self._run_tied(counts, list(output.images))
-        return output.images
-
-    def run_bits(
-        self, bits: Sequence[Bits], trials: int, output: OutputImages
-    ) -> npt.NDArray[np.float32]:
-        """Return the output of a tied network for the bits of :func:`bits_alike`, (N, H, W).
-
-        The engine counts the bits where it needs the counts. So an array of them is not necessary.
-        """
-        one = describe_pixels(np.zeros((1, 1, 1), np.int32), self.sensor)
-        table, side = self._table(one, trials), self.sensor.oversampling
-        packed = [np.asarray(each.packed) for each in bits]
-        places = list(output.images)
-        layers, width = self._engine_layers, bits[0].width
-        engine.forward_tied_bits(layers, packed, width, side, table, places, self.threads)
-        return output.images
-
-    def run_counts(self, counts: Iterable[npt.NDArray[np.float32]]) -> list[Image]:
-        """Return the outputs of a tied network for equivalent counts of reference jots.
-
-        Each image has the shape (H, W). They may differ in size.
-        """
-        images = list(counts)
-        out = [np.empty(image.shape, np.float32) for image in images]
-        self._run_tied(images, out)
-        return out
-
-    def _run_tied(self, counts: Iterable[Image], out: list[Image]) -> None:
-        """Write the outputs of a tied network for images of counts (H, W)."""
-        if self.rotations == 1:
-            self._run_sums([self._tied_weights[:, None] * image for image in counts], out)
-            return
-        # So strides meet the same pixels in the rotation of a part as in that of the whole image.
-        divisor = size_divisor(self.layers)
-        images = [pad_to_multiple(image, divisor) for image in counts]
-        alone, means = dataclasses.replace(self, rotations=1), [np.zeros_like(x) for x in images]
-        for turn in range(self.rotations):
-            parts = alone.run_counts(np.rot90(image, turn) for image in images)
-            for mean, part in zip(means, parts, strict=True):
-                place = np.rot90(mean, turn)  # a view
-                place += part / np.float32(self.rotations)
-        for image, mean in zip(out, means, strict=True):
-            image[:] = mean[: image.shape[0], : image.shape[1]]
-
-    def _table(self, pixels: PixelCounts, trials: int) -> Image:
-        """Return p for each count L of pixels alike, (C, K + 1)."""
-        counts = np.arange(int(np.max(pixels.trials)) + 1, dtype=np.int32)
-        all_counts = dataclasses.replace(pixels, counts=counts)
-        table = equivalent_counts(all_counts, self.reference, trials, self.threads)
-        return np.asarray(self._tied_weights * table)
-
-    def _run_untied(self, images: GrayImages, output: OutputImages) -> Image:
-        """Return the output of a network whose first layer has one weight per jot and frame."""
-        sensor = self.sensor
-        for data in images.data:
-            if not isinstance(data, Bits):
-                raise TypeError(
-                    f"data: expected Bits, because this network weighs each jot of a pixel, got "
-                    f"{type(data).__name__}; a tied network takes counts"
-                )
-            check_fits(data.shape, sensor)
-        jots = sensor.efficiency, sensor.dark_counts
-        if any(np.any(a != b) for a, b in zip(jots, self.reference, strict=True)):
-            raise ValueError(
-                "sensor: expected the network's efficiency and dark counts, the same for all jots; "
-                "a tied network takes others"
-            )
-        bits = cast(Sequence[Bits], images.data)
-        # Memory may not hold the frames of all captures in files.
-        number = max(1, _MAX_BYTES // math.prod(bits[0].packed.shape))
-        for start in range(0, len(bits), number):
-            part = bits[start : start + number]
-            places = list(output.images[start : start + number])
-            if sensor.mask is not None and sensor.mask.any():
-                self._run_sums(self._masked_sums(part, sensor.mask), places)
-            else:
-                # Frames that are read from files become an array here.
-                packed = [each.packed[:, : each.shape[1]] for each in part]
-                arguments = self._engine_layers, packed, bits[0].width
-                engine.forward_bits(*arguments, places, self.threads)
-        if sensor.mask is not None:
-            dead = Bits.from_array(~sensor.mask).counts(sensor.oversampling) == 0
-            warn_about_dead_pixels(np.broadcast_to(dead, (len(bits), *dead.shape)))
-        return output.images
-
-    def _masked_sums(self, bits: Sequence[Bits], mask: npt.NDArray[np.bool_]) -> list[Image]:
-        """Return p of each image, (C, H, W), from the valid jots. Dead pixels are inpainted."""
-        first, side = self.layers[0], self.sensor.oversampling
-        height, width = (size // side for size in mask.shape)
-        valid = np.packbits(~mask, axis=1)
-        sums = np.empty((len(bits), len(first.filters), height, width), np.float32)
-        for _, rows in frame_chunks(1, height, len(bits) * width * first.filters.size):
-            jots = slice(rows.start * side, rows.stop * side)
-            packed = [each.packed[:, jots] for each in bits]
-            sums[:, :, rows.start : rows.stop] = engine.masked_sums(
-                first.engine_layer, packed, bits[0].width, valid[jots], self.threads
-            )
-        # A pixel without a valid jot is NaN in every channel.
-        planes = sums.reshape(-1, height, width)
-        return list(fill_dead_pixels(planes, np.isnan(planes)).reshape(sums.shape))
-
-    def _run_sums(self, sums: list[npt.NDArray[np.float32]], out: list[Image]) -> None:
-        """Write the outputs for p of each image, (C, H, W).
-
-        p is the first layer's value before its splines.
-        """
-        engine.forward(self._engine_layers, sums, [image[None] for image in out], self.threads)
+class Network(Protocol):
+    """A network for gray images."""
 
     @property
-    def _tied_weights(self) -> npt.NDArray[np.float32]:
-        """The weights of a tied first layer, shape (C, 1)."""
-        return self.layers[0].filters.reshape(-1, 1)
+    def layers(self) -> tuple[Layer, ...]:
+        """The layers."""
 
     @property
-    def _engine_layers(self) -> list[engine.Layer]:
-        return [layer.engine_layer for layer in self.layers]
+    def sensor(self) -> Sensor:
+        """Sensor that the network is for."""
+
+    @property
+    def trials_range(self) -> tuple[int, int] | None:
+        """Smallest and largest K of a K-conditioned network."""
+
+    @property
+    def tied(self) -> bool:
+        """Whether the network takes counts."""
+
+    @property
+    def engine_network(self) -> engine.Network:
+        """The network in the engine."""
 
 
-def pad_to_multiple(image: Image, divisor: int) -> Image:
-    """Return an image (H, W) with mirrored rows and columns appended, up to multiples of a number.
+def run(
+    network: Network,
+    images: GrayImages,
+    sensor: Sensor,
+    output: OutputImages,
+    threads: int | None,
+) -> Image:
+    """Return the intensities in [0, S] of gray images, (N, H, W), as the images of `output`.
 
-    Examples
-    --------
-    >>> pad_to_multiple(np.ones((3, 8), np.float32), 4).shape
-    (4, 8)
+    The engine runs the network once for images with the same number of trials, if it serves them.
+    Other images take several levels of K: those with a map of trials, and those with more trials
+    than the network was trained for.
+
+    Raises
+    ------
+    TypeError
+        When an untied network gets counts.
+    ValueError
+        When the data do not fit the sensor, or an untied network gets a sensor whose jots differ
+        from its own.
     """
-    extra = [(0, -size % divisor) for size in image.shape]
-    return np.pad(image, extra, "symmetric")
+    if not network.tied:
+        return _run_untied(network, images, sensor, output, threads)
+    model, places = sensor_model(sensor), list(output.images)
+    bits = _bits_alike(images, sensor)
+    if bits is not None:
+        # The engine counts the bits where it needs the counts, so that it needs no array of them.
+        packed = [np.asarray(each.packed) for each in bits]
+        side = sensor.oversampling
+        network.engine_network.bits(packed, bits[0].width, side, model, places, threads)
+        return output.images
+    pixels = images.count(sensor, threads)
+    check_any_valid(pixels.trials)
+    if pixels.uniform:
+        jot = cast(Jot, (pixels.efficiency, pixels.dark_counts))
+        trials = cast(float, pixels.trials)
+        network.engine_network.counts(pixels.counts, trials, jot, model, places, threads)
+        return output.images
+    return _run_different(network, pixels, output, threads)
 
 
-def bits_alike(images: GrayImages, sensor: Sensor) -> Sequence[Bits] | None:
+def _run_different(
+    network: Network, pixels: PixelCounts, output: OutputImages, threads: int | None
+) -> Image:
+    """Return the intensities of pixels that differ in their trials or their jots."""
+    sensor = pixels.sensor
+    trials: list[LocalTrials] = [sensor.trials] * len(pixels.counts)
+    # Both sensors detect equal light at intensity 1.
+    reference = reference_jot(sensor)[0], reference_jot(network.sensor)[1]
+    smallest = largest = sensor.trials
+    if network.trials_range is not None:
+        trials, reference = count_local_trials(pixels), reference_jot(sensor)
+        smallest, largest = network.trials_range
+    # The network takes counts of its own K, and fractions of ones where it runs at several K.
+    of = [each if isinstance(each, int) and smallest <= each <= largest else 1 for each in trials]
+    values = equivalent_counts(pixels, reference, np.array(of, np.float64), threads)
+    number = max(1, MAX_PIXELS // values[0].size)
+    for start in range(0, len(values), number):
+        part = slice(start, start + number)
+        network.engine_network.equivalent_counts(
+            values[part],
+            of[part],
+            trials[part],
+            sensor_model(sensor),
+            list(output.images[part]),
+            threads,
+        )
+    return output.images
+
+
+def _run_untied(
+    network: Network,
+    images: GrayImages,
+    sensor: Sensor,
+    output: OutputImages,
+    threads: int | None,
+) -> Image:
+    """Return the intensities of a network whose first layer has one weight per jot and frame."""
+    for data in images.data:
+        if not isinstance(data, Bits):
+            raise TypeError(
+                f"data: expected Bits, because this network weighs each jot of a pixel, got "
+                f"{type(data).__name__}; a tied network takes counts"
+            )
+        check_fits(data.shape, sensor)
+    jots = sensor.efficiency, sensor.dark_counts
+    reference = reference_jot(sensor)[0], reference_jot(network.sensor)[1]
+    if any(np.any(a != b) for a, b in zip(jots, reference, strict=True)):
+        raise ValueError(
+            "sensor: expected the network's efficiency and dark counts, the same for all jots; "
+            "a tied network takes others"
+        )
+    bits = cast(Sequence[Bits], images.data)
+    model, mask = sensor_model(sensor), sensor.mask
+    # Memory may not hold the frames of all captures in files.
+    number = max(1, _MAX_BYTES // math.prod(bits[0].packed.shape))
+    for start in range(0, len(bits), number):
+        part = bits[start : start + number]
+        places = list(output.images[start : start + number])
+        if mask is not None and mask.any():
+            sums = _masked_sums(network, part, mask, sensor.oversampling, threads)
+            network.engine_network.sums(sums, model, places, threads)
+        else:
+            # Frames that are read from files become an array here.
+            packed = [each.packed[:, : each.shape[1]] for each in part]
+            side = sensor.oversampling
+            network.engine_network.bits(packed, bits[0].width, side, model, places, threads)
+    if mask is not None:
+        dead = Bits.from_array(~mask).counts(sensor.oversampling) == 0
+        warn_about_dead_pixels(np.broadcast_to(dead, (len(bits), *dead.shape)))
+    return output.images
+
+
+def _masked_sums(
+    network: Network,
+    bits: Sequence[Bits],
+    mask: npt.NDArray[np.bool_],
+    side: int,
+    threads: int | None,
+) -> list[Image]:
+    """Return p of each image, (C, H, W), from the valid jots. Dead pixels are inpainted."""
+    first = network.layers[0]
+    height, width = (size // side for size in mask.shape)
+    valid = np.packbits(~mask, axis=1)
+    sums = np.empty((len(bits), len(first.filters), height, width), np.float32)
+    for _, rows in frame_chunks(1, height, len(bits) * width * first.filters.size):
+        jots = slice(rows.start * side, rows.stop * side)
+        packed = [each.packed[:, jots] for each in bits]
+        sums[:, :, rows.start : rows.stop] = network.engine_network.masked_sums(
+            packed, bits[0].width, valid[jots], threads
+        )
+    # A pixel without a valid jot is NaN in every channel.
+    planes = sums.reshape(-1, height, width)
+    return list(fill_dead_pixels(planes, np.isnan(planes)).reshape(sums.shape))
+
+
+def _bits_alike(images: GrayImages, sensor: Sensor) -> Sequence[Bits] | None:
     """Return bits in memory of which only the number of ones of each pixel matters.
 
-    Return None for other data, for sensors with maps, and for more trials than pixels, because a
-    table of all counts would be larger than the images.
+    Return None for other data, and for sensors with maps.
     """
     for each in images.data:
         if not (isinstance(each, Bits) and isinstance(each.packed, np.ndarray)):
             return None
         check_fits(each.shape, sensor)
     bits = cast(Sequence[Bits], images.data)
-    pixels = len(bits) * bits[0].shape[1] * bits[0].shape[2] // sensor.oversampling**2
     are_alike = not sensor.maps() and len({each.shape for each in bits}) == 1
-    return bits if are_alike and sensor.trials < pixels else None
+    return bits if are_alike else None

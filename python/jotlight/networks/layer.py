@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import operator
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -38,7 +38,7 @@ class Layer:
         Taps of the filters. The first layer weighs the bits of a pixel: its shape is
         (C, T, K̂, K̂), or (C, 1, 1, 1) if it is tied, with one weight for all bits of a pixel. Later
         layers convolve with mirrored padding. A leading axis holds M sets of parameters for a
-        K-conditioned network; :meth:`interpolate` reduces them to one.
+        K-conditioned network, which interpolates between them.
     coefficients : ndarray of float32, shape (C / upsampling², N_w) or (M, C / upsampling², N_w)
         Spline coefficients, 4 to 65,536 per channel. None: the layer has no splines.
     start, spacing : float
@@ -164,27 +164,6 @@ class Layer:
         _, _, height, width = self.shape
         return (height - self.stride) // 2, (width - self.stride) // 2
 
-    def interpolate(self, weights: npt.NDArray[np.floating]) -> Self:
-        """Return the layer with the weighted sum of its M parameter sets.
-
-        Parameters
-        ----------
-        weights : ndarray, shape (M,)
-            Weights of the sets (:func:`jotlight.networks.conditioning.conditioning_weights`).
-        """
-        parts = {}
-        for name, dimensions in (("filters", 4), ("coefficients", 2)):
-            sets = getattr(self, name)
-            if sets is not None and sets.ndim > dimensions:
-                parts[name] = _weighted_sum(weights, sets)
-        if any(not np.isfinite(part).all() for part in parts.values()):
-            raise ValueError("weights: expected finite sums of the parameter sets")
-        # The shapes were checked with the sets. Films need other layers for every image.
-        layer = object.__new__(type(self))
-        layer.__dict__.update(self.__dict__ | parts)
-        layer.__dict__.pop("_engine_layer", None)
-        return layer
-
     def metadata(self) -> dict[str, Any]:
         """Return all fields except the arrays, as values that JSON can hold."""
         left_out = {"filters", "coefficients"}
@@ -215,21 +194,6 @@ class Layer:
         """Return the layer for `pickle` and `copy`, without the engine's part that they reject."""
         fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return functools.partial(type(self), **fields), ()
-
-
-def _weighted_sum(
-    weights: npt.NDArray[np.floating], sets: npt.NDArray[np.float32]
-) -> npt.NDArray[np.float32]:
-    """Return the read-only sum of parameter sets (M, ...). Most weights are 0."""
-    if len(weights) != len(sets):
-        raise ValueError(f"weights: expected {len(sets)}, one per set, got {len(weights)}")
-    total = np.zeros(sets.shape[1:])
-    for index in weights.nonzero()[0]:
-        total += np.multiply(sets[index], weights[index], dtype=np.float64)
-    with np.errstate(over="ignore"):
-        result = total.astype(np.float32)
-    result.flags.writeable = False
-    return result
 
 
 def _read_only_float32(name: str, value: Any, dimensions: int) -> npt.NDArray[np.float32]:

@@ -1,6 +1,6 @@
 """A reconstruction network: its layers, and the sensor that it is for."""
 
-import functools
+import dataclasses
 import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
@@ -14,13 +14,11 @@ from jotlight.networks.architectures import (
     build_two_layer,
     find_architecture,
 )
-from jotlight.networks.bounds import output_bounds
 from jotlight.networks.conditional_inference import estimate_intensity
-from jotlight.networks.conditioning import condition
 from jotlight.networks.description import html_of, repr_of
+from jotlight.networks.engine_backed import EngineBacked, sensor_model
 from jotlight.networks.figure import figure_of_layers
-from jotlight.networks.graph import halo_radius
-from jotlight.networks.inference import Image, Inference
+from jotlight.networks.inference import Image, run
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import check_layers, check_rotations, require_layers
 from jotlight.networks.network_files import read_network, write_network
@@ -29,18 +27,14 @@ from jotlight.networks.served_sensors import check_served
 from jotlight.networks.torch_hints import TorchHints
 from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.pixel_counts import Data, carried_sensor, gray_images, prepare_data
-from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
 if TYPE_CHECKING:
     from jotlight.figures import Figure
 
-_MAX_KEPT = 16
-"""Maximum number of K whose layers are kept, for films and maps."""
-
 
 @require_layers
-class Network(TorchHints):
+class Network(EngineBacked, TorchHints):
     """A reconstruction network: linear filters and pointwise splines, equations (8) to (11).
 
     Parameters
@@ -88,12 +82,9 @@ class Network(TorchHints):
         self.history = dict(history or {})
         self.default_sensor: Sensor | None = None
         """Sensor of counts without a sensor of their own, if it differs from `sensor`."""
-        self._conditioned: dict[int, tuple[tuple[Layer, ...], tuple[Layer, ...]]] = {}
         check_layers(self.layers, sensor, trials_range)
         self.rotations = check_rotations(rotations, tied=self.tied)
-        # A K-conditioned network divides the counts by K.
-        largest_input = sensor.trials if self.tied and trials_range is None else 1
-        self._output_bounds = output_bounds(self.layers, largest_input)[-1]
+        _ = self.engine_network  # It refuses layers whose values could overflow.
 
     @classmethod
     def initial(
@@ -198,16 +189,6 @@ class Network(TorchHints):
         """Whether the first layer has one weight for all bits of a pixel and so accepts counts."""
         return self.layers[0].shape[1:] == (1, 1, 1)
 
-    @functools.cached_property
-    def halo(self) -> int:
-        """Radius of the receptive field in pixels.
-
-        Except in a border of this width, a tile's estimate equals that of the whole image, up to
-        rounding. The tile must begin at a multiple of the product of the strides, such as 4 for
-        "medium", and its sides must be multiples, too.
-        """
-        return halo_radius(self.layers)
-
     def reconstruct(
         self,
         data: Data,
@@ -262,32 +243,39 @@ class Network(TorchHints):
         self.check_sensor(sensor)
         images = gray_images(data)
         output = output_of(images, sensor, out)
-        if self.trials_range is not None:
-            return output.finish(estimate_intensity(self, images, sensor, output, threads))
-        # The check has established that both sensors detect equal light at intensity 1.
-        reference = reference_jot(sensor)[0], reference_jot(self.sensor)[1]
-        inference = Inference(self.layers, sensor, reference, threads, self.rotations)
-        estimate = inference.run(images, output)
-        (low, high), max_intensity = self._output_bounds, np.float32(sensor.max_intensity)
-        if low < 0 or high > max_intensity:
-            np.clip(estimate, 0, max_intensity, out=estimate)
-        return output.finish(estimate)
+        estimate = estimate_intensity if self.trials_range is not None else run
+        return output.finish(estimate(self, images, sensor, output, threads))
 
     __call__ = reconstruct
 
-    def conditioned_layers(self, trials: int) -> tuple[Layer, ...]:
+    def conditioned_layers(self, trials: int, *, zeros: bool = False) -> tuple[Layer, ...]:
         """Return the layers of a K-conditioned network with the parameters for K = `trials`.
 
-        They map counts to P(b = 1), which can lie slightly outside of [0, 1].
+        They map counts to P(b = 1), or to P(b = 0) if `zeros`. The results can lie slightly outside
+        of [0, 1].
         """
         assert self.trials_range, "a K-conditioned network"
-        kept = self._conditioned.get(trials)
-        if kept is None or kept[0] is not self.layers:
-            if len(self._conditioned) == _MAX_KEPT:
-                self._conditioned.clear()
-            kept = self.layers, condition(self.layers, trials, self.trials_range)
-            self._conditioned[trials] = kept
-        return kept[1]
+        parameters = self.engine_network.conditioned(trials, zeros)
+        return tuple(
+            dataclasses.replace(layer, filters=filters, coefficients=coefficients)
+            for layer, (filters, coefficients) in zip(self.layers, parameters, strict=True)
+        )
+
+    def estimates_zeros(self, sensor: Sensor) -> bool:
+        """Return whether a K-conditioned network estimates P(b = 0) for a sensor.
+
+        Near saturation, P(b = 1) is close to 1, and float32 holds only a few digits of
+        1 - P(b = 1), on which the intensity depends. So for bright sensors, the network estimates
+        P(b = 0) from the zeros. Its last spline, which maps to P(b = 1), is replaced by its
+        complement.
+
+        Examples
+        --------
+        >>> network = Network.conditional("small", rng=0)
+        >>> network.estimates_zeros(Sensor()), network.estimates_zeros(Sensor(gain=25.0))
+        (False, True)
+        """
+        return self.engine_network.estimates_zeros(sensor_model(sensor))
 
     def denoise_probability(
         self, fraction: Image, trials: int, *, threads: int | None = None
@@ -299,10 +287,8 @@ class Network(TorchHints):
         self, fractions: Sequence[Image], trials: int, *, threads: int | None = None
     ) -> list[Image]:
         """Return :meth:`denoise_probability` of several images, which may differ in size."""
-        layers = self.conditioned_layers(trials)
-        reference = reference_jot(self.sensor)
-        inference = Inference(layers, self.sensor, reference, threads, self.rotations)
-        return inference.run_counts(image * np.float32(trials) for image in fractions)
+        counts = [image * np.float32(trials) for image in fractions]
+        return self.engine_network.run_counts(counts, trials, False, threads)
 
     def check_sensor(self, sensor: Sensor) -> None:
         """Check that the network serves the data of a sensor.

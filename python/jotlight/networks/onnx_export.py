@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from jotlight._engine import RATIO_OF_PASS
 from jotlight.errors import MissingExtraError
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.files import write_file
@@ -33,8 +34,6 @@ from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import refuse_rotations
 from jotlight.networks.served_sensors import choose_sensor
 from jotlight.networks.splines import CUBIC_BASIS
-from jotlight.networks.trials_map import RATIO_OF_PASS
-from jotlight.networks.zeros import estimates_zeros, zero_layers
 from jotlight.sensing.pixel_counts import count_pixels
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import detection_probability, inverse_detection_probability
@@ -66,8 +65,11 @@ class ExportableNetwork(Protocol):
     def tied(self) -> bool:
         """Whether the network accepts counts."""
 
-    def conditioned_layers(self, trials: int) -> tuple[Layer, ...]:
+    def conditioned_layers(self, trials: int, *, zeros: bool = False) -> tuple[Layer, ...]:
         """Return the layers for K = `trials`."""
+
+    def estimates_zeros(self, sensor: Sensor) -> bool:
+        """Return whether the network estimates P(b = 0) for a sensor."""
 
 
 def write_onnx(
@@ -137,11 +139,10 @@ def _add_conditional(
     assert network.trials_range is not None, "a K-conditioned network"
     trials = sensor.trials
     served = min(trials, network.trials_range[1])
-    layers = network.conditioned_layers(served)
     # For bright sensors, all that follows is about zeros instead of ones.
-    is_zeros = estimates_zeros(layers, sensor)
+    is_zeros = network.estimates_zeros(sensor)
+    layers = network.conditioned_layers(served, zeros=is_zeros)
     if is_zeros:
-        layers = zero_layers(network, served)
         counts = graph.add("Sub", float(trials), counts)
 
     def denoise(readings: str) -> str:

@@ -14,7 +14,6 @@ from torch import Tensor
 
 from jotlight.errors import hide_warnings
 from jotlight.estimators.inverse_response import equivalent_counts
-from jotlight.networks.inference import Inference
 from jotlight.networks.network import Network
 from jotlight.networks.trials_map import denoise_fractions
 from jotlight.sensing import response
@@ -221,8 +220,8 @@ class BitSplitter:
                 fractions = counts[:1] / np.float32(trials)
                 output = denoise_fractions(network, fractions, [trials], threads=threads)[0]
             else:
-                inference = Inference(network.layers, network.sensor, self.reference, threads)
-                output = inference.run_counts(counts)[0]
+                trials = network.sensor.trials
+                output = network.engine_network.run_counts(list(counts), trials, False, threads)[0]
             estimate = torch.from_numpy(output).double()[None, None]
             total += split.target_bits * float(self.negative_log_likelihood(estimate, split))
             bits += split.target_bits

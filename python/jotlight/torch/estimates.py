@@ -6,7 +6,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from jotlight.networks.trials_map import RATIO_OF_PASS
+from jotlight._engine import BRIGHT, RATIO_OF_PASS
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import detection_density, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
@@ -14,6 +14,21 @@ from jotlight.torch.response import detection_probability
 
 _MIN_PROBABILITY, _MAX_PROBABILITY = 1e-12, 1 - 2**-24
 """Bounds in float32 within which the derivative of arcsin √p is finite."""
+
+
+def is_bright(sensor: Sensor) -> bool:
+    """Return whether K-conditioned networks with a last spline estimate P(b = 0) for a sensor.
+
+    It is :meth:`jotlight.Network.estimates_zeros`, which torch.compile cannot read.
+
+    Examples
+    --------
+    >>> is_bright(Sensor()), is_bright(Sensor(gain=25.0))
+    (False, True)
+    """
+    efficiency, dark_counts = reference_jot(sensor)
+    rate = efficiency * sensor.light_per_intensity * sensor.max_intensity + dark_counts
+    return sensor.threshold == 1 and rate > BRIGHT
 
 
 def intensity_from_probability(probability: Tensor, sensor: Sensor) -> Tensor:

@@ -15,7 +15,6 @@ from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import refuse_rotations
 from jotlight.networks.network import Network as EngineNetwork
 from jotlight.networks.served_sensors import choose_sensor
-from jotlight.networks.zeros import is_bright
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.data_checks import check_values
@@ -23,6 +22,7 @@ from jotlight.torch.estimates import (
     equivalent_counts,
     intensity_from_complement,
     intensity_from_probability,
+    is_bright,
     probability_of,
 )
 from jotlight.torch.filter_bank import convolve, correlate, layer_specs
@@ -163,7 +163,7 @@ class Network(nn.Module):
         return self.activate(-1, sums, coefficients[-1])
 
     def _run_zeros(self, zeros: Tensor, trials: int) -> Tensor:
-        """Return P(b = 0) for counts of zeros, as :mod:`jotlight.networks.zeros` does."""
+        """Return P(b = 0) for counts of zeros, as the engine does for bright sensors."""
         filters, coefficients = self._interpolate(trials, is_zeros=True)
         sums = self._filter_all(trials - zeros, filters, coefficients)
         return self.activate(-1, sums, coefficients[-1])
@@ -281,8 +281,7 @@ class Network(nn.Module):
             coefficients[-1] = 1 - last
         if self._trials_range is None or trials is None:
             return filters, coefficients
-        weights = conditioning_weights(trials, self._trials_range, self._sets)
-        weights_tensor = torch.as_tensor(weights).to(filters[0])
+        weights_tensor = _weights(trials, self._trials_range, self._sets).to(filters[0])
 
         def interpolate(sets: Tensor, dimensions: int) -> Tensor:
             if sets.dim() == dimensions:
@@ -293,6 +292,12 @@ class Network(nn.Module):
         filters = [interpolate(sets, 4) for sets in filters]
         filters[0] = filters[0] / trials
         return filters, [None if sets is None else interpolate(sets, 2) for sets in coefficients]
+
+
+# torch.compile cannot read the function of the engine, so it calls it once for each K.
+@torch.compiler.assume_constant_result
+def _weights(trials: int, trials_range: tuple[int, int], sets: int) -> Tensor:
+    return torch.from_numpy(conditioning_weights(trials, trials_range, sets))
 
 
 def _parameter(array: npt.NDArray[np.float32], is_trainable: bool) -> nn.Parameter:

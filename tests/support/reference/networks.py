@@ -1,22 +1,38 @@
 """Slow NumPy twins of the networks; random networks and bits as test data."""
 
+import dataclasses
+
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.ndimage import convolve
 
 import jotlight as jl
-from jotlight.networks.inference import Inference
-from jotlight.sensing.gray_outputs import output_of
-from jotlight.sensing.pixel_counts import gray_images, prepare_data
-from jotlight.sensing.reference import reference_jot
+
+_ALL = 1e15
+"""A largest intensity that no output reaches."""
 
 
 def last_layer(network, data, sensor=None, *, threads=None):
-    """Return the output of the last layer, which an estimate clips to [0, S]."""
-    sensor = sensor or network.sensor
-    inference = Inference(network.layers, sensor, reference_jot(network.sensor), threads)
-    images = gray_images(prepare_data(data, sensor)[0])
-    return inference.run(images, output_of(images, sensor, None))[0]
+    """Return the output of the last layer, which an estimate clips to [0, S].
+
+    It is the difference of the estimates by the network and by one with the opposite output.
+    """
+    own = network.sensor.replace(max_intensity=_ALL)
+    sensor = (sensor or network.sensor).replace(max_intensity=_ALL)
+    *layers, last = network.layers
+    if last.coefficients is None:
+        opposite = dataclasses.replace(last, filters=-last.filters)
+        if last.skip is not None:
+            raise NotImplementedError("a skip connection into a last layer without splines")
+    else:
+        opposite = dataclasses.replace(last, coefficients=-last.coefficients)
+    if isinstance(data, jl.Bits):
+        data = jl.Bits(data.packed, width=data.width, sensor=sensor)
+    above, below = (
+        jl.Network([*layers, each], own).reconstruct(data, sensor, threads=threads)
+        for each in (last, opposite)
+    )
+    return above - below
 
 
 def random_layer(rng, filters, *, low=-2.0, high=3.0, number=11):

@@ -2,10 +2,12 @@
 
 mod inference;
 mod layers;
+mod model;
 mod splines;
 mod training;
 
-pub use inference::{forward, forward_bits, forward_counts, forward_tied_bits, masked_sums};
+pub use inference::{forward, forward_bits};
 pub use layers::PreparedLayer;
+pub use model::{PyNetwork, conditioning_weights, level_range, level_weights, local_trials};
 pub use splines::{activate, activate_backward};
 pub use training::{gradient, normal_equations, squared_errors};

@@ -20,6 +20,7 @@ mod convolution;
 mod first_layer;
 mod forward;
 mod graph;
+mod images;
 mod layer;
 mod model;
 mod spline;
@@ -29,8 +30,13 @@ mod training;
 pub use forward::{
     forward, forward_bits, forward_counts, forward_planes, forward_tied_bits, masked_sums,
 };
+pub use images::write_images;
 pub use layer::{Layer, Wiring};
-pub use model::{LayerParameters, Network, Reconstruction, SensorModel, Served};
+pub use model::{
+    BRIGHT, EquivalentCounts, LayerParameters, LocalTrials, Network, Pixels, RATIO_OF_PASS,
+    Reconstruction, SensorModel, Served, conditioning_weights, level_range, level_weights,
+    local_trials,
+};
 pub use spline::channels::Splines;
 pub use spline::evaluate::Spline;
 pub use training::batch::{Batch, Gradient, NormalEquations, Patch};

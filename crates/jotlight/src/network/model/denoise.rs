@@ -8,25 +8,33 @@
 //! amplified, until its noise is that of the largest K, and the network denoises it again around
 //! the estimate.
 
+use std::collections::BTreeMap;
 use std::f32::consts::FRAC_PI_2;
 
-use ndarray::{Array2, ArrayView2, Zip, s};
+use ndarray::{Array2, ArrayView2, Zip};
 
 use super::Network;
 use super::levels::{LocalTrials, level_weights};
-use super::regions::{cover, widen};
-use crate::error::Result;
-use crate::network::forward;
-use crate::network::layer::Layer;
-use crate::network::tiling::region::Region;
+use super::regions::{Band, cover};
+use crate::error::{Error, Result};
 
 /// The maximum ratio of K to that of the network for one more pass of the network.
-const RATIO_OF_PASS: f64 = 16.0;
+pub const RATIO_OF_PASS: f64 = 16.0;
 
 /// A region is widened by the halo of the network divided by this number. The outer half of the
-/// receptive field changes estimates by 1e-5 of the intensity, and the weights of a level tend to 0
-/// at the border of its region.
+/// receptive field changes estimates by about 1e-4 of the intensity, and the weights of a level tend
+/// to 0 at the border of its region.
 const SHARE_OF_HALO: usize = 2;
+
+/// The parts of some images at which the network runs for one level, and their weights.
+struct Part<'a> {
+    image: usize,
+    /// The band and the weights of the pixels, or none for the whole image with the weight 1.
+    band: Option<(&'a Band, &'a Array2<f32>)>,
+}
+
+/// Images with the same map of weights for a level, and the bands that contain their pixels.
+type Level = (Vec<usize>, Option<(Array2<f32>, Vec<Band>)>);
 
 /// A K-conditioned network from fractions of ones to P(b = 1), or of zeros to P(b = 0).
 pub(super) struct Denoiser<'a> {
@@ -37,138 +45,218 @@ pub(super) struct Denoiser<'a> {
 }
 
 impl Denoiser<'_> {
-    /// Return the probability at each pixel from fractions of ones, or of zeros.
+    /// Return the probability at each pixel of images with fractions of ones, or of zeros.
     pub fn denoise(
         &self,
-        fractions: ArrayView2<'_, f32>,
-        trials: &LocalTrials,
-    ) -> Result<Array2<f32>> {
-        let (smallest, largest) = self.range;
-        let served = match trials {
-            LocalTrials::Same(trials) => LocalTrials::Same((*trials).clamp(smallest, largest)),
-            LocalTrials::Map(map) => {
-                LocalTrials::Map(map.mapv(|n| n.clamp(smallest as f32, largest as f32)))
+        fractions: &[ArrayView2<'_, f32>],
+        trials: &[LocalTrials],
+    ) -> Result<Vec<Array2<f32>>> {
+        check_trials(fractions, trials)?;
+        let groups = group(trials);
+        let served: Vec<_> = groups
+            .iter()
+            .map(|images| trials[images[0]].clamp(self.range))
+            .collect();
+        let runs = groups.iter().cloned().zip(&served);
+        let mut estimates = self.at_levels(fractions, runs)?;
+        let largest = self.range.1;
+        let passes: Vec<_> = groups
+            .iter()
+            .map(|images| {
+                let excess = (trials[images[0]].max() / f64::from(largest)).max(1.0);
+                (excess.ln() / RATIO_OF_PASS.ln()).ceil() as usize
+            })
+            .collect();
+        for pass in 0..passes.iter().copied().max().unwrap_or(0) {
+            let mut raised = Vec::new();
+            for (group, images) in groups.iter().enumerate() {
+                for &image in images.iter().filter(|_| passes[group] > pass) {
+                    let own = (&trials[image], &served[group]);
+                    raised.push((
+                        image,
+                        group,
+                        amplify(&estimates[image], fractions[image], own),
+                    ));
+                }
             }
-        };
-        let mut estimate = self.at_levels(fractions, &served)?;
-        let (own, served) = (as_map(trials), as_map(&served));
-        let most = own.iter().fold(0.0f32, |most, &n| most.max(n));
-        let excess = (f64::from(most) / f64::from(largest)).max(1.0);
-        let passes = (excess.ln() / RATIO_OF_PASS.ln()).ceil() as usize;
-        let shape = fractions.dim();
-        let [own, served] = [&own, &served].map(|map| map.broadcast(shape));
-        let (Some(own), Some(served)) = (own, served) else {
-            return Ok(estimate);
-        };
-        for _ in 0..passes {
-            let base = estimate.mapv(|p| p.sqrt().asin());
-            let mut raised = Array2::zeros(shape);
-            Zip::from(&mut raised)
-                .and(&base)
-                .and(fractions)
-                .and(own)
-                .and(served)
-                .for_each(|raised, &base, &fraction, &own, &served| {
-                    let data = stabilize(fraction, own);
-                    let angle = base + (own / served).sqrt() * (data - base);
-                    *raised = fraction_of(angle.clamp(0.0, FRAC_PI_2), served);
-                });
             // Only pixels with more trials than the network serves change.
-            let denoised = self.at_levels(raised.view(), &LocalTrials::Same(largest))?;
-            Zip::from(&mut estimate)
-                .and(&base)
-                .and(&denoised)
-                .and(own)
-                .and(served)
-                .for_each(|estimate, &base, &denoised, &own, &served| {
-                    let gain = (own / served).sqrt();
-                    if gain > 1.0 {
-                        let angle = base + (denoised.sqrt().asin() - base) / gain;
-                        *estimate = angle.clamp(0.0, FRAC_PI_2).sin().powi(2);
-                    }
-                });
+            let views: Vec<_> = raised.iter().map(|(.., image)| image.view()).collect();
+            let all = (0..raised.len()).collect();
+            let denoised = self.at_levels(&views, [(all, &LocalTrials::Same(largest))])?;
+            for ((image, group, _), denoised) in raised.iter().zip(denoised) {
+                let own = (&trials[*image], &served[*group]);
+                add_change(&mut estimates[*image], &denoised, own);
+            }
         }
-        Ok(estimate)
+        Ok(estimates)
     }
 
     /// Return the probabilities in [0, 1], interpolated between the levels of K.
-    fn at_levels(
+    ///
+    /// `groups` are the indices of images with the same trials, and these.
+    fn at_levels<'t>(
         &self,
-        fractions: ArrayView2<'_, f32>,
-        trials: &LocalTrials,
-    ) -> Result<Array2<f32>> {
-        let size = fractions.dim();
+        fractions: &[ArrayView2<'_, f32>],
+        groups: impl IntoIterator<Item = (Vec<usize>, &'t LocalTrials)>,
+    ) -> Result<Vec<Array2<f32>>> {
         let halo = self.network.halo().div_ceil(SHARE_OF_HALO);
-        let mut result = Array2::<f32>::zeros(size);
-        let levels = match trials {
-            LocalTrials::Same(level) => vec![(*level, Array2::ones(size))],
-            LocalTrials::Map(map) => level_weights(map.view()),
-        };
-        for (level, weights) in levels {
-            let layers = self.network.layers_for(level, self.zeros)?;
-            for region in cover(weights.view(), halo) {
-                let wide = widen(&region, halo, size);
-                let input = fractions.slice(s![wide.rows.clone(), wide.columns.clone()]);
-                let output = self.run(&layers, input, level)?;
-                let (top, left) = (wide.rows.start, wide.columns.start);
-                let Region { rows, columns } = region;
-                let inner = output.slice(s![
-                    rows.start - top..rows.end - top,
-                    columns.start - left..columns.end - left
-                ]);
-                let place = result.slice_mut(s![rows.clone(), columns.clone()]);
-                Zip::from(place)
-                    .and(weights.slice(s![rows, columns]))
-                    .and(inner)
-                    .for_each(|result, &weight, &value| *result += weight * value);
+        let mut levels: BTreeMap<u32, Vec<Level>> = BTreeMap::new();
+        for (images, trials) in groups {
+            match trials {
+                LocalTrials::Same(level) => levels.entry(*level).or_default().push((images, None)),
+                LocalTrials::Map(map) => {
+                    for (level, weights) in level_weights(map.view()) {
+                        let bands = cover(weights.view(), halo);
+                        let part = (images.clone(), Some((weights, bands)));
+                        levels.entry(level).or_default().push(part);
+                    }
+                }
             }
         }
-        result.mapv_inplace(|p| p.clamp(0.0, 1.0));
-        Ok(result)
-    }
-
-    /// Return the output of the layers for K = `level`.
-    fn run(
-        &self,
-        layers: &[Layer<f32>],
-        fractions: ArrayView2<'_, f32>,
-        level: u32,
-    ) -> Result<Array2<f32>> {
-        let level = level as f32;
-        let ones = |fraction: f32| if self.zeros { 1.0 - fraction } else { fraction };
-        let counts = fractions.mapv(|fraction| ones(fraction) * level);
-        run_counts(layers, counts.view())
+        let zeros = fractions
+            .iter()
+            .map(|image| Array2::<f32>::zeros(image.dim()));
+        let mut sums: Vec<_> = zeros.collect();
+        for (level, groups) in levels {
+            let parts: Vec<_> = groups.iter().flat_map(parts_of).collect();
+            let counts = parts.iter().map(|part| {
+                let ones = |fraction: f32| {
+                    let ones = if self.zeros { 1.0 - fraction } else { fraction };
+                    ones * level as f32
+                };
+                match part.band {
+                    None => fractions[part.image].mapv(ones),
+                    Some((band, _)) => band.cut(fractions[part.image], ones),
+                }
+            });
+            let outputs = self
+                .network
+                .run_counts(counts.collect(), level, self.zeros)?;
+            for (part, output) in parts.iter().zip(outputs) {
+                let sum = &mut sums[part.image];
+                match part.band {
+                    None => *sum += &output,
+                    Some((band, weights)) => {
+                        band.add(output.view(), weights.view(), sum.view_mut());
+                    }
+                }
+            }
+        }
+        for sum in &mut sums {
+            sum.mapv_inplace(|p| p.clamp(0.0, 1.0));
+        }
+        Ok(sums)
     }
 }
 
-/// Return the output of tied layers for counts, which need not be whole.
-pub(super) fn run_counts(
-    layers: &[Layer<f32>],
-    counts: ArrayView2<'_, f32>,
-) -> Result<Array2<f32>> {
-    let weights: Vec<f32> = tied_weights(layers);
-    let (height, width) = counts.dim();
-    let sums = ndarray::Array3::from_shape_fn((weights.len(), height, width), |(plane, y, x)| {
-        weights[plane] * counts[[y, x]]
-    });
-    let mut out = Array2::zeros((height, width));
-    let layers: Vec<_> = layers.iter().collect();
-    forward::forward(&layers, sums.view(), out.view_mut())?;
-    Ok(out)
+/// Return the parts of images at which the network runs for a level.
+fn parts_of((images, weights): &Level) -> Vec<Part<'_>> {
+    let bands = |&image: &usize| match weights {
+        None => vec![Part { image, band: None }],
+        Some((weights, bands)) => {
+            let part = |band| Part {
+                image,
+                band: Some((band, weights)),
+            };
+            bands.iter().map(part).collect()
+        }
+    };
+    images.iter().flat_map(bands).collect()
 }
 
-/// Return the weight of each channel of a tied first layer.
-pub(super) fn tied_weights(layers: &[Layer<f32>]) -> Vec<f32> {
-    let first = layers.first().map(|layer| layer.filters().to_owned());
-    first.map_or_else(Vec::new, |filters| filters.into_iter().collect())
-}
-
-/// Return trials as an array that broadcasts with an image.
-fn as_map(trials: &LocalTrials) -> Array2<f32> {
-    match trials {
-        LocalTrials::Same(trials) => Array2::from_elem((1, 1), *trials as f32),
-        LocalTrials::Map(map) => map.clone(),
+/// Check that each image has trials, and that their maps have its size.
+fn check_trials(images: &[ArrayView2<'_, f32>], trials: &[LocalTrials]) -> Result<()> {
+    if images.len() != trials.len() {
+        return Err(Error::shape("trials", images.len(), trials.len()));
     }
+    for (image, trials) in images.iter().zip(trials) {
+        if let LocalTrials::Map(map) = trials {
+            if map.dim() != image.dim() {
+                return Err(Error::shape("trials", image.dim(), map.dim()));
+            }
+            if let Some(&wrong) = map.iter().find(|&&n| !(n > 0.0 && n.is_finite())) {
+                let expected = "finite numbers above 0";
+                return Err(Error::range("trials", expected, wrong));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Return the indices of images with the same number of trials, or with the same map.
+fn group(trials: &[LocalTrials]) -> Vec<Vec<usize>> {
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for (image, own) in trials.iter().enumerate() {
+        let is_same = |images: &&mut Vec<usize>| match (&trials[images[0]], own) {
+            (LocalTrials::Same(one), LocalTrials::Same(other)) => one == other,
+            // Images of the same sensor share one map.
+            (LocalTrials::Map(one), LocalTrials::Map(other)) => {
+                one.as_ptr() == other.as_ptr() && one.strides() == other.strides()
+            }
+            _ => false,
+        };
+        match groups.iter_mut().find(is_same) {
+            Some(images) => images.push(image),
+            None => groups.push(vec![image]),
+        }
+    }
+    groups
+}
+
+/// Return fractions whose difference to an estimate is amplified, so that its noise is that of the
+/// served trials.
+fn amplify(
+    estimate: &Array2<f32>,
+    fractions: ArrayView2<'_, f32>,
+    (own, served): (&LocalTrials, &LocalTrials),
+) -> Array2<f32> {
+    let mut raised = Array2::zeros(estimate.dim());
+    let (own, served) = (own.to_array(), served.to_array());
+    let (Some(own), Some(served)) = (
+        own.broadcast(estimate.dim()),
+        served.broadcast(estimate.dim()),
+    ) else {
+        return raised;
+    };
+    Zip::from(&mut raised)
+        .and(estimate)
+        .and(fractions)
+        .and(own)
+        .and(served)
+        .par_for_each(|raised, &estimate, &fraction, &own, &served| {
+            let base = estimate.sqrt().asin();
+            let data = stabilize(fraction, own);
+            let angle = base + (own / served).sqrt() * (data - base);
+            *raised = fraction_of(angle.clamp(0.0, FRAC_PI_2), served);
+        });
+    raised
+}
+
+/// Change an estimate to the denoised result of [`amplify`], whose difference becomes smaller again.
+fn add_change(
+    estimate: &mut Array2<f32>,
+    denoised: &Array2<f32>,
+    (own, served): (&LocalTrials, &LocalTrials),
+) {
+    let (own, served) = (own.to_array(), served.to_array());
+    let (Some(own), Some(served)) = (
+        own.broadcast(estimate.dim()),
+        served.broadcast(estimate.dim()),
+    ) else {
+        return;
+    };
+    Zip::from(estimate)
+        .and(denoised)
+        .and(own)
+        .and(served)
+        .par_for_each(|estimate, &denoised, &own, &served| {
+            let gain = (own / served).sqrt();
+            if gain > 1.0 {
+                let base = estimate.sqrt().asin();
+                let angle = base + (denoised.sqrt().asin() - base) / gain;
+                *estimate = angle.clamp(0.0, FRAC_PI_2).sin().powi(2);
+            }
+        });
 }
 
 /// Return the angle whose noise is 1/(4K): arcsin √((L + ⅜)/(K + ¾)).
@@ -196,5 +284,21 @@ mod tests {
                 assert!((restored - fraction).abs() < 2e-6);
             }
         }
+    }
+
+    #[test]
+    fn images_with_the_same_map_form_a_group() {
+        let map = || Array2::<f32>::ones((2, 2)).into_shared();
+        let (one, other) = (map(), map());
+        let trials = [
+            LocalTrials::Map(one.clone()),
+            LocalTrials::Same(3),
+            LocalTrials::Map(other.clone()),
+            LocalTrials::Same(3),
+            LocalTrials::Map(one.clone()),
+            LocalTrials::Same(4),
+        ];
+        let expected = [vec![0, 4], vec![1, 3], vec![2], vec![5]];
+        assert_eq!(group(&trials), expected);
     }
 }

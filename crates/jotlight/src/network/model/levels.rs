@@ -1,6 +1,9 @@
 //! Numbers of trials that differ from pixel to pixel: their neighborhoods, and levels of K.
 
-use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
+use ndarray::{ArcArray, Array2, ArrayView2, Axis, Ix2};
+
+use crate::error::{Error, Result};
+use crate::motion;
 
 /// The maximum ratio of neighboring levels.
 const MAX_RATIO: f64 = std::f64::consts::SQRT_2;
@@ -11,124 +14,188 @@ const PLATEAU: f64 = 0.5;
 /// The standard deviation of the neighborhood in which noise is averaged, in pixels.
 const NEIGHBORHOOD: f64 = 3.0;
 
-/// The radius of the neighborhood: three standard deviations.
-const RADIUS: usize = 9;
-
 /// The ratio of the largest to the smallest local trials up to which one run serves all pixels.
 const NEAR_RATIO: f32 = 1.2;
 
-/// The number of trials that states the noise around each pixel.
-pub(super) enum LocalTrials {
+/// The largest level may have this fraction of the largest number of trials, which costs nothing.
+const FEWER: f64 = 0.9;
+
+/// It does if more than this share of the pixels has trials from `FEWER` to `NEAR` times the largest
+/// number. Otherwise, these pixels would need two levels.
+const MIN_SHARE: f64 = 0.03;
+
+/// See [`MIN_SHARE`].
+const NEAR: f64 = 0.99;
+
+/// A level for less than this fraction of the pixels is left out, if the ratio of its neighbors is at
+/// most [`MAX_GAP`]. Its pixels get the next lower level.
+const FEW_PIXELS: f64 = 0.002;
+
+/// See [`FEW_PIXELS`].
+const MAX_GAP: f64 = 4.0;
+
+/// The number of trials that states the noise around each pixel of an image: the local trials.
+#[derive(Clone, Debug)]
+pub enum LocalTrials {
     /// The same whole number everywhere.
     Same(u32),
-    /// A number for each pixel.
-    Map(Array2<f32>),
+    /// A number above 0 for each pixel. Images may share the map.
+    Map(ArcArray<f32, Ix2>),
 }
 
-/// Return the harmonic mean of the trials in the neighborhood of each pixel.
-pub(super) fn local_trials(trials: ArrayView2<'_, f64>) -> LocalTrials {
-    if let Some(same) = super::only_value(trials) {
-        return LocalTrials::Same(round(same));
+impl LocalTrials {
+    /// Return the trials, limited to a range.
+    pub(super) fn clamp(&self, (min, max): (u32, u32)) -> Self {
+        match self {
+            Self::Same(trials) => Self::Same((*trials).clamp(min, max)),
+            Self::Map(map) => {
+                let clamped = map.mapv(|n| n.clamp(min as f32, max as f32));
+                Self::Map(clamped.into_shared())
+            }
+        }
     }
-    let noise = blur(&trials.mapv(|trials| 1.0 / trials as f32));
-    let (low, high) = noise
-        .iter()
-        .fold((f32::INFINITY, 0.0f32), |(low, high), &x| {
-            (low.min(x), high.max(x))
-        });
+
+    /// Return the largest number.
+    pub(super) fn max(&self) -> f64 {
+        match self {
+            Self::Same(trials) => f64::from(*trials),
+            Self::Map(map) => f64::from(map.iter().fold(0.0f32, |most, &n| most.max(n))),
+        }
+    }
+
+    /// Return the trials as an array that broadcasts with an image.
+    pub(super) fn to_array(&self) -> ArcArray<f32, Ix2> {
+        match self {
+            Self::Same(trials) => ArcArray::from_elem((1, 1), *trials as f32),
+            Self::Map(map) => map.clone(),
+        }
+    }
+}
+
+/// Return the number of trials that states the noise around each pixel.
+///
+/// The noise of a fraction of ones is inversely proportional to its trials. A denoiser weighs a pixel
+/// against its neighbors, so the mean noise around the pixel counts: the harmonic mean of the trials,
+/// which are above 0. Where it is nearly the same everywhere, the result is one whole number.
+///
+/// # Errors
+/// [`Error::Range`] for an image without pixels.
+pub fn local_trials(trials: ArrayView2<'_, f64>) -> Result<LocalTrials> {
+    let Some(&first) = trials.first() else {
+        return Err(Error::range("trials", "at least one pixel", 0));
+    };
+    if trials.iter().all(|other| other.total_cmp(&first).is_eq()) {
+        return Ok(LocalTrials::Same(round(first)));
+    }
+    let noise = trials.mapv(|trials| (1.0 / trials) as f32);
+    let noise = noise.insert_axis(Axis(0));
+    let mut blurred = noise.clone();
+    motion::blur(noise.view(), NEIGHBORHOOD, blurred.view_mut())?;
+    let noise = blurred.index_axis_move(Axis(0), 0);
+    let (low, high) = extremes(noise.view());
     if high <= NEAR_RATIO * low {
         let sum: f64 = noise.iter().copied().map(f64::from).sum();
-        return LocalTrials::Same(round(noise.len() as f64 / sum));
+        return Ok(LocalTrials::Same(round(noise.len() as f64 / sum)));
     }
-    LocalTrials::Map(noise.mapv(|noise| 1.0 / noise))
+    Ok(LocalTrials::Map(
+        noise.mapv(|noise| 1.0 / noise).into_shared(),
+    ))
+}
+
+fn extremes(map: ArrayView2<'_, f32>) -> (f32, f32) {
+    let start = (f32::INFINITY, f32::NEG_INFINITY);
+    map.iter()
+        .fold(start, |(low, high), &x| (low.min(x), high.max(x)))
 }
 
 fn round(trials: f64) -> u32 {
     trials.round_ties_even().max(1.0) as u32
 }
 
-/// Return an image after a Gaussian filter. Beyond the border, the nearest pixel is repeated.
-fn blur(image: &Array2<f32>) -> Array2<f32> {
-    let taps = (0..=RADIUS).map(|x| (-0.5 * (x as f64 / NEIGHBORHOOD).powi(2)).exp());
-    let taps: Array1<f64> = taps.collect();
-    let taps = &taps / (2.0 * taps.sum() - taps[0]);
-    let mut result = image.clone();
-    for axis in [Axis(0), Axis(1)] {
-        for mut lane in result.lanes_mut(axis) {
-            let blurred = blur_lane(lane.view(), &taps);
-            lane.assign(&blurred);
+/// Return whole numbers from `smallest` to `largest`, with ratios of at most about √2.
+///
+/// Those above the smallest depend on the largest one alone. So images of a film have the same
+/// levels, and networks keep their parameters.
+#[must_use]
+pub fn level_range(smallest: f64, largest: f64) -> Vec<u32> {
+    let first = round(smallest);
+    let mut level = round(largest).max(first);
+    let mut levels = vec![level];
+    while level > first {
+        level = round(f64::from(level) / MAX_RATIO).max(first);
+        levels.push(level);
+    }
+    levels.reverse();
+    levels
+}
+
+/// Return the levels of a map, without those that few pixels need.
+fn levels_of_map(trials: ArrayView2<'_, f32>) -> Vec<u32> {
+    let (low, high) = extremes(trials);
+    let levels = level_range(f64::from(low), largest_level(trials, f64::from(high)));
+    let count = |&level: &u32| trials.iter().filter(|&&n| n >= level as f32).count();
+    let above: Vec<_> = levels.iter().map(count).collect();
+    let mut kept = vec![levels[0]];
+    for index in 1..levels.len() {
+        // The last level is always kept.
+        let is_needed = above.get(index + 1).is_none_or(|&higher| {
+            let pixels = above[index - 1] - higher;
+            let gap = f64::from(levels[index + 1]) / f64::from(kept[kept.len() - 1]);
+            pixels as f64 >= FEW_PIXELS * trials.len() as f64 || gap > MAX_GAP
+        });
+        if is_needed {
+            kept.push(levels[index]);
         }
     }
-    result
-}
-
-fn blur_lane(lane: ArrayView1<'_, f32>, taps: &Array1<f64>) -> Array1<f32> {
-    let last = lane.len() - 1;
-    Array1::from_shape_fn(lane.len(), |place| {
-        let sum = (1..=RADIUS).map(|offset| {
-            let neighbors = [place.saturating_sub(offset), (place + offset).min(last)];
-            taps[offset]
-                * neighbors
-                    .map(|index| f64::from(lane[index]))
-                    .iter()
-                    .sum::<f64>()
-        });
-        (taps[0] * f64::from(lane[place]) + sum.sum::<f64>()) as f32
-    })
-}
-
-/// Return whole numbers from `smallest` to `largest`, with ratios of at most about √2.
-pub(super) fn level_range(smallest: f64, largest: f64) -> Vec<u32> {
-    let (first, last) = (f64::from(round(smallest)), f64::from(round(largest)));
-    let steps = ((last / first).log2() / MAX_RATIO.log2() - 1e-9)
-        .ceil()
-        .max(0.0);
-    let ratio = if steps > 0.0 {
-        (last / first).powf(1.0 / steps)
-    } else {
-        1.0
-    };
-    let mut levels: Vec<_> = (0..=steps as i32)
-        .map(|step| round(first * ratio.powi(step)))
-        .collect();
-    levels.dedup();
-    levels
+    kept
 }
 
 /// Return the levels of a map of trials, and their weights at each pixel, of which one is above 0.
 ///
 /// The weights of a pixel belong to the largest level up to its trials, and near the next level to
 /// both. Their sum is 1.
-pub(super) fn level_weights(trials: ArrayView2<'_, f32>) -> Vec<(u32, Array2<f32>)> {
-    let extremes = trials
-        .iter()
-        .fold((f32::INFINITY, 0.0f32), |(low, high), &x| {
-            (low.min(x), high.max(x))
-        });
-    let levels = level_range(f64::from(extremes.0), f64::from(extremes.1));
-    let logarithms: Vec<_> = levels
-        .iter()
-        .map(|&level| f64::from(level).log2())
-        .collect();
+#[must_use]
+pub fn level_weights(trials: ArrayView2<'_, f32>) -> Vec<(u32, Array2<f32>)> {
+    let levels = levels_of_map(trials);
+    if let [level] = levels[..] {
+        return vec![(level, Array2::ones(trials.dim()))];
+    }
+    let logarithms = levels.iter().map(|&level| f64::from(level).log2());
+    let logarithms: Vec<f64> = logarithms.collect();
     let place = |trials: f32| {
         let logarithm = f64::from(trials.log2());
         let next = logarithms.partition_point(|&level| level <= logarithm);
         if next == 0 || next == logarithms.len() {
-            return next.saturating_sub(1) as f64;
+            return next.saturating_sub(1) as f32;
         }
         let (below, above) = (logarithms[next - 1], logarithms[next]);
         let start = below + PLATEAU * (above - below);
         let fraction = ((logarithm - start) / (above - start)).max(0.0);
-        (next - 1) as f64 + fraction
+        ((next - 1) as f64 + fraction) as f32
     };
     let places = trials.mapv(place);
     let weights = levels.iter().enumerate().map(|(index, &level)| {
-        let weight = |place: f64| (1.0 - (place - index as f64).abs()).max(0.0) as f32;
+        let weight = |place: f32| (1.0 - (place - index as f32).abs()).max(0.0);
         (level, places.mapv(weight))
     });
     weights
         .filter(|(_, weights)| weights.iter().any(|&weight| weight > 0.0))
         .collect()
+}
+
+/// Return the number of trials of the largest level of a map.
+///
+/// Most pixels of merged bits have about the same number of trials, but a few bits of some of them
+/// were left out. The largest level then serves all of these.
+fn largest_level(trials: ArrayView2<'_, f32>, largest: f64) -> f64 {
+    let above = |share: f64| {
+        let limit = (share * largest) as f32;
+        trials.iter().filter(|&&n| n >= limit).count()
+    };
+    let (near, fewer) = (above(NEAR), above(FEWER));
+    let is_useful =
+        2 * fewer > trials.len() && (fewer - near) as f64 > MIN_SHARE * trials.len() as f64;
+    if is_useful { FEWER * largest } else { largest }
 }
 
 #[cfg(test)]
@@ -139,7 +206,8 @@ mod tests {
 
     #[test]
     fn levels_have_ratios_of_at_most_the_root_of_two() {
-        assert_eq!(level_range(3.0, 30.0), [3, 4, 6, 8, 11, 16, 22, 30]);
+        assert_eq!(level_range(3.0, 30.0), [3, 4, 6, 8, 11, 15, 21, 30]);
+        assert_eq!(level_range(4.0, 30.0), [4, 6, 8, 11, 15, 21, 30]);
         assert_eq!(level_range(5.2, 5.4), [5]);
         for last in 1..2000 {
             let levels = level_range(1.0, f64::from(last));
@@ -170,28 +238,52 @@ mod tests {
     }
 
     #[test]
-    fn local_trials_are_harmonic_means() {
-        let image = Array2::from_shape_fn((30, 40), |(row, column)| {
-            4.0 + f64::from((row * 7 + column * 13) as u32 % 23)
+    fn one_level_serves_most_pixels_if_a_few_of_their_bits_are_left_out() {
+        let mut trials = Array2::from_shape_fn((40, 50), |(row, column)| {
+            256.0 - ((row * 7 + column * 13) % 16) as f32
         });
-        let LocalTrials::Map(found) = local_trials(image.view()) else {
-            let trials = Array2::from_elem((3, 4), 16.4);
-            assert!(matches!(local_trials(trials.view()), LocalTrials::Same(16)));
-            return;
+        let levels = |trials: &Array2<f32>| {
+            let found = level_weights(trials.view()).into_iter();
+            found.map(|(level, _)| level).collect::<Vec<_>>()
+        };
+        // Without pixels between, the largest level is exact.
+        let two = trials.mapv(|n| if n > 250.0 { 256.0 } else { 100.0 });
+        assert_eq!(levels(&two).last(), Some(&256));
+        // From 90 to 99 % of the largest number, one level serves all.
+        trials.row_mut(0).fill(100.0);
+        assert_eq!(levels(&trials), [100, 230]);
+    }
+
+    #[test]
+    fn local_trials_are_harmonic_means() -> Result<()> {
+        let (height, width) = (30, 40);
+        let image = Array2::from_shape_fn((height, width), |(row, column)| {
+            let trials = 4.0 + f64::from((row * 7 + column * 13) as u32 % 23);
+            if column < 20 { trials } else { 8.0 * trials }
+        });
+        let same = Array2::from_elem((3, 4), 16.4);
+        assert!(matches!(local_trials(same.view())?, LocalTrials::Same(16)));
+        let LocalTrials::Map(found) = local_trials(image.view())? else {
+            return Err(Error::range("local trials", "a map", "one number"));
         };
         let gaussian = |x: i32| (-0.5 * f64::from(x * x) / 9.0).exp();
+        // Beyond the border, the pixels follow in reverse.
+        let mirrored = |place: i32, length: usize| {
+            let place = place.rem_euclid(2 * length as i32) as usize;
+            place.min(2 * length - 1 - place)
+        };
         for (row, column) in [(0, 0), (15, 20), (29, 3)] {
             let (mut total, mut sum) = (0.0, 0.0);
             for (i, j) in ndarray::indices((19, 19)) {
                 let (i, j) = (i as i32 - 9, j as i32 - 9);
                 let weight = gaussian(i) * gaussian(j);
-                let place = [(row + i).clamp(0, 29), (column + j).clamp(0, 39)];
                 total += weight;
-                sum += weight / image[place.map(|index| index as usize)];
+                sum += weight / image[[mirrored(row + i, height), mirrored(column + j, width)]];
             }
             let expected = total / sum;
             let found = f64::from(found[[row as usize, column as usize]]);
             assert!((found - expected).abs() < 1e-5 * expected);
         }
+        Ok(())
     }
 }

@@ -3,30 +3,44 @@
 //! [`Network`] holds layers whose parameters may depend on K. [`Network::prepare`] computes the
 //! layers for one sensor, and [`Reconstruction`] runs them on bits or counts.
 
+mod bounds;
 mod conditioning;
 mod denoise;
+mod evaluate;
 #[cfg(feature = "safetensors")]
 mod file;
+mod intensities;
 mod levels;
+mod pixels;
+mod receptive_field;
 mod reconstruction;
 mod regions;
+mod rotations;
 
 use std::sync::{Arc, Mutex};
 
-use ndarray::{ArrayD, ArrayView2, Axis};
+use ndarray::{ArrayD, Axis, Ix2, Ix4};
 
 use super::graph::Graph;
 use super::layer::{Layer, Wiring};
 use crate::error::{Error, Result};
 use crate::mle::{JotResponse, PixelResponse};
 
+pub use conditioning::conditioning_weights;
+pub use denoise::RATIO_OF_PASS;
+pub use levels::{LocalTrials, level_range, level_weights, local_trials};
+pub use pixels::{EquivalentCounts, Pixels};
 pub use reconstruction::Reconstruction;
 
 /// The rate of a jot at the largest intensity above which networks estimate P(b = 0).
 ///
 /// Near saturation, an `f32` holds only a few digits of 1 − P(b = 1), on which the intensity
-/// depends.
-const BRIGHT: f64 = 4.0;
+/// depends. Below this rate, 1 − P(b = 1) exceeds 0.018 and has five digits. Above, the rounding
+/// error of P(b = 0) near 1 changes no intensity by more than 1.5e-8 of the largest one.
+pub const BRIGHT: f64 = 4.0;
+
+/// The number of outputs of a network for colors: red, green, and blue.
+const COLORS: usize = 3;
 
 /// The parameters of a layer of a [`Network`].
 #[derive(Clone, Debug)]
@@ -43,11 +57,43 @@ pub struct LayerParameters {
     pub wiring: Wiring,
 }
 
+impl LayerParameters {
+    /// Return the number of output channels of each set of filters.
+    fn channels(&self) -> usize {
+        let axis = self.filters.ndim().saturating_sub(4);
+        let outputs = self.filters.shape().get(axis).copied().unwrap_or(0);
+        outputs / self.wiring.upsampling.saturating_pow(2).max(1)
+    }
+
+    /// Return the layer, if it has a single set of parameters.
+    fn into_layer(self) -> Result<Layer<f32>> {
+        let shape = self.filters.shape().to_vec();
+        let filters = self.filters.into_dimensionality::<Ix4>();
+        let filters = filters.map_err(|_| Error::shape("filters", "4 dimensions", shape))?;
+        let coefficients = match self.coefficients {
+            None => None,
+            Some(coefficients) => {
+                let shape = coefficients.shape().to_vec();
+                let coefficients = coefficients.into_dimensionality::<Ix2>();
+                let wrong = |_| Error::shape("coefficients", "2 dimensions", shape);
+                Some(coefficients.map_err(wrong)?)
+            }
+        };
+        Layer::new(
+            filters,
+            coefficients.as_ref().map(|array| array.view()),
+            self.start as f32,
+            self.spacing as f32,
+            self.wiring,
+        )
+    }
+}
+
 /// The maximum number of K whose layers are kept, for films and maps of trials.
 const MAX_KEPT: usize = 16;
 
 /// Layers for one K, and the K. The boolean says whether they estimate P(b = 0).
-type Kept = ((u32, bool), Arc<Vec<Layer<f32>>>);
+type Kept = ((f64, bool), Arc<Vec<Layer<f32>>>);
 
 /// What a network must know about a sensor, all of whose jots are alike.
 #[derive(Clone, Copy, Debug)]
@@ -79,6 +125,24 @@ pub enum Served {
     },
     /// Sensors with the number of bits, the threshold, the detected light, and S of this one.
     Sensor(SensorModel),
+    /// Planes of classical colors of every sensor, from −π/2 to π/2, which the network improves.
+    /// From `min` to `max` bits per pixel, the parameters depend on K.
+    Colors {
+        /// The smallest K for which the network has parameters.
+        min: u32,
+        /// The largest one.
+        max: u32,
+    },
+}
+
+impl Served {
+    /// Return the smallest and the largest K, if the parameters may depend on K.
+    fn range(&self) -> Option<(u32, u32)> {
+        match *self {
+            Self::Trials { min, max } | Self::Colors { min, max } => Some((min, max)),
+            Self::Sensor(_) => None,
+        }
+    }
 }
 
 /// A reconstruction network: linear filters and pointwise splines, equations (8) to (11).
@@ -86,7 +150,11 @@ pub enum Served {
 pub struct Network {
     layers: Vec<LayerParameters>,
     served: Served,
+    rotations: usize,
     halo: usize,
+    size_divisor: usize,
+    /// The smallest and the largest value that each layer may have.
+    bounds: Vec<bounds::Interval>,
     kept: Arc<Mutex<Vec<Kept>>>,
 }
 
@@ -94,51 +162,80 @@ impl Network {
     /// Return a network of layers, and check that they fit each other.
     ///
     /// # Errors
-    /// [`Error::Shape`] and [`Error::Range`] if the layers do not match, or if layers have
-    /// different numbers of sets of parameters, or sets without a range of K.
+    /// [`Error::Shape`] and [`Error::Range`] if the layers do not match, if layers have different
+    /// numbers of sets of parameters, or sets without a range of K, or if data exist for which a
+    /// value in the network could overflow.
     pub fn new(layers: Vec<LayerParameters>, served: Served) -> Result<Self> {
         let mut network = Self {
             layers,
             served,
+            rotations: 1,
             halo: 0,
+            size_divisor: 1,
+            bounds: Vec::new(),
             kept: Arc::default(),
         };
-        let trials = match served {
-            Served::Trials { min, max } if 1 <= min && min < max => min,
-            Served::Trials { min, max } => {
+        let sets = network.sets()?;
+        match (served, served.range()) {
+            (_, Some((min, max))) if min < 1 || min >= max => {
                 let expected = "1 or more for the smallest K, and more for the largest";
                 let received = format!("{min} and {max}");
                 return Err(Error::range("range of K", expected, received));
             }
-            Served::Sensor(sensor) => sensor.trials,
-        };
-        let sets = network.sets()?;
-        match (served, sets) {
-            (Served::Sensor(_), Some(sets)) => {
+            (Served::Sensor(_), _) if sets.is_some() => {
                 let expected = "layers without sets of parameters for a single K";
-                return Err(Error::range("layers", expected, sets));
+                return Err(Error::range("layers", expected, sets.unwrap_or(0)));
             }
-            (Served::Trials { .. }, _) if !network.is_tied() => {
+            (_, Some(_)) if !network.is_tied() => {
                 let expected = "one weight for all bits of a pixel in a network for many K";
                 return Err(Error::range("layers", expected, "several weights"));
             }
             _ => {}
         }
-        let layers = network.layers_for(trials, false)?;
-        let channels = layers.last().map_or(0, Layer::channels);
-        if channels != 1 {
-            let what = "output channels of the last layer";
-            return Err(Error::shape(what, 1, channels));
+        let (trials, outputs, max_input) = match served {
+            Served::Sensor(sensor) if network.is_tied() => (sensor.trials, 1, sensor.trials.into()),
+            Served::Sensor(sensor) => (sensor.trials, 1, 1.0),
+            // The counts are divided by K.
+            Served::Trials { min, .. } => (min, 1, 1.0),
+            Served::Colors { min, .. } => (min, COLORS, std::f64::consts::FRAC_PI_2),
+        };
+        network.bounds = bounds::output_bounds(&network.layers, max_input)?;
+        let mut layers = Vec::new();
+        for parameters in network.conditioned(f64::from(trials), false)? {
+            layers.push(parameters.into_layer()?);
         }
-        network.halo = halo(&layers.iter().collect::<Vec<_>>())?;
+        let layers: Vec<_> = layers.iter().collect();
+        network.size_divisor = Graph::new(&layers)?.size_divisor;
+        network.halo = receptive_field::radius(&layers)?;
+        let channels = layers.last().map_or(0, |last| last.channels());
+        if channels != outputs {
+            let what = "output channels of the last layer";
+            return Err(Error::shape(what, outputs, channels));
+        }
         Ok(network)
+    }
+
+    /// Return the network with the mean of its outputs over 1 to 4 rotations of the data by 90
+    /// degrees. This takes as many times as long, and the estimate is slightly better.
+    ///
+    /// # Errors
+    /// [`Error::Range`] for another number, and for rotations of a network that weighs the jots of a
+    /// pixel by their places.
+    pub fn with_rotations(mut self, rotations: usize) -> Result<Self> {
+        let max = if self.is_tied() { 4 } else { 1 };
+        if !(1..=max).contains(&rotations) {
+            let expected = format!("1 to {max}");
+            return Err(Error::range("rotations", expected, rotations));
+        }
+        self.rotations = rotations;
+        Ok(self)
     }
 
     /// Return whether the first layer has one weight for all bits of a pixel, and so takes counts.
     #[must_use]
     pub fn is_tied(&self) -> bool {
         let filters = self.layers.first().map(|layer| layer.filters.shape());
-        filters.is_some_and(|shape| shape[shape.len() - 3..] == [1, 1, 1])
+        filters.is_some_and(|shape| shape.len() >= 3 && shape[shape.len() - 3..] == [1, 1, 1])
     }
 
     /// Return the radius of the receptive field in pixels.
@@ -153,9 +250,15 @@ impl Network {
         self.served
     }
 
-    /// Return the layers and what else is necessary for the data of a sensor.
+    /// Return the smallest and the largest value that each layer may have, for any data.
+    #[must_use]
+    pub fn output_bounds(&self) -> &[(f64, f64)] {
+        &self.bounds
+    }
+
+    /// Return what is necessary for the data of a sensor.
     ///
-    /// The layers for one K are computed only once, so one result serves all images of a film.
+    /// The layers for one K are computed only once, so one network serves all images of a film.
     ///
     /// # Errors
     /// [`Error::Range`] if the network does not serve the sensor.
@@ -164,38 +267,30 @@ impl Network {
     }
 
     /// Return whether the network estimates P(b = 0) for a sensor, and not P(b = 1).
-    fn estimates_zeros(&self, sensor: &SensorModel) -> bool {
+    ///
+    /// It does for sensors with the threshold 1 that are bright. For q > 1, rounding errors of
+    /// P(b = 0) near 1 would change dark pixels.
+    #[must_use]
+    pub fn estimates_zeros(&self, sensor: &SensorModel) -> bool {
         let rate = sensor.detected_light() * sensor.response.max_intensity + sensor.jot.dark_counts;
         let has_spline = self.layers.last().is_some_and(|x| x.coefficients.is_some());
         let is_conditional = matches!(self.served, Served::Trials { .. });
         is_conditional && has_spline && sensor.response.threshold.photons() == 1 && rate > BRIGHT
     }
 
-    /// Return the layers for K = `trials`: those from counts to P(b = 1), or P(b = 0) if `zeros`.
+    /// Return the parameters of the layers for K = `trials`. Those of a network for one sensor do
+    /// not depend on it.
     ///
-    /// The layers of the last few K are kept. No call waits for another one: after a fork, a child
-    /// process could wait forever.
-    fn layers_for(&self, trials: u32, zeros: bool) -> Result<Arc<Vec<Layer<f32>>>> {
-        let key = (trials, zeros);
-        if let Ok(kept) = self.kept.try_lock()
-            && let Some((_, layers)) = kept.iter().find(|(other, _)| *other == key)
-        {
-            return Ok(Arc::clone(layers));
-        }
-        let layers = Arc::new(self.compute_layers(trials, zeros)?);
-        if let Ok(mut kept) = self.kept.try_lock() {
-            if kept.len() == MAX_KEPT {
-                kept.remove(0);
-            }
-            kept.push((key, Arc::clone(&layers)));
-        }
-        Ok(layers)
-    }
-
-    fn compute_layers(&self, trials: u32, zeros: bool) -> Result<Vec<Layer<f32>>> {
-        let weights = match (self.served, self.sets()?) {
-            (Served::Trials { min, max }, Some(sets)) => {
-                conditioning::weights(trials, (min, max), sets)?
+    /// The layers lead from counts to P(b = 1), or to P(b = 0) if `zeros`. Those of a color network
+    /// lead from planes to P(b = 1).
+    ///
+    /// # Errors
+    /// [`Error::Range`] for a K outside of the range of the network.
+    pub fn conditioned(&self, trials: f64, zeros: bool) -> Result<Vec<LayerParameters>> {
+        let weights = match (self.served.range(), self.sets()?) {
+            (Some((min, max)), sets) => {
+                let sets = sets.unwrap_or(conditioning::MIN_SETS);
+                conditioning_weights(trials, (min.into(), max.into()), sets)?
             }
             _ => Vec::new(),
         };
@@ -206,9 +301,32 @@ impl Network {
                 Served::Trials { .. } if index == 0 => trials as f32,
                 _ => 1.0,
             };
-            conditioning::layer(layer, &weights, divisor, complement)
+            conditioning::interpolate_layer(layer, &weights, divisor, complement)
         });
         layers.collect()
+    }
+
+    /// Return the layers of [`Network::conditioned`].
+    ///
+    /// Those of the last few K are kept. No call waits for another one: after a fork, a child
+    /// process could wait forever.
+    fn layers_for(&self, trials: f64, zeros: bool) -> Result<Arc<Vec<Layer<f32>>>> {
+        let key = (trials, zeros);
+        if let Ok(kept) = self.kept.try_lock()
+            && let Some((_, layers)) = kept.iter().find(|(other, _)| *other == key)
+        {
+            return Ok(Arc::clone(layers));
+        }
+        let parameters = self.conditioned(trials, zeros)?.into_iter();
+        let layers = parameters.map(LayerParameters::into_layer);
+        let layers = Arc::new(layers.collect::<Result<Vec<_>>>()?);
+        if let Ok(mut kept) = self.kept.try_lock() {
+            if kept.len() == MAX_KEPT {
+                kept.remove(0);
+            }
+            kept.push((key, Arc::clone(&layers)));
+        }
+        Ok(layers)
     }
 
     /// Return the number of sets of parameters, if layers have sets.
@@ -221,7 +339,7 @@ impl Network {
             let coefficients = coefficients.map(|array| array.len_of(Axis(0)));
             for sets in filters.into_iter().chain(coefficients) {
                 if sets < conditioning::MIN_SETS || found.is_some_and(|found| found != sets) {
-                    let expected = "the same number of sets of parameters in all layers, 4 or more";
+                    let expected = "the same number of parameter sets in all layers, 4 or more";
                     return Err(Error::range("layers", expected, sets));
                 }
                 found = Some(sets);
@@ -229,52 +347,4 @@ impl Network {
         }
         Ok(found)
     }
-}
-
-/// Return the radius of the receptive field of layers, a multiple of the size divisor.
-///
-/// The tiles of the image are larger, because convolutions compute squares of pixels. A halo of
-/// whole squares would not begin at a multiple of the size divisor.
-fn halo(layers: &[&Layer<f32>]) -> Result<usize> {
-    let graph = Graph::new(layers)?;
-    let step = graph.size_divisor as isize;
-    // The rows of each layer's output on which `step` rows of the image depend; same for columns.
-    let mut needed: Vec<Option<(isize, isize)>> = vec![None; layers.len()];
-    if let Some(last) = needed.last_mut() {
-        *last = Some((0, step));
-    }
-    let include = |needed: &mut Vec<Option<(isize, isize)>>, layer: usize, part| {
-        let (start, end): (isize, isize) = part;
-        let (low, high) = needed[layer].unwrap_or(part);
-        needed[layer] = Some((low.min(start), high.max(end)));
-    };
-    for (index, layer) in layers.iter().enumerate().skip(1).rev() {
-        let Some((start, end)) = needed[index] else {
-            continue;
-        };
-        let upsampling = layer.wiring.upsampling as isize;
-        let first = start.div_euclid(upsampling);
-        let last = -(-end).div_euclid(upsampling);
-        let stride = layer.wiring.stride as isize;
-        let (_, _, rows, columns) = layer.filters().dim();
-        for taps in [rows as isize, columns as isize] {
-            let padding = (taps - stride) / 2;
-            let part = (first * stride, (last - 1) * stride + taps);
-            let part = (part.0 - padding, part.1 - padding);
-            include(&mut needed, graph.inputs[index], part);
-        }
-        if let Some(skip) = layer.wiring.skip {
-            include(&mut needed, skip, (first * upsampling, last * upsampling));
-        }
-    }
-    let (start, end) = needed.first().copied().flatten().unwrap_or((0, step));
-    let radius = (-start).max(end - step).max(0).cast_unsigned();
-    Ok(radius.next_multiple_of(graph.size_divisor))
-}
-
-/// Return whether all values of an array are the same, and the first one.
-fn only_value(values: ArrayView2<'_, f64>) -> Option<f64> {
-    let first = *values.first()?;
-    let is_same = |value: &f64| value.total_cmp(&first).is_eq();
-    values.iter().all(is_same).then_some(first)
 }

@@ -295,7 +295,7 @@ fn cubic<F: Real>(w: &[F]) -> [F; 4] {
 
 /// The four cubic B-splines that are not 0 in a knot interval, as coefficients of 1, f, f², and f³.
 /// The fraction f of the interval lies in \[0, 1\].
-pub(super) const BASIS: [[f64; 4]; 4] = [
+pub(in crate::network) const BASIS: [[f64; 4]; 4] = [
     [1.0 / 6.0, -0.5, 0.5, -1.0 / 6.0],
     [4.0 / 6.0, 0.0, -1.0, 0.5],
     [1.0 / 6.0, 0.5, 0.5, -0.5],

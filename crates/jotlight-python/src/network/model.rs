@@ -1,0 +1,412 @@
+//! Networks with their parameters for every K, and the images that they reconstruct.
+
+use jotlight::bits::PackedBits;
+use jotlight::error::{Error, Result};
+use jotlight::network::{
+    self, EquivalentCounts, LayerParameters, LocalTrials, Network, Pixels, Reconstruction,
+    SensorModel, Served, Wiring, write_images,
+};
+use jotlight::values::Values;
+use ndarray::{Array2, ArrayView2, ArrayView3, ArrayViewMut2, Axis};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayDyn, PyReadonlyArray2, PyReadonlyArray3,
+    PyReadonlyArrayDyn, PyReadwriteArray2,
+};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::mle::{PyJotResponse, PyPixelResponse};
+use crate::{run, to_python};
+
+/// A layer with sets of parameters, as the tuple (filters, coefficients, first knot, knot spacing,
+/// wiring). The wiring is the tuple (stride, upsampling, input, skip).
+type PyLayerParameters<'py> = (
+    PyReadonlyArrayDyn<'py, f32>,
+    Option<PyReadonlyArrayDyn<'py, f32>>,
+    f64,
+    f64,
+    (usize, usize, Option<usize>, Option<usize>),
+);
+
+/// The filters and the coefficients of a layer for one K.
+type PyParameters<'py> = (
+    Bound<'py, PyArrayDyn<f32>>,
+    Option<Bound<'py, PyArrayDyn<f32>>>,
+);
+
+/// What a network must know about a sensor, as the tuple (K, pixel response, jot).
+#[derive(FromPyObject)]
+pub struct PySensorModel(u32, PyPixelResponse, PyJotResponse);
+
+impl PySensorModel {
+    fn to_engine(&self) -> PyResult<SensorModel> {
+        Ok(SensorModel {
+            trials: self.0,
+            response: self.1.to_engine()?,
+            jot: self.2.to_engine(),
+        })
+    }
+}
+
+/// The local trials of an image: one number, or a map.
+#[derive(FromPyObject)]
+pub enum PyTrials<'py> {
+    Same(u32),
+    Map(PyReadonlyArray2<'py, f32>),
+}
+
+/// Return the local trials of images. Images with the same array share a map.
+fn to_engine_trials(trials: &[PyTrials<'_>]) -> Vec<LocalTrials> {
+    let mut maps = Vec::new();
+    let convert = |trials: &PyTrials<'_>| match trials {
+        PyTrials::Same(trials) => LocalTrials::Same(*trials),
+        PyTrials::Map(map) => {
+            let map = map.as_array();
+            let key = (map.as_ptr(), map.shape().to_vec(), map.strides().to_vec());
+            if let Some((_, known)) = maps.iter().find(|(other, _)| *other == key) {
+                return LocalTrials::clone(known);
+            }
+            let shared = LocalTrials::Map(map.to_owned().into_shared());
+            maps.push((key, shared.clone()));
+            shared
+        }
+    };
+    trials.iter().map(convert).collect()
+}
+
+/// A network of the engine, with the layers for the last few K.
+#[pyclass(frozen, name = "Network")]
+pub struct PyNetwork(Network);
+
+#[pymethods]
+impl PyNetwork {
+    /// A network for one sensor, or for a range of K. That for colors has three outputs.
+    #[new]
+    #[pyo3(signature = (layers, sensor, trials_range, is_color, rotations))]
+    fn new(
+        layers: Vec<PyLayerParameters<'_>>,
+        sensor: PySensorModel,
+        trials_range: Option<(u32, u32)>,
+        is_color: bool,
+        rotations: usize,
+    ) -> PyResult<Self> {
+        let served = match trials_range {
+            Some((min, max)) if is_color => Served::Colors { min, max },
+            Some((min, max)) => Served::Trials { min, max },
+            None => Served::Sensor(sensor.to_engine()?),
+        };
+        let layers = layers.iter().map(|layer| {
+            let (filters, coefficients, start, spacing, wiring) = layer;
+            let &(stride, upsampling, input, skip) = wiring;
+            LayerParameters {
+                filters: filters.as_array().to_owned(),
+                coefficients: coefficients
+                    .as_ref()
+                    .map(|array| array.as_array().to_owned()),
+                start: *start,
+                spacing: *spacing,
+                wiring: Wiring {
+                    stride,
+                    upsampling,
+                    input,
+                    skip,
+                },
+            }
+        });
+        let network = Network::new(layers.collect(), served).map_err(to_python)?;
+        Ok(Self(network.with_rotations(rotations).map_err(to_python)?))
+    }
+
+    /// The radius of the receptive field in pixels.
+    #[getter]
+    fn halo(&self) -> usize {
+        self.0.halo()
+    }
+
+    /// The smallest and the largest value of each layer, for any data.
+    #[getter]
+    fn output_bounds(&self) -> Vec<(f64, f64)> {
+        self.0.output_bounds().to_vec()
+    }
+
+    /// Return whether the network estimates P(b = 0) for a sensor.
+    fn estimates_zeros(&self, sensor: PySensorModel) -> PyResult<bool> {
+        Ok(self.0.estimates_zeros(&sensor.to_engine()?))
+    }
+
+    /// Return the filters and coefficients of all layers for K = `trials`.
+    fn conditioned<'py>(
+        &self,
+        py: Python<'py>,
+        trials: f64,
+        zeros: bool,
+    ) -> PyResult<Vec<PyParameters<'py>>> {
+        let layers = self.0.conditioned(trials, zeros).map_err(to_python)?;
+        let arrays = layers.into_iter().map(|layer| {
+            let coefficients = layer.coefficients.map(|array| array.into_pyarray(py));
+            (layer.filters.into_pyarray(py), coefficients)
+        });
+        Ok(arrays.collect())
+    }
+
+    /// Write the images of the bits of each into `out`.
+    #[pyo3(signature = (packed, width, oversampling, sensor, out, threads))]
+    #[allow(clippy::too_many_arguments)]
+    fn bits(
+        &self,
+        py: Python<'_>,
+        packed: Vec<PyReadonlyArray3<'_, u8>>,
+        width: usize,
+        oversampling: usize,
+        sensor: PySensorModel,
+        mut out: Vec<PyReadwriteArray2<'_, f32>>,
+        threads: Option<isize>,
+    ) -> PyResult<()> {
+        let packed = packed.iter().map(PyReadonlyArray3::as_array).collect();
+        self.write(
+            py,
+            packed,
+            sensor,
+            &mut out,
+            threads,
+            |reconstruction, packed, out| {
+                reconstruction.bits(&PackedBits::new(packed, width)?, oversampling, out)
+            },
+        )
+    }
+
+    /// Write the images of counts `(N, H, W)` into `out`. All pixels have the same trials and jots.
+    #[pyo3(signature = (counts, trials, jot, sensor, out, threads))]
+    #[allow(clippy::too_many_arguments)]
+    fn counts(
+        &self,
+        py: Python<'_>,
+        counts: PyReadonlyArray3<'_, i32>,
+        trials: f64,
+        jot: PyJotResponse,
+        sensor: PySensorModel,
+        mut out: Vec<PyReadwriteArray2<'_, f32>>,
+        threads: Option<isize>,
+    ) -> PyResult<()> {
+        let counts = counts.as_array();
+        let counts: Vec<ArrayView2<'_, i32>> = counts.axis_iter(Axis(0)).collect();
+        let jots = jot.to_all();
+        self.write(
+            py,
+            counts,
+            sensor,
+            &mut out,
+            threads,
+            |reconstruction, counts, out| {
+                let pixels = Pixels {
+                    counts,
+                    trials: Values::Same(trials),
+                    jots,
+                };
+                reconstruction.pixels(&pixels, out)
+            },
+        )
+    }
+
+    /// Write the images of counts that equal jots would show among `of` bits into `out`.
+    #[pyo3(signature = (counts, of, trials, sensor, out, threads))]
+    #[allow(clippy::too_many_arguments)]
+    fn equivalent_counts(
+        &self,
+        py: Python<'_>,
+        counts: PyReadonlyArray3<'_, f32>,
+        of: Vec<u32>,
+        trials: Vec<PyTrials<'_>>,
+        sensor: PySensorModel,
+        mut out: Vec<PyReadwriteArray2<'_, f32>>,
+        threads: Option<isize>,
+    ) -> PyResult<()> {
+        let (counts, sensor) = (counts.as_array(), sensor.to_engine()?);
+        let images = counts.axis_iter(Axis(0)).zip(of);
+        let images = images.zip(to_engine_trials(&trials));
+        let images = images.map(|((counts, of), trials)| EquivalentCounts { counts, of, trials });
+        let images: Vec<_> = images.collect();
+        let out = out.iter_mut().map(|out| out.as_array_mut()).collect();
+        run(py, threads, || {
+            self.0.prepare(sensor)?.equivalent_counts(&images, out)
+        })
+    }
+
+    /// Return the sums p of the first layer from the bits of each image, whose dead jots are the
+    /// same.
+    #[pyo3(signature = (packed, width, valid, threads))]
+    fn masked_sums<'py>(
+        &self,
+        py: Python<'py>,
+        packed: Vec<PyReadonlyArray3<'_, u8>>,
+        width: usize,
+        valid: PyReadonlyArray2<'_, u8>,
+        threads: Option<isize>,
+    ) -> PyResult<Vec<Bound<'py, PyArray3<f32>>>> {
+        let packed: Vec<_> = packed.iter().map(PyReadonlyArray3::as_array).collect();
+        let valid = valid.as_array();
+        let sums: Vec<_> = run(py, threads, || {
+            let sums = |packed| self.0.masked_sums(&PackedBits::new(packed, width)?, valid);
+            packed.into_par_iter().map(sums).collect()
+        })?;
+        Ok(sums.into_iter().map(|sums| sums.into_pyarray(py)).collect())
+    }
+
+    /// Write the images of the sums of the first layer, `(C, H, W)` each, into `out`.
+    #[pyo3(signature = (sums, sensor, out, threads))]
+    fn sums(
+        &self,
+        py: Python<'_>,
+        sums: Vec<PyReadonlyArray3<'_, f32>>,
+        sensor: PySensorModel,
+        mut out: Vec<PyReadwriteArray2<'_, f32>>,
+        threads: Option<isize>,
+    ) -> PyResult<()> {
+        let sums: Vec<ArrayView3<'_, f32>> = sums.iter().map(PyReadonlyArray3::as_array).collect();
+        self.write(
+            py,
+            sums,
+            sensor,
+            &mut out,
+            threads,
+            |reconstruction, sums, out| reconstruction.sums(sums, out),
+        )
+    }
+
+    /// Return the outputs of the last layer for images of counts among K = `trials` bits.
+    #[pyo3(signature = (counts, trials, zeros, threads))]
+    fn run_counts<'py>(
+        &self,
+        py: Python<'py>,
+        counts: Vec<PyReadonlyArray2<'_, f32>>,
+        trials: u32,
+        zeros: bool,
+        threads: Option<isize>,
+    ) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
+        let counts: Vec<_> = counts
+            .iter()
+            .map(|counts| counts.as_array().to_owned())
+            .collect();
+        let out = run(py, threads, || self.0.run_counts(counts, trials, zeros))?;
+        Ok(out.into_iter().map(|out| out.into_pyarray(py)).collect())
+    }
+
+    /// Return the probabilities from fractions of ones, or of zeros, and the local trials.
+    #[pyo3(signature = (fractions, trials, zeros, threads))]
+    fn denoise<'py>(
+        &self,
+        py: Python<'py>,
+        fractions: Vec<PyReadonlyArray2<'_, f32>>,
+        trials: Vec<PyTrials<'_>>,
+        zeros: bool,
+        threads: Option<isize>,
+    ) -> PyResult<Vec<Bound<'py, PyArray2<f32>>>> {
+        let fractions: Vec<_> = fractions.iter().map(PyReadonlyArray2::as_array).collect();
+        let trials = to_engine_trials(&trials);
+        let out = run(py, threads, || self.0.denoise(&fractions, &trials, zeros))?;
+        Ok(out.into_iter().map(|out| out.into_pyarray(py)).collect())
+    }
+
+    /// Return the colors `(3, H, W)` from the planes of a color network.
+    #[pyo3(signature = (planes, trials, threads))]
+    fn improve_colors<'py>(
+        &self,
+        py: Python<'py>,
+        planes: PyReadonlyArray3<'_, f32>,
+        trials: f64,
+        threads: Option<isize>,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let planes = planes.as_array();
+        let colors = run(py, threads, || self.0.improve_colors(planes, trials))?;
+        Ok(colors.into_pyarray(py))
+    }
+}
+
+impl PyNetwork {
+    /// Run `evaluate` without the GIL for each input, which writes an image.
+    fn write<Input: Send>(
+        &self,
+        py: Python<'_>,
+        inputs: Vec<Input>,
+        sensor: PySensorModel,
+        out: &mut [PyReadwriteArray2<'_, f32>],
+        threads: Option<isize>,
+        evaluate: impl Fn(&Reconstruction<'_>, Input, ArrayViewMut2<'_, f32>) -> Result<()>
+        + Send
+        + Sync,
+    ) -> PyResult<()> {
+        let sensor = sensor.to_engine()?;
+        let out: Vec<_> = out.iter_mut().map(|out| out.as_array_mut()).collect();
+        run(py, threads, || {
+            let reconstruction = self.0.prepare(sensor)?;
+            write_images(inputs, out, |input, out| {
+                evaluate(&reconstruction, input, out)
+            })
+        })
+    }
+}
+
+/// Return the weight of each of M = `sets` parameter sets for K = `trials`.
+#[pyfunction]
+pub fn conditioning_weights(
+    py: Python<'_>,
+    trials: f64,
+    trials_range: (f64, f64),
+    sets: usize,
+) -> PyResult<Bound<'_, PyArray1<f64>>> {
+    let weights = network::conditioning_weights(trials, trials_range, sets);
+    Ok(weights.map_err(to_python)?.into_pyarray(py))
+}
+
+/// Return whole numbers from `smallest` to `largest`, with ratios of at most about √2.
+#[pyfunction]
+pub fn level_range(smallest: f64, largest: f64) -> Vec<u32> {
+    network::level_range(smallest, largest)
+}
+
+/// The levels of a map, and their weights at each pixel.
+type PyLevels<'py> = Vec<(u32, Bound<'py, PyArray2<f32>>)>;
+
+/// Return the levels of maps of trials, and their weights at each pixel.
+#[pyfunction]
+pub fn level_weights<'py>(
+    py: Python<'py>,
+    maps: Vec<PyReadonlyArray2<'_, f32>>,
+) -> PyResult<Vec<PyLevels<'py>>> {
+    let maps: Vec<_> = maps.iter().map(PyReadonlyArray2::as_array).collect();
+    if maps.iter().any(ndarray::ArrayBase::is_empty) {
+        let error = Error::Range {
+            what: "trials",
+            expected: "at least one pixel".to_owned(),
+            received: "none".to_owned(),
+        };
+        return Err(to_python(error));
+    }
+    let found: Vec<_> = py.detach(|| maps.into_iter().map(network::level_weights).collect());
+    let to_arrays = |levels: Vec<(u32, Array2<f32>)>| {
+        let levels = levels.into_iter();
+        let levels = levels.map(|(level, weights)| (level, weights.into_pyarray(py)));
+        levels.collect()
+    };
+    Ok(found.into_iter().map(to_arrays).collect())
+}
+
+/// Return the number of trials that states the noise around each pixel of each map: one number, or a
+/// map.
+#[pyfunction]
+#[pyo3(signature = (maps, threads))]
+pub fn local_trials(
+    py: Python<'_>,
+    maps: Vec<PyReadonlyArray2<'_, f64>>,
+    threads: Option<isize>,
+) -> PyResult<Vec<Py<PyAny>>> {
+    let maps: Vec<_> = maps.iter().map(PyReadonlyArray2::as_array).collect();
+    let found: Vec<LocalTrials> = run(py, threads, || {
+        maps.into_iter().map(network::local_trials).collect()
+    })?;
+    let to_python = |trials: LocalTrials| match trials {
+        LocalTrials::Same(trials) => Ok(trials.into_pyobject(py)?.into_any().unbind()),
+        LocalTrials::Map(map) => Ok(map.into_owned().into_pyarray(py).into_any().unbind()),
+    };
+    found.into_iter().map(to_python).collect()
+}

@@ -1,0 +1,71 @@
+"""The network of the engine behind a network of layers."""
+
+from typing import Any, Final
+
+import jotlight._engine as engine
+from jotlight.networks.layer import Layer
+from jotlight.sensing.reference import Jot, reference_jot
+from jotlight.sensing.sensor import Sensor
+
+SensorModel = tuple[int, tuple[int, float, float], Jot]
+"""What the engine's network must know about a sensor: K, the response of a pixel, and its jot."""
+
+_KEPT: Final = "_engine_network"
+"""Name of the attribute with the engine's network, and with what it was made from."""
+
+
+def sensor_model(sensor: Sensor) -> SensorModel:
+    """Return what the engine's network must know about a sensor.
+
+    Examples
+    --------
+    >>> sensor_model(Sensor(frames=16))
+    (16, (1, 0.0625, 1.0), (1.0, 0.0))
+    """
+    return sensor.trials, sensor.pixel_response(), reference_jot(sensor)
+
+
+class EngineBacked:
+    """A network that the engine evaluates, with the layers for every K."""
+
+    layers: tuple[Layer, ...]
+    sensor: Sensor
+    trials_range: tuple[int, int] | None
+    rotations: int
+    _is_color = False
+
+    @property
+    def engine_network(self) -> engine.Network:
+        """The network in the engine, which keeps the layers for the last few K.
+
+        Raises
+        ------
+        ValueError
+            When data exist for which a value in the network could overflow.
+        """
+        # No lock: a process that is forked meanwhile would wait for it forever. Two threads may
+        # both create the network.
+        source = self.layers, self.rotations
+        kept = self.__dict__.get(_KEPT)
+        if kept is None or kept[0][0] is not source[0] or kept[0][1] != source[1]:
+            layers = [layer.to_engine(layer.filters, layer.coefficients) for layer in self.layers]
+            model = sensor_model(self.sensor)
+            rotations = self.rotations
+            network = engine.Network(layers, model, self.trials_range, self._is_color, rotations)
+            self.__dict__[_KEPT] = kept = source, network
+        found: engine.Network = kept[1]
+        return found
+
+    @property
+    def halo(self) -> int:
+        """Radius of the receptive field in pixels.
+
+        Except in a border of this width, a tile's estimate equals that of the whole image, up to
+        rounding. The tile must begin at a multiple of the product of the strides, such as 4 for
+        "medium", and its sides must be multiples, too.
+        """
+        return self.engine_network.halo
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes for `pickle` and `copy`, which reject the engine's network."""
+        return {name: value for name, value in self.__dict__.items() if name != _KEPT}
