@@ -15,8 +15,13 @@ from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.readings import without_mosaic
 from moving import behind
 
-FRAMES, SIZE = 96, (96, 112)
+FRAMES, SIZE = 96, (64, 80)
 WINDOW, STEP = 64, 16
+
+
+def small(mosaic="RGGB", motion="shake", frames=FRAMES):
+    """Return a moving color scene of the size, and its bits."""
+    return behind(mosaic, motion, frames, SIZE)
 
 
 def quality(data, truth):
@@ -26,7 +31,7 @@ def quality(data, truth):
 
 @pytest.mark.parametrize("causal", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_each_image_is_as_good_as_with_a_fresh_alignment(causal):
-    scene, bits = behind()
+    scene, bits = small()
     images = list(film(bits, window=WINDOW, step=STEP, causal=causal, memory=False))
     assert causal or images[-1].is_carried
     for index, image in enumerate(images):
@@ -43,7 +48,7 @@ def test_each_image_is_as_good_as_with_a_fresh_alignment(causal):
 
 
 def test_live_images_are_those_of_a_causal_film():
-    _, bits = behind()
+    _, bits = small()
     live = LiveFilm(bits.sensor, window=WINDOW, step=STEP)
     found = [
         image for start in range(0, FRAMES, 11) for image in live.add(bits[start : start + 11])
@@ -57,7 +62,7 @@ def test_live_images_are_those_of_a_causal_film():
 
 @pytest.mark.slow
 def test_a_causal_film_remembers_colors():
-    scene, bits = behind(frames=2 * FRAMES)
+    scene, bits = small(frames=2 * FRAMES)
     last = [
         list(film(bits, window=48, step=12, causal=True, memory=memory))[-1]
         for memory in (False, None)
@@ -70,7 +75,7 @@ def test_a_causal_film_remembers_colors():
 
 @pytest.mark.parametrize("causal", [False, True])
 def test_a_still_window_keeps_its_bits(causal):
-    _, bits = behind(motion="static")
+    _, bits = small(motion="static")
     for index, image in enumerate(film(bits, window=WINDOW, step=STEP, causal=causal)):
         assert image.motion.model == "none"
         part = bits[index * STEP : index * STEP + WINDOW]
@@ -83,7 +88,7 @@ def test_a_still_window_keeps_its_bits(causal):
 @pytest.mark.parametrize("step", [5, 16, 40])
 def test_squares_of_windows_are_those_of_all_frames(mosaic, step):
     mask = np.random.default_rng(0).random(SIZE) < 0.05
-    _, bits = behind(mosaic)
+    _, bits = small(mosaic)
     sensor = bits.sensor.replace(mask=mask, gain=bits.sensor.gain)
     bits = jl.Bits(bits.packed, SIZE[1], sensor)
     colors = FilmColors(bits.sensor, SIZE, step, lambda: None)
@@ -99,7 +104,7 @@ def test_squares_of_windows_are_those_of_all_frames(mosaic, step):
 
 
 def test_a_motion_that_is_lost_flags_every_pixel():
-    _, bits = behind()
+    _, bits = small()
     part = bits[:WINDOW]
     motion = jl.align(*in_squares(part, part.sensor, None))
     found = {}
@@ -156,7 +161,7 @@ def test_where_no_motion_explains_the_scene_the_bits_of_fewer_frames_are_shown(
 
 @pytest.mark.slow
 def test_color_films_look_at_more_frames(monkeypatch):
-    _, bits = behind(motion="layers")
+    _, bits = small(motion="layers")
     lengths, found = [], FilmState._of_more_frames
 
     def counted(self, frames, *arguments):

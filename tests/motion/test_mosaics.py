@@ -15,7 +15,7 @@ from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
 from moving import behind
 
-FRAMES, SIZE = 96, (128, 160)
+FRAMES, SIZE = 96, (80, 96)
 
 
 def large(mosaic="RGGB", motion="shake", rng=4):
