@@ -124,7 +124,7 @@ def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
 @pytest.mark.parametrize(
     ("options", "settings"),
     [
-        (["--causal"], {"causal": True}),
+        pytest.param(["--causal"], {"causal": True}, marks=pytest.mark.slow),
         (["--causal", "--no-memory"], {"causal": True, "memory": False}),
         (["--memory"], {"memory": True}),
     ],

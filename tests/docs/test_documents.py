@@ -2,6 +2,7 @@
 
 import doctest
 import importlib
+import linecache
 import pkgutil
 import re
 import runpy
@@ -44,10 +45,12 @@ NEEDS = {
 
 
 @pytest.mark.parametrize("name", MODULES)
-def test_docstring_examples_run(name):
+def test_docstring_examples_run(name, monkeypatch):
     for module, package in NEEDS.items():
         if name == module or name.startswith(f"{module}."):
             pytest.importorskip(package)
+    # Before each docstring, doctest looks for changes of all files that tracebacks have shown.
+    monkeypatch.setattr(linecache, "checkcache", lambda filename=None: None)
     result = doctest.testmod(importlib.import_module(name), optionflags=doctest.ELLIPSIS)
     assert result.failed == 0
 

@@ -32,7 +32,13 @@ def covered(known, image=IMAGE):
 
 
 @pytest.mark.parametrize(
-    ("mosaic", "trials"), [("RGGB", 1), ("RGGB", 16), ("RGBW", 64), (RANDOM, 16)]
+    ("mosaic", "trials"),
+    [
+        ("RGGB", 16),
+        (RANDOM, 16),
+        pytest.param("RGGB", 1, marks=pytest.mark.slow),
+        pytest.param("RGBW", 64, marks=pytest.mark.slow),
+    ],
 )
 def test_the_intervals_cover_most_of_a_photograph(mosaic, trials):
     bits = expose(mosaic, trials)
@@ -49,7 +55,12 @@ def test_the_intervals_cover_most_of_a_photograph(mosaic, trials):
 
 
 @pytest.mark.parametrize(
-    "options", [{"method": "mle"}, {"quality": "small"}, {"demosaicing": "differences"}]
+    "options",
+    [
+        {"method": "mle"},
+        {"quality": "small"},
+        pytest.param({"demosaicing": "differences"}, marks=pytest.mark.slow),
+    ],
 )
 def test_other_methods_have_wider_intervals(options):
     bits = expose()
@@ -162,7 +173,15 @@ def test_bad_input_is_refused():
         jl.uncertainty(bits, confidence_level=1.0)
 
 
-@pytest.mark.parametrize("options", [[], ["--demosaicing", "differences", "--quality", "medium"]])
+@pytest.mark.parametrize(
+    "options",
+    [
+        [],
+        pytest.param(
+            ["--demosaicing", "differences", "--quality", "medium"], marks=pytest.mark.slow
+        ),
+    ],
+)
 def test_the_command_line_writes_the_intervals(run, tmp_path, options):
     bits = expose()
     jl.save(bits, tmp_path / "bits.npy")

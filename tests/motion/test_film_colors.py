@@ -73,7 +73,7 @@ def test_a_causal_film_remembers_colors():
     assert quality(last[1].data, truth) > quality(last[0].data, truth) + 0.2
 
 
-@pytest.mark.parametrize("causal", [False, True])
+@pytest.mark.parametrize("causal", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_still_window_keeps_its_bits(causal):
     _, bits = small(motion="static")
     for index, image in enumerate(film(bits, window=WINDOW, step=STEP, causal=causal)):
@@ -84,8 +84,14 @@ def test_a_still_window_keeps_its_bits(causal):
         np.testing.assert_array_equal(jl.reconstruct(image.data), jl.reconstruct(part))
 
 
-@pytest.mark.parametrize("mosaic", ["RGGB", "RGB", Mosaic([[0, 1, 1, 2], [1, 0, 2, 1]], "RGB")])
-@pytest.mark.parametrize("step", [5, 16, 40])
+@pytest.mark.parametrize(
+    ("mosaic", "step"),
+    [
+        *(("RGGB", step) for step in (5, 16, 40)),
+        ("RGB", 16),
+        (Mosaic([[0, 1, 1, 2], [1, 0, 2, 1]], "RGB"), 16),
+    ],
+)
 def test_squares_of_windows_are_those_of_all_frames(mosaic, step):
     mask = np.random.default_rng(0).random(SIZE) < 0.05
     _, bits = small(mosaic)
@@ -130,7 +136,7 @@ def test_what_cannot_be_merged_is_refused_before_the_first_image():
         film(bayer, window=16, upsample=2)
 
 
-@pytest.mark.parametrize("oversampling", [1, 2])
+@pytest.mark.parametrize("oversampling", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_where_no_motion_explains_the_scene_the_bits_of_fewer_frames_are_shown(
     monkeypatch, oversampling
 ):

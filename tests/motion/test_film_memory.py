@@ -8,6 +8,7 @@ from jotlight.motion import consistency, film_state
 from jotlight.motion import memory as memory_module
 from jotlight.motion.film import film
 from jotlight.motion.live_film import LiveFilm
+from moving import in_memory
 
 FADING = np.exp(-8 / (2.5 * 32))
 """For 8 frames and a window of 32."""
@@ -22,7 +23,7 @@ def recorded(motion, frames, photons=0.5, **options):
         photons=photons,
         rng=1,
     )
-    return scene, jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.bits.sensor)
+    return scene, in_memory(scene)
 
 
 def test_the_counts_of_a_still_scene_are_those_of_all_frames_with_fading(monkeypatch):
@@ -86,7 +87,7 @@ def test_color_channels_are_remembered_side_by_side():
     scene = jl.datasets.moving(
         photograph, "static", sensor=jl.Sensor(frames=48), shape=(64, 64), photons=0.5, rng=1
     )
-    images = list(film(scene.bits, window=32, step=8, causal=True))
+    images = list(film(in_memory(scene), window=32, step=8, causal=True))
     trials = images[-1].merged.trials
     assert trials.shape == (64, 64, 3)
     assert np.median(trials) > 40

@@ -15,12 +15,13 @@ from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
 from moving import behind
 
-FRAMES, SIZE = 96, (80, 96)
+FRAMES, SIZE, LARGE = 96, (96, 112), (128, 160)
+RANDOM = Mosaic(np.random.default_rng(1).integers(3, size=LARGE), "RGB")
 
 
-def large(mosaic="RGGB", motion="shake", rng=4):
-    """Return a moving color scene of the size, and its bits."""
-    return behind(mosaic, motion, FRAMES, SIZE, rng)
+def small(mosaic="RGGB", motion="shake"):
+    """Return a moving color scene, and its bits."""
+    return behind(mosaic, motion, FRAMES, SIZE)
 
 
 def by_loops(bits, side, good):
@@ -89,11 +90,14 @@ def test_an_affine_motion_is_enlarged_exactly(side):
 
 @pytest.mark.parametrize(
     "mosaic",
-    ["RGGB", "RRGG/RRGG/GGBB/GGBB", Mosaic(np.random.default_rng(1).integers(3, size=SIZE), "RGB")],
-    ids=["RGGB", "quad", "random"],
+    [
+        pytest.param("RGGB", id="RGGB"),
+        pytest.param("RRGG/RRGG/GGBB/GGBB", id="quad", marks=pytest.mark.slow),
+        pytest.param(RANDOM, id="random", marks=pytest.mark.slow),
+    ],
 )
 def test_the_motion_is_found(mosaic):
-    scene, bits = large(mosaic)
+    scene, bits = behind(mosaic, "shake", FRAMES, LARGE)
     motion = jl.align(bits)
     assert motion.model != "none"
     for time in (4, 30, 90):
@@ -102,15 +106,15 @@ def test_the_motion_is_found(mosaic):
 
 
 def test_a_still_scene_has_no_motion():
-    _, bits = large("RGGB", motion="static")
+    _, bits = small("RGGB", motion="static")
     assert jl.align(bits).model == "none"
 
 
 def test_merged_colors_are_better_than_every_window():
-    scene, bits = large("RGGB")
+    scene, bits = behind("RGGB", "shake", FRAMES, LARGE)
     truth = scene.image()
     merged = jl.merge(bits)
-    assert merged.shape == (*SIZE, 3)
+    assert merged.shape == (*LARGE, 3)
     trials = np.asarray(merged.trials).mean((0, 1))
     np.testing.assert_allclose(trials / FRAMES, [0.25, 0.5, 0.25], atol=0.05)
     found = psnr(jl.reconstruct(merged), truth, data_range=1.0)
@@ -124,7 +128,7 @@ def test_merged_colors_are_better_than_every_window():
 
 
 def test_each_color_has_the_bits_of_its_jots():
-    _, bits = large("RGGB", motion="static")
+    _, bits = small("RGGB", motion="static")
     motion = jl.align(bits)
     with pytest.warns(jl.JotlightWarning, match="the scene stands still"):
         merged = jl.merge(bits, motion=motion)
@@ -169,9 +173,10 @@ def test_pixels_with_few_bits_of_a_color_count_those_nearby(side):
                 assert found_trials[row, column] == pytest.approx(own[1])
 
 
+@pytest.mark.slow
 def test_slow_motions_lose_nothing_to_missing_colors():
     """Near the center of a rotation, a pixel sees one filter alone."""
-    scene, bits = large("RGGB", motion="rotate", rng=1)
+    scene, bits = behind("RGGB", "rotate", FRAMES, LARGE, 1)
     merged = jl.merge(bits)
     assert merged.trials.min() > 0
     truth = scene.image()
@@ -225,7 +230,7 @@ def test_the_command_line_simulates_a_moving_mosaic(run, tmp_path):
 
 
 def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
-    _, bits = large("RGGB")
+    _, bits = small("RGGB")
     jl.save(bits, tmp_path / "bits.npy")
     status, printed = run(
         "reconstruct", "bits.npy", "--motion", "-o", "out.npy", "--save-motion", "m.safetensors"
@@ -238,7 +243,7 @@ def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
     assert f"by {info.title} in" in printed
     assert info.method == "network-color"
     np.testing.assert_allclose(found, expected, atol=1e-5)
-    _, still = large("RGGB", motion="static")
+    _, still = small("RGGB", motion="static")
     jl.save(still, tmp_path / "still.npy")
     status, printed = run("reconstruct", "still.npy", "--motion", "-o", "still_out.npy")
     assert status == 0, printed
