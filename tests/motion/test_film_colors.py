@@ -29,7 +29,8 @@ def quality(data, truth):
     return jl.metrics.psnr(jl.reconstruct(data)[inner], truth[inner], data_range=1.0)
 
 
-@pytest.mark.parametrize("causal", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.slow
+@pytest.mark.parametrize("causal", [False, True])
 def test_each_image_is_as_good_as_with_a_fresh_alignment(causal):
     scene, bits = small()
     images = list(film(bits, window=WINDOW, step=STEP, causal=causal, memory=False))

@@ -105,6 +105,7 @@ def test_the_motion_is_found(mosaic):
         assert np.median(np.hypot(*error)) < 1
 
 
+@pytest.mark.slow
 def test_a_still_scene_has_no_motion():
     _, bits = small("RGGB", motion="static")
     assert jl.align(bits).model == "none"

@@ -47,14 +47,14 @@ def rows(operator):
 
 @pytest.mark.parametrize("oversampling", range(1, 6))
 @pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("shape", SMALL + LARGE)
-def test_the_light_agrees_with_the_definition(kernel, oversampling, shape):
-    operator = spread(shape, oversampling, kernel, gain=2.5)
-    assert operator.input_shape == shape
-    assert operator.output_shape == tuple(oversampling * size for size in shape)
-    image = RANDOM.standard_normal(shape)
-    expected = 2.5 * reference_spread(image, kernel, oversampling)
-    np.testing.assert_allclose(operator.forward(image), expected, rtol=1e-13, atol=1e-14)
+def test_the_light_agrees_with_the_definition(kernel, oversampling):
+    for shape in SMALL + LARGE:
+        operator = spread(shape, oversampling, kernel, gain=2.5)
+        assert operator.input_shape == shape
+        assert operator.output_shape == tuple(oversampling * size for size in shape)
+        image = RANDOM.standard_normal(shape)
+        expected = 2.5 * reference_spread(image, kernel, oversampling)
+        np.testing.assert_allclose(operator.forward(image), expected, rtol=1e-13, atol=1e-14)
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
@@ -67,12 +67,12 @@ def test_the_light_of_a_pixel_of_many_jots_agrees_with_the_definition(kernel):
 
 @pytest.mark.parametrize("oversampling", range(1, 6))
 @pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("shape", SMALL)
-def test_the_adjoint_is_the_transposed_matrix(kernel, oversampling, shape):
-    operator = spread(shape, oversampling, kernel, gain=0.7)
-    matrix = columns(operator)
-    np.testing.assert_allclose(rows(operator), matrix, rtol=1e-14, atol=1e-16)
-    assert matrix.min() >= 0
+def test_the_adjoint_is_the_transposed_matrix(kernel, oversampling):
+    for shape in SMALL:
+        operator = spread(shape, oversampling, kernel, gain=0.7)
+        matrix = columns(operator)
+        np.testing.assert_allclose(rows(operator), matrix, rtol=1e-14, atol=1e-16)
+        assert matrix.min() >= 0
 
 
 @pytest.mark.parametrize("kernel", KERNELS)
