@@ -37,7 +37,7 @@ def test_the_smallest_hot_count_follows_from_the_binomial_distribution():
 @pytest.mark.parametrize("frames", [200, 2000])
 def test_hot_jots_of_a_photograph_are_found_and_nothing_else(frames, threshold):
     rng = np.random.default_rng(0)
-    image = photograph("camera")[::3, ::3]
+    image = photograph("camera")[::2, ::2]
     dark = np.where(rng.random(image.shape) < 0.003, 3.0, 0.0)
     sensor = jl.Sensor(
         frames=frames, gain=0.4 * frames * threshold, dark_counts=dark, threshold=threshold

@@ -52,7 +52,7 @@ def attempts(monkeypatch):
 )
 def test_a_doubtful_motion_is_estimated_from_more_frames(monkeypatch, attempts, causal, is_better):
     """The image with fewer flags is shown, and the film goes on with its motion and its memory."""
-    _, bits = record("shake", frames=64, shape=(64, 64), photons=1.0)
+    _, bits = record("shake", frames=64, photons=1.0)
     starts = attempts(is_better)
     images = list(film(bits, window=32, step=8, causal=causal))
     assert len(images) == 5

@@ -109,7 +109,7 @@ def test_the_division_that_gains_most_is_chosen_unless_the_first_is_clear(
 def test_long_bursts_are_aligned_with_a_part_of_their_frames(monkeypatch):
     """Their sums are not kept. But all their frames are tested and merged."""
     steps = []
-    _, bits = record("shake", 128, shape=(160, 160), photons=2)
+    _, bits = record("shake", 128, shape=(256, 256), photons=2)
     blocks = Blocks(as_burst(bits), np.arange(0, 129, 16))
 
     def consistent(paths):
