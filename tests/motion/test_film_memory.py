@@ -74,9 +74,9 @@ def test_memory_improves_the_images_of_a_shaking_camera():
 
 def test_live_films_have_the_same_memory():
     _, bits = recorded("shake", 56)
-    live = LiveFilm(bits.sensor, window=32, step=8)
+    live = LiveFilm(bits.sensor, window=32, step=8, model="affine")
     images = [image for start in range(0, 56, 8) for image in live.add(bits[start : start + 8])]
-    others = list(film(bits, window=32, step=8, causal=True))
+    others = list(film(bits, window=32, step=8, causal=True, model="affine"))
     assert max(image.merged.trials.max() for image in others) > 33
     for image, other in zip(images, others, strict=True):
         np.testing.assert_array_equal(image.merged.ones, other.merged.ones)
@@ -88,7 +88,7 @@ def test_color_channels_are_remembered_side_by_side():
     scene = jl.datasets.moving(
         photograph, "static", sensor=jl.Sensor(frames=48), shape=(64, 64), photons=0.5, rng=1
     )
-    images = list(film(in_memory(scene), window=32, step=8, causal=True))
+    images = list(film(in_memory(scene), window=32, step=8, causal=True, model="none"))
     trials = images[-1].merged.trials
     assert trials.shape == (64, 64, 3)
     assert np.median(trials) > 40
@@ -156,7 +156,7 @@ def test_sensors_whose_jots_differ_are_remembered(kind, motion):
 def test_windows_that_do_not_overlap_remember_nothing():
     _, bits = recorded("static", 48)
     for step in (16, 20):
-        images = list(film(bits, window=16, step=step, causal=True))
+        images = list(film(bits, window=16, step=step, causal=True, model="none"))
         assert max(image.merged.trials.max() for image in images) <= 16
 
 
@@ -167,7 +167,7 @@ def test_a_change_of_brightness_ends_the_memory(factor):
     other = sensor.replace(frames=32).expose(scene.image(), rng=3, threads=1)
     packed = np.concatenate([np.asarray(bright.packed), np.asarray(other.packed)])
     bits = jl.Bits(packed, 96, sensor.replace(frames=96))
-    images = list(film(bits, window=32, step=8, causal=True))
+    images = list(film(bits, window=32, step=8, causal=True, model="none"))
     assert np.median(images[4].merged.trials) > 40  # frames 32 to 63
     rate = [image.merged.ones.sum() / image.merged.trials.sum() for image in images]
     after = np.unpackbits(np.asarray(other.packed), axis=2, count=96).mean()
@@ -176,6 +176,6 @@ def test_a_change_of_brightness_ends_the_memory(factor):
 
 def test_counts_and_pixels_of_several_jots_are_remembered():
     _, bits = recorded("static", 64, oversampling=2)
-    last = list(film(bits, window=32, step=8, causal=True))[-1]
+    last = list(film(bits, window=32, step=8, causal=True, model="none"))[-1]
     assert last.merged.shape == (96, 96)
     assert 150 < np.median(last.merged.trials) < 3.5 * 128
