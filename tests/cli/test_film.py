@@ -126,7 +126,7 @@ def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
     [
         pytest.param(["--causal"], {"causal": True}, marks=pytest.mark.slow),
         (["--causal", "--no-memory"], {"causal": True, "memory": False}),
-        (["--memory"], {"memory": True}),
+        pytest.param(["--memory"], {"memory": True}, marks=pytest.mark.slow),
     ],
 )
 def test_images_can_use_only_earlier_frames_and_remember(run, moving, tmp_path, options, settings):

@@ -244,6 +244,13 @@ def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
     assert f"by {info.title} in" in printed
     assert info.method == "network-color"
     np.testing.assert_allclose(found, expected, atol=1e-5)
+    arguments = ("bits.npy", "--motion", "-o", "o.npy", "--demosaicing", "differences")
+    assert "leave it out" in run("reconstruct", *arguments)[1]
+    assert "expected one of network" in run("reconstruct", *arguments[:-1], "none")[1]
+
+
+@pytest.mark.slow
+def test_the_command_line_says_that_a_scene_behind_a_mosaic_stands_still(run, tmp_path):
     _, still = small("RGGB", motion="static")
     jl.save(still, tmp_path / "still.npy")
     status, printed = run("reconstruct", "still.npy", "--motion", "-o", "still_out.npy")
@@ -256,12 +263,8 @@ def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
     np.testing.assert_array_equal(
         np.load(tmp_path / "same.npy"), np.load(tmp_path / "still_out.npy")
     )
-    arguments = ("bits.npy", "--motion", "-o", "o.npy", "--demosaicing", "differences")
-    assert "leave it out" in run("reconstruct", *arguments)[1]
     arguments = ("still.npy", "--motion", "-o", "o.npy", "--maps", "maps.npz")
     assert "maps: the scene stands still behind a mosaic" in run("reconstruct", *arguments)[1]
-    arguments = ("bits.npy", "--motion", "-o", "o.npy", "--demosaicing", "differences")
-    assert "expected one of network" in run("reconstruct", *arguments[:-1], "none")[1]
     np.testing.assert_allclose(
         np.load(tmp_path / "still_out.npy"), jl.reconstruct(still), atol=1e-5
     )
