@@ -19,9 +19,9 @@ FRAMES, SIZE = 96, (64, 80)
 WINDOW, STEP = 64, 16
 
 
-def small(mosaic="RGGB", motion="shake", frames=FRAMES):
+def small(mosaic="RGGB", motion="shake"):
     """Return a moving color scene of the size, and its bits."""
-    return behind(mosaic, motion, frames, SIZE)
+    return behind(mosaic, motion, FRAMES, SIZE)
 
 
 def quality(data, truth):
@@ -63,7 +63,7 @@ def test_live_images_are_those_of_a_causal_film():
 
 @pytest.mark.slow
 def test_a_causal_film_remembers_colors():
-    scene, bits = small(frames=2 * FRAMES)
+    scene, bits = behind(frames=2 * FRAMES)
     last = [
         list(film(bits, window=48, step=12, causal=True, memory=memory))[-1]
         for memory in (False, None)
