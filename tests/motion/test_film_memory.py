@@ -145,7 +145,7 @@ def jots(kind):
     ],
 )
 def test_sensors_whose_jots_differ_are_remembered(kind, motion):
-    scene, bits = recorded(motion, 64, **jots(kind))
+    scene, bits = recorded(motion, 96, **jots(kind))
     spans = {"window": 32, "step": 8, "causal": True}
     last = list(film(bits, **spans))[-1]
     without = list(film(bits, **spans, memory=False))[-1]
