@@ -67,11 +67,11 @@ def film(
     Examples
     --------
     >>> from jotlight.datasets import moving
-    >>> scene = moving(motion="shake", sensor=Sensor(frames=48), shape=(48, 48), photons=0.5, rng=1)
-    >>> [image.is_carried for image in film(scene.bits, window=32, step=16)]
-    [False, True]
-    >>> [image.motion.reference for image in film(scene.bits, window=32, step=16, causal=True)]
-    [31.0, 31.0]
+    >>> scene = moving(motion="shake", sensor=Sensor(frames=48), shape=(64, 64), photons=0.5, rng=1)
+    >>> [image.is_carried for image in film(scene.bits, window=32, step=8)]
+    [False, True, True]
+    >>> [image.motion.reference for image in film(scene.bits, window=32, step=8, causal=True)]
+    [31.0, 31.0, 31.0]
     """
     colored = bits_behind_mosaic(data, sensor)
     sensor = prepare_burst(data, sensor)[1] if colored is None else colored[1]
