@@ -75,17 +75,7 @@ def test_a_motion_is_used_again(run, moving, tmp_path):
 
 
 def test_a_finer_grid(run, moving, tmp_path):
-    arguments = [
-        "reconstruct",
-        "moving.npy",
-        "--motion",
-        "--upsample",
-        2,
-        "-o",
-        "a.npy",
-        "-m",
-        "mle",
-    ]
+    arguments = ["reconstruct", "moving.npy", "--motion", "--upsample", 2, "-o", "a.npy"]
     status, output = run(*arguments, "--maps", "maps.npz")
     assert status == 0, output
     merged = jl.merge(moving, motion=jl.align(moving), upsample=2)
