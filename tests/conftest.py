@@ -1,6 +1,11 @@
 """Fixtures that several folders of tests use."""
 
 import os
+
+# pytest runs a process per core. With more threads, those of NumPy would wait for each other.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import signal
 import sys
 from pathlib import Path
@@ -8,9 +13,11 @@ from pathlib import Path
 import hypothesis
 import numpy as np
 import pytest
+from cyclopts import App
 from PIL import Image
 
 import jotlight as jl
+from assembled_options import assemble_once
 from chromium import chromium
 from jotlight.cli import app, console
 
@@ -50,6 +57,7 @@ def run(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(console.out, "width", 200)
     monkeypatch.setattr(console.err, "width", 200)
     monkeypatch.setattr(app, "end_at_once", sys.exit)
+    monkeypatch.setattr(App, "assemble_argument_collection", assemble_once)
 
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["jotlight", *map(str, arguments)])

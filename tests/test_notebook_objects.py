@@ -11,6 +11,7 @@ from jotlight.figures import Figure
 from jotlight.formats.reading import open_capture
 from jotlight.motion.film import film
 from jotlight.training import History, Record
+from moving import in_memory
 
 SENSOR = jl.Sensor(oversampling=2, frames=16)
 IMAGE = jl.datasets.photograph("camera")[100:148, 150:214]
@@ -32,7 +33,8 @@ def objects(tmp_path_factory):
     scene = jl.datasets.moving(
         motion="shake", sensor=jl.Sensor(frames=32), shape=(64, 96), photons=0.5, rng=0
     )
-    motion = jl.align(scene.bits)
+    bits = in_memory(scene)
+    motion = jl.align(bits)
     info = jl.reconstruct(BITS, method="admm-tv", return_info=True)[1]
     path = tmp_path_factory.mktemp("counts") / "counts.npy"
     np.save(path, np.stack([part.counts() for part in BITS.windows(4)]).astype(np.uint16))
@@ -40,8 +42,8 @@ def objects(tmp_path_factory):
     network = jl.pretrained(SENSOR)
     found = [
         *(SENSOR, BITS, network, network.layers[3], HISTORY, HISTORY.records[0], PLAN),
-        *(UNCERTAINTY, CALIBRATION, scene, motion, jl.merge(scene.bits, motion=motion)),
-        *(next(film(scene.bits, window=32)), comparison, comparison.results[0], info),
+        *(UNCERTAINTY, CALIBRATION, scene, motion, jl.merge(bits, motion=motion)),
+        *(next(film(bits, window=32)), comparison, comparison.results[0], info),
         *(info.history, jl.evaluate("mle", [IMAGE] * 30, SENSOR), open_capture(path)),
     ]
     return {type(each).__name__: each for each in found}

@@ -7,6 +7,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.networks.network import Network
+from moving import in_memory
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore:.*no valid bit", "ignore:the light of a cubic kernel"
@@ -196,8 +197,9 @@ def test_motion_is_advised_only_where_the_scene_moves(run, motion):
     scene = jl.datasets.moving(
         PHOTO, motion, sensor=jl.Sensor(frames=64), shape=(96, 96), photons=0.3, rng=1
     )
-    jl.save(scene.bits, "a.npy")
-    counts = scene.bits.to_array().reshape(16, 4, 96, 96).sum(axis=1).astype(np.uint16)
+    bits = in_memory(scene)
+    jl.save(bits, "a.npy")
+    counts = bits.to_array().reshape(16, 4, 96, 96).sum(axis=1).astype(np.uint16)
     np.save("counts.npy", counts)
     for arguments in (
         ["reconstruct", "a.npy", "-o", "out.npy"],

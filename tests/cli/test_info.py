@@ -99,6 +99,7 @@ def test_info_lists_the_arrays_of_an_archive(run):
     assert "uint8, 5 x 6" in output
 
 
+@pytest.mark.slow
 def test_an_archive_of_one_capture_is_described_as_it_is_opened(run):
     dark = np.zeros((300, 512, 512), bool)  # more bytes than one compressed image may have
     dark[::100, 7, 7] = True

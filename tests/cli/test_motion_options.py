@@ -12,14 +12,12 @@ import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.images.io import read_image
 from jotlight.sensing.provenance import Provenance
+from moving import record
 
 
 @pytest.fixture
 def moving(tmp_path):
-    scene = jl.datasets.moving(
-        motion="shake", sensor=jl.Sensor(frames=48), shape=(48, 64), photons=0.5, rng=0
-    )
-    bits = jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
+    _, bits = record("shake", shape=(48, 64))
     jl.save(bits, tmp_path / "moving.npy")
     return bits
 

@@ -87,7 +87,7 @@ def test_three_channels_are_estimated_as_by_reconstruct(options):
 
 
 def test_colors_do_not_depend_on_chunks_or_threads():
-    bits = expose()
+    bits = expose()[:16]
     expected = jl.dask.reconstruct(bits.to_dask(24), bits.sensor, 8, 4).compute()
     for frames, scheduler in ((1, "threads"), (5, "sync")):
         x = bits.to_dask(frames)
@@ -109,7 +109,7 @@ def test_colors_do_not_depend_on_chunks_or_threads():
 )
 def test_threads_do_not_warn_about_pixels_behind_other_filters(options):
     # Planes by filter hide warnings, in several threads at once.
-    bits = jl.Sensor(frames=64, mosaic="RGBW/BWRG").expose(SCENE[:8, :8], rng=0)
+    bits = jl.Sensor(frames=16, mosaic="RGBW/BWRG").expose(SCENE[:8, :8], rng=0)
     filters = list(warnings.filters)
     with dask.config.set(scheduler="threads", num_workers=8):
         jl.dask.reconstruct(bits.to_dask(1), bits.sensor, 2, **options).compute()

@@ -142,7 +142,7 @@ def test_bits_that_speak_against_the_estimate_are_flagged():
 
 
 def test_the_flags_of_noise_alone_are_rare():
-    flat = np.full((256, 256), 0.4)
+    flat = np.full((128, 128), 0.4)
     fractions = [
         jl.uncertainty(jl.Sensor(frames=trials).expose(flat, rng=trials)).unlikely.mean()
         for trials in (4, 16, 64)

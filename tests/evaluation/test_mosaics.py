@@ -132,7 +132,7 @@ def test_the_color_network_takes_no_method(options):
     [
         {"dark_counts": 0.1, "efficiency": 0.5, "gain": 4000.0},
         {"gain": np.repeat([1.0, 2.0], 1000)},
-        {"bit_depth": 3},
+        {"bit_depth": 3, "frames": 400},
         {"threshold": 2, "gain": 4000.0},
         {"dark_counts": np.linspace(0, 0.5, 4096).reshape(64, 64).astype(np.float32)},
         {"mask": np.random.default_rng(3).random((64, 64)) < 0.05},
@@ -141,7 +141,7 @@ def test_the_color_network_takes_no_method(options):
 )
 @pytest.mark.filterwarnings("ignore:.*have no valid bit")  # those of the mask
 def test_many_photons_give_the_color_of_a_uniform_scene(mosaic, options):
-    sensor = jl.Sensor(frames=2000, max_intensity=2.0, mosaic=mosaic, **options)
+    sensor = jl.Sensor(**{"frames": 2000, "max_intensity": 2.0, "mosaic": mosaic} | options)
     side = 64 // sensor.oversampling
     color = np.array([0.5, 0.3, 0.2])
     data = sensor.expose(np.broadcast_to(color, (side, side, 3)), rng=0)

@@ -35,6 +35,7 @@ def test_a_window_keeps_the_outlines_that_more_frames_show():
     assert (paths.labels != outlines).mean() < 0.04  # 0.16 if each pixel chose anew
 
 
+@pytest.mark.slow
 def test_the_end_of_a_window_moves_as_its_own_bits_show():
     """A causal image shows the last frame. The blocks of more frames are longer."""
     scene, bits = behind()

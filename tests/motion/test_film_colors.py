@@ -15,8 +15,13 @@ from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.readings import without_mosaic
 from moving import behind
 
-FRAMES, SIZE = 96, (96, 112)
+FRAMES, SIZE = 96, (64, 80)
 WINDOW, STEP = 64, 16
+
+
+def small(mosaic="RGGB", motion="shake"):
+    """Return a moving color scene of the size, and its bits."""
+    return behind(mosaic, motion, FRAMES, SIZE)
 
 
 def quality(data, truth):
@@ -24,9 +29,10 @@ def quality(data, truth):
     return jl.metrics.psnr(jl.reconstruct(data)[inner], truth[inner], data_range=1.0)
 
 
-@pytest.mark.parametrize("causal", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.slow
+@pytest.mark.parametrize("causal", [False, True])
 def test_each_image_is_as_good_as_with_a_fresh_alignment(causal):
-    scene, bits = behind()
+    scene, bits = small()
     images = list(film(bits, window=WINDOW, step=STEP, causal=causal, memory=False))
     assert causal or images[-1].is_carried
     for index, image in enumerate(images):
@@ -43,7 +49,7 @@ def test_each_image_is_as_good_as_with_a_fresh_alignment(causal):
 
 
 def test_live_images_are_those_of_a_causal_film():
-    _, bits = behind()
+    _, bits = small()
     live = LiveFilm(bits.sensor, window=WINDOW, step=STEP)
     found = [
         image for start in range(0, FRAMES, 11) for image in live.add(bits[start : start + 11])
@@ -68,9 +74,9 @@ def test_a_causal_film_remembers_colors():
     assert quality(last[1].data, truth) > quality(last[0].data, truth) + 0.2
 
 
-@pytest.mark.parametrize("causal", [False, True])
+@pytest.mark.parametrize("causal", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_still_window_keeps_its_bits(causal):
-    _, bits = behind(motion="static")
+    _, bits = small(motion="static")
     for index, image in enumerate(film(bits, window=WINDOW, step=STEP, causal=causal)):
         assert image.motion.model == "none"
         part = bits[index * STEP : index * STEP + WINDOW]
@@ -79,11 +85,17 @@ def test_a_still_window_keeps_its_bits(causal):
         np.testing.assert_array_equal(jl.reconstruct(image.data), jl.reconstruct(part))
 
 
-@pytest.mark.parametrize("mosaic", ["RGGB", "RGB", Mosaic([[0, 1, 1, 2], [1, 0, 2, 1]], "RGB")])
-@pytest.mark.parametrize("step", [5, 16, 40])
+@pytest.mark.parametrize(
+    ("mosaic", "step"),
+    [
+        *(("RGGB", step) for step in (5, 16, 40)),
+        ("RGB", 16),
+        (Mosaic([[0, 1, 1, 2], [1, 0, 2, 1]], "RGB"), 16),
+    ],
+)
 def test_squares_of_windows_are_those_of_all_frames(mosaic, step):
     mask = np.random.default_rng(0).random(SIZE) < 0.05
-    _, bits = behind(mosaic)
+    _, bits = small(mosaic)
     sensor = bits.sensor.replace(mask=mask, gain=bits.sensor.gain)
     bits = jl.Bits(bits.packed, SIZE[1], sensor)
     colors = FilmColors(bits.sensor, SIZE, step, lambda: None)
@@ -99,7 +111,7 @@ def test_squares_of_windows_are_those_of_all_frames(mosaic, step):
 
 
 def test_a_motion_that_is_lost_flags_every_pixel():
-    _, bits = behind()
+    _, bits = small()
     part = bits[:WINDOW]
     motion = jl.align(*in_squares(part, part.sensor, None))
     found = {}
@@ -125,7 +137,7 @@ def test_what_cannot_be_merged_is_refused_before_the_first_image():
         film(bayer, window=16, upsample=2)
 
 
-@pytest.mark.parametrize("oversampling", [1, 2])
+@pytest.mark.parametrize("oversampling", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_where_no_motion_explains_the_scene_the_bits_of_fewer_frames_are_shown(
     monkeypatch, oversampling
 ):
@@ -156,7 +168,7 @@ def test_where_no_motion_explains_the_scene_the_bits_of_fewer_frames_are_shown(
 
 @pytest.mark.slow
 def test_color_films_look_at_more_frames(monkeypatch):
-    _, bits = behind(motion="layers")
+    _, bits = small(motion="layers")
     lengths, found = [], FilmState._of_more_frames
 
     def counted(self, frames, *arguments):

@@ -60,7 +60,7 @@ def attempts(monkeypatch):
     ("causal", "is_better"),
     [
         (True, True),
-        (False, True),
+        pytest.param(False, True, marks=pytest.mark.slow),
         pytest.param(True, False, marks=pytest.mark.slow),
         pytest.param(False, False, marks=pytest.mark.slow),
     ],

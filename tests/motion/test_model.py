@@ -115,6 +115,7 @@ def test_the_division_that_gains_most_is_chosen_unless_the_first_is_clear(
     assert chosen is None or found.paths.tracks[0] is paths[chosen].tracks[0]
 
 
+@pytest.mark.slow
 def test_long_bursts_are_aligned_with_a_part_of_their_frames(monkeypatch):
     """Their sums are not kept. But all their frames are tested and merged."""
     steps = []

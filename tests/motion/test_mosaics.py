@@ -15,12 +15,13 @@ from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.provenance import Provenance
 from moving import behind
 
-FRAMES, SIZE = 96, (128, 160)
+FRAMES, SIZE, LARGE = 96, (96, 112), (128, 160)
+RANDOM = Mosaic(np.random.default_rng(1).integers(3, size=LARGE), "RGB")
 
 
-def large(mosaic="RGGB", motion="shake", rng=4):
-    """Return a moving color scene of the size, and its bits."""
-    return behind(mosaic, motion, FRAMES, SIZE, rng)
+def small(mosaic="RGGB", motion="shake"):
+    """Return a moving color scene, and its bits."""
+    return behind(mosaic, motion, FRAMES, SIZE)
 
 
 def by_loops(bits, side, good):
@@ -89,11 +90,14 @@ def test_an_affine_motion_is_enlarged_exactly(side):
 
 @pytest.mark.parametrize(
     "mosaic",
-    ["RGGB", "RRGG/RRGG/GGBB/GGBB", Mosaic(np.random.default_rng(1).integers(3, size=SIZE), "RGB")],
-    ids=["RGGB", "quad", "random"],
+    [
+        pytest.param("RGGB", id="RGGB"),
+        pytest.param("RRGG/RRGG/GGBB/GGBB", id="quad", marks=pytest.mark.slow),
+        pytest.param(RANDOM, id="random", marks=pytest.mark.slow),
+    ],
 )
 def test_the_motion_is_found(mosaic):
-    scene, bits = large(mosaic)
+    scene, bits = behind(mosaic, "shake", FRAMES, LARGE)
     motion = jl.align(bits)
     assert motion.model != "none"
     for time in (4, 30, 90):
@@ -101,16 +105,17 @@ def test_the_motion_is_found(mosaic):
         assert np.median(np.hypot(*error)) < 1
 
 
+@pytest.mark.slow
 def test_a_still_scene_has_no_motion():
-    _, bits = large("RGGB", motion="static")
+    _, bits = small("RGGB", motion="static")
     assert jl.align(bits).model == "none"
 
 
 def test_merged_colors_are_better_than_every_window():
-    scene, bits = large("RGGB")
+    scene, bits = behind("RGGB", "shake", FRAMES, LARGE)
     truth = scene.image()
     merged = jl.merge(bits)
-    assert merged.shape == (*SIZE, 3)
+    assert merged.shape == (*LARGE, 3)
     trials = np.asarray(merged.trials).mean((0, 1))
     np.testing.assert_allclose(trials / FRAMES, [0.25, 0.5, 0.25], atol=0.05)
     found = psnr(jl.reconstruct(merged), truth, data_range=1.0)
@@ -124,7 +129,7 @@ def test_merged_colors_are_better_than_every_window():
 
 
 def test_each_color_has_the_bits_of_its_jots():
-    _, bits = large("RGGB", motion="static")
+    _, bits = small("RGGB", motion="static")
     motion = jl.align(bits)
     with pytest.warns(jl.JotlightWarning, match="the scene stands still"):
         merged = jl.merge(bits, motion=motion)
@@ -169,9 +174,10 @@ def test_pixels_with_few_bits_of_a_color_count_those_nearby(side):
                 assert found_trials[row, column] == pytest.approx(own[1])
 
 
+@pytest.mark.slow
 def test_slow_motions_lose_nothing_to_missing_colors():
     """Near the center of a rotation, a pixel sees one filter alone."""
-    scene, bits = large("RGGB", motion="rotate", rng=1)
+    scene, bits = behind("RGGB", "rotate", FRAMES, LARGE, 1)
     merged = jl.merge(bits)
     assert merged.trials.min() > 0
     truth = scene.image()
@@ -225,7 +231,7 @@ def test_the_command_line_simulates_a_moving_mosaic(run, tmp_path):
 
 
 def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
-    _, bits = large("RGGB")
+    _, bits = small("RGGB")
     jl.save(bits, tmp_path / "bits.npy")
     status, printed = run(
         "reconstruct", "bits.npy", "--motion", "-o", "out.npy", "--save-motion", "m.safetensors"
@@ -238,7 +244,14 @@ def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
     assert f"by {info.title} in" in printed
     assert info.method == "network-color"
     np.testing.assert_allclose(found, expected, atol=1e-5)
-    _, still = large("RGGB", motion="static")
+    arguments = ("bits.npy", "--motion", "-o", "o.npy", "--demosaicing", "differences")
+    assert "leave it out" in run("reconstruct", *arguments)[1]
+    assert "expected one of network" in run("reconstruct", *arguments[:-1], "none")[1]
+
+
+@pytest.mark.slow
+def test_the_command_line_says_that_a_scene_behind_a_mosaic_stands_still(run, tmp_path):
+    _, still = small("RGGB", motion="static")
     jl.save(still, tmp_path / "still.npy")
     status, printed = run("reconstruct", "still.npy", "--motion", "-o", "still_out.npy")
     assert status == 0, printed
@@ -250,12 +263,8 @@ def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
     np.testing.assert_array_equal(
         np.load(tmp_path / "same.npy"), np.load(tmp_path / "still_out.npy")
     )
-    arguments = ("bits.npy", "--motion", "-o", "o.npy", "--demosaicing", "differences")
-    assert "leave it out" in run("reconstruct", *arguments)[1]
     arguments = ("still.npy", "--motion", "-o", "o.npy", "--maps", "maps.npz")
     assert "maps: the scene stands still behind a mosaic" in run("reconstruct", *arguments)[1]
-    arguments = ("bits.npy", "--motion", "-o", "o.npy", "--demosaicing", "differences")
-    assert "expected one of network" in run("reconstruct", *arguments[:-1], "none")[1]
     np.testing.assert_allclose(
         np.load(tmp_path / "still_out.npy"), jl.reconstruct(still), atol=1e-5
     )

@@ -47,6 +47,7 @@ def test_one_motion_has_no_outlines():
     assert (choose([track_of(blocks_of(bits), (0, 0), 24)]) == 0).all()
 
 
+@pytest.mark.slow
 def test_smooth_costs_have_the_least_sum_of_squares_and_total_variation():
     """A general-purpose optimizer finds the same minimum, for a smooth approximation."""
     rng = np.random.default_rng(0)

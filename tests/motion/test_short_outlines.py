@@ -10,13 +10,16 @@ from hypothesis.extra.numpy import arrays
 
 from jotlight.motion.short_outlines import shortest_outlines
 
+REGIONS = np.array(list(itertools.product((False, True), repeat=12))).reshape(-1, 3, 4)
+"""All regions of 3 x 4 pixels."""
+
 
 def net_gain(gain, pixels, length):
-    """Return the gain of pixels minus the cost of their outline."""
+    """Return the gain of regions (..., H, W) minus the cost of their outlines."""
     values = pixels.astype(float)
-    down = np.diff(values, axis=0, append=values[-1:])
-    right = np.diff(values, axis=1, append=values[:, -1:])
-    return (gain * values).sum() - length * np.hypot(down, right).sum()
+    down = np.diff(values, axis=-2, append=values[..., -1:, :])
+    right = np.diff(values, axis=-1, append=values[..., -1:])
+    return (gain * values - length * np.hypot(down, right)).sum((-2, -1))
 
 
 @settings(deadline=None, max_examples=25)
@@ -26,10 +29,7 @@ def net_gain(gain, pixels, length):
 )
 def test_no_other_region_gains_clearly_more(gain, length):
     """All 4,096 regions are tried. Diagonal steps make the best one less than exact."""
-    best = max(
-        net_gain(gain, np.array(region).reshape(3, 4), length)
-        for region in itertools.product((False, True), repeat=12)
-    )
+    best = net_gain(gain, REGIONS, length).max()
     found = shortest_outlines(gain, length)
     assert found.shape == (3, 4)
     assert found.dtype == bool

@@ -118,7 +118,7 @@ def test_counts_of_color_need_their_axis_and_stacks_are_refused(shape, message):
         find_periodic_rates(np.zeros(shape, int))
 
 
-@pytest.mark.parametrize("side", [1, 2])
+@pytest.mark.parametrize("side", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_the_advice_returns_the_intensities_of_each_color(side):
     sensor = jl.Sensor(frames=64, gain=6.4, dark_counts=0.05, efficiency=0.7, max_intensity=8)
     levels = mosaic((128 * side, 128 * side), side, [2.0, 4.0, 1.0])

@@ -30,13 +30,13 @@ def test_taps_are_the_integrals_of_the_spline(degree, oversampling):
 
 @pytest.mark.parametrize("oversampling", range(1, 6))
 @pytest.mark.parametrize("kernel", KERNELS)
-@pytest.mark.parametrize("shape", [(5, 7), (1, 1), (2, 1), (1, 9)])
-def test_the_rate_agrees_with_the_definition(kernel, oversampling, shape):
-    sensor = jl.Sensor(oversampling=oversampling, frames=3, gain=40, kernel=kernel)
-    image = RANDOM.random(shape)
-    rate = sensor.rate(image)
-    assert rate.dtype == np.float32
-    np.testing.assert_allclose(rate, sensing.rate(sensor, image), rtol=1e-6)
+def test_the_rate_agrees_with_the_definition(kernel, oversampling):
+    for shape in [(5, 7), (1, 1), (2, 1), (1, 9)]:
+        sensor = jl.Sensor(oversampling=oversampling, frames=3, gain=40, kernel=kernel)
+        image = RANDOM.random(shape)
+        rate = sensor.rate(image)
+        assert rate.dtype == np.float32
+        np.testing.assert_allclose(rate, sensing.rate(sensor, image), rtol=1e-6)
 
 
 @pytest.mark.parametrize("kernel", KERNELS)

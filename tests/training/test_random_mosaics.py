@@ -10,11 +10,11 @@ from jotlight.training.random_mosaics import KINDS, random_mosaic
 def test_the_kinds_have_their_fractions():
     assert sum(fraction for _, fraction in KINDS) == pytest.approx(1)
     rng = np.random.default_rng(0)
-    found = [random_mosaic(rng, 32) for _ in range(2000)]
+    found = [random_mosaic(rng, 32) for _ in range(1000)]
     scattered = [each for each in found if not each.repeats]
     bayer = [each for each in found if each.bayer and each.is_ideal]
-    assert abs(len(bayer) / 2000 - KINDS[0][1]) < 0.05  # 5 standard deviations
-    assert abs(len(scattered) / 2000 - 0.08) < 0.03
+    assert abs(len(bayer) / 1000 - KINDS[0][1]) < 0.08  # 5 standard deviations
+    assert abs(len(scattered) / 1000 - 0.08) < 0.043
     assert {each.bayer for each in bayer} == {"RGGB", "BGGR", "GRBG", "GBRG"}
 
 

@@ -1,5 +1,6 @@
 """The images of the page are those of the library."""
 
+import functools
 import io
 
 import numpy as np
@@ -19,6 +20,7 @@ from jotlight.view.overlays import DEAD, HOT, JotMap, error_levels, find_errors,
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
 from jotlight.view.viewed import Viewed
+from moving import in_memory
 
 PHOTO = jl.datasets.photograph("camera")[100:148, 180:244]
 MASK = np.random.default_rng(1).random(PHOTO.shape) < 0.05
@@ -71,11 +73,16 @@ def test_the_color_network_is_recommended_for_three_channels():
         made(viewed_of("plain"), range(2, 7), COLOR_NETWORK)
 
 
-def mosaic_viewed(motion="static"):
+@functools.cache
+def mosaic_bits(motion):
     color = np.stack([PHOTO, PHOTO[::-1], PHOTO[:, ::-1]], axis=2)
     sensor = jl.Sensor(frames=48, mosaic="RGGB")
     scene = jl.datasets.moving(color, motion, sensor=sensor, photons=0.6, rng=4)
-    return Viewed.from_bits(scene.bits)
+    return in_memory(scene)
+
+
+def mosaic_viewed(motion="static"):
+    return Viewed.from_bits(mosaic_bits(motion))
 
 
 def test_a_mosaic_has_colors_by_every_method():

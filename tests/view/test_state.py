@@ -84,7 +84,11 @@ def test_a_probe_is_a_place_or_nothing():
             parse_probe(message)
 
 
-@given(st.dictionaries(st.text(), st.text() | st.integers()), st.binary())
+# Of the characters, those that JSON escapes, and those of one to four bytes.
+TEXTS = st.text('a"\\\n\0é漢😀')
+
+
+@given(st.dictionaries(TEXTS, TEXTS | st.integers()), st.binary())
 def test_the_header_and_the_bytes_of_a_message_can_be_read(header, payload):
     message = encode(header, np.frombuffer(payload, np.uint8))
     size = int.from_bytes(message[:4], "little")

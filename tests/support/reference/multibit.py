@@ -1,5 +1,7 @@
 """Twins of readings of several bits: sums in the arithmetic of mpmath, and plain loops."""
 
+import functools
+
 import mpmath as mp
 
 
@@ -17,8 +19,12 @@ def reading_probability(reading, rate, bit_depth, read_noise=0.0, threshold=1):
         return total
 
 
+@functools.cache
 def _weight(count, level, is_lowest, is_highest, noise):
-    """Return the probability of a level, or of all beyond it, for a number of photons."""
+    """Return the probability of a level, or of all beyond it, for a number of photons.
+
+    It does not depend on the light, so tests at several rates share it.
+    """
     half = mp.mpf("0.5")
     if noise == 0:
         above = is_highest or count <= level
