@@ -20,7 +20,7 @@ def sensor_model(sensor: Sensor) -> SensorModel:
     Examples
     --------
     >>> sensor_model(Sensor(frames=16))
-    (16, (1, 0.0625, 1.0), (1.0, 0.0))
+    (16, (1, 1.0, 1.0), (1.0, 0.0))
     """
     return sensor.trials, sensor.pixel_response(), reference_jot(sensor)
 
