@@ -69,7 +69,7 @@ def test_the_cost_of_motion_is_printed(run):
         assert status == 0
         cost = motion_cost(frames, size)
         assert f"--motion takes about {cost.seconds:.2g} s on one thread and " in output
-        assert f"{cost.memory / 1e6:.2g} MB for 100 frames of {size[0]} x {size[1]} jots" in output
+        assert f"{cost.memory / 1e6:.0f} MB for 100 frames of {size[0]} x {size[1]} jots" in output
         assert f"and {cost.further_seconds:.2g} s for each further image" in output
 
 
