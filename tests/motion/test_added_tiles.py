@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jotlight.motion.added_tiles import add_tiles, is_unexplained
+from jotlight.motion.added_tiles import add_tiles, degrees_of_freedom, is_unexplained
 from jotlight.motion.consistency import find_consistent
+from jotlight.motion.deformation import STRONGLY_BENT
 from jotlight.motion.model import find_paths
 from moving import blocks_of, record
 
@@ -43,12 +44,41 @@ def test_tiles_are_added_to_a_scene_that_deforms(seed):
     assert sums.accepted.mean() > consistent.accepted.mean()
 
 
-@pytest.mark.parametrize("photons", [0.05, 0.5])
-def test_the_motion_of_a_camera_is_explained(photons):
-    _, _, paths, consistent = along_affine_motion(
-        "shake", frames=64, shape=(128, 128), photons=photons
+@pytest.mark.parametrize(
+    ("motion", "frames", "size", "photons"),
+    [
+        ("shake", 48, 96, 0.5),
+        ("shake", 64, 96, 0.1),
+        ("shake", 32, 96, 1.0),
+        ("static", 64, 32, 0.5),
+        pytest.param("rotate", 128, 128, 0.2, marks=pytest.mark.slow),
+        pytest.param("static", 64, 128, 0.2, marks=pytest.mark.slow),
+    ],
+)
+def test_tiles_that_fit_noise_are_left_out(motion, frames, size, photons):
+    scene, blocks, paths, consistent = along_affine_motion(
+        motion, frames=frames, shape=(size, size), photons=photons
     )
+    same, sums = add_tiles(blocks, scene.reference, paths, consistent)
+    assert same is paths
+    assert sums is consistent
+
+
+def test_the_motion_of_a_camera_is_explained():
+    _, _, paths, consistent = along_affine_motion("shake", frames=64, shape=(128, 128))
     assert not is_unexplained(paths, consistent)
+
+
+def test_degrees_of_freedom_are_those_of_a_linear_estimate():
+    """The estimate (A + λ)⁻¹ b depends on b through a matrix, whose trace with A is counted."""
+    rng = np.random.default_rng(0)
+    roots = rng.normal(size=(3, 4, 5, 2, 2))
+    matrices = roots @ roots.swapaxes(-1, -2)
+    information = np.stack([matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 1]], axis=1)
+    weight = 4 * STRONGLY_BENT.to_affine
+    hats = matrices @ np.linalg.inv(matrices + weight * np.eye(2))
+    expected = np.trace(hats, axis1=-2, axis2=-1).sum()
+    assert degrees_of_freedom(information, STRONGLY_BENT) == pytest.approx(expected)
 
 
 def test_paths_along_which_more_bits_agree_are_kept():

@@ -210,7 +210,7 @@ def test_wrong_outlines_of_slow_segments_are_replaced(is_reversed):
 def test_slow_segments_replace_tiles_if_they_explain_the_scene(monkeypatch, of_slow):
     _, bits = record("shake", 16, shape=(32, 32))
     blocks = blocks_of(bits)
-    paths = Paths([_still(blocks, 8)], np.zeros(blocks.size, np.uint8))
+    paths = Paths([_still(blocks, 8)] * 2, np.zeros(blocks.size, np.uint8))
 
     def segments(*_, is_slow=False):
         return [[of_slow] * 2] if is_slow else [["tiles"]]
