@@ -7,13 +7,13 @@ import pytest
 
 import jotlight as jl
 from jotlight.motion import model
+from jotlight.motion.added_tiles import share_of_unknown
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import as_burst
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.model import (
     Found,
     _distance,
-    _share_of_unknown,
     _still,
     _with_other_outlines,
     divide,
@@ -149,8 +149,8 @@ def test_noise_stands_still():
         assert find(bits, "auto", 16)[1] == "none"
 
 
-def share_of_unknown(paths):
-    return _share_of_unknown(find_consistent(paths))
+def unknown_along(paths):
+    return share_of_unknown(find_consistent(paths))
 
 
 def test_pixels_whose_bits_disagree_are_unknown_but_dead_ones_are_not():
@@ -165,13 +165,13 @@ def test_pixels_whose_bits_disagree_are_unknown_but_dead_ones_are_not():
     for seed in (3, 2, 1):
         rng = np.random.default_rng(seed)
         blocks = blocks_of(jl.Bits.from_array(rng.random((64, 48, 48)) < p))
-        shares.append(share_of_unknown(Paths([_still(blocks, 32)], labels)))
+        shares.append(unknown_along(Paths([_still(blocks, 32)], labels)))
         left = dataclasses.replace(blocks, valid=np.packbits(valid, axis=1))
-        shares_of_left.append(share_of_unknown(Paths([_still(left, 32)], labels)))
+        shares_of_left.append(unknown_along(Paths([_still(left, 32)], labels)))
     assert 0.35 < np.mean(shares) < 0.45
     assert np.mean(shares_of_left) < 0.02
     nothing = dataclasses.replace(blocks, valid=np.zeros((48, 6), np.uint8))
-    assert share_of_unknown(Paths([_still(nothing, 32)], labels)) == 0
+    assert unknown_along(Paths([_still(nothing, 32)], labels)) == 0
 
 
 @pytest.mark.parametrize("is_reversed", [False, True])
@@ -210,7 +210,7 @@ def test_wrong_outlines_of_slow_segments_are_replaced(is_reversed):
 def test_slow_segments_replace_tiles_if_they_explain_the_scene(monkeypatch, of_slow):
     _, bits = record("shake", 16, shape=(32, 32))
     blocks = blocks_of(bits)
-    paths = Paths([_still(blocks, 8)], np.zeros(blocks.size, np.uint8))
+    paths = Paths([_still(blocks, 8)] * 2, np.zeros(blocks.size, np.uint8))
 
     def segments(*_, is_slow=False):
         return [[of_slow] * 2] if is_slow else [["tiles"]]

@@ -22,14 +22,21 @@ from jotlight.motion.track import Track
 
 Array = npt.NDArray[np.float64]
 
-_SMOOTHNESS = Smoothness()
+BENT, STRONGLY_BENT = Smoothness(1.0, 2.0), Smoothness(0.5, 1.0)
+"""Smoothness of fields that bend within a few tiles, as waves and limbs do.
+
+The weights of a field that is nearly affine are five times those of the first one.
+"""
+
 _JOINT_ROUNDS = 2
 
 _TIME_PRIOR = 1.0
 """Information with which the displacements of neighboring blocks are added to each tile."""
 
 
-def follow_tiles(blocks: Blocks, reference: int, velocity: Array) -> Track:
+def follow_tiles(
+    blocks: Blocks, reference: int, velocity: Array, smoothness: Smoothness = BENT
+) -> Track:
     """Return the displacements of all blocks if each tile has its own motion.
 
     Parameters
@@ -40,6 +47,8 @@ def follow_tiles(blocks: Blocks, reference: int, velocity: Array) -> Track:
         Time at which displacements are 0.
     velocity : ndarray of float, shape (2, rows, columns)
         Velocity of each tile around the reference time.
+    smoothness : Smoothness
+        How similar the displacements of neighboring tiles are.
     """
     track = start(blocks, reference, velocity)
     order = track.from_center()
@@ -48,17 +57,19 @@ def follow_tiles(blocks: Blocks, reference: int, velocity: Array) -> Track:
     for number, block in enumerate(order[2:], 3):
         extrapolate(track, block, velocity)
         for sigma in SIGMAS:
-            improve_tiles(track, block, template, sigma)
+            improve_tiles(track, block, template, sigma, smoothness)
         track.known[block] = True
         total = total + track.nearby_sums(block)
         if is_renewed(number):
             template = make_template(total, blocks.threads)
     for _ in range(_JOINT_ROUNDS):
-        improve_tiles_together(track)
+        improve_tiles_together(track, smoothness)
     return track
 
 
-def improve_tiles(track: Track, block: int, template: Template, sigma: float) -> None:
+def improve_tiles(
+    track: Track, block: int, template: Template, sigma: float, smoothness: Smoothness
+) -> None:
     """Update the displacements of a block: first a translation, then each tile."""
     predicted = track.nodes[block].copy()
     equations = normal_equations(track.nearby_sums(block), template, sigma)
@@ -66,11 +77,13 @@ def improve_tiles(track: Track, block: int, template: Template, sigma: float) ->
     track.nodes[block] -= limit_length(step, 2 * sigma)
     equations = normal_equations(track.nearby_sums(block), template, sigma)
     now = track.nodes[block]
-    step = solve_field(equations, now, predicted, _SMOOTHNESS) - now
+    step = solve_field(equations, now, predicted, smoothness) - now
     track.nodes[block] = now + limit_length(step, 2 * sigma)
 
 
-def improve_tiles_together(track: Track, template: Template | None = None) -> None:
+def improve_tiles_together(
+    track: Track, smoothness: Smoothness, template: Template | None = None
+) -> None:
     """Update all blocks against a template, that of all of them.
 
     Fourth differences in time keep the displacements of each tile smooth.
@@ -89,7 +102,7 @@ def improve_tiles_together(track: Track, template: Template | None = None) -> No
             smooth = 0.5 * old[block] + (4 * near - old[block - 2] - old[block + 2]) / 12
         relative = against_others(equations, sums, template)
         with_prior = _add_prior(relative, old[block] - smooth)
-        new[block] = solve_field(with_prior, old[block], smooth, _SMOOTHNESS)
+        new[block] = solve_field(with_prior, old[block], smooth, smoothness)
     track.nodes = new - _at_reference(track, new)
 
 

@@ -6,10 +6,10 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.motion.added_tiles import add_tiles, is_unexplained, share_of_unknown
 from jotlight.motion.affine import follow, improve_together
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import Consistent, find_consistent
-from jotlight.motion.deformation import follow_tiles
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
 from jotlight.motion.objects import add_objects
 from jotlight.motion.outlines import choose
@@ -42,17 +42,11 @@ _PARAMETERS = 6
 _CLEAR = 10.0
 """With more than this multiple of this gain under blurred templates, a motion is clearly right."""
 
-_MIN_ACCEPTED = 0.6
-"""Fraction of the bits of a pixel that must agree with the rest, for its motion to be known."""
-
 _OBJECTS_UNKNOWN = 0.002, 0.04
 """Fractions of pixels with unknown motion between which further objects are searched.
 
 If more is unknown, objects that keep their shape hardly explain it, and the search takes long.
 """
-
-_MAX_UNKNOWN = 0.02
-"""Fraction of pixels with unknown motion above which each tile gets its own motion."""
 
 _FEW_BLOCKS, _MANY_BLOCKS = 16, 32
 _FRAMES_OF_MANY = 1024
@@ -123,7 +117,7 @@ def find_paths(
             best, most = found, gain
         if is_clear:
             break
-    if best.model == "tiles" and model == "auto":
+    if best.model == "tiles" and model == "auto" and len(best.paths.tracks) == 2:
         best = _slow_segments(blocks, reference, best)
     advance(1.0)
     return dataclasses.replace(best, paths=best.paths.with_all_frames())
@@ -132,7 +126,8 @@ def find_paths(
 def _slow_segments(blocks: Blocks, reference: int, found: Found) -> Found:
     """Return paths of segments that move slowly if they explain the scene, or those found before.
 
-    If parts of a scene move slowly, tiles follow them before their velocities differ clearly.
+    If parts of a scene move slowly, tiles follow them before their velocities differ clearly. So
+    the paths found before have one segment and the tiles.
     """
     most = -np.inf
     for segments in find_segments(blocks, reference, is_slow=True):
@@ -141,27 +136,6 @@ def _slow_segments(blocks: Blocks, reference: int, found: Found) -> Found:
             if other.model == "segments" and (gain := likelihood_gain(other.paths)) > most:
                 found, most = other, gain
     return found
-
-
-def _with_tiles(
-    paths: Paths, tiles: Track, consistent: Consistent | None
-) -> tuple[Paths, Consistent | None]:
-    """Return paths with the tiles as a further track, and the sums along them.
-
-    The given paths are returned if no pixel follows the tiles, or if fewer bits agree with them.
-    """
-    tracks = [*paths.tracks, tiles]
-    is_free = choose(tracks) == len(paths.tracks)
-    if not is_free.any():
-        return paths, consistent
-    labels = np.where(is_free, np.uint8(len(paths.tracks)), paths.labels)
-    more = Paths(tracks, labels, free=1)
-    if consistent is None:
-        return more, None
-    others = find_consistent(more.with_all_frames())
-    if others.accepted.mean() > consistent.accepted.mean():
-        return more, others
-    return paths, consistent
 
 
 def _ignore(_: float) -> None:
@@ -193,9 +167,8 @@ def _explain(
     consistent = None
     if model == "auto":
         paths, consistent = _with_objects(paths)
-    if model == "tiles" or (consistent and _share_of_unknown(consistent) > _MAX_UNKNOWN):
-        tiles = follow_tiles(blocks, reference, _velocity(paths))
-        paths, consistent = _with_tiles(paths, tiles, consistent)
+    if model == "tiles" or (consistent and is_unexplained(paths, consistent)):
+        paths, consistent = add_tiles(blocks, reference, paths, consistent)
     advance(0.9)
     used = np.unique(paths.labels)
     if paths.free:
@@ -238,15 +211,6 @@ def _gain_over_rest(paths: Paths) -> tuple[float, bool]:
     if gain > _CLEAR * needed:
         return gain - needed, True
     return likelihood_gain(paths) - needed, False
-
-
-def _share_of_unknown(consistent: Consistent) -> float:
-    """Return the fraction of pixels of which many bits disagree with the rest.
-
-    Pixels without bits, such as those of dead jots, do not count.
-    """
-    unknown = consistent.accepted[consistent.total.trials > 0] < _MIN_ACCEPTED
-    return float(unknown.sum() / max(unknown.size, 1))
 
 
 def _improve_segments(paths: Paths) -> Paths:
@@ -308,7 +272,7 @@ def _with_objects(paths: Paths) -> tuple[Paths, Consistent]:
     The given paths are returned if no object is found, or if they explain the bits better.
     """
     consistent = find_consistent(paths.with_all_frames())
-    if _OBJECTS_UNKNOWN[0] < _share_of_unknown(consistent) < _OBJECTS_UNKNOWN[1]:
+    if _OBJECTS_UNKNOWN[0] < share_of_unknown(consistent) < _OBJECTS_UNKNOWN[1]:
         more = add_objects(paths)
         if more is not paths:
             more = _more_likely(paths, more)
@@ -325,15 +289,6 @@ def _more_likely(fewer: Paths, more: Paths) -> Paths:
     needed = _PARAMETERS * len(more.blocks.centers) * (len(more.tracks) - len(fewer.tracks))
     gain = likelihood_gain(more) - likelihood_gain(fewer)
     return more if gain > needed else fewer
-
-
-def _velocity(paths: Paths) -> Array:
-    """Return the velocity of each tile: that of the track of most of its pixels."""
-    shares = [
-        mean_tiles((paths.labels == index).astype(np.float32)) for index in range(len(paths.tracks))
-    ]
-    largest = np.argmax(shares, axis=0)
-    return np.asarray(np.choose(largest, [track.velocity() for track in paths.tracks]))
 
 
 def _still(blocks: Blocks, reference: int) -> Track:
