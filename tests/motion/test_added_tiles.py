@@ -7,7 +7,7 @@ import pytest
 
 from jotlight.motion.added_tiles import add_tiles, degrees_of_freedom, is_unexplained
 from jotlight.motion.consistency import find_consistent
-from jotlight.motion.deformation import STRONGLY_BENT
+from jotlight.motion.deformation import LESS_SMOOTH
 from jotlight.motion.model import find_paths
 from moving import blocks_of, record
 
@@ -75,10 +75,10 @@ def test_degrees_of_freedom_are_those_of_a_linear_estimate():
     roots = rng.normal(size=(3, 4, 5, 2, 2))
     matrices = roots @ roots.swapaxes(-1, -2)
     information = np.stack([matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 1]], axis=1)
-    weight = 4 * STRONGLY_BENT.to_affine
+    weight = 4 * LESS_SMOOTH.to_affine
     hats = matrices @ np.linalg.inv(matrices + weight * np.eye(2))
     expected = np.trace(hats, axis1=-2, axis2=-1).sum()
-    assert degrees_of_freedom(information, STRONGLY_BENT) == pytest.approx(expected)
+    assert degrees_of_freedom(information, LESS_SMOOTH) == pytest.approx(expected)
 
 
 def test_paths_along_which_more_bits_agree_are_kept():

@@ -13,7 +13,7 @@ from jotlight.motion.burst import as_burst
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.model import (
     Found,
-    _distance,
+    _are_in_doubt,
     _still,
     _with_other_outlines,
     divide,
@@ -194,10 +194,14 @@ def test_wrong_outlines_of_slow_segments_are_replaced(is_reversed):
         )
         for each in velocities
     ]
-    assert _distance(*tracks) == pytest.approx(19)
     labels = np.zeros(size, np.uint8)
     labels[:, 8:] = 1
     wrong = Paths(tracks[::-1], 1 - labels) if is_reversed else Paths(tracks, labels)
+    assert _are_in_doubt(wrong)
+    # Small objects are not in doubt, and neither are those that part by 24 pixels.
+    assert not _are_in_doubt(Paths(tracks, (np.indices(size)[0] == 0).astype(np.uint8)))
+    faster = [dataclasses.replace(track, nodes=1.3 * track.nodes) for track in tracks]
+    assert not _are_in_doubt(Paths(faster, labels))
     found = _with_other_outlines(wrong)
     # The object is in front.
     speed = [np.ptp(track.nodes[:, 1].mean(axis=(1, 2))) for track in found.tracks]

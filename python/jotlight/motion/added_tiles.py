@@ -5,7 +5,7 @@ import numpy.typing as npt
 
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.consistency import Consistent, disagreement, find_consistent
-from jotlight.motion.deformation import BENT, STRONGLY_BENT, follow_tiles
+from jotlight.motion.deformation import LESS_SMOOTH, SMOOTH, follow_tiles
 from jotlight.motion.flags import find_flags
 from jotlight.motion.flicker import without_saturation
 from jotlight.motion.outlines import choose
@@ -54,7 +54,7 @@ def share_of_unknown(consistent: Consistent) -> float:
 
 
 def is_unexplained(paths: Paths, consistent: Consistent) -> bool:
-    """Return whether so many bits disagree that tiles may explain the scene better."""
+    """Return whether enough bits disagree for tiles to be tried."""
     if share_of_unknown(consistent) > _MAX_UNKNOWN:
         return True
     if max(abs(track.nodes).max() for track in paths.tracks) < _MIN_MOTION:
@@ -71,13 +71,13 @@ def add_tiles(
 ) -> tuple[Paths, Consistent | None]:
     """Return paths with a track whose tiles move by themselves, and the sums along them.
 
-    Of two fields that bend more or less, the one that explains the bits better is taken. The given
+    Of two fields of different smoothness, the one that explains the bits better is taken. The given
     paths are returned if no pixel follows the tiles, if they explain the bits better, or if clearly
     fewer bits agree with the tiles.
     """
     velocity = _velocity(paths)
     best, most = paths, likelihood_gain(paths) if consistent else -np.inf
-    for smoothness in (BENT, STRONGLY_BENT):
+    for smoothness in (SMOOTH, LESS_SMOOTH):
         tiles = follow_tiles(blocks, reference, velocity, smoothness)
         more = _with_track(paths, tiles)
         if more is not paths:
@@ -118,7 +118,7 @@ def degrees_of_freedom(information: Array, smoothness: Smoothness) -> float:
 
     Examples
     --------
-    >>> round(degrees_of_freedom(np.array([1e9, 0.0, 4.0]).reshape(1, 3, 1, 1), BENT), 3)
+    >>> round(degrees_of_freedom(np.array([1e9, 0.0, 4.0]).reshape(1, 3, 1, 1), SMOOTH), 3)
     1.333
     """
     weight = 4 * smoothness.to_affine

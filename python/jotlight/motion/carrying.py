@@ -8,7 +8,7 @@ import numpy.typing as npt
 from jotlight.formats.capture import CountStack
 from jotlight.motion.affine import SIGMAS, extrapolate, improve, improve_together, template_of
 from jotlight.motion.align import as_blocks, prepare_burst
-from jotlight.motion.deformation import BENT, improve_tiles, improve_tiles_together
+from jotlight.motion.deformation import SMOOTH, improve_tiles, improve_tiles_together
 from jotlight.motion.depth import refine_outlines
 from jotlight.motion.merge import as_paths
 from jotlight.motion.model import divide
@@ -128,12 +128,12 @@ def _add_blocks(
         extrapolate(track, int(block), velocity)
         for sigma in SIGMAS:
             if is_of_tiles:
-                improve_tiles(track, int(block), template, sigma, BENT)
+                improve_tiles(track, int(block), template, sigma, SMOOTH)
             else:
                 improve(track, int(block), template, sigma, weights)
         track.known[block] = True
     if is_of_tiles:
-        improve_tiles_together(track, BENT, template)
+        improve_tiles_together(track, SMOOTH, template)
     else:
         improve_together(track, weights, template=template)
 

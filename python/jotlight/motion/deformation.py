@@ -22,8 +22,8 @@ from jotlight.motion.track import Track
 
 Array = npt.NDArray[np.float64]
 
-BENT, STRONGLY_BENT = Smoothness(1.0, 2.0), Smoothness(0.5, 1.0)
-"""Smoothness of fields that bend within a few tiles, as waves and limbs do.
+SMOOTH, LESS_SMOOTH = Smoothness(1.0, 2.0), Smoothness(0.5, 1.0)
+"""Smoothness of fields that differ from tile to tile, as those of waves and limbs do.
 
 The weights of a field that is nearly affine are five times those of the first one.
 """
@@ -35,7 +35,7 @@ _TIME_PRIOR = 1.0
 
 
 def follow_tiles(
-    blocks: Blocks, reference: int, velocity: Array, smoothness: Smoothness = BENT
+    blocks: Blocks, reference: int, velocity: Array, smoothness: Smoothness = SMOOTH
 ) -> Track:
     """Return the displacements of all blocks if each tile has its own motion.
 

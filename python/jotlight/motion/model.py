@@ -30,6 +30,9 @@ _SHORT = 24.0
 If they move less, smooth regions may belong to either, and either may be in front.
 """
 
+_MIN_LARGE = 0.05
+"""Fraction of the pixels above which a segment is large. The outlines of small ones are clear."""
+
 _EXPLAINED = 0.8
 """A track explains a segment if it has this fraction of the energy of the segment's velocity."""
 
@@ -159,7 +162,7 @@ def _explain(
     if len(tracks) > 1:
         paths = _from_back_to_front(_improve_segments(paths))
         paths = without_absent(refine_outlines(_improve_inside(refine_outlines(paths))))
-        if len(paths.tracks) == 2 and _distance(*paths.tracks) < _SHORT:
+        if len(paths.tracks) == 2 and _are_in_doubt(paths):
             paths = _with_other_outlines(paths)
         alone = Paths(paths.tracks[:1], np.zeros_like(paths.labels))
         paths = _more_likely(alone, paths)
@@ -224,10 +227,12 @@ def _improve_segments(paths: Paths) -> Paths:
     return Paths(paths.tracks, choose(paths.tracks))
 
 
-def _distance(first: Track, second: Track) -> float:
-    """Return by how many pixels two tracks move apart."""
+def _are_in_doubt(paths: Paths) -> bool:
+    """Return whether the outlines of two large segments are in doubt, because they hardly part."""
+    first, second = paths.tracks
     apart = (first.nodes - second.nodes).mean(axis=(2, 3))
-    return float(np.hypot(*np.ptp(apart, axis=0)))
+    share = np.bincount(paths.labels.ravel(), minlength=2).min() / paths.labels.size
+    return bool(np.hypot(*np.ptp(apart, axis=0)) < _SHORT and share > _MIN_LARGE)
 
 
 def _with_other_outlines(paths: Paths) -> Paths:
