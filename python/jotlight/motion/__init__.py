@@ -4,14 +4,15 @@ In reading order:
 
 - ``motion``: the result of an alignment, displacements over time. ``posterior``: their errors.
 - ``align``: the alignment. ``model`` chooses the motion that explains the bits best.
-- ``burst``, ``blocks``: frames, and counts of blocks of frames along a motion.
+- ``burst``, ``frame_times``, ``blocks``: frames, their places between blocks, and counts of blocks of frames along a motion.
 - ``velocity``, ``segments``, ``rotation``, ``objects``: the search for the velocities of the parts
   of a scene.
 - ``scoring``, ``affine``, ``tiles``, ``regularize``, ``deformation``: displacements of blocks, from
   a template. ``smoothing``, ``affine_curve``, ``shrinkage``: their curves in time. ``track``: what
   is known while they are estimated.
 - ``outlines``, ``short_outlines``, ``depth``: which pixels follow which motion, and what is in
-  front. ``selection``: how much better one motion is than another one.
+  front. ``added_tiles``: tiles that move by themselves. ``selection``: how much better one motion
+  is than another one.
 - ``merge``: the counts of all bits along a motion. ``consistency``, ``flags``, ``guard``: which of
   them agree, and which pixels not to trust.
 - ``film``, ``live_film``: an image of each window of frames. ``film_state``, ``film_merging``,
