@@ -4,7 +4,8 @@ In reading order:
 
 - ``motion``: the result of an alignment, displacements over time. ``posterior``: their errors.
 - ``align``: the alignment. ``model`` chooses the motion that explains the bits best.
-- ``burst``, ``frame_times``, ``blocks``: frames, their places between blocks, and counts of blocks of frames along a motion.
+- ``burst``, ``frame_times``, ``blocks``: frames, their places between blocks, and counts of blocks
+  of frames along a motion.
 - ``velocity``, ``segments``, ``rotation``, ``objects``: the search for the velocities of the parts
   of a scene.
 - ``scoring``, ``affine``, ``tiles``, ``regularize``, ``deformation``: displacements of blocks, from
