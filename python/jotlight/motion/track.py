@@ -90,7 +90,7 @@ class _Kept:
             self.seen = self._sums.seen_along(change) if change.any() else self._sums
 
 
-@functools.lru_cache(maxsize=4096)
+@functools.lru_cache(maxsize=256)
 def _weights(frames: Sequence[float], times: tuple[float, ...]) -> Array:
     """Return the weights in each frame, (n, m), of fields at some times.
 
@@ -103,7 +103,7 @@ def _weights(frames: Sequence[float], times: tuple[float, ...]) -> Array:
     return weights
 
 
-@functools.lru_cache(maxsize=4096)
+@functools.lru_cache(maxsize=256)
 def _mean_weights(frames: Sequence[float], times: tuple[float, ...]) -> Array:
     """Return the mean weights of the frames, (m,)."""
     return np.asarray(_weights(frames, times).mean(axis=0))
