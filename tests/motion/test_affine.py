@@ -24,7 +24,7 @@ def follow_scene(scene, bits):
     at = scene.reference
     velocity = (scene.motion(at + 2) - scene.motion(at - 2)) / 4
     nodes = velocity[:, 8::16, 8::16][:, : shape[0], : shape[1]].astype(float)
-    return follow(blocks, at, Segment(nodes, np.ones(shape), 1.0))
+    return follow(blocks, at, Segment(nodes, np.ones(shape), energy=1.0, half=1))
 
 
 @pytest.mark.parametrize(("motion", "limit"), [("shake", 0.25), ("rotate", 0.35)])

@@ -40,14 +40,7 @@ def quality(merged, truth):
         pytest.param("shake", 64, 16, marks=pytest.mark.slow),
         pytest.param("shake", 60, 7, marks=pytest.mark.slow),
         pytest.param("rotate", 64, 16, marks=pytest.mark.slow),
-        pytest.param(
-            *("layers", 64, 16),
-            marks=[
-                pytest.mark.slow,
-                # The search of slow segments improved the fresh alignment by a decibel.
-                pytest.mark.xfail(strict=False, reason="the film carries an affine motion"),
-            ],
-        ),
+        pytest.param("layers", 64, 16, marks=pytest.mark.slow),
     ],
 )
 def test_each_image_is_as_good_as_with_a_fresh_alignment(motion, window, step):

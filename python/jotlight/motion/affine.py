@@ -1,5 +1,7 @@
 """The motion of a segment: an affine motion of each block, smooth in time."""
 
+import dataclasses
+
 import numpy as np
 import numpy.typing as npt
 
@@ -12,7 +14,7 @@ from jotlight.motion.segments import Segment, limit_length
 from jotlight.motion.shrinkage import shrink_field
 from jotlight.motion.smoothing import cubic_weights, interpolation_bias
 from jotlight.motion.tiles import affine_basis, affine_inverse, mean_tiles, tile_counts
-from jotlight.motion.track import Track
+from jotlight.motion.track import Paths, Track
 
 Array = npt.NDArray[np.float64]
 
@@ -27,6 +29,9 @@ The wide ones follow the first round if its steps are long.
 
 _LONG = 0.4
 """Steps of the first round above this length in pixels show that single blocks lost their way."""
+
+_ROUNDS = 2
+"""Number of times that the motions of segments are improved after their outlines are known."""
 
 _SYSTEMATIC_ERROR = 0.05
 """Standard deviation of the errors that do not depend on the number of photons, in pixels."""
@@ -187,6 +192,20 @@ def improve_together(
     information = _information(covariances, basis, displacements.reshape(number, 2, -1))
     track.information = information.reshape(track.information.shape)
     return length
+
+
+def improve_inside(paths: Paths) -> Paths:
+    """Return paths with better motions, from the pixels of each segment alone."""
+    every = np.ones(tile_counts(paths.blocks.size))
+    tracks = []
+    for index, track in enumerate(paths.tracks):
+        pixels = paths.labels == index
+        part = track.inside(pixels)
+        if pixels.any():
+            for _ in range(_ROUNDS):
+                improve_together(part, every)
+        tracks.append(part.inside(None))
+    return dataclasses.replace(paths, tracks=tracks)
 
 
 def against_others(equations: Equations, sums: Sums, template: Template) -> Equations:

@@ -6,7 +6,14 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.capture import CountStack
-from jotlight.motion.affine import SIGMAS, extrapolate, improve, improve_together, template_of
+from jotlight.motion.affine import (
+    SIGMAS,
+    extrapolate,
+    improve,
+    improve_inside,
+    improve_together,
+    template_of,
+)
 from jotlight.motion.align import as_blocks, prepare_burst
 from jotlight.motion.deformation import SMOOTH, improve_tiles, improve_tiles_together
 from jotlight.motion.depth import refine_outlines
@@ -16,7 +23,7 @@ from jotlight.motion.motion import Motion
 from jotlight.motion.outlines import choose
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import normal_equations
-from jotlight.motion.tiles import affine_inverse, mean_tiles, tile_counts
+from jotlight.motion.tiles import affine_inverse, tile_counts
 from jotlight.motion.track import Paths, Track
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
@@ -26,9 +33,6 @@ Array = npt.NDArray[np.float64]
 _MIN_BLOCKS, _FRAMES_OF_BLOCK = 16, 16
 """Windows to which a motion is carried have fewer blocks than others, because it is known already:
 16 or more, and blocks of 16 frames."""
-
-_MIN_FRACTION = 0.5
-"""Minimum fraction of a tile that a segment covers, for the tile to improve its motion."""
 
 _MAX_STILL_GAIN = 18.0
 """Gain in nats by an affine motion of a block, above which a scene no longer stands still.
@@ -73,17 +77,22 @@ def carry(
     if motion.model == "none":
         return None if _begins_to_move(paths.tracks[0], known) else paths
     for field, track in enumerate(paths.tracks):
-        share = mean_tiles((paths.labels == field).astype(np.float32))
-        weights = np.where(share >= _MIN_FRACTION, share, 0)
         # The field of tiles is the last one.
-        is_of_tiles = motion.model == "tiles" and track is paths.tracks[-1]
-        _add_blocks(track, known, weights if weights.any() else share, is_of_tiles)
+        is_of_tiles = motion.model == "tiles" and field == len(paths.tracks) - 1
+        pixels = paths.labels == field
+        # The bits of other segments would draw the motion of a segment away.
+        part = track if is_of_tiles or pixels.all() else track.inside(pixels)
+        _add_blocks(part, known, is_of_tiles)
+        paths.tracks[field] = part.inside(None)
     if not _stays_in_view(paths):
         return None
     if paths.free:
         return refine_outlines(dataclasses.replace(paths, labels=choose(paths.tracks)))
     # The bits of one window may not say to which segment a smooth region belongs.
-    return refine_outlines(paths, are_known=True)
+    paths = refine_outlines(paths, are_known=True)
+    if len(paths.tracks) > 1:
+        paths = refine_outlines(improve_inside(paths), are_known=True)
+    return paths
 
 
 def _stays_in_view(paths: Paths) -> bool:
@@ -117,11 +126,10 @@ def divide_by_steps(frames: int, step: int) -> npt.NDArray[np.intp]:
     return np.append(edges, frames)
 
 
-def _add_blocks(
-    track: Track, known: npt.NDArray[np.bool_], weights: Array, is_of_tiles: bool
-) -> None:
+def _add_blocks(track: Track, known: npt.NDArray[np.bool_], is_of_tiles: bool) -> None:
     """Align the new blocks of a track with those that are known, and improve all together."""
     track.known = known.copy()
+    weights = np.ones(track.nodes.shape[2:])
     velocity = np.zeros(track.nodes.shape[1:])
     template = template_of(track)
     for block in np.flatnonzero(~known):

@@ -113,10 +113,14 @@ class FilmState:
         if len(around) > len(part) and (is_due or self._has_more(around, best.motion)):
             if is_due:
                 self._doubt.begin_attempt()
-            self._frames = len(around)
             frames = data[around.start - first : around.stop - first]
-            other = self._of_more_frames(frames, around.start, part, start)
-            best = other if other is not None and other.explains_more(best) else best
+            others = [self._of_more_frames(frames, around.start, part, start)]
+            if best is carried:
+                with hide_warnings():
+                    others.append(self._fresh(part, start))
+            self._frames = len(around)
+            for other in others:
+                best = other if other and other.explains_more(best) else best
         if not best.image.is_carried:
             self._number, self._usual = 0, best.accepted
             for text in best.warnings:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.added_tiles import add_tiles, is_unexplained, share_of_unknown
-from jotlight.motion.affine import follow, improve_together
+from jotlight.motion.affine import follow, improve_inside, improve_together
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
@@ -22,7 +22,7 @@ from jotlight.motion.track import Paths, Track, keeps_sums
 Array = npt.NDArray[np.float64]
 
 _ROUNDS = 2
-"""Number of rounds that improve the motions of segments after their outlines are known."""
+"""Number of rounds that improve the motions of segments with the tiles that they cover."""
 
 _SHORT = 24.0
 """Distance in pixels by which two tracks move apart, below which their outlines are in doubt.
@@ -161,7 +161,7 @@ def _explain(
     paths = Paths(tracks, choose(tracks))
     if len(tracks) > 1:
         paths = _from_back_to_front(_improve_segments(paths))
-        paths = without_absent(refine_outlines(_improve_inside(refine_outlines(paths))))
+        paths = without_absent(refine_outlines(improve_inside(refine_outlines(paths))))
         if len(paths.tracks) == 2 and _are_in_doubt(paths):
             paths = _with_other_outlines(paths)
         alone = Paths(paths.tracks[:1], np.zeros_like(paths.labels))
@@ -243,7 +243,7 @@ def _with_other_outlines(paths: Paths) -> Paths:
     """
     most, empty = likelihood_gain(paths), np.zeros_like(paths.labels)
     for tracks in (paths.tracks, paths.tracks[::-1]):
-        other = refine_outlines(_improve_inside(refine_outlines(Paths(list(tracks), empty))))
+        other = refine_outlines(improve_inside(refine_outlines(Paths(list(tracks), empty))))
         gain = likelihood_gain(other)
         if gain > most:
             paths, most = other, gain
@@ -255,20 +255,6 @@ def _from_back_to_front(paths: Paths) -> Paths:
     order = order_by_depth(np.bincount(paths.labels.ravel(), minlength=len(paths.tracks)))
     labels = np.argsort(order).astype(np.uint8)[paths.labels]
     return Paths([paths.tracks[index] for index in order], labels)
-
-
-def _improve_inside(paths: Paths) -> Paths:
-    """Return paths with better motions, from the pixels of each segment."""
-    every = np.ones(tile_counts(paths.blocks.size))
-    tracks = []
-    for index, track in enumerate(paths.tracks):
-        pixels = paths.labels == index
-        part = track.inside(pixels)
-        if pixels.any():
-            for _ in range(_ROUNDS):
-                improve_together(part, every)
-        tracks.append(part.inside(None))
-    return dataclasses.replace(paths, tracks=tracks)
 
 
 def _with_objects(paths: Paths) -> tuple[Paths, Consistent]:

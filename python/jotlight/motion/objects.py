@@ -93,7 +93,7 @@ def _with_object(paths: Paths) -> Paths | None:
         if pixels.sum() >= _MIN_PIXELS and (net := gain.net(pixels)) > _MIN_GAIN:
             found.append((net, velocity, pixels))
     for _, velocity, pixels in sorted(found, key=lambda each: -each[0])[:_MAX_FOLLOWED]:
-        segment = Segment(velocity, np.ones(tile_counts(paths.blocks.size)), 0.0)
+        segment = Segment(velocity, np.ones(tile_counts(paths.blocks.size)), energy=0.0, half=0)
         track = follow(paths.blocks, int(paths.reference), segment, pixels)
         labels = np.where(pixels, np.uint8(index), paths.labels)
         more = without_absent(refine_outlines(Paths([*paths.tracks, track], labels)))

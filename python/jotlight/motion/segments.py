@@ -81,7 +81,7 @@ class Segment:
     """Fraction of each tile that belongs to the segment, (rows, columns)."""
     energy: float
     """Energy of its tiles along its velocity."""
-    half: int = 0
+    half: int
     """Number of frames before and after the reference time whose energy this is."""
 
 

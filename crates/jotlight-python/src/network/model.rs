@@ -1,20 +1,21 @@
 //! Networks with their parameters for every K, and the images that they reconstruct.
 
 use jotlight::bits::PackedBits;
-use jotlight::error::{Error, Result};
+use jotlight::error::Result;
 use jotlight::network::{
-    self, EquivalentCounts, LayerParameters, LocalTrials, Network, Pixels, Reconstruction,
-    SensorModel, Served, Wiring, write_images,
+    EquivalentCounts, LayerParameters, Network, Pixels, Reconstruction, SensorModel, Served,
+    Wiring, write_images,
 };
 use jotlight::values::Values;
-use ndarray::{Array2, ArrayView2, ArrayView3, ArrayViewMut2, Axis};
+use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayDyn, PyReadonlyArray2, PyReadonlyArray3,
+    IntoPyArray, PyArray2, PyArray3, PyArrayDyn, PyReadonlyArray2, PyReadonlyArray3,
     PyReadonlyArrayDyn, PyReadwriteArray2,
 };
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
+use super::trials::{PyTrials, to_engine_trials};
 use crate::mle::{PyJotResponse, PyPixelResponse};
 use crate::{run, to_python};
 
@@ -46,32 +47,6 @@ impl PySensorModel {
             jot: self.2.to_engine(),
         })
     }
-}
-
-/// The local trials of an image: one number, or a map.
-#[derive(FromPyObject)]
-pub enum PyTrials<'py> {
-    Same(u32),
-    Map(PyReadonlyArray2<'py, f32>),
-}
-
-/// Return the local trials of images. Images with the same array share a map.
-fn to_engine_trials(trials: &[PyTrials<'_>]) -> Vec<LocalTrials> {
-    let mut maps = Vec::new();
-    let convert = |trials: &PyTrials<'_>| match trials {
-        PyTrials::Same(trials) => LocalTrials::Same(*trials),
-        PyTrials::Map(map) => {
-            let map = map.as_array();
-            let key = (map.as_ptr(), map.shape().to_vec(), map.strides().to_vec());
-            if let Some((_, known)) = maps.iter().find(|(other, _)| *other == key) {
-                return LocalTrials::clone(known);
-            }
-            let shared = LocalTrials::Map(map.to_owned().into_shared());
-            maps.push((key, shared.clone()));
-            shared
-        }
-    };
-    trials.iter().map(convert).collect()
 }
 
 /// A network of the engine, with the layers for the last few K.
@@ -344,69 +319,4 @@ impl PyNetwork {
             })
         })
     }
-}
-
-/// Return the weight of each of M = `sets` parameter sets for K = `trials`.
-#[pyfunction]
-pub fn conditioning_weights(
-    py: Python<'_>,
-    trials: f64,
-    trials_range: (f64, f64),
-    sets: usize,
-) -> PyResult<Bound<'_, PyArray1<f64>>> {
-    let weights = network::conditioning_weights(trials, trials_range, sets);
-    Ok(weights.map_err(to_python)?.into_pyarray(py))
-}
-
-/// Return whole numbers from `smallest` to `largest`, with ratios of at most about √2.
-#[pyfunction]
-pub fn level_range(smallest: f64, largest: f64) -> Vec<u32> {
-    network::level_range(smallest, largest)
-}
-
-/// The levels of a map, and their weights at each pixel.
-type PyLevels<'py> = Vec<(u32, Bound<'py, PyArray2<f32>>)>;
-
-/// Return the levels of maps of trials, and their weights at each pixel.
-#[pyfunction]
-pub fn level_weights<'py>(
-    py: Python<'py>,
-    maps: Vec<PyReadonlyArray2<'_, f32>>,
-) -> PyResult<Vec<PyLevels<'py>>> {
-    let maps: Vec<_> = maps.iter().map(PyReadonlyArray2::as_array).collect();
-    if maps.iter().any(ndarray::ArrayBase::is_empty) {
-        let error = Error::Range {
-            what: "trials",
-            expected: "at least one pixel".to_owned(),
-            received: "none".to_owned(),
-        };
-        return Err(to_python(error));
-    }
-    let found: Vec<_> = py.detach(|| maps.into_iter().map(network::level_weights).collect());
-    let to_arrays = |levels: Vec<(u32, Array2<f32>)>| {
-        let levels = levels.into_iter();
-        let levels = levels.map(|(level, weights)| (level, weights.into_pyarray(py)));
-        levels.collect()
-    };
-    Ok(found.into_iter().map(to_arrays).collect())
-}
-
-/// Return the number of trials that states the noise around each pixel of each map: one number, or a
-/// map.
-#[pyfunction]
-#[pyo3(signature = (maps, threads))]
-pub fn local_trials(
-    py: Python<'_>,
-    maps: Vec<PyReadonlyArray2<'_, f64>>,
-    threads: Option<isize>,
-) -> PyResult<Vec<Py<PyAny>>> {
-    let maps: Vec<_> = maps.iter().map(PyReadonlyArray2::as_array).collect();
-    let found: Vec<LocalTrials> = run(py, threads, || {
-        maps.into_iter().map(network::local_trials).collect()
-    })?;
-    let to_python = |trials: LocalTrials| match trials {
-        LocalTrials::Same(trials) => Ok(trials.into_pyobject(py)?.into_any().unbind()),
-        LocalTrials::Map(map) => Ok(map.into_owned().into_pyarray(py).into_any().unbind()),
-    };
-    found.into_iter().map(to_python).collect()
 }
