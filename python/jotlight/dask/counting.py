@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 _MAX_BYTES = 1 << 27
 """Maximum size of a chunk of counts, unless one image is larger."""
 
-_MIN_CHUNK, _MAX_CHUNK, _CHUNKS = 1 << 27, 1 << 28, 16
-"""Limits of the bytes of a chunk of bits, and the number of chunks between them. The scheduler
-takes as long for a chunk as the engine for 50 MiB, so small chunks waste time."""
+_MIN_CHUNK, _MAX_CHUNK, _CHUNKS = 1 << 27, 1 << 29, 8
+"""Limits of the bytes of a chunk of bits, and the number of chunks between them. Workers wait for
+the scheduler between chunks, for as long as the engine counts 50 to 100 MiB."""
 
 
 @dataclasses.dataclass(frozen=True)

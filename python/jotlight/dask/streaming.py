@@ -10,8 +10,9 @@ from jotlight.dask.counting import Spans, add_counts
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, Packed
 
-_MAX_BYTES = 1 << 23
-"""Number of bytes that are counted at a time: the checksum then finds them in the cache."""
+_MAX_BYTES = 1 << 25
+"""Number of bytes that are read and counted at a time. With fewer, the engine adds its bit planes
+to the counts more often."""
 
 _MAX_MAPPED_BYTES = 1 << 27
 """Number of bytes of a file that are mapped at a time. Large maps consist of large pages."""
