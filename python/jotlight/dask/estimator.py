@@ -21,7 +21,8 @@ from jotlight.evaluation.choice import (
 )
 from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.methods import METHODS, check_options
-from jotlight.evaluation.reconstruct import reconstruct, uses_color_network
+from jotlight.evaluation.mosaics import uses_color_network
+from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.weights import weights_sha256
 from jotlight.layout import Layout
 from jotlight.networks.architectures import QUALITIES

@@ -1,6 +1,7 @@
 """Color estimates of images with three counts per pixel, by the color network."""
 
 import contextlib
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -9,9 +10,12 @@ import numpy.typing as npt
 
 from jotlight.errors import hide_warnings
 from jotlight.estimators.inpaint import NO_VALID_BIT
+from jotlight.evaluation.choice import OWN_NETWORK, TITLES
+from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import LARGE_TRIALS
 from jotlight.evaluation.mosaics import count_image
 from jotlight.networks.color_inference import estimate_channels
+from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.pretrained import (
     CHANNELS_FILE,
     COLOR_START,
@@ -83,8 +87,38 @@ def without_warnings_of_colors(data: object) -> Iterator[None]:
         yield
 
 
+def run_color_network(
+    network: ColorNetwork,
+    images: GrayImages,
+    sensor: Sensor,
+    out: Image | None,
+    threads: int | None,
+) -> tuple[Image, Info]:
+    """Return red, green, and blue of images by a color network of the caller, and how.
+
+    Raises
+    ------
+    ValueError
+        When the images do not have three channels of bits.
+    """
+    network.check_sensor(sensor)
+    if not takes_channels(images) or not sensor.has_plain_bits:
+        raise ValueError(
+            "method: a color network takes three channels of bits (channel_axis=-1 for counts), or "
+            "a sensor with a mosaic, with up to 1,000 trials per pixel; got other data"
+        )
+    start = time.perf_counter()
+    estimate = reconstruct_channels(images, sensor, out, threads, network)
+    seconds = time.perf_counter() - start
+    return estimate, Info(OWN_NETWORK, TITLES[OWN_NETWORK], "requested", seconds)
+
+
 def reconstruct_channels(
-    images: GrayImages, sensor: Sensor, out: object, threads: int | None
+    images: GrayImages,
+    sensor: Sensor,
+    out: object,
+    threads: int | None,
+    network: ColorNetwork | None = None,
 ) -> Image:
     """Return red, green, and blue of images with three counts per pixel.
 
@@ -98,6 +132,8 @@ def reconstruct_channels(
         As for :func:`jotlight.reconstruct`.
     threads : int, optional
         Number of threads. Default: all.
+    network : ColorNetwork, optional
+        Default: the shipped one for channels.
 
     Examples
     --------
@@ -106,7 +142,7 @@ def reconstruct_channels(
     >>> reconstruct_channels(images, Sensor(frames=16), None, None).shape
     (8, 8, 3)
     """
-    network = pretrained_color(CHANNELS_FILE)
+    network = network or pretrained_color(CHANNELS_FILE)
     gray = pretrained_conditional(sensor, COLOR_START)
     output = output_of(images, sensor, out)
     for start in range(0, len(images), COLORS):

@@ -9,12 +9,19 @@ import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import TITLES, choose_demosaicing, demosaic
 from jotlight.estimators.merge_readings import merge_images
-from jotlight.evaluation.choice import COLOR_NETWORK
+from jotlight.evaluation.choice import (
+    COLOR_NETWORK,
+    JOINT,
+    OWN_NETWORK,
+    check_demosaicing,
+    choose_method,
+)
 from jotlight.evaluation.choice import TITLES as METHOD_TITLES
 from jotlight.evaluation.info import Info, join_infos
 from jotlight.evaluation.methods import LARGE_TRIALS
 from jotlight.layout import Layout
 from jotlight.networks.color_inference import estimate_mosaic
+from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.mosaic_planes import estimate_values
 from jotlight.networks.pretrained import (
     COLOR_START,
@@ -53,7 +60,7 @@ these were made."""
 def reconstruct_mosaic(
     data: Data,
     sensor: Sensor,
-    estimate: EstimatePlanes | None,
+    estimate: EstimatePlanes | ColorNetwork | None,
     *,
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
@@ -69,9 +76,9 @@ def reconstruct_mosaic(
         The data, as of :func:`jotlight.reconstruct`. The pixels are those of the mosaic.
     sensor : Sensor
         Their sensor, with a mosaic.
-    estimate : callable, optional
+    estimate : callable or ColorNetwork, optional
         ``estimate(planes, sensor)`` returns the estimates of gray planes, (N, h, w), and how they
-        were made. Without it, the color network estimates colors.
+        were made. A color network estimates colors. Default: the shipped color network.
     trials, channel_axis, out, threads
         As of :func:`jotlight.reconstruct`.
     demosaicing : {"menon", "differences"}, optional
@@ -117,10 +124,13 @@ def reconstruct_mosaic(
     output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0][0].counts.shape, out)
     found: list[Image] = []
     infos: list[Info] = []
-    if estimate is None:
-        networks = pretrained_color(MOSAIC_FILE), pretrained_conditional(gray, COLOR_START)
+    if estimate is None or isinstance(estimate, ColorNetwork):
+        networks = (
+            estimate or pretrained_color(MOSAIC_FILE),
+            pretrained_conditional(gray, COLOR_START),
+        )
     for each, own in counted:
-        if estimate is None:
+        if estimate is None or isinstance(estimate, ColorNetwork):
             colors = estimate_mosaic(*networks, each, own, mosaic, threads)
         else:
             values, infos_of_one = estimate_values(each, own, mosaic, estimate)
@@ -132,9 +142,41 @@ def reconstruct_mosaic(
     if estimate is None:
         title = METHOD_TITLES[COLOR_NETWORK]
         info = Info(COLOR_NETWORK, title, "recommended for mosaics", seconds)
+    elif isinstance(estimate, ColorNetwork):
+        info = Info(OWN_NETWORK, METHOD_TITLES[OWN_NETWORK], "requested", seconds)
     else:
         info = join_infos(infos, TITLES[method], seconds)
     return output.finish(np.concatenate(found)), info
+
+
+def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: bool) -> bool:
+    """Return whether the color network estimates the image of a sensor with a mosaic.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        A sensor with a mosaic.
+    demosaicing : str, optional
+        As of :func:`reconstruct`.
+    is_default : bool
+        Whether no method and no options are requested, and the color network takes the data.
+
+    Raises
+    ------
+    ValueError
+        For an unknown `demosaicing`, and for "network" where the color network cannot be used.
+
+    Examples
+    --------
+    >>> uses_color_network(Sensor(frames=16, mosaic="RGGB"), None, is_default=True)
+    True
+    """
+    check_demosaicing(demosaicing, sensor)
+    choice = choose_method(sensor, is_color=is_default)
+    is_joint = choice.method == COLOR_NETWORK and demosaicing in (None, JOINT)
+    if demosaicing == JOINT and not is_joint:
+        raise ValueError(f'demosaicing: "network" {LIMITS}')
+    return is_joint
 
 
 def takes_colors(data: object, trials: npt.ArrayLike | None = None) -> bool:

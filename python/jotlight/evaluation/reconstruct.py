@@ -12,6 +12,7 @@ import numpy.typing as npt
 from jotlight.estimators.brightness import unit_scale
 from jotlight.evaluation.channels import (
     reconstruct_channels,
+    run_color_network,
     takes_channels,
     without_warnings_of_colors,
 )
@@ -34,9 +35,10 @@ from jotlight.evaluation.methods import (
     OPTION_DEFAULTS,
     check_options,
 )
-from jotlight.evaluation.mosaics import LIMITS, reconstruct_mosaic, takes_colors
+from jotlight.evaluation.mosaics import reconstruct_mosaic, takes_colors, uses_color_network
 from jotlight.evaluation.own_method import OwnMethod, run_own
 from jotlight.networks.architectures import QUALITIES
+from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, pretrained_conditional
 from jotlight.sensing.gray_outputs import output_of
@@ -52,13 +54,19 @@ from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
 
+AnyNetwork = Network | ColorNetwork
+"""A network for gray images, or for colors."""
+
+Method = str | AnyNetwork | OwnMethod
+"""The name of a method, a network, or a function."""
+
 
 @overload
 def reconstruct(
     data: Data,
     sensor: Sensor | None = ...,
     *,
-    method: str | Network | OwnMethod | None = ...,
+    method: Method | None = ...,
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
@@ -75,7 +83,7 @@ def reconstruct(
     data: Data,
     sensor: Sensor | None = ...,
     *,
-    method: str | Network | OwnMethod | None = ...,
+    method: Method | None = ...,
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
@@ -93,7 +101,7 @@ def reconstruct(
     data: Data,
     sensor: Sensor | None = None,
     *,
-    method: str | Network | OwnMethod | None = None,
+    method: Method | None = None,
     quality: str | None = None,
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
@@ -113,12 +121,12 @@ def reconstruct(
         Bits, merged counts, or counts L of shape (..., H, W).
     sensor : Sensor, optional
         Sensor of the data. Default: the sensor that bits or merged counts carry. Counts need it.
-    method : str, Network, or callable, optional
+    method : str, Network, ColorNetwork, or callable, optional
         A name in ``jotlight.evaluation.methods.METHODS``, a network (also a module of
         ``jotlight.torch``), or a function ``f(data, sensor)`` or ``f(data)`` that returns an
         image. Default: the network "medium", or "held-out" above 1,000 trials per pixel if the
         kernel is the box. For three color channels with up to 1,000 trials in each pixel, and the
-        box kernel, it is the color network.
+        box kernel, it is the color network. A color network of the caller takes the same data.
     quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
         Size of the shipped network to use, in place of a method.
     trials : float or array_like of float, optional
@@ -188,7 +196,7 @@ def reconstruct(
     if "return_history" in options:
         raise TypeError("return_history: pass return_info=True, and take the history of the info")
     if callable(to_network := getattr(method, "to_network", None)):
-        method = cast(Network, to_network())  # a module of jotlight.torch
+        method = cast(AnyNetwork, to_network())  # a module of jotlight.torch
     if sensor is None and isinstance(method, Network):
         sensor = carried_sensor(data) or method.default_sensor or method.sensor
     declared = carried_sensor(data) if sensor is None else sensor
@@ -196,8 +204,11 @@ def reconstruct(
         run = partial(reconstruct, method=method, quality=quality, fallback=fallback, **options)
         arrays: dict[str, Any] = {"trials": trials, "channel_axis": channel_axis, "out": out}
         is_default = method is None and quality is None and not fallback and not options
+        network = method if isinstance(method, ColorNetwork) else None
+        if network is not None:
+            _check_extras(quality, options, fallback=fallback)
         colors, info = _run_mosaic(
-            data, declared, run, demosaicing, threads, arrays, is_default=is_default
+            data, declared, run, network, demosaicing, threads, arrays, is_default=is_default
         )
         scale = np.float32(unit_scale(declared, units))
         colors *= scale
@@ -206,7 +217,7 @@ def reconstruct(
     check_demosaicing(demosaicing, sensor)
     scale = np.float32(unit_scale(sensor, units))
     start = time.perf_counter()
-    if callable(method) and not isinstance(method, Network):
+    if callable(method) and not isinstance(method, AnyNetwork):
         if fallback:
             raise ValueError(f"fallback: is for networks, but method is {method!r}")
         if quality is not None:
@@ -221,7 +232,7 @@ def reconstruct(
         warn_about_clipping(estimate, sensor)
     if scale != 1:
         # A function of the caller may return an array that it still needs.
-        is_own = out is not None or isinstance(method, str | Network | None)
+        is_own = out is not None or isinstance(method, str | AnyNetwork | None)
         estimate = np.multiply(estimate, scale, out=estimate if is_own else None)
     return (estimate, info) if return_info else estimate
 
@@ -230,54 +241,31 @@ def _run_mosaic(
     data: Data,
     sensor: Sensor,
     run: Callable[..., Any],
+    network: ColorNetwork | None,
     demosaicing: str | None,
     threads: int | None,
     arrays: dict[str, Any],
     *,
     is_default: bool,
 ) -> tuple[Image, Info]:
-    """Return the colors of a mosaic by the color network, or by the method that `run` estimates."""
-    is_default = is_default and takes_colors(data, arrays["trials"])
-    is_joint = uses_color_network(sensor, demosaicing, is_default=is_default)
-    estimate = None if is_joint else partial(run, threads=threads, return_info=True)
+    """Return the colors of a mosaic by a color network, or by the method that `run` estimates."""
+    takes = takes_colors(data, arrays["trials"])
+    if network is not None:
+        if demosaicing not in (None, JOINT):
+            raise ValueError("demosaicing: is not an option of a color network; leave it out")
+        demosaicing = JOINT
+    is_joint = uses_color_network(
+        sensor, demosaicing, is_default=takes and (is_default or network is not None)
+    )
+    estimate = network if is_joint else partial(run, threads=threads, return_info=True)
     after = None if is_joint else demosaicing
     return reconstruct_mosaic(data, sensor, estimate, **arrays, demosaicing=after, threads=threads)
-
-
-def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: bool) -> bool:
-    """Return whether the color network estimates the image of a sensor with a mosaic.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        A sensor with a mosaic.
-    demosaicing : str, optional
-        As of :func:`reconstruct`.
-    is_default : bool
-        Whether no method and no options are requested, and the color network takes the data.
-
-    Raises
-    ------
-    ValueError
-        For an unknown `demosaicing`, and for "network" where the color network cannot be used.
-
-    Examples
-    --------
-    >>> uses_color_network(Sensor(frames=16, mosaic="RGGB"), None, is_default=True)
-    True
-    """
-    check_demosaicing(demosaicing, sensor)
-    choice = choose_method(sensor, is_color=is_default)
-    is_joint = choice.method == COLOR_NETWORK and demosaicing in (None, JOINT)
-    if demosaicing == JOINT and not is_joint:
-        raise ValueError(f'demosaicing: "network" {LIMITS}')
-    return is_joint
 
 
 def _run(
     data: PreparedData,
     sensor: Sensor,
-    method: str | Network | None,
+    method: str | AnyNetwork | None,
     quality: str | None,
     out: Image | None,
     threads: int | None,
@@ -286,11 +274,14 @@ def _run(
 ) -> tuple[Image, Info]:
     """Return the estimate of a network or of one of jotlight's methods, and how it was made."""
     images = gray_images(data)
+    is_network = isinstance(method, AnyNetwork)
+    if is_network:
+        without_fallback = fallback and isinstance(method, ColorNetwork)
+        _check_extras(quality, options, fallback=without_fallback)
+    if isinstance(method, ColorNetwork):
+        return run_color_network(method, images, sensor, out, threads)
     network = method if isinstance(method, Network) else None
-    if network is not None and (quality is not None or options):
-        extra = "quality" if quality is not None else next(iter(options))
-        raise ValueError(f"{extra}: is not an option of a network; leave it out")
-    requested = None if isinstance(method, Network) else _named(method, quality, options)
+    requested = None if is_network else _named(method, quality, options)
     if requested is None and any(is_finer(each) for each in images.data):
         requested = DEFAULT_METHOD
     start = time.perf_counter()
@@ -321,6 +312,13 @@ def _run(
         estimate = METHODS[choice.method].run(images, sensor, out=out, threads=threads, **options)
     seconds = time.perf_counter() - start
     return estimate, Info(choice.method, choice.title, choice.reason, seconds, history, shares)
+
+
+def _check_extras(quality: str | None, options: dict[str, Any], *, fallback: bool) -> None:
+    """Raise ValueError for arguments that do not go with a network of the caller."""
+    extras = [*["quality"] * (quality is not None), *options, *["fallback"] * fallback]
+    if extras:
+        raise ValueError(f"{extras[0]}: is not an option of a network; leave it out")
 
 
 def _named(method: object, quality: str | None, options: dict[str, Any]) -> str | None:

@@ -12,9 +12,9 @@ from jotlight.evaluation.color_intervals import check_color_errors_known, mosaic
 from jotlight.evaluation.different_readings import with_one_response
 from jotlight.evaluation.intervals import find_intervals
 from jotlight.evaluation.methods import find_method
-from jotlight.evaluation.mosaics import takes_colors
+from jotlight.evaluation.mosaics import takes_colors, uses_color_network
 from jotlight.evaluation.own_method import OwnMethod
-from jotlight.evaluation.reconstruct import reconstruct, uses_color_network
+from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained
 from jotlight.sensing.pixel_counts import (
