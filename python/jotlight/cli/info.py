@@ -27,11 +27,9 @@ from jotlight.formats.labels import COUNTS, parse_label
 from jotlight.formats.locations import is_url
 from jotlight.formats.verification import verify_capture
 from jotlight.images.io import read_image
-from jotlight.networks.color_network import ColorNetwork
+from jotlight.networks.color_network import AnyNetwork, ColorNetwork, load_network
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
-from jotlight.networks.network import Network
-from jotlight.networks.network_files import is_color_network
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import stored_format
@@ -73,7 +71,7 @@ def info(
         _draw(path, plot)
     out.print(_table([*_facts(path, capture), *verified]))
     if path.suffix.lower() == ".safetensors" and stored_format(path) != CALIBRATION:
-        out.print(_layers(_load(path).layers))
+        out.print(_layers(load_network(path).layers))
 
 
 def _table(rows: list[tuple[str, str]]) -> Table:
@@ -110,17 +108,12 @@ def _draw(file: Path, plot: Path) -> None:
         refuse_overwrite(plot, [file])
         plots.save_figure(Calibration.load(file).plot(), plot)
         return
-    network = _load(file)
+    network = load_network(file)
     runs = _training_runs(file, network)
     if not runs:
         raise ValueError(f"{file}: this network has no history of a training run to draw")
     refuse_overwrite(plot, [file])
     plots.save_figure(plots.training(network, runs[-1][2]), plot)
-
-
-def _load(file: Path) -> Network | ColorNetwork:
-    """Return the network in a file."""
-    return ColorNetwork.load(file) if is_color_network(file) else Network.load(file)
 
 
 def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
@@ -129,7 +122,7 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
     if ending == ".safetensors":
         if stored_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
-        return _network_facts(file, _load(file))
+        return _network_facts(file, load_network(file))
     if file.is_dir() and (video := video_facts(file)):
         return video
     return [*_content_facts(file, capture), *origin_facts(file)]
@@ -219,7 +212,7 @@ def _calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
     return [("kind", "calibration"), *captures, *facts(calibration)]
 
 
-def _network_facts(file: Path, network: Network | ColorNetwork) -> list[tuple[str, str]]:
+def _network_facts(file: Path, network: AnyNetwork) -> list[tuple[str, str]]:
     layers, history = network.layers, network.history
     if network.trials_range is None:
         sensor = repr(network.sensor)
@@ -245,9 +238,7 @@ def _network_facts(file: Path, network: Network | ColorNetwork) -> list[tuple[st
     return facts
 
 
-def _training_runs(
-    file: Path, network: Network | ColorNetwork
-) -> list[tuple[str, dict[str, Any], History]]:
+def _training_runs(file: Path, network: AnyNetwork) -> list[tuple[str, dict[str, Any], History]]:
     """Return the verb, the settings, and the records of each training run in a network's history.
 
     Raises

@@ -37,6 +37,7 @@ from jotlight.dask.store import AnotherRunError, VideoStore
 from jotlight.formats.locations import file_state, is_url
 from jotlight.formats.writing import choose_output_format
 from jotlight.images.io import image_writer
+from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.lazy import frames_per_chunk
@@ -292,6 +293,11 @@ def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor
 
 def _own_network(job: Reconstruction, inputs: Inputs) -> Network | None:
     """Return the network of the user, or None."""
+    if isinstance(job.method, ColorNetwork):
+        raise ValueError(
+            f"{inputs.method.model}: a color network runs on one capture at a time, without "
+            "--window; leave out --model for the shipped one"
+        )
     return None if inputs.method.model is None or isinstance(job.method, str) else job.method
 
 

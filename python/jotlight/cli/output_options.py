@@ -18,7 +18,7 @@ from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.saving import find_white
 from jotlight.images.tone import CURVES, Tone, check_curve
-from jotlight.networks.network import Network
+from jotlight.networks.color_network import AnyNetwork
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.pixel_counts import Data
 from jotlight.sensing.provenance import Provenance
@@ -163,7 +163,7 @@ class ImageOutputOptions(OutputOptions):
         data: Data,
         sensor: Sensor,
         *,
-        method: str | Network | None,
+        method: str | AnyNetwork | None,
         demosaicing: str | None,
         white: float | None,
         metadata: dict[str, Any],

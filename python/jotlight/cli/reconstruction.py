@@ -36,7 +36,7 @@ from jotlight.evaluation.uncertainty import check_errors_known
 from jotlight.files import atomic_write_together, refuse_overwrite
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
-from jotlight.networks.network import Network
+from jotlight.networks.color_network import AnyNetwork, load_network
 from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
@@ -52,7 +52,7 @@ class Reconstruction:
     captured: Captured
     """The capture, whose sensor has the frames of one image."""
     choice: Choice
-    method: str | Network | None
+    method: str | AnyNetwork | None
     """The name of the method, or the network. None: the color network."""
     settings: dict[str, Any]
     """Keyword arguments of the method."""
@@ -126,7 +126,7 @@ class Inputs:
         if self.motion.factor > 1:
             request = request or DEFAULT_METHOD
         may_be_color &= self.method.demosaicing in (None, JOINT) and not self.method.fallback
-        network = None if self.method.model is None else Network.load(self.method.model)
+        network = None if self.method.model is None else load_network(self.method.model)
         sensor_kwargs = self.sensor.to_kwargs()
         calibration = None
         if self.sensor.calibration is not None:
@@ -165,7 +165,9 @@ class Inputs:
             self.method.model,
         )
 
-    def _adapt(self, captured: Captured, network: Network | None, window: int | None) -> Captured:
+    def _adapt(
+        self, captured: Captured, network: AnyNetwork | None, window: int | None
+    ) -> Captured:
         """Return the capture as the options, the network, and the window of an image change it."""
         if self.sensor.find_hot_jots:
             captured = mask_hot_jots(captured)

@@ -13,6 +13,7 @@ from jotlight.evaluation.methods import (
     OPTION_DEFAULTS,
     find_method,
 )
+from jotlight.networks.color_network import AnyNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import uses_conditional
 from jotlight.sensing.reference import saturation_intensity
@@ -121,7 +122,7 @@ def choose_method(
     sensor: Sensor,
     *,
     requested: str | None = None,
-    network: Network | None = None,
+    network: AnyNetwork | None = None,
     is_range_known: bool = True,
     is_color: bool = False,
 ) -> Choice:
@@ -135,7 +136,7 @@ def choose_method(
         Key of :data:`METHODS`, as returned by :func:`requested_method`. Default: the network
         `DEFAULT_METHOD`, or `LARGE_METHOD` if K is above `LARGE_TRIALS` and the kernel is the box,
         or else `COLOR_NETWORK` for colors.
-    network : Network, optional
+    network : Network or ColorNetwork, optional
         Network of the caller. It replaces the request.
     is_range_known : bool
         Whether the data or the user state the largest intensity S. Otherwise, with a box kernel, S

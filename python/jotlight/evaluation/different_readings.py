@@ -8,6 +8,7 @@ import numpy as np
 
 from jotlight.estimators.merge_readings import merge_images, reference_sensor, round_ones
 from jotlight.evaluation.methods import LARGE_METHOD, find_method
+from jotlight.networks.color_network import AnyNetwork
 from jotlight.networks.network import Network
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import GrayImages
@@ -21,7 +22,7 @@ _SIGMA = 0.5
 def with_one_response(
     images: GrayImages,
     sensor: Sensor,
-    method: str | Network | Callable[..., Any] | None,
+    method: str | AnyNetwork | Callable[..., Any] | None,
     threads: int | None,
 ) -> tuple[GrayImages, Sensor]:
     """Return equivalent counts for a method, and their sensor, which has plain bits.

@@ -38,7 +38,7 @@ from jotlight.evaluation.methods import (
 from jotlight.evaluation.mosaics import reconstruct_mosaic, takes_colors, uses_color_network
 from jotlight.evaluation.own_method import OwnMethod, run_own
 from jotlight.networks.architectures import QUALITIES
-from jotlight.networks.color_network import ColorNetwork
+from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, pretrained_conditional
 from jotlight.sensing.gray_outputs import output_of
@@ -53,9 +53,6 @@ from jotlight.sensing.pixel_counts import (
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
-
-AnyNetwork = Network | ColorNetwork
-"""A network for gray images, or for colors."""
 
 Method = str | AnyNetwork | OwnMethod
 """The name of a method, a network, or a function."""

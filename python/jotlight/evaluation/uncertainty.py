@@ -13,8 +13,7 @@ from jotlight.evaluation.different_readings import with_one_response
 from jotlight.evaluation.intervals import find_intervals
 from jotlight.evaluation.methods import find_method
 from jotlight.evaluation.mosaics import takes_colors, uses_color_network
-from jotlight.evaluation.own_method import OwnMethod
-from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.reconstruct import Method, reconstruct
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained
 from jotlight.sensing.pixel_counts import (
@@ -37,7 +36,7 @@ def uncertainty(
     data: Data,
     sensor: Sensor | None = None,
     *,
-    method: str | Network | OwnMethod | None = None,
+    method: Method | None = None,
     quality: str | None = None,
     estimate: npt.ArrayLike | None = None,
     confidence_level: float = 0.95,
@@ -186,7 +185,7 @@ def uncertainty(
     ).scaled(scale)
 
 
-def check_errors_known(method: str | Network | OwnMethod | None, sensor: Sensor) -> None:
+def check_errors_known(method: Method | None, sensor: Sensor) -> None:
     """Raise ValueError if :func:`uncertainty` has no intervals of a method for a sensor.
 
     Examples
@@ -212,7 +211,7 @@ def check_errors_known(method: str | Network | OwnMethod | None, sensor: Sensor)
 
 
 def _reference(
-    method: str | Network | OwnMethod | None,
+    method: Method | None,
     quality: str | None,
     images: GrayImages,
     sensor: Sensor,

@@ -14,7 +14,8 @@ from jotlight.networks.description import repr_of
 from jotlight.networks.engine_backed import EngineBacked
 from jotlight.networks.graph import size_divisor
 from jotlight.networks.layer import Layer
-from jotlight.networks.network_files import read_network, write_network
+from jotlight.networks.network import Network
+from jotlight.networks.network_files import is_color_network, read_network, write_network
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -141,6 +142,18 @@ class ColorNetwork(EngineBacked):
 
     def __repr__(self) -> str:
         return repr_of(self)
+
+
+AnyNetwork = Network | ColorNetwork
+"""A network for gray images, or for colors."""
+
+
+def load_network(path: str | os.PathLike[str]) -> AnyNetwork:
+    """Return the network in a file, for gray images or for colors.
+
+    The errors are those of :meth:`jotlight.Network.load`.
+    """
+    return ColorNetwork.load(path) if is_color_network(path) else Network.load(path)
 
 
 def _check_color_layers(layers: Sequence[Layer]) -> None:
