@@ -130,6 +130,17 @@ def test_points_that_another_segment_hid_are_not_counted(everything_agrees):
     assert (total.trials[:, 40:] > 40).all()
 
 
+def test_a_segment_stays_the_same_where_another_one_hides_most_of_it(everything_agrees):
+    before, now = np.zeros((2, *SIZE), np.uint8)
+    before[:, :36] = 1
+    now[:, :12] = 1
+    own, still = sums_of(smooth_scene(), rng=1), [(0, 0), (0, 0)]
+    memory = remembered(own, moved(still, labels=before))
+    (total,) = memory.recall([own], EVERY, moved(still, labels=now), start=8)
+    assert (total.trials[:, 12:36] == 32).all()
+    assert (total.trials[:, :4] > 40).all()
+
+
 def test_a_fresh_motion_may_number_its_segments_differently(everything_agrees):
     before, now = np.zeros((2, *SIZE), np.uint8)
     before[:, :24] = 1

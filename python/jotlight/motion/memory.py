@@ -41,6 +41,10 @@ _MARGIN = 6
 _LITTLE = np.float32(0.1)
 """Number of trials up to which a pixel has none."""
 
+_RENUMBERED = 2
+"""The segments have other numbers than before if these agree at more than this many times as many
+pixels."""
+
 _MAX_CHANGE = 0.03
 """Largest relative change of the mean number of ones. If a scene becomes brighter or darker, the
 remembered bits would be wrong everywhere."""
@@ -219,13 +223,18 @@ def _nearest(values: npt.NDArray[Any], places: Image) -> npt.NDArray[Any]:
 def _same_segments(before: npt.NDArray[np.uint8], now: npt.NDArray[np.uint8]) -> Mask:
     """Return whether pixels follow the same segments as before, (H, W).
 
-    A fresh motion may number them differently. A segment is that of most of its pixels.
+    A carried motion numbers them as before, but a fresh one may not. Then another numbering agrees
+    at many more pixels.
     """
-    same = np.zeros(now.shape, bool)
-    for segment in np.unique(before):
-        pixels = before == segment
-        same |= pixels & (now == np.bincount(now[pixels]).argmax())
-    return same
+    from scipy.optimize import linear_sum_assignment
+
+    number = 1 + int(max(before.max(), now.max()))
+    pairs = np.ravel(before).astype(np.intp) * number + np.ravel(now)
+    shared = np.bincount(pairs, minlength=number**2).reshape(number, number)
+    old, new = linear_sum_assignment(shared, maximize=True)
+    is_renumbered = shared[old, new].sum() > _RENUMBERED * np.trace(shared)
+    numbers = new if is_renumbered else old
+    return np.asarray(numbers[before] == now)
 
 
 def _as_bright(own: Sums, old: Sums, pixels: Mask) -> bool:
