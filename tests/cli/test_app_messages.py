@@ -70,7 +70,7 @@ def test_only_the_sum_of_several_images_is_reported(run, tmp_path):
         assert ("the sum of a stack of" in output) == warned
 
 
-@pytest.mark.parametrize("value", ["2.5", "-0.5", "16.25"])
+@pytest.mark.parametrize("value", ["2.5", "-0.5", "16.25", "2.5e0", "2_0.5", "inf"])
 def test_a_whole_number_is_not_rounded(run, tmp_path, value):
     np.save(tmp_path / "scene.npy", np.full((8, 8), 0.5))
     status, output = run("simulate", "scene.npy", "-o", "a.npy", f"--frames={value}")

@@ -45,13 +45,17 @@ def test_a_network_has_no_further_options(mosaic, extra):
 def test_data_that_a_color_network_does_not_take_are_refused():
     network = jl.ColorNetwork.initial("small", rng=0)
     gray = jl.Sensor(frames=8).expose(SCENE[..., 0], rng=0)
-    with pytest.raises(ValueError, match="takes three channels of bits"):
-        jl.reconstruct(gray, method=network)
-    with pytest.raises(ValueError, match="expected the box kernel"):
-        jl.reconstruct(draw(None, kernel="cubic"), method=network)
-    with pytest.raises(ValueError, match="with the same trials in all pixels"):
-        jl.reconstruct(
-            draw("RGGB").counts(), draw("RGGB").sensor, method=network, trials=np.full((32, 32), 8)
-        )
+    counts, sensor = draw("RGGB").counts(), draw("RGGB").sensor
+    several = counts[..., None].repeat(3, axis=-1)
+    for data, own, options in (
+        (gray, None, {}),
+        (draw(None, kernel="cubic"), None, {}),
+        (counts, sensor, {"trials": np.full(counts.shape, 8)}),
+        (counts, sensor, {"trials": 5000}),
+        (counts, sensor.replace(frames=5000), {}),
+        (several, jl.Sensor(frames=5000), {"channel_axis": -1}),
+    ):
+        with pytest.raises(ValueError, match="method: a color network takes bits of a sensor"):
+            jl.reconstruct(data, own, method=network, **options)
     with pytest.raises(ValueError, match="demosaicing: is not an option of a color network"):
         jl.reconstruct(draw("RGGB"), method=network, **DIFFERENCES)

@@ -1,6 +1,5 @@
 """All commands, the translation of errors into exit codes, and the entry point."""
 
-import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -54,9 +53,6 @@ COMMANDS: tuple[Callable[..., None], ...] = (
 )
 """All commands, in the order of the help page."""
 
-_FRACTION = re.compile(r"[+-]?[0-9]*\.[0-9]*[1-9][0-9]*")
-"""A number with a fraction."""
-
 REFUSED, USAGE, STOPPED = 1, 2, 130
 """Exit codes for refused input, a wrong command line, and Ctrl-C."""
 
@@ -66,6 +62,14 @@ def _shown_default(value: object) -> object:
     return {False: "off", True: "on"}[value] if isinstance(value, bool) else value
 
 
+def _has_fraction(text: str) -> bool:
+    """Return whether a text is a number, but no whole one."""
+    try:
+        return not float(text).is_integer()
+    except ValueError:
+        return False
+
+
 def _convert(kind: Any, tokens: Sequence[Token]) -> Any:
     """Return the value of an option or an argument.
 
@@ -73,7 +77,7 @@ def _convert(kind: Any, tokens: Sequence[Token]) -> Any:
     """
     if kind is int or set(get_args(kind)) == {int, type(None)}:
         for token in tokens:
-            if _FRACTION.fullmatch(token.value):
+            if _has_fraction(token.value):
                 raise ValueError(f"expected a whole number, got {token.value}.")
     return convert_tokens(kind, tokens)
 

@@ -211,7 +211,10 @@ def choose_estimator(
         own = Estimator(sensor, OWN_NETWORK, None, method, (), 1, fallback, demosaicing)
         return checked(own)
     if method is not None and not isinstance(method, str):
-        raise TypeError(f"method: expected the name of a method, or a network, got {method!r}")
+        raise TypeError(
+            "method: expected the name of a method, or a network for gray images, got "
+            f"{method!r}; the shipped color network is the default for colors"
+        )
     requested = requested_method(method, list(options))
     if requested is not None:
         check_options(requested, options)

@@ -13,7 +13,7 @@ from jotlight.estimators.inpaint import NO_VALID_BIT
 from jotlight.evaluation.choice import OWN_NETWORK, TITLES
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import LARGE_TRIALS
-from jotlight.evaluation.mosaics import count_image
+from jotlight.evaluation.mosaics import check_color_data, count_image
 from jotlight.networks.color_inference import estimate_channels
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.pretrained import (
@@ -101,12 +101,7 @@ def run_color_network(
     ValueError
         When the images do not have three channels of bits.
     """
-    network.check_sensor(sensor)
-    if not takes_channels(images) or not sensor.has_plain_bits:
-        raise ValueError(
-            "method: a color network takes three channels of bits (channel_axis=-1 for counts), or "
-            "a sensor with a mosaic, with up to 1,000 trials per pixel; got other data"
-        )
+    check_color_data(sensor, takes=takes_channels(images))
     start = time.perf_counter()
     estimate = reconstruct_channels(images, sensor, out, threads, network)
     seconds = time.perf_counter() - start

@@ -179,6 +179,27 @@ def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: b
     return is_joint
 
 
+def check_color_data(sensor: Sensor, *, takes: bool) -> None:
+    """Raise ValueError unless a color network of the caller can estimate the image.
+
+    `takes` states whether the data have a form that it takes.
+
+    Examples
+    --------
+    >>> check_color_data(Sensor(frames=16, mosaic="RGGB"), takes=True)
+    >>> check_color_data(Sensor(frames=2000, mosaic="RGGB"), takes=True)
+    Traceback (most recent call last):
+      ...
+    ValueError: method: a color network takes bits of ...
+    """
+    if not takes or choose_method(sensor, is_color=True).method != COLOR_NETWORK:
+        raise ValueError(
+            "method: a color network takes bits of a sensor with a mosaic, with the same trials in "
+            "all pixels, or of three channels (channel_axis=-1 for counts), single ones with the "
+            f"box kernel, up to {LARGE_TRIALS:,} per pixel; got other data"
+        )
+
+
 def takes_colors(data: object, trials: npt.ArrayLike | None = None) -> bool:
     """Return whether the color network takes data of a sensor with a mosaic.
 

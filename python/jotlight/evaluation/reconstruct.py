@@ -35,7 +35,12 @@ from jotlight.evaluation.methods import (
     OPTION_DEFAULTS,
     check_options,
 )
-from jotlight.evaluation.mosaics import reconstruct_mosaic, takes_colors, uses_color_network
+from jotlight.evaluation.mosaics import (
+    check_color_data,
+    reconstruct_mosaic,
+    takes_colors,
+    uses_color_network,
+)
 from jotlight.evaluation.own_method import OwnMethod, run_own
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
@@ -248,12 +253,12 @@ def _run_mosaic(
     """Return the colors of a mosaic by a color network, or by the method that `run` estimates."""
     takes = takes_colors(data, arrays["trials"])
     if network is not None:
+        check_color_data(sensor, takes=takes)
         if demosaicing not in (None, JOINT):
             raise ValueError("demosaicing: is not an option of a color network; leave it out")
-        demosaicing = JOINT
-    is_joint = uses_color_network(
-        sensor, demosaicing, is_default=takes and (is_default or network is not None)
-    )
+        is_joint = True
+    else:
+        is_joint = uses_color_network(sensor, demosaicing, is_default=is_default and takes)
     estimate = network if is_joint else partial(run, threads=threads, return_info=True)
     after = None if is_joint else demosaicing
     return reconstruct_mosaic(data, sensor, estimate, **arrays, demosaicing=after, threads=threads)

@@ -50,7 +50,7 @@ class _Candidate:
     """The paths of the image."""
     memory: Memory | None
     warnings: list[str]
-    """The warnings of merging."""
+    """The warnings of aligning and merging."""
 
     @property
     def flagged(self) -> float:
@@ -102,12 +102,14 @@ class FilmState:
         settings = self._settings
         part = data[start - first : start - first + settings.window]
         carried = self._carried(part, start)
-        best = self._fresh(part, start) if carried is None else carried
-        is_old = not settings.causal and self._number >= _MAX_CARRIED
-        if carried and (is_old or best.accepted < self._usual - _MAX_LOSS):
-            fresh = self._fresh(part, start)
-            best = fresh if fresh.flagged < best.flagged + _MARGIN else best
+        fresh = None if carried and not self._is_old(carried) else self._fresh(part, start)
+        best = carried or fresh
+        assert best is not None, "a carried or a fresh motion"
+        if carried and fresh:
+            best = fresh if fresh.flagged < carried.flagged + _MARGIN else carried
             self._number, self._usual = 0, best.accepted
+        if best is fresh:
+            self._frames = len(part)
         around = settings.more_frames(first, first + len(data), start)
         is_due = self._doubt.is_due(best.flagged, is_new=carried is None)
         if len(around) > len(part) and (is_due or self._has_more(around, best.motion)):
@@ -115,12 +117,11 @@ class FilmState:
                 self._doubt.begin_attempt()
             frames = data[around.start - first : around.stop - first]
             others = [self._of_more_frames(frames, around.start, part, start)]
-            if best is carried:
-                with hide_warnings():
-                    others.append(self._fresh(part, start))
-            self._frames = len(around)
+            if fresh is None:
+                others.append(self._fresh(part, start))
             for other in others:
                 best = other if other and other.explains_more(best) else best
+            self._frames = len(around)
         if not best.image.is_carried:
             self._number, self._usual = 0, best.accepted
             for text in best.warnings:
@@ -133,6 +134,11 @@ class FilmState:
             if self._memory is not None:
                 self._memory.forget()
         return best.image
+
+    def _is_old(self, carried: _Candidate) -> bool:
+        """Return whether the motion must be compared with a fresh one of the window."""
+        is_old = not self._settings.causal and self._number >= _MAX_CARRIED
+        return is_old or carried.accepted < self._usual - _MAX_LOSS
 
     def _has_more(self, around: range, motion: Motion) -> bool:
         """Return whether more frames are known, which may show other outlines of segments.
@@ -157,11 +163,12 @@ class FilmState:
 
     def _fresh(self, part: Bits | CountStack, start: int) -> _Candidate:
         """Return the image of a window along a motion that is estimated from it alone."""
-        self._frames = len(part)
-        motion = align(part, self.sensor, model=self._settings.model, threads=self._threads)
+        with record_warnings() as texts:
+            motion = align(part, self.sensor, model=self._settings.model, threads=self._threads)
         burst, sensor = prepare_burst(part, self.sensor)
         blocks = as_blocks(burst, divide(len(burst)), sensor, self._threads)
-        return self._merge(as_paths(motion, blocks), motion, start, is_carried=False)
+        found = self._merge(as_paths(motion, blocks), motion, start, is_carried=False)
+        return dataclasses.replace(found, warnings=[*texts, *found.warnings])
 
     def _of_more_frames(
         self, frames: Bits | CountStack, first: int, part: Bits | CountStack, start: int
