@@ -64,15 +64,30 @@ def test_a_level_that_only_a_corner_needs_hardly_changes_where_it_runs_there_alo
     assert np.sqrt(np.mean(difference**2)) < 1e-4
 
 
-@pytest.mark.parametrize("trials", [(8, 64), (200, 5000), (700, 20_000)])
-def test_maps_of_trials_agree_with_the_twin(trials):
-    trials_map = np.where(np.arange(128) < 50, *trials) * np.ones((96, 1), int)
-    ones, trials_map, _ = draw(trials_map)
+COLUMNS = np.arange(128)
+FEW = np.random.default_rng(6).random((96, 128)) < 0.001
+MAPS = {
+    "two": np.where(COLUMNS < 50, 8, 64),
+    "close to 3": np.where(COLUMNS < 50, 3, 30),
+    "close to 5": np.where(COLUMNS < 50, 5, 47),
+    "a gradient": np.geomspace(3, 200, 128).astype(int),
+    "a few with fewer": np.where(FEW, 8, np.where(COLUMNS < 50, 90, 200)),
+    "most with nearly all": np.where(COLUMNS < 5, 100, np.where(COLUMNS < 110, 256, 244)),
+    "beyond the range": np.where(COLUMNS < 50, 200, 5000),
+    "far beyond": np.where(COLUMNS < 50, 700, 20_000),
+}
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_maps_of_trials_agree_with_the_twin(name):
+    ones, trials_map, _ = draw(MAPS[name] * np.ones((96, 1), int))
     found = denoise_map(NETWORK, ones, trials_map)
     expected = reference.denoise_map(NETWORK, ones, trials_map)
-    # The halos of the engine are half as wide as the receptive field, at a long border here.
-    assert abs(found - expected).max() < 5e-3
-    assert np.sqrt(np.mean((found - expected) ** 2)) < 2e-4
+    # The halos of the engine are half as wide as the receptive field, at a long border here. The
+    # differences are proportional to the noise.
+    noise = 0.5 / np.sqrt(MAPS[name].min())
+    assert abs(found - expected).max() < 0.06 * noise
+    assert np.sqrt(np.mean((found - expected) ** 2)) < 0.0028 * noise
 
 
 def test_images_that_share_a_map_are_those_of_separate_calls():

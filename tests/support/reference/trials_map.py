@@ -46,10 +46,7 @@ def local_trials(trials):
 
 def at_levels(network, fraction, trials, runs):
     """The sum over levels of their weights times the output of the network for the level."""
-    low, high = (max(1, round(float(n))) for n in (trials.min(), trials.max()))
-    steps = max(0, math.ceil(2 * math.log2(high / low) - 1e-9))
-    ratio = (high / low) ** (1 / max(steps, 1))
-    levels = sorted({round(low * ratio**step) for step in range(steps + 1)})
+    levels = levels_of(trials)
     result = np.zeros(fraction.shape)
     for index, level in enumerate(levels):
         weight = np.ones(fraction.shape)
@@ -62,6 +59,25 @@ def at_levels(network, fraction, trials, runs):
             output = network.denoise_probability(fraction.astype(np.float32), level)
             result += weight * output
     return np.clip(result, 0, 1)
+
+
+def levels_of(trials):
+    """Each level is that above it divided by the root of 2; the smallest one is the minimum."""
+    high, pixels = trials.max(), trials.size
+    near, fewer = (np.sum(trials >= part * high) for part in (0.99, 0.9))
+    if fewer > pixels / 2 and fewer - near > 0.03 * pixels:
+        high = 0.9 * high
+    low = max(1, round(float(trials.min())))
+    levels = [max(low, round(float(high)))]
+    while levels[0] > low:
+        levels.insert(0, max(low, round(levels[0] / math.sqrt(2))))
+    kept = levels[:1]
+    for below, level, above in zip(levels, levels[1:], [*levels[2:], None], strict=False):
+        # Those of fewer than 0.2 % of the pixels are left out.
+        is_needed = above is None or above > 4 * kept[-1]
+        if is_needed or np.sum((trials >= below) & (trials < above)) >= 0.002 * pixels:
+            kept.append(level)
+    return kept
 
 
 def share(trials, low, high):

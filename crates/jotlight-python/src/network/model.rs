@@ -1,7 +1,7 @@
 //! Networks with their parameters for every K, and the images that they reconstruct.
 
 use jotlight::bits::PackedBits;
-use jotlight::error::Result;
+use jotlight::error::{Error, Result};
 use jotlight::network::{
     EquivalentCounts, LayerParameters, Network, Pixels, Reconstruction, SensorModel, Served,
     Wiring, write_images,
@@ -197,6 +197,16 @@ impl PyNetwork {
         threads: Option<isize>,
     ) -> PyResult<()> {
         let (counts, sensor) = (counts.as_array(), sensor.to_engine()?);
+        let number = counts.len_of(Axis(0));
+        for (what, length) in [("of", of.len()), ("trials", trials.len())] {
+            if length != number {
+                return Err(to_python(Error::Shape {
+                    what,
+                    expected: number.to_string(),
+                    received: length.to_string(),
+                }));
+            }
+        }
         let images = counts.axis_iter(Axis(0)).zip(of);
         let images = images.zip(to_engine_trials(&trials));
         let images = images.map(|((counts, of), trials)| EquivalentCounts { counts, of, trials });

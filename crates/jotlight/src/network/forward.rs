@@ -188,16 +188,16 @@ fn activated_tables<F: Real>(
     Ok(tables.chunks_exact(length).map(CountTable::new).collect())
 }
 
-/// Check that a table has an entry for the largest count.
+/// Check that a table has an entry for the largest count. Negative counts are large ones here.
 fn check_table(max: usize, length: usize) -> Result<()> {
     if max < length {
         return Ok(());
     }
-    Err(Error::range(
-        "counts",
-        "counts with a sum",
-        "a count without a sum",
-    ))
+    let received = max
+        .try_into()
+        .map_or(max as i64, |max: u32| i64::from(max.cast_signed()));
+    let expected = format!("0 to {} ones of a pixel", length.saturating_sub(1));
+    Err(Error::range("counts", expected, received))
 }
 
 /// Return the values of a gray image, row after row. Check its size.

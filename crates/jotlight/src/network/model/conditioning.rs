@@ -4,6 +4,7 @@ use ndarray::{ArrayD, Axis};
 
 use super::LayerParameters;
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::network::spline::evaluate::BASIS;
 
 /// The smallest number M of sets, because four cubic B-splines overlap between two knots.
@@ -28,7 +29,7 @@ pub fn conditioning_weights(trials: f64, (min, max): (f64, f64), sets: usize) ->
     let position = (trials.log2() - low) / (high - low) * (sets - 3) as f64;
     let knot = (position.floor().max(0.0) as usize).min(sets - MIN_SETS);
     let t = position - knot as f64;
-    let mut weights = vec![0.0; sets];
+    let mut weights = memory::zeros("weights", sets)?.to_vec();
     for (weight, basis) in weights[knot..].iter_mut().zip(BASIS) {
         // Multiples of 1/6: their numerators are whole, so that only the last step is rounded there.
         let [a, b, c, d] = basis.map(|coefficient| (6.0 * coefficient).round());

@@ -170,6 +170,12 @@ fn check_trials(images: &[ArrayView2<'_, f32>], trials: &[LocalTrials]) -> Resul
         return Err(Error::shape("trials", images.len(), trials.len()));
     }
     for (image, trials) in images.iter().zip(trials) {
+        if let LocalTrials::Same(0) = trials {
+            return Err(Error::range("trials", "numbers above 0", 0));
+        }
+        if image.is_empty() {
+            return Err(Error::range("image", "at least one pixel", "none"));
+        }
         if let LocalTrials::Map(map) = trials {
             if map.dim() != image.dim() {
                 return Err(Error::shape("trials", image.dim(), map.dim()));

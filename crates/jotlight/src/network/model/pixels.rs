@@ -63,6 +63,9 @@ impl Reconstruction<'_> {
         if images.len() != out.len() {
             return Err(Error::shape("out", images.len(), out.len()));
         }
+        if images.iter().any(|image| image.of == 0) {
+            return Err(Error::range("of", "numbers of bits above 0", 0));
+        }
         let mut levels: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
         let mut others = Vec::new();
         for (place, image) in images.iter().enumerate() {
