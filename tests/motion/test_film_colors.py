@@ -48,13 +48,17 @@ def test_each_image_is_as_good_as_with_a_fresh_alignment(causal):
         assert quality(image.data, truth) > quality(part[at - 4 : at + 5], truth) + 2
 
 
-def test_live_images_are_those_of_a_causal_film():
-    _, bits = small()
-    live = LiveFilm(bits.sensor, window=WINDOW, step=STEP)
+@pytest.mark.parametrize(
+    ("frames", "window", "step", "model"),
+    [(48, 32, 8, "affine"), pytest.param(96, 64, 16, "auto", marks=pytest.mark.slow)],
+)
+def test_live_images_are_those_of_a_causal_film(frames, window, step, model):
+    _, bits = behind("RGGB", "shake", frames, (48, 56))
+    live = LiveFilm(bits.sensor, window=window, step=step, model=model)
     found = [
-        image for start in range(0, FRAMES, 11) for image in live.add(bits[start : start + 11])
+        image for start in range(0, frames, 11) for image in live.add(bits[start : start + 11])
     ]
-    expected = list(film(bits, window=WINDOW, step=STEP, causal=True))
+    expected = list(film(bits, window=window, step=step, causal=True, model=model))
     assert len(found) == len(expected) == 3
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one.merged.ones, other.merged.ones)
@@ -76,7 +80,7 @@ def test_a_causal_film_remembers_colors():
 
 @pytest.mark.parametrize("causal", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_still_window_keeps_its_bits(causal):
-    _, bits = small(motion="static")
+    bits = small(motion="static")[1][: WINDOW + STEP]
     for index, image in enumerate(film(bits, window=WINDOW, step=STEP, causal=causal)):
         assert image.motion.model == "none"
         part = bits[index * STEP : index * STEP + WINDOW]
