@@ -59,7 +59,7 @@ def test_live_images_are_those_of_a_causal_film(frames, window, step, model):
         image for start in range(0, frames, 11) for image in live.add(bits[start : start + 11])
     ]
     expected = list(film(bits, window=window, step=step, causal=True, model=model))
-    assert len(found) == len(expected) == 3
+    assert len(found) == len(expected) == 1 + (frames - window) // step
     for one, other in zip(found, expected, strict=True):
         np.testing.assert_array_equal(one.merged.ones, other.merged.ones)
         np.testing.assert_array_equal(one.merged.trials, other.merged.trials)
@@ -92,7 +92,9 @@ def test_a_still_window_keeps_its_bits(causal):
 @pytest.mark.parametrize(
     ("mosaic", "step"),
     [
-        *(("RGGB", step) for step in (5, 16, 40)),
+        ("RGGB", 5),
+        ("RGGB", 16),
+        pytest.param("RGGB", 40, marks=pytest.mark.slow),
         ("RGB", 16),
         (Mosaic([[0, 1, 1, 2], [1, 0, 2, 1]], "RGB"), 16),
     ],

@@ -30,18 +30,18 @@ def test_the_counts_of_a_still_scene_are_those_of_all_frames_with_fading(monkeyp
     # All bits agree, in the windows and in the memory.
     monkeypatch.setattr(memory_module, "_MAX_IF_STILL", np.inf)
     monkeypatch.setattr(consistency, "_LIMITS_IF_STILL", (np.inf, np.inf))
-    _, bits = recorded("static", 96)
+    _, bits = recorded("static", 96, shape=(48, 48))
     frames = bits.to_array()
-    expected = np.zeros((2, 96, 96))
+    expected = np.zeros((2, 48, 48))
     for number, image in enumerate(film(bits, window=32, step=8, causal=True, model="none")):
         start = 8 * number
-        window = np.stack([frames[start : start + 32].sum(axis=0), np.full((96, 96), 32)])
+        window = np.stack([frames[start : start + 32].sum(axis=0), np.full((48, 48), 32)])
         ones, trials = window + expected
         assert np.abs(image.merged.ones - ones).max() <= 0.51
         known = image.merged.ones > 0
         found = image.merged.ones / image.merged.trials
         np.testing.assert_allclose(found[known], (ones / trials)[known], rtol=1e-4)
-        leaving = np.stack([frames[start : start + 8].sum(axis=0), np.full((96, 96), 8)])
+        leaving = np.stack([frames[start : start + 8].sum(axis=0), np.full((48, 48), 8)])
         expected = FADING * (expected + leaving)
 
 
@@ -162,7 +162,7 @@ def test_windows_that_do_not_overlap_remember_nothing():
         assert max(image.merged.trials.max() for image in images) <= 16
 
 
-@pytest.mark.parametrize("factor", [0.9, 1.1])
+@pytest.mark.parametrize("factor", [0.9, pytest.param(1.1, marks=pytest.mark.slow)])
 def test_a_change_of_brightness_ends_the_memory(factor):
     scene, bright = recorded("static", 64)
     sensor = bright.sensor.replace(gain=factor * bright.sensor.gain)
