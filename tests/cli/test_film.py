@@ -196,24 +196,33 @@ def test_the_window_is_required(run, capture):
     assert "--window requires an argument" in output
 
 
-@pytest.mark.parametrize("motion", ["shake", pytest.param("static", marks=pytest.mark.slow)])
-def test_a_film_behind_a_mosaic_has_colors(run, tmp_path, motion):
+@pytest.mark.parametrize(
+    ("motion", "frames", "model"),
+    [
+        ("shake", 36, "affine"),
+        pytest.param("shake", 48, "auto", marks=pytest.mark.slow),
+        pytest.param("static", 48, "auto", marks=pytest.mark.slow),
+    ],
+)
+def test_a_film_behind_a_mosaic_has_colors(run, tmp_path, motion, frames, model):
+    step = frames // 3
+    window = 2 * step
     scene = jl.datasets.moving(
         jl.datasets.photograph("astronaut").astype(np.float64),
         motion,
-        sensor=jl.Sensor(frames=36, mosaic="RGGB"),
+        sensor=jl.Sensor(frames=frames, mosaic="RGGB"),
         shape=(48, 64),
         photons=0.5,
         rng=0,
     )
     jl.save(scene.bits, tmp_path / "mosaic.npy")
     bits = jl.open(tmp_path / "mosaic.npy")
-    images = list(film(bits, window=24, step=12, model="affine"))
-    arguments = ["film", "mosaic.npy", "--window", 24, "--step", 12]
-    aligned = [*arguments, "--motion", "--motion-model", "affine"]
+    images = list(film(bits, window=window, step=step, model=model))
+    arguments = ["film", "mosaic.npy", "--window", window, "--step", step]
+    aligned = [*arguments, "--motion", "--motion-model", model]
     status, output = run(*aligned, "-o", "aligned.npy")
     assert status == 0, output
-    assert "2 images of 48 x 64 x 3 from 24 frames each, " in output
+    assert f"2 images of 48 x 64 x 3 from {window} frames each, " in output
     assert "by network, color in" in output
     expected = [jl.reconstruct(image.data) for image in images]
     np.testing.assert_allclose(np.load(tmp_path / "aligned.npy"), expected, atol=1e-5)
@@ -221,12 +230,12 @@ def test_a_film_behind_a_mosaic_has_colors(run, tmp_path, motion):
     status, output = run(*arguments, "-o", "plain.npy")
     assert status == 0, output
     assert ("--motion aligns its frames" in output) == (motion == "shake")
-    windows = [jl.reconstruct(bits[start : start + 24]) for start in (0, 12)]
+    windows = [jl.reconstruct(bits[start : start + window]) for start in (0, step)]
     np.testing.assert_allclose(np.load(tmp_path / "plain.npy"), windows, atol=1e-5)
     options = ["--demosaicing", "differences", "-o", "differences.npy"]
     status, output = run(*arguments, *options)
     assert status == 0, output
-    first = jl.reconstruct(bits[:24], demosaicing="differences")
+    first = jl.reconstruct(bits[:window], demosaicing="differences")
     np.testing.assert_allclose(np.load(tmp_path / "differences.npy")[0], first, atol=1e-5)
     status, output = run(*aligned, "--demosaicing", "differences", "-o", "both.npy")
     assert status == 0, output

@@ -49,11 +49,14 @@ def test_each_image_is_as_good_as_with_a_fresh_alignment(causal):
 
 
 @pytest.mark.parametrize(
-    ("frames", "window", "step", "model"),
-    [(48, 32, 8, "affine"), pytest.param(96, 64, 16, "auto", marks=pytest.mark.slow)],
+    ("frames", "window", "step", "model", "shape"),
+    [
+        (48, 32, 8, "affine", (48, 56)),
+        pytest.param(FRAMES, WINDOW, STEP, "auto", SIZE, marks=pytest.mark.slow),
+    ],
 )
-def test_live_images_are_those_of_a_causal_film(frames, window, step, model):
-    _, bits = behind("RGGB", "shake", frames, (48, 56))
+def test_live_images_are_those_of_a_causal_film(frames, window, step, model, shape):
+    _, bits = behind("RGGB", "shake", frames, shape)
     live = LiveFilm(bits.sensor, window=window, step=step, model=model)
     found = [
         image for start in range(0, frames, 11) for image in live.add(bits[start : start + 11])
