@@ -29,7 +29,14 @@ def scene_of_kind(motion):
     return scene_of(motion)
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
+ALIKE = "two", "five", "small", "spin", "parallax"
+"""Motions of which the fast tests have similar ones."""
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name in ALIKE)) for name in MOTIONS],
+)
 def test_the_image_follows_the_motion_where_it_is_visible(motion):
     scene = scene_of_kind(motion)
     positions = np.indices(SHAPE)
