@@ -20,6 +20,7 @@ def counts(rng, rates, frames, threshold=1):
     return rng.binomial(frames, chance)
 
 
+MAPS = 6
 CLEAN = {
     "one rate, few counts": (lambda rng: np.full(SHAPE, 0.0005), 1000),
     "one rate": (lambda rng: np.full(SHAPE, 0.008), 1000),
@@ -42,9 +43,9 @@ def test_clean_dark_maps_have_false_positives_at_the_stated_rate_at_most(name):
     rng = np.random.default_rng(0)
     found = sum(
         int(jl.calibrate(counts(rng, rates(rng), frames), frames=frames).hot.sum())
-        for _ in range(12)
+        for _ in range(MAPS)
     )
-    trials = 12 * SHAPE[0] * SHAPE[1]
+    trials = MAPS * SHAPE[0] * SHAPE[1]
     # So many or more have a chance of 1e-3 at the stated rate of 1e-4.
     assert found <= binom.isf(1e-3, trials, 1e-4)
     # The exact (Clopper-Pearson) interval reaches down to a rate that is not above the stated one.
@@ -63,8 +64,8 @@ def test_clean_dark_maps_have_false_positives_at_the_stated_rate_at_most(name):
 )
 def test_too_few_frames_call_no_jot_hot_by_chance(chance, frames):
     rng = np.random.default_rng(21)
-    maps = [jl.calibrate(rng.binomial(frames, chance, SHAPE), frames=frames) for _ in range(12)]
-    trials = 12 * SHAPE[0] * SHAPE[1]
+    maps = [jl.calibrate(rng.binomial(frames, chance, SHAPE), frames=frames) for _ in range(MAPS)]
+    trials = MAPS * SHAPE[0] * SHAPE[1]
     assert sum(int(found.hot.sum()) for found in maps) <= binom.isf(1e-3, trials, 1e-4)
     enough = chance**frames <= 1e-4
     assert all((found.insufficient_frames_reason() is None) == enough for found in maps)

@@ -33,8 +33,10 @@ def test_the_smallest_hot_count_follows_from_the_binomial_distribution():
             assert found.sum() == found[4, 4]
 
 
-@pytest.mark.parametrize("threshold", [1, 3])
-@pytest.mark.parametrize("frames", [200, 2000])
+@pytest.mark.parametrize(
+    ("frames", "threshold"),
+    [(200, 1), (200, 3), (2000, 1), pytest.param(2000, 3, marks=pytest.mark.slow)],
+)
 def test_hot_jots_of_a_photograph_are_found_and_nothing_else(frames, threshold):
     rng = np.random.default_rng(0)
     image = photograph("camera")[::2, ::2]
@@ -50,7 +52,7 @@ def test_hot_jots_of_a_photograph_are_found_and_nothing_else(frames, threshold):
     assert not find_hot_jots(clean, threshold=threshold).any()
 
 
-@pytest.mark.parametrize("sigma", [0.65, 0.8, 1.5])
+@pytest.mark.parametrize("sigma", [0.65, pytest.param(0.8, marks=pytest.mark.slow), 1.5])
 def test_stars_are_not_hot(sigma):
     rng = np.random.default_rng(0)
     rows, columns = np.indices((200, 200))

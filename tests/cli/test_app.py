@@ -41,11 +41,22 @@ def test_without_a_command_help_is_shown(run):
     assert output == run("--help")[1] == run("-h")[1]
 
 
+HELP: dict[str, str] = {}
+
+
+def help_of(run, command):
+    """Return the name of a command and its help page, which is made once."""
+    name = command.__name__.replace("_", "-")
+    if name not in HELP:
+        status, output = run(name, "--help")
+        assert status == 0
+        HELP[name] = output
+    return name, HELP[name]
+
+
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.__name__)
 def test_every_command_has_a_help_page_with_a_text_for_each_option(run, command):
-    name = command.__name__.replace("_", "-")
-    status, output = run(name, "--help")
-    assert status == 0
+    name, output = help_of(run, command)
     assert output == run(name, "-h")[1]
     assert f"Usage: jotlight {name}" in output
     arguments = app[name].assemble_argument_collection()
@@ -57,8 +68,8 @@ def test_every_command_has_a_help_page_with_a_text_for_each_option(run, command)
 
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.__name__)
 def test_every_option_shows_its_default_or_is_required(run, command):
-    name = command.__name__.replace("_", "-")
-    entries = re.split(r"\n│ [* ]{0,4}(?=\S)", run(name, "--help")[1])
+    name, output = help_of(run, command)
+    entries = re.split(r"\n│ [* ]{0,4}(?=\S)", output)
     options = [entry for entry in entries if entry.startswith("--")]
     shown = [each for each in app[name].assemble_argument_collection() if each.show]
     assert len(options) == sum(each.name.startswith("--") for each in shown)
@@ -70,8 +81,7 @@ def test_every_option_shows_its_default_or_is_required(run, command):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_help_page_shows_the_defaults_of_its_own_command(run, command):
-    own = command.__name__.replace("_", "-")
-    text = " ".join(run(own, "--help")[1].split())
+    text = " ".join(help_of(run, command)[1].split())
     others = [f"for {each.__name__.replace('_', '-')}" for each in COMMANDS]
     found = [each for each in others if re.search(rf"Default:[^│]*\b{each}\b", text)]
     assert found == []

@@ -145,7 +145,7 @@ def test_images_can_use_only_earlier_frames_and_remember(run, moving, tmp_path, 
 def test_windows_without_overlap_remember_nothing(run, moving):
     status, output = run(
         *["film", "moving.npy", "--motion", "--causal", "--window", 16, "--step", 20, "-m", "mle"],
-        *["-o", "film.npy"],
+        *["-o", "film.npy", "--motion-model", "affine"],
     )
     assert status == 0, output
     assert "those before" not in output
@@ -196,43 +196,54 @@ def test_the_window_is_required(run, capture):
     assert "--window requires an argument" in output
 
 
-@pytest.mark.parametrize("motion", ["shake", pytest.param("static", marks=pytest.mark.slow)])
-def test_a_film_behind_a_mosaic_has_colors(run, tmp_path, motion):
+@pytest.mark.parametrize(
+    ("motion", "frames", "model"),
+    [
+        ("shake", 36, "affine"),
+        pytest.param("shake", 48, "auto", marks=pytest.mark.slow),
+        pytest.param("static", 48, "auto", marks=pytest.mark.slow),
+    ],
+)
+def test_a_film_behind_a_mosaic_has_colors(run, tmp_path, motion, frames, model):
+    step = frames // 3
+    window = 2 * step
     scene = jl.datasets.moving(
         jl.datasets.photograph("astronaut").astype(np.float64),
         motion,
-        sensor=jl.Sensor(frames=48, mosaic="RGGB"),
+        sensor=jl.Sensor(frames=frames, mosaic="RGGB"),
         shape=(48, 64),
         photons=0.5,
         rng=0,
     )
     jl.save(scene.bits, tmp_path / "mosaic.npy")
     bits = jl.open(tmp_path / "mosaic.npy")
-    arguments = ["film", "mosaic.npy", "--window", 32, "--step", 16]
-    status, output = run(*arguments, "-o", "aligned.npy", "--motion")
+    images = list(film(bits, window=window, step=step, model=model))
+    arguments = ["film", "mosaic.npy", "--window", window, "--step", step]
+    aligned = [*arguments, "--motion", "--motion-model", model]
+    status, output = run(*aligned, "-o", "aligned.npy")
     assert status == 0, output
-    assert "2 images of 48 x 64 x 3 from 32 frames each, " in output
+    assert f"2 images of 48 x 64 x 3 from {window} frames each, " in output
     assert "by network, color in" in output
-    expected = [jl.reconstruct(image.data) for image in film(bits, window=32, step=16)]
+    expected = [jl.reconstruct(image.data) for image in images]
     np.testing.assert_allclose(np.load(tmp_path / "aligned.npy"), expected, atol=1e-5)
     assert ("bits agree" in output) == (motion == "shake")
     status, output = run(*arguments, "-o", "plain.npy")
     assert status == 0, output
     assert ("--motion aligns its frames" in output) == (motion == "shake")
-    windows = [jl.reconstruct(bits[start : start + 32]) for start in (0, 16)]
+    windows = [jl.reconstruct(bits[start : start + window]) for start in (0, step)]
     np.testing.assert_allclose(np.load(tmp_path / "plain.npy"), windows, atol=1e-5)
     options = ["--demosaicing", "differences", "-o", "differences.npy"]
     status, output = run(*arguments, *options)
     assert status == 0, output
-    first = jl.reconstruct(bits[:32], demosaicing="differences")
+    first = jl.reconstruct(bits[:window], demosaicing="differences")
     np.testing.assert_allclose(np.load(tmp_path / "differences.npy")[0], first, atol=1e-5)
-    status, output = run(*arguments, "--demosaicing", "differences", "-o", "both.npy", "--motion")
+    status, output = run(*aligned, "--demosaicing", "differences", "-o", "both.npy")
     assert status == 0, output
     # Only bits have planes: those of a scene that stands still.
     assert ("not used for 2 merged images" in output) == (motion == "shake")
     expected = [
         jl.reconstruct(image.data, method="network-medium", **options_of(image.data))
-        for image in film(bits, window=32, step=16)
+        for image in images
     ]
     np.testing.assert_allclose(np.load(tmp_path / "both.npy"), expected, atol=1e-5)
 

@@ -76,9 +76,9 @@ def test_a_motion_is_used_again(run, moving, tmp_path):
 
 def test_a_finer_grid(run, moving, tmp_path):
     arguments = ["reconstruct", "moving.npy", "--motion", "--upsample", 2, "-o", "a.npy"]
-    status, output = run(*arguments, "--maps", "maps.npz")
+    status, output = run(*arguments, "--motion-model", "affine", "--maps", "maps.npz")
     assert status == 0, output
-    merged = jl.merge(moving, motion=jl.align(moving), upsample=2)
+    merged = jl.merge(moving, motion=jl.align(moving, model="affine"), upsample=2)
     expected = jl.reconstruct(merged)
     assert expected.shape == (96, 128)
     np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), expected)

@@ -120,10 +120,10 @@ def draw(sensor):
 def test_equal_images_take_the_calls_of_a_single_one(calls, name, sensor):
     bits = draw(sensor)[0]
     alone, calls_alone = calls_of(calls, name, bits, sensor)
-    estimates, calls_together = calls_of(calls, name, [bits] * 7, sensor)
+    estimates, calls_together = calls_of(calls, name, [bits] * 3, sensor)
     assert calls_alone
     assert calls_together == calls_alone
-    np.testing.assert_array_equal(estimates, np.stack([alone] * 7))
+    np.testing.assert_array_equal(estimates, np.stack([alone] * 3))
 
 
 @pytest.mark.slow

@@ -95,10 +95,11 @@ def refuse(function, expected, arguments, options):
 
 
 def cases():
-    """Yield all functions with all data. Those of one image are tested in the fast tests."""
+    """Yield all functions with all data. Fast are bits, and counts of functions by their name."""
     for name in estimators():
         for data in DATA:
-            is_fast = data in ("bits", "counts") and "held" not in name and "large" not in name
+            is_fast = data == "bits" or (data == "counts" and name not in METHODS)
+            is_fast &= "held" not in name and "large" not in name
             marks = () if is_fast and "reconstruct, n" not in name else pytest.mark.slow
             yield pytest.param(name, data, marks=marks)
 

@@ -1,5 +1,6 @@
 """README, docs, docstrings and examples run as they stand."""
 
+import ast
 import doctest
 import importlib
 import linecache
@@ -44,7 +45,22 @@ NEEDS = {
 }
 
 
-@pytest.mark.parametrize("name", MODULES)
+LONG_DOCSTRINGS = [
+    "jotlight.motion.align",
+    "jotlight.motion.film",
+    "jotlight.motion.merge",
+    "jotlight.training.loop",
+]
+"""Modules whose examples take long. The tests of films, motions, and training run the same code."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] if name in LONG_DOCSTRINGS else [])
+        for name in MODULES
+    ],
+)
 def test_docstring_examples_run(name, monkeypatch):
     for module, package in NEEDS.items():
         if name == module or name.startswith(f"{module}."):
@@ -62,9 +78,10 @@ def test_every_public_name_is_documented():
 
 
 def page_cases() -> Iterator[object]:
-    """Yield a test case per page. Pages that run commands or PyTorch, and the README, are slow."""
+    """Yield a test case per page. Pages that run commands or PyTorch, and long ones, are slow."""
     for page in PAGES:
         is_slow = bool(blocks(page, "sh")) or "import torch" in page.read_text("utf-8")
+        is_slow |= page.name == "which_sensor.md"
         name = str(page.relative_to(ROOT))
         yield pytest.param(page, id=name, marks=[pytest.mark.slow] if is_slow else [])
 
@@ -85,6 +102,16 @@ def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
         elif page.name != "README.md":  # its sh blocks install the package itself
             for line in block.splitlines():
                 run_command(line)
+
+
+def test_the_code_of_pages_is_python_and_uses_names_that_exist():
+    used = set()
+    for page in PAGES:
+        for node in ast.walk(ast.parse("\n".join(blocks(page, "python")))):
+            if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "jl":
+                used.add(node.attr)
+    assert {"Sensor", "reconstruct", "FreeRunning"} <= used
+    assert [name for name in sorted(used) if not hasattr(jotlight, name)] == []
 
 
 def run_command(line: str) -> None:

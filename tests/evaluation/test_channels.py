@@ -106,7 +106,11 @@ def test_other_colors_and_requests_have_gray_estimates():
 
 @pytest.mark.parametrize(
     "parameters",
-    [{"bit_depth": 4, "read_noise": 0.3}, {"gain": [0.5, 2.0] * 8}, {"threshold": [1, 2] * 8}],
+    [
+        {"bit_depth": 4, "read_noise": 0.3},
+        {"gain": [0.5, 2.0] * 8},
+        pytest.param({"threshold": [1, 2] * 8}, marks=pytest.mark.slow),
+    ],
 )
 def test_equivalent_counts_have_colors_too(parameters):
     sensor = jl.Sensor(frames=16, **parameters)

@@ -90,7 +90,14 @@ def test_the_saturation_is_that_of_the_least_sensitive_readings():
     assert saturation_intensity(BRACKET) == pytest.approx(saturation_intensity(least))
 
 
-@pytest.mark.parametrize("method", ["noniterative-tv", "network-initial", "mle-iterative"])
+@pytest.mark.parametrize(
+    "method",
+    [
+        pytest.param("noniterative-tv", marks=pytest.mark.slow),
+        "network-initial",
+        "mle-iterative",
+    ],
+)
 def test_other_methods_run_on_equivalent_counts(method):
     bits = BRACKET.expose(wide_scene(32), rng=0)
     merged = jl.merge_readings(bits)

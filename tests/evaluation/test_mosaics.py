@@ -52,8 +52,17 @@ def test_networks_are_better_than_maximum_likelihood(mosaic):
     )
 
 
-@pytest.mark.parametrize("mosaic", ["RGGB", "GBRG", "RGBW"])
-@pytest.mark.parametrize("trials", [4, 64])
+@pytest.mark.parametrize(
+    ("mosaic", "trials"),
+    [
+        ("RGGB", 4),
+        ("RGBW", 64),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (("RGGB", 64), ("RGBW", 4), ("GBRG", 4), ("GBRG", 64))
+        ),
+    ],
+)
 def test_the_color_network_is_the_default_and_better_than_differences(mosaic, trials):
     bits = jl.Sensor(frames=trials, mosaic=mosaic).expose(SCENE, rng=0)
     found, info = jl.reconstruct(bits, return_info=True)
@@ -126,7 +135,16 @@ def test_the_color_network_takes_no_method(options):
         jl.reconstruct(bits, demosaicing="network", **options)
 
 
-@pytest.mark.parametrize("mosaic", ["RGGB", "RGB", "RRGG/RRGG/GGBB/GGBB", RANDOM], ids=repr)
+@pytest.mark.parametrize(
+    "mosaic",
+    [
+        "RGGB",
+        RANDOM,
+        pytest.param("RGB", marks=pytest.mark.slow),
+        pytest.param("RRGG/RRGG/GGBB/GGBB", marks=pytest.mark.slow),
+    ],
+    ids=repr,
+)
 @pytest.mark.parametrize(
     "options",
     [

@@ -1,5 +1,7 @@
 """Each format at a URL: the content is that of the file, and a few frames need few bytes."""
 
+import functools
+
 import h5py
 import numpy as np
 import pytest
@@ -19,7 +21,12 @@ pytestmark = pytest.mark.filterwarnings("ignore")
 RNG = np.random.default_rng(0)
 CUBE = RNG.integers(0, 256, (2000, 256, 32), np.uint8)
 COUNTS = RNG.integers(0, 60_000, (40, 400, 300)).astype(np.uint16)
-DARK = RNG.random((300, 512, 512)) < 1e-3
+
+
+@functools.cache
+def dark(frames=300):
+    """Return frames in which few bits are ones."""
+    return np.random.default_rng(1).random((frames, 512, 512), np.float32) < 1e-3
 
 
 def write_npy(folder):
@@ -79,7 +86,7 @@ def write_tiff_readings(folder):
 
 def write_pngs(folder):
     (folder / "png").mkdir()
-    for index, image in enumerate(COUNTS):
+    for index, image in enumerate(COUNTS[:12]):
         Image.fromarray(image).save(folder / "png" / f"{index}.png")
 
 
@@ -99,25 +106,27 @@ def write_visionsim(folder):
 
 
 def write_raw(folder):
-    jl.save(jl.Bits.from_array(DARK[:, :256]), folder / "raw.bin", format="swissspad2")
+    jl.save(jl.Bits.from_array(dark()[:, :256]), folder / "raw.bin", format="swissspad2")
     (folder / "raw.bin").rename(folder / "raw.dat")
 
 
 def write_raw_folder(folder):
-    jl.save(jl.Bits.from_array(np.tile(DARK[:, :256], (6, 1, 1))), folder / "raw",
+    jl.save(jl.Bits.from_array(np.tile(dark()[:, :256], (6, 1, 1))), folder / "raw",
             format="swissspad2")  # fmt: skip
 
 
 def write_full_folder(folder):
-    jl.save(jl.Bits.from_array(np.tile(DARK, (3, 1, 1))), folder / "full", format="swissspad2-full")
+    jl.save(
+        jl.Bits.from_array(np.tile(dark(), (3, 1, 1))), folder / "full", format="swissspad2-full"
+    )
 
 
 def write_spad512s(folder):
-    jl.save(jl.Bits.from_array(DARK), folder / "dense.bin", format="spad512s")
+    jl.save(jl.Bits.from_array(dark()), folder / "dense.bin", format="spad512s")
 
 
 def write_sparse(folder):
-    jl.save(jl.Bits.from_array(DARK), folder / "sparse.bin", format="spad512s-sparse")
+    jl.save(jl.Bits.from_array(dark(60)), folder / "sparse.bin", format="spad512s-sparse")
 
 
 BITS = {"counts": False}

@@ -108,9 +108,15 @@ def test_models_with_more_freedom_find_the_motion_of_the_camera_too(model):
     assert rms_error(jl.align(bits, model=model), scene) < 0.6
 
 
-@pytest.mark.parametrize("motion", ["shake", pytest.param("layers", marks=pytest.mark.slow)])
-def test_any_number_of_threads_gives_the_same_motion_and_sums(motion):
-    _, bits, _ = aligned(motion)
+@pytest.mark.parametrize(
+    ("motion", "shape"),
+    [
+        ("shake", (64, 64)),
+        *(pytest.param(each, (96, 96), marks=pytest.mark.slow) for each in ("shake", "layers")),
+    ],
+)
+def test_any_number_of_threads_gives_the_same_motion_and_sums(motion, shape):
+    _, bits = record(motion, shape=shape)
     one, *others = (jl.align(bits, threads=threads) for threads in (1, 3))
     for other in others:
         assert_same(one, other)
@@ -165,7 +171,7 @@ def test_reversed_static_scenes_stand_still():
 
 
 def test_counts_of_one_reading_are_bits():
-    _, bits, found = aligned("shake")
+    _, bits, found = aligned("shake", shape=(64, 64))
     stack = CountStack(bits.to_array().astype(np.uint8), PROVENANCE, 1)
     assert_same(jl.align(stack), found)
     merged, expected = jl.merge(stack, motion=found), jl.merge(bits, motion=found)
@@ -243,7 +249,7 @@ def test_dead_jots_do_not_hold_the_motion():
 
 
 def test_frames_may_be_read_from_files():
-    scene, bits, found = aligned("shake")
+    scene, bits, found = aligned("shake", shape=(64, 64))
     packed, read = np.asarray(bits.packed), []
 
     def read_frames(start, stop):
@@ -256,7 +262,7 @@ def test_frames_may_be_read_from_files():
 
 
 def test_progress_rises_from_0_to_1():
-    _, bits, motion = aligned("shake")
+    _, bits, motion = aligned("shake", shape=(64, 64))
     for call in (
         lambda progress: jl.align(bits, progress=progress),
         lambda progress: jl.align(bits, model="none", progress=progress),

@@ -131,7 +131,7 @@ def test_half_of_the_jots_may_be_dead():
     assert motion.model == "affine"
     errors = [(motion.at(time) - scene.motion(time))[:, 56:] for time in range(0, 48, 5)]
     assert np.sqrt(np.mean(np.square(errors))) < 0.8
-    merged = merge(bits)
+    merged = merge(bits, motion=motion)
     # The dead half is seen only where the scene moves into the other one.
     assert merged.trials[80:].min() > 0
     assert (merged.trials[:16] == 0).any()

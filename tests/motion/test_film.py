@@ -176,11 +176,11 @@ def test_a_live_film_keeps_four_windows_of_frames(monkeypatch):
         return shows(data, first, start)
 
     monkeypatch.setattr(live._state, "next_image", next_image)
-    number = sum(len(live.add(bits)) for _ in range(10))
-    assert number == len(shown) == 1 + (320 - 16) // 4
+    number = sum(len(live.add(bits)) for _ in range(5))
+    assert number == len(shown) == 1 + (160 - 16) // 4
     assert len(live._kept) == 80
     # Frames that an image may refer to are not overwritten later.
-    np.testing.assert_array_equal(shown[-3].packed, packed[np.arange(248, 312) % 32])
+    np.testing.assert_array_equal(shown[-3].packed, packed[np.arange(88, 152) % 32])
 
 
 @pytest.mark.parametrize(

@@ -57,19 +57,24 @@ def attempts(monkeypatch):
 
 @pytest.mark.filterwarnings("ignore:more frames:jotlight.JotlightWarning")
 @pytest.mark.parametrize(
-    ("causal", "is_better"),
+    ("causal", "is_better", "model"),
     [
-        (True, True),
-        pytest.param(False, True, marks=pytest.mark.slow),
-        pytest.param(True, False, marks=pytest.mark.slow),
-        pytest.param(False, False, marks=pytest.mark.slow),
+        (True, True, "affine"),
+        pytest.param(True, True, "auto", marks=pytest.mark.slow),
+        pytest.param(False, True, "auto", marks=pytest.mark.slow),
+        pytest.param(True, False, "auto", marks=pytest.mark.slow),
+        pytest.param(False, False, "auto", marks=pytest.mark.slow),
     ],
 )
-def test_a_doubtful_motion_is_estimated_from_more_frames(monkeypatch, attempts, causal, is_better):
+def test_a_doubtful_motion_is_estimated_from_more_frames(
+    monkeypatch, attempts, causal, is_better, model
+):
     """The better image is shown, and the film goes on with its motion and its memory."""
-    _, bits = record("shake", frames=96, photons=1.0)
+    shape = (48, 48) if model == "affine" else (96, 96)
+    _, bits = record("shake", frames=96, shape=shape, photons=1.0)
     starts = attempts(is_better)
-    images = list(film(bits, window=32, step=8, causal=causal))
+    options = {"window": 32, "step": 8, "causal": causal, "model": model}
+    images = list(film(bits, **options))
     assert len(images) == 9
     # The number of images between attempts doubles. A causal film has no more frames at first.
     assert starts == ([8, 16, 32, 64] if causal else [0, 8, 24, 56])
@@ -79,7 +84,7 @@ def test_a_doubtful_motion_is_estimated_from_more_frames(monkeypatch, attempts, 
     if not is_better:
         # Attempts that fail change neither the motion nor the memory.
         monkeypatch.setattr(film_state._Doubt, "is_due", lambda *_, **__: False)
-        for image, other in zip(images, film(bits, window=32, step=8, causal=causal), strict=True):
+        for image, other in zip(images, film(bits, **options), strict=True):
             np.testing.assert_array_equal(image.merged.ones, other.merged.ones)
 
 
@@ -145,7 +150,7 @@ def test_more_frames_are_those_of_four_windows(causal, stop, expected):
 
 
 def test_a_motion_without_doubt_is_not_estimated_again(monkeypatch):
-    _, bits = record("static", frames=56, shape=(160, 160))
+    _, bits = record("static", frames=56, shape=(96, 96))
     starts, longer = [], FilmState._of_more_frames
     monkeypatch.setattr(
         FilmState,

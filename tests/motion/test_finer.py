@@ -27,7 +27,7 @@ def motion_of(shifts):
 
 
 def fine_sums(frames, shifts, valid=None):
-    """Return the ones and trials of squares: a loop over frames and jots.
+    """Return the ones and trials of squares: a loop over frames.
 
     A jot at row y sees the position y - shift of the image, which is rounded to half pixels.
     """
@@ -36,11 +36,13 @@ def fine_sums(frames, shifts, valid=None):
     ones, trials = np.zeros((2, 2 * height, 2 * width), int)
     for frame, shift in zip(frames, shifts, strict=True):
         down, right = np.rint(2 * np.asarray(shift)).astype(int)
-        for y, x in np.argwhere(valid):
-            row, column = 2 * y - down, 2 * x - right
-            if 0 <= row < 2 * height and 0 <= column < 2 * width:
-                ones[row, column] += frame[y, x]
-                trials[row, column] += 1
+        places = np.argwhere(valid)
+        squares = 2 * places - [down, right]
+        inside = ((squares >= 0) & (squares < [2 * height, 2 * width])).all(axis=1)
+        # No two jots of a frame see the same square.
+        square = tuple(squares[inside].T)
+        ones[square] += frame[tuple(places[inside].T)]
+        trials[square] += 1
     return ones, trials
 
 

@@ -145,7 +145,7 @@ def test_long_bursts_are_aligned_with_a_part_of_their_frames(monkeypatch):
 def test_noise_stands_still():
     rng = np.random.default_rng(0)
     for density in (0.01, 0.5):
-        bits = jl.Bits.from_array(rng.random((32, 64, 64)) < density)
+        bits = jl.Bits.from_array(rng.random((32, 48, 48)) < density)
         assert find(bits, "auto", 16)[1] == "none"
 
 
@@ -174,7 +174,7 @@ def test_pixels_whose_bits_disagree_are_unknown_but_dead_ones_are_not():
     assert unknown_along(Paths([_still(nothing, 32)], labels)) == 0
 
 
-@pytest.mark.parametrize("is_reversed", [False, True])
+@pytest.mark.parametrize("is_reversed", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_wrong_outlines_of_slow_segments_are_replaced(is_reversed):
     """A large object hides its background everywhere, so the bits do not show that it is wrong."""
     size, velocities = (48, 64), ((0, 0), (0, 1))

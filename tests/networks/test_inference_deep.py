@@ -43,8 +43,10 @@ def test_an_estimate_of_many_tiles_equals_the_twins():
 
 
 @pytest.mark.parametrize("tied", [True, False])
-@pytest.mark.parametrize("size", [(1, 1), (7, 5), (24, 36), (61, 50)])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "size", [(1, 1), (7, 5), pytest.param((24, 36), marks=pytest.mark.slow), (61, 50)]
+)
+@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2))])
 def test_any_graph_equals_its_twin(tied, size, seed):
     rng = np.random.default_rng(seed)
     sensor = jl.Sensor(oversampling=3, frames=2)

@@ -45,7 +45,9 @@ def rows(operator):
     return np.array([operator.adjoint(y.reshape(operator.output_shape)).ravel() for y in units])
 
 
-@pytest.mark.parametrize("oversampling", range(1, 6))
+@pytest.mark.parametrize(
+    "oversampling", [1, 2, *(pytest.param(n, marks=pytest.mark.slow) for n in (3, 4)), 5]
+)
 @pytest.mark.parametrize("kernel", KERNELS)
 def test_the_light_agrees_with_the_definition(kernel, oversampling):
     for shape in SMALL + LARGE:

@@ -22,8 +22,15 @@ def test_the_reference_generator_has_the_published_keystream():
     )
 
 
-@pytest.mark.parametrize("threshold", [1, 3])
-@pytest.mark.parametrize("kernel", ["box", "cubic"])
+@pytest.mark.parametrize(
+    ("kernel", "threshold"),
+    [
+        ("box", 1),
+        ("cubic", 3),
+        pytest.param("box", 3, marks=pytest.mark.slow),
+        pytest.param("cubic", 1, marks=pytest.mark.slow),
+    ],
+)
 def test_a_bit_is_1_if_the_random_number_of_its_position_is_below_its_probability(
     threshold, kernel
 ):

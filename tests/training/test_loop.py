@@ -69,12 +69,13 @@ def test_maps_enter_by_the_median_of_valid_jots(tmp_path):
     dark = np.array([[0.1, 0.2, 0.3], [4.0, 9.0, 9.0]])
     mapped = jl.Sensor(frames=9, dark_counts=dark, mask=dark == 9)
     network = jl.Network.initial(mapped, taps=3, coefficients=12)
-    trained = train(network)[0]
+    result = train(network)
+    trained = result[0]
     plain = train(network, sensor=jl.Sensor(frames=9, dark_counts=0.25))[0]
     np.testing.assert_array_equal(parameter_vector(trained), parameter_vector(plain))
     assert trained.sensor == mapped
     train(network, checkpoint=tmp_path / "run")
-    assert_same(train(network), train(network, checkpoint=tmp_path / "run", resume=True))
+    assert_same(result, train(network, checkpoint=tmp_path / "run", resume=True))
 
 
 COLOR, SMALL = np.full((16, 16, 3), 0.5), np.full((16, 6), 0.5)
