@@ -20,7 +20,7 @@ def counts(rng, rates, frames, threshold=1):
     return rng.binomial(frames, chance)
 
 
-MAPS = 6
+MAPS = 12
 CLEAN = {
     "one rate, few counts": (lambda rng: np.full(SHAPE, 0.0005), 1000),
     "one rate": (lambda rng: np.full(SHAPE, 0.008), 1000),

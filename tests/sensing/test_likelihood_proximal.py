@@ -80,7 +80,7 @@ def test_the_derivative_changes_its_sign_at_the_proximal_map(threshold, penalty)
 def test_the_proximal_map_minimizes_the_cost(threshold):
     for penalty in PENALTIES:
         found = proximal(threshold, penalty)
-        for i in RANDOM.choice(len(found), 4, replace=False):
+        for i in RANDOM.choice(len(found), 8, replace=False):
             case = threshold, penalty, int(ONES[i]), DARK[i], POINT[i]
             with mp.workdps(80):
                 expected = minimizer(lambda x, case=case: cost(x, *case), 0, MAX_LIGHT)

@@ -15,7 +15,7 @@ from jotlight.seeds import seed_bytes
 from jotlight.sensing.sensor import KERNELS
 from reference import sensing
 
-FRAMES = 20_000
+FRAMES = 50_000
 FALSE_ALARM = 1e-7
 RANDOM = np.random.default_rng(41)
 
