@@ -1,5 +1,6 @@
 """Messages name options on the command line and parameters in Python."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -84,7 +85,11 @@ def test_a_whole_number_is_not_rounded(run, tmp_path, value):
 def test_a_full_disk_behind_the_standard_output_is_named(tmp_path):
     np.save(tmp_path / "a.npy", np.full((8, 8), 0.5))
     command = [sys.executable, "-m", "jotlight", "info", tmp_path / "a.npy"]
+    # With this variable, Python has no text left to write when it ends.
+    buffered = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
     with Path("/dev/full").open("w") as full:
-        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+        ended = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, text=True, env=buffered
+        )
     assert ended.returncode == 1
     assert ended.stderr.startswith("error: cannot write to the standard output: No space left")

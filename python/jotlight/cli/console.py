@@ -1,10 +1,11 @@
 """Output to the terminal: results, warnings, errors, and progress."""
 
 import contextlib
+import os
 import re
 import warnings
 from collections.abc import Callable, Iterator
-from typing import Any, Protocol, TextIO
+from typing import IO, Any, Protocol, TextIO
 
 from rich.console import Console
 from rich.markup import escape
@@ -33,7 +34,16 @@ class _Output(Console):
         except BrokenPipeError:
             raise
         except OSError as error:
+            _discard(self.file)
             raise OSError(f"cannot write to the standard output: {error.strerror}") from error
+
+
+def _discard(file: IO[str]) -> None:
+    """Discard buffered text, which Python would otherwise try to write again when it ends."""
+    with contextlib.suppress(OSError):
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, file.fileno())
+        os.close(null)
 
 
 out = _Output(highlight=False, emoji=False)
