@@ -1,6 +1,5 @@
 """Fixtures that several folders of tests use."""
 
-import gc
 import os
 
 # pytest runs a process per core. With more threads, those of NumPy would wait for each other.
@@ -26,17 +25,8 @@ hypothesis.settings.register_profile("quick", max_examples=30, deadline=None, de
 hypothesis.settings.register_profile("slow", max_examples=1000, deadline=None)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
 
-# Collection makes many objects that live until the end, so there is no garbage to look for.
-gc.disable()
-
 # A shell lets its background jobs ignore Ctrl-C, and the tests may be one.
 signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-def pytest_collection_finish() -> None:
-    """Look for garbage again, but not among what was collected."""
-    gc.enable()
-    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -274,7 +274,8 @@ def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor
     """Return the method as the workers run it. Captures of equal sensors share one object."""
     sensor = sensors.setdefault(job.captured.sensor, job.captured.sensor)
     check_countable(sensor)
-    if sensor.kernel != "box" and job.choice.quality is None and not _own_network(job, inputs):
+    network = _own_network(job, inputs)
+    if sensor.kernel != "box" and job.choice.quality is None and network is None:
         raise ValueError(
             f"kernel: expected box in a run over windows or captures, got {sensor.kernel}, for "
             "which counts are not enough; reconstruct one capture at a time without --window"
@@ -284,11 +285,8 @@ def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor
     fallback = bool(settings.pop("fallback", False))
     demosaicing = settings.pop("demosaicing", None)
     options = tuple(sorted(settings.items()))
-    network = _own_network(job, inputs)
-    quality = choice.quality
-    return checked(
-        Estimator(sensor, choice.method, quality, network, options, 1, fallback, demosaicing)
-    )
+    named = sensor, choice.method, choice.quality
+    return checked(Estimator(*named, network, options, 1, fallback, demosaicing))
 
 
 def _own_network(job: Reconstruction, inputs: Inputs) -> Network | None:

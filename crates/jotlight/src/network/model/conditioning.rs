@@ -29,7 +29,8 @@ pub fn conditioning_weights(trials: f64, (min, max): (f64, f64), sets: usize) ->
     let position = (trials.log2() - low) / (high - low) * (sets - 3) as f64;
     let knot = (position.floor().max(0.0) as usize).min(sets - MIN_SETS);
     let t = position - knot as f64;
-    let mut weights = memory::zeros("weights", sets)?.to_vec();
+    memory::check::<f64>("weights", &[sets])?;
+    let mut weights = vec![0.0; sets];
     for (weight, basis) in weights[knot..].iter_mut().zip(BASIS) {
         // Multiples of 1/6: their numerators are whole, so that only the last step is rounded there.
         let [a, b, c, d] = basis.map(|coefficient| (6.0 * coefficient).round());
