@@ -14,7 +14,7 @@ import resource
 from pathlib import Path
 
 import numpy as np
-from measure import FRAME, FRAME_BYTES, GIB, make_capture
+from timing import FRAME, FRAME_BYTES, GIB, make_capture
 
 import jotlight as jl
 from jotlight.dask.counting import add_counts

@@ -20,7 +20,7 @@ import sys
 import time
 from pathlib import Path
 
-from measure import make_capture
+from timing import make_capture
 
 
 def command(folder, name):

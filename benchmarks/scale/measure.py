@@ -13,8 +13,8 @@ median of each ratio.
 
 import argparse
 import contextlib
+import functools
 import json
-import multiprocessing
 import os
 import shutil
 import statistics
@@ -22,10 +22,23 @@ import time
 from pathlib import Path
 
 import numpy as np
+from distributed import wait
+from timing import (
+    FRAME,
+    FRAME_BYTES,
+    GIB,
+    cpu_time,
+    drop_from_cache,
+    in_processes,
+    make_capture,
+    on_workers,
+    timed,
+    wait_twice,
+)
 
 import jotlight as jl
 from jotlight.dask.cluster import connected
-from jotlight.dask.counting import Spans
+from jotlight.dask.counting import Spans, add_counts
 from jotlight.dask.estimator import choose_estimator
 from jotlight.dask.jobs import CaptureSource, VideoJob
 from jotlight.dask.running import Cluster, ThisProcess, run_jobs
@@ -33,44 +46,26 @@ from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import Checksum, WindowCounter
 from jotlight.formats.reading import open_capture
 
-GIB = 1 << 30
-FRAME = 512, 64
-FRAME_BYTES = 512 * 64
 WORKERS = 2
-_IDLE_SECONDS = 2.0
 
 
-def make_capture(path, frames, sparse=False):
-    """Write a photon cube of random bits, or a sparse one of zeros."""
-    header = {"descr": "|u1", "fortran_order": False, "shape": (frames, *FRAME)}
-    block = np.random.default_rng(0).integers(0, 256, (4096, *FRAME), np.uint8)
-    with path.open("wb", buffering=0) as file:
-        np.lib.format.write_array_header_1_0(file, header)
-        if sparse:
-            file.truncate(file.tell() + frames * FRAME_BYTES)
-            return
-        for start in range(0, frames, len(block)):
-            file.write(block[: frames - start].data)
-        os.fsync(file.fileno())
+def share_counted(window, frames, in_engine, ready, times):
+    """Count random frames in memory, as one of the processes of the comparison.
 
-
-def drop_from_cache(path):
-    """Remove a file from the page cache."""
-    handle = os.open(path, os.O_RDONLY)
-    os.posix_fadvise(handle, 0, 0, os.POSIX_FADV_DONTNEED)
-    os.close(handle)
-
-
-def share_counted(window, frames, ready, times):
-    """Count random frames in memory, as one of the processes of the comparison."""
+    `Bits.counts` counts 256 frames at a time, to show its progress.
+    """
     data = np.random.default_rng(0).integers(0, 256, (16384, *FRAME), np.uint8)
     jl.Bits(data[:64]).counts(1, threads=1)
-    ready.wait()
+    counts = np.zeros((512, 512), np.int32)
+    wait_twice(ready)
     start, cpu = time.perf_counter(), time.process_time()
     for first in range(0, frames, len(data)):
         part = data[: min(len(data), frames - first)]
         for begin in range(0, len(part), window):
-            jl.Bits(part[begin : begin + window]).counts(1, threads=1)
+            if in_engine:
+                add_counts(part[begin : begin + window], 512, 1, counts, 1)
+            else:
+                jl.Bits(part[begin : begin + window]).counts(1, threads=1)
     times.put((time.perf_counter() - start, time.process_time() - cpu))
 
 
@@ -78,40 +73,13 @@ def share_read(path, number, ready, times):
     """Read a half of a file in blocks of 8 MiB, as one of the processes of the comparison."""
     size = path.stat().st_size // WORKERS
     buffer = memoryview(bytearray(1 << 23))
-    ready.wait()
+    wait_twice(ready)
     start, cpu, left = time.perf_counter(), time.process_time(), size
     with path.open("rb", buffering=0) as file:
         file.seek(number * size)
         while left > 0 and (read := file.readinto(buffer)):
             left -= read
     times.put((time.perf_counter() - start, time.process_time() - cpu))
-
-
-def in_processes(target, arguments):
-    """Return the time of the slowest of some processes that begin together, and their CPU time."""
-    context = multiprocessing.get_context("spawn")
-    ready, times = context.Barrier(len(arguments)), context.Queue()
-    processes = [context.Process(target=target, args=(*each, ready, times)) for each in arguments]
-    for process in processes:
-        process.start()
-    found = [times.get() for _ in processes]
-    for process in processes:
-        process.join()
-    return max(seconds for seconds, _ in found), sum(cpu for _, cpu in found)
-
-
-def on_workers(client, function):
-    """Return the seconds that a function takes, and the CPU time of the workers for it."""
-    idle = cpu_of_workers(client, lambda: time.sleep(_IDLE_SECONDS))[1] / _IDLE_SECONDS
-    seconds, cpu = cpu_of_workers(client, function)
-    # On a busy machine, the workers wait for long, and the ticks of their event loops add up.
-    return seconds, cpu - idle * seconds
-
-
-def cpu_of_workers(client, function):
-    before = sum(client.run(time.process_time).values())
-    seconds = timed(function)
-    return seconds, sum(client.run(time.process_time).values()) - before
 
 
 def video_job(path, folder, window, method):
@@ -128,24 +96,10 @@ def video_job(path, folder, window, method):
     return VideoJob("v", source, Spans(window, window, number), 1, estimator, store)
 
 
-def timed(function):
-    """Return the seconds that a function takes."""
-    start = time.perf_counter()
-    function()
-    return time.perf_counter() - start
-
-
-def cpu_time(function):
-    """Return the CPU time that a function takes in this process."""
-    start = time.process_time()
-    function()
-    return time.process_time() - start
-
-
-def run_video(client, path, folder, window, method):
+def run_video(client, path, folder, window, method, prepare=lambda: None):
     """Return the seconds of a run that writes a video."""
     job = video_job(path, folder, window, method)
-    times = on_workers(client, lambda: check(run_jobs([job], Cluster(client))))
+    times = on_workers(client, lambda: check(run_jobs([job], Cluster(client))), prepare)
     shutil.rmtree(folder, ignore_errors=True)
     return times
 
@@ -154,16 +108,26 @@ def check(outcome):
     assert outcome.made == ["v"], outcome
 
 
+def run_lazy(client, path, window, method, prepare=lambda: None):
+    """Return the seconds until the workers hold all images of a lazy array."""
+    bits = jl.open(path, counts=False)
+    if method is None:
+        images = jl.dask.count(bits, window)
+    else:
+        images = jl.dask.reconstruct(bits, jl.Sensor(frames=window), window, method=method)
+    return on_workers(client, lambda: wait(images.persist()), prepare)
+
+
 def warm_up(client, path, folder):
     """Import everything that the workers need."""
     run_video(client, path, folder, 4096, "mle")
-    jl.dask.count(jl.open(path, counts=False), 4096).max(axis=(1, 2)).compute()
+    run_lazy(client, path, 4096, None)
 
 
 def measure_speed(options):
     """Measure counting and "mle", with the file in the page cache and without."""
     path, folder = options.folder / "capture.npy", options.folder / "out"
-    frames = options.gib * GIB // FRAME_BYTES
+    frames, drop = options.gib * GIB // FRAME_BYTES, functools.partial(drop_from_cache, path)
     make_capture(path, frames)
     rounds = []
     with connected(None, WORKERS) as client:
@@ -171,32 +135,32 @@ def measure_speed(options):
         for number in range(options.rounds):
             for window in options.windows:
                 row = {"round": number, "window": window, "load": os.getloadavg()[0]}
-                share = [(window, frames // WORKERS)] * WORKERS
-                row["bare"] = in_processes(share_counted, share)
-                lazy = jl.dask.count(jl.open(path, counts=False), window)
-                row["count"] = on_workers(client, lambda lazy=lazy: lazy.max(axis=(1, 2)).compute())
-                sensor = jl.Sensor(frames=window)
-                bits = jl.open(path, counts=False)
-                lazy = jl.dask.reconstruct(bits, sensor, window, method="mle")
-                row["mle"] = on_workers(client, lambda lazy=lazy: lazy.max(axis=(1, 2)).compute())
+                for name, in_engine in (("bare", False), ("bare, whole windows", True)):
+                    share = (window, frames // WORKERS, in_engine)
+                    row[name] = in_processes(share_counted, [share] * WORKERS)
+                row["count"] = run_lazy(client, path, window, None)
+                row["mle"] = run_lazy(client, path, window, "mle")
                 row["run counts"] = run_video(client, path, folder, window, None)
                 row["run mle"] = run_video(client, path, folder, window, "mle")
-                drop_from_cache(path)
-                row["disk"] = in_processes(share_read, [(path, i) for i in range(WORKERS)])
-                drop_from_cache(path)
-                row["cold run mle"] = run_video(client, path, folder, window, "mle")
+                # The system returns free memory within seconds, and needs time to get it again.
+                # So each measurement begins right after the file was dropped.
+                readers = [(path, i) for i in range(WORKERS)]
+                row["disk"] = in_processes(share_read, readers, drop)
+                row["cold count"] = run_lazy(client, path, window, None, drop)
+                row["cold mle"] = run_lazy(client, path, window, "mle", drop)
+                row["cold run mle"] = run_video(client, path, folder, window, "mle", drop)
                 rounds.append(row)
                 print(json.dumps(row), flush=True)
     for window in options.windows:
         rows = [row for row in rounds if row["window"] == window]
         print(f"window {window}: medians of {len(rows)} rounds; ratios of time and of CPU time")
-        for name in ("bare", "count", "mle", "run counts", "run mle", "disk", "cold run mle"):
-            base = "disk" if name == "cold run mle" else "bare"
+        for name in [name for name in rows[0] if isinstance(rows[0][name], tuple)]:
+            base = "disk" if name.startswith("cold") else "bare"
             speed = statistics.median(options.gib / row[name][0] for row in rows)
             ratio, cpu = (
                 statistics.median(row[base][i] / row[name][i] for row in rows) for i in (0, 1)
             )
-            print(f"    {name:14} {speed:6.2f} GiB/s   {ratio:.0%} and {cpu:.0%} of {base}")
+            print(f"    {name:19} {speed:6.2f} GiB/s   {ratio:.0%} and {cpu:.0%} of {base}")
     path.unlink()
 
 
@@ -205,7 +169,7 @@ def measure_small(options):
     path, folder, window = options.folder / "capture.npy", options.folder / "out", 64
     frames = options.gib * GIB // FRAME_BYTES
     make_capture(path, frames)
-    ratios = []
+    ratios = {"lazy": [], "run": []}
     with connected(None, WORKERS) as client:
         warm_up(client, path, folder)
         for _ in range(options.rounds):
@@ -213,13 +177,17 @@ def measure_small(options):
             cpu = time.process_time()
             seconds = timed(lambda job=job: check(run_jobs([job], ThisProcess(True, 1))))
             alone = [frames // window / each for each in (seconds, time.process_time() - cpu)]
-            times = run_video(client, path, folder, window, "network-small")
-            both = [frames // window / each for each in times]
-            ratios.append((both[0] / alone[0] / WORKERS, both[1] / alone[1]))
-            row = {"images/s, images/CPU s of one thread": alone, "of two workers": both}
+            row = {"images/s, images/CPU s of one thread": alone}
+            for title, times in (
+                ("lazy", run_lazy(client, path, window, "network-small")),
+                ("run", run_video(client, path, folder, window, "network-small")),
+            ):
+                both = row[title] = [frames // window / each for each in times]
+                ratios[title].append((both[0] / alone[0] / WORKERS, both[1] / alone[1]))
             print(json.dumps({**row, "load": os.getloadavg()[0]}), flush=True)
-    wall, cpu = (statistics.median(each[i] for each in ratios) for i in (0, 1))
-    print(f"{wall:.0%} of {WORKERS} times the speed of one thread; {cpu:.0%} by CPU time")
+    for title, found in ratios.items():
+        wall, cpu = (statistics.median(each[i] for each in found) for i in (0, 1))
+        print(f"{title}: {wall:.0%} of {WORKERS} times one thread; {cpu:.0%} by CPU time")
     path.unlink()
 
 

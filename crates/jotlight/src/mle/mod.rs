@@ -144,14 +144,27 @@ pub fn from_counts(
     out.par_chunks_mut(PIXELS_PER_CHUNK)
         .zip(counts)
         .for_each(|(out, counts)| {
-            if interrupt::is_requested() {
-                return;
-            }
-            for (out, &ones) in out.iter_mut().zip(counts) {
-                *out = intensities[ones as usize];
+            if !interrupt::is_requested() {
+                look_up(&intensities, counts, out);
             }
         });
     Ok(())
+}
+
+levels! {
+    /// Write the intensity of each count, an index into the table, into `out`.
+    fn look_up(intensities: &[f32], counts: &[i32], out: &mut [f32]) = look_up_inlined;
+}
+
+#[inline(always)]
+fn look_up_inlined(intensities: &[f32], counts: &[i32], out: &mut [f32]) {
+    let Some(last) = intensities.len().checked_sub(1) else {
+        return;
+    };
+    for (out, &ones) in out.iter_mut().zip(counts) {
+        // All counts are at most the last one. The minimum replaces a branch for each pixel.
+        *out = intensities[(ones as usize).min(last)];
+    }
 }
 
 /// Write the intensity for each detection probability into `out`. This is the last step of the

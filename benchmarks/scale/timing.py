@@ -1,0 +1,90 @@
+"""Captures for measurements, and the times of processes and of workers."""
+
+import multiprocessing
+import os
+import time
+
+import numpy as np
+
+GIB = 1 << 30
+FRAME = 512, 64
+FRAME_BYTES = 512 * 64
+_IDLE_SECONDS = 2.0
+
+
+def make_capture(path, frames, sparse=False):
+    """Write a photon cube of random bits, or a sparse one of zeros."""
+    header = {"descr": "|u1", "fortran_order": False, "shape": (frames, *FRAME)}
+    block = np.random.default_rng(0).integers(0, 256, (4096, *FRAME), np.uint8)
+    with path.open("wb", buffering=0) as file:
+        np.lib.format.write_array_header_1_0(file, header)
+        if sparse:
+            file.truncate(file.tell() + frames * FRAME_BYTES)
+            return
+        for start in range(0, frames, len(block)):
+            file.write(block[: frames - start].data)
+        os.fsync(file.fileno())
+
+
+def drop_from_cache(path):
+    """Remove a file from the page cache."""
+    handle = os.open(path, os.O_RDONLY)
+    os.posix_fadvise(handle, 0, 0, os.POSIX_FADV_DONTNEED)
+    os.close(handle)
+
+
+def in_processes(target, arguments, prepare=lambda: None):
+    """Return the time of the slowest of some processes that begin together, and their CPU time.
+
+    `prepare` is called right before they begin.
+    """
+    context = multiprocessing.get_context("spawn")
+    ready, times = context.Barrier(len(arguments) + 1), context.Queue()
+    processes = [context.Process(target=target, args=(*each, ready, times)) for each in arguments]
+    for process in processes:
+        process.start()
+    ready.wait()
+    prepare()
+    ready.wait()
+    found = [times.get() for _ in processes]
+    for process in processes:
+        process.join()
+    return max(seconds for seconds, _ in found), sum(cpu for _, cpu in found)
+
+
+def wait_twice(ready):
+    """Wait until all processes have begun, and until the comparison is prepared."""
+    ready.wait()
+    ready.wait()
+
+
+def on_workers(client, function, prepare=lambda: None):
+    """Return the seconds that a function takes, and the CPU time of the workers for it.
+
+    `prepare` is called right before.
+    """
+    idle = cpu_of_workers(client, lambda: time.sleep(_IDLE_SECONDS))[1] / _IDLE_SECONDS
+    prepare()
+    seconds, cpu = cpu_of_workers(client, function)
+    # On a busy machine, the workers wait for long, and the ticks of their event loops add up.
+    return seconds, cpu - idle * seconds
+
+
+def cpu_of_workers(client, function):
+    before = sum(client.run(time.process_time).values())
+    seconds = timed(function)
+    return seconds, sum(client.run(time.process_time).values()) - before
+
+
+def timed(function):
+    """Return the seconds that a function takes."""
+    start = time.perf_counter()
+    function()
+    return time.perf_counter() - start
+
+
+def cpu_time(function):
+    """Return the CPU time that a function takes in this process."""
+    start = time.process_time()
+    function()
+    return time.process_time() - start
