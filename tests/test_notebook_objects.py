@@ -206,6 +206,7 @@ def test_the_curves_of_a_history_are_its_records():
     np.testing.assert_array_equal(tests.lines[0].get_xydata(), [(0, 20), (5, 25), (10, 30)])
 
 
+@pytest.mark.slow
 def test_the_curves_of_fine_tuning_are_those_of_held_out_bits():
     history = History([Record(n, 0.5, 1.0, None, 0.6 - n / 100) for n in range(3)])
     *_, held_out = history.plot().axes
@@ -226,6 +227,7 @@ def test_the_table_and_the_curves_of_a_plan_are_its_numbers():
     assert "frames for 199 dB: no number" in repr(unreachable)
 
 
+@pytest.mark.slow
 def test_the_long_table_of_a_plan_is_cut():
     plan = jl.plan(jl.Sensor(), 0.5, frames=range(1, 200))
     assert plan._repr_html_().count("<tr>") < 30

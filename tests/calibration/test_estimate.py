@@ -183,6 +183,7 @@ def test_jots_at_the_least_response_are_called_dead_at_the_stated_rate_at_most()
     assert calibration.dead.sum() <= binom.isf(1e-3, weak.sum(), 0.01)
 
 
+@pytest.mark.slow
 def test_a_flat_capture_that_is_short_brings_little_noise():
     rng = np.random.default_rng(6)
     ones, light, relative, dark = flat_scene(rng, 0.05)

@@ -70,6 +70,7 @@ def test_a_filter_without_light_is_refused():
         jl.calibrate(ones, flat, frames=400, mosaic=np.tile([["R", "G"], ["G", "B"]], (10, 10)))
 
 
+@pytest.mark.slow
 def test_the_command_line_states_the_filters_of_a_flat_capture(run, tmp_path):
     rng = np.random.default_rng(7)
     passed = np.array([0.4, 1.0, 0.6])[Mosaic("RGGB").full(64, 64)]
@@ -88,6 +89,7 @@ def test_the_command_line_states_the_filters_of_a_flat_capture(run, tmp_path):
     assert run("calibrate", "dark.npy", "-o", "d.safetensors", "--mosaic", "RGGB")[0] == 1
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
 def test_the_lazy_calibration_is_that_of_one_machine():
     pytest.importorskip("dask")

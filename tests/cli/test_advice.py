@@ -192,6 +192,7 @@ def test_the_bits_beside_a_description_may_be_compressed(run, tmp_path, name):
     assert f"{name}: the brightness of the scene" in output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", ["static", "shake"])
 def test_motion_is_advised_only_where_the_scene_moves(run, motion):
     scene = jl.datasets.moving(

@@ -110,6 +110,7 @@ def test_an_archive_of_one_capture_is_described_as_it_is_opened(run):
     assert lines_of(run, "float.npz") == ["kind archive of arrays", "a float32, 3 x 4 x 5"]
 
 
+@pytest.mark.slow
 def test_arrays_of_an_archive_are_listed_from_their_headers(run):
     np.savez_compressed("a.npz", dark=np.zeros((300, 512, 512), bool), flat=np.ones((2, 3)))
     lines = lines_of(run, "a.npz")

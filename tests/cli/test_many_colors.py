@@ -55,6 +55,7 @@ def test_each_capture_becomes_a_color_image(run, captures):
     assert read_image(Path("2.png")).shape == SCENE.shape
 
 
+@pytest.mark.slow
 def test_windows_become_a_color_video(run, captures):
     code, out = run("reconstruct", captures[0], "-o", "v.zarr", *WINDOW)
     assert code == 0, out
@@ -84,6 +85,7 @@ def test_processes_make_the_same_colors(run, captures):
     assert content("one.zarr") == content("two.zarr")
 
 
+@pytest.mark.slow
 def test_a_stated_mosaic_with_color_differences(run, captures):
     bits = jl.open(captures[0])
     np.save("raw.npy", np.asarray(bits.packed))
@@ -114,6 +116,7 @@ def test_a_requested_method_estimates_planes(run, captures):
     np.testing.assert_array_equal(read_image("2.tif"), expected)
 
 
+@pytest.mark.slow
 def test_a_calibration_keeps_the_mosaic(run, captures):
     dark = jl.Sensor(frames=64, dark_counts=0.05).expose(np.zeros(SCENE.shape[:2]), rng=0)
     calibration = jl.calibrate(dark)
@@ -126,6 +129,7 @@ def test_a_calibration_keeps_the_mosaic(run, captures):
     np.testing.assert_array_equal(zarr.open_array("v.zarr", mode="r")[:], expected)
 
 
+@pytest.mark.slow
 def test_three_channels_are_estimated_by_the_color_network(run, captures):
     bits = jl.Sensor(frames=24).expose(SCENE, rng=0, channel_axis=-1)
     jl.save(bits, "channels.npy")

@@ -52,6 +52,7 @@ def test_the_image_is_that_of_the_merged_bits(run, moving, tmp_path):
     assert "the scene moves, so" not in output
 
 
+@pytest.mark.slow
 def test_a_motion_is_used_again(run, moving, tmp_path):
     arguments = ["reconstruct", "moving.npy", "--motion", "-m", "mle"]
     assert run(*arguments, "-o", "a.npy", "--save-motion", "m.safetensors")[0] == 0
@@ -74,6 +75,7 @@ def test_a_motion_is_used_again(run, moving, tmp_path):
     assert "choose another name" in output
 
 
+@pytest.mark.slow
 def test_a_finer_grid(run, moving, tmp_path):
     arguments = ["reconstruct", "moving.npy", "--motion", "--upsample", 2, "-o", "a.npy"]
     status, output = run(*arguments, "--motion-model", "affine", "--maps", "maps.npz")

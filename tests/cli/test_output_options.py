@@ -138,6 +138,7 @@ def test_unknown_errors_are_reported_before_the_work(run, tmp_path):
     assert not (tmp_path / "a.npy").exists()
 
 
+@pytest.mark.slow
 def test_uncertainty_is_shown_as_an_image(run, capture, tmp_path):
     status, output = run("reconstruct", "known.npy", "-o", "a.npy", "--uncertainty", "u.png")
     assert status == 0, output

@@ -73,6 +73,7 @@ def test_the_cost_of_motion_is_printed(run):
         assert f"and {cost.further_seconds:.2g} s for each further image" in output
 
 
+@pytest.mark.slow
 def test_the_frames_that_help_at_a_speed_are_printed(run):
     arguments = ["plan", "0.01:0.5", "--frames", 64, "--size", "128x100"]
     status, output = run(*arguments, "--speed", 0.25)

@@ -16,6 +16,7 @@ def photo(tmp_path, monkeypatch):
 OPTIONS = ["-k", 1, "-t", 8, "--bit-depth", 4, "--read-noise", 0.3, "--gain", 16]
 
 
+@pytest.mark.slow
 def test_captures_are_simulated_described_reconstructed_and_converted(run, photo):
     status, text = run("simulate", photo, "-o", "r.npy", *OPTIONS)
     assert status == 0

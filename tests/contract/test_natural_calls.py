@@ -127,6 +127,7 @@ def test_a_mosaic_of_a_camera_is_reported_once(mosaic, call):
         call(mosaic.counts(), SENSOR)
 
 
+@pytest.mark.slow
 def test_a_mosaic_is_reported_for_lists_and_merged_bits(mosaic):
     for call in (jl.mle, jl.reconstruct):
         captured = jl.Bits.from_array(mosaic.to_array(), SENSOR)

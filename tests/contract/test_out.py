@@ -122,6 +122,7 @@ def test_networks_for_weighted_jots():
         check(network, data, sensor)
 
 
+@pytest.mark.slow
 def test_maps_of_trials():
     trials = np.where(np.arange(SHAPE[1]) < 8, 32.0, 700.0) + np.zeros(SHAPE)
     for name in ("network-small", "mle", "admm-tv"):

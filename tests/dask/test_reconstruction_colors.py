@@ -86,6 +86,7 @@ def test_three_channels_are_estimated_as_by_reconstruct(options):
     assert_equals_reconstruct(bits, 12, None, **options)
 
 
+@pytest.mark.slow
 def test_colors_do_not_depend_on_chunks_or_threads():
     bits = expose()[:16]
     expected = jl.dask.reconstruct(bits.to_dask(24), bits.sensor, 8, 4).compute()

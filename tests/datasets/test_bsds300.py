@@ -71,6 +71,7 @@ def test_an_empty_folder_of_bsds300_is_an_error(tmp_path):
         datasets.bsds300("test", tmp_path)
 
 
+@pytest.mark.slow
 def test_the_registry_matches_the_originals(data):
     lines = bsds300.REGISTRY.read_text().splitlines()
     registered = dict(line.split() for line in lines)

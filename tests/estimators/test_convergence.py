@@ -190,6 +190,7 @@ def test_an_invalid_stopping_rule_is_refused(method, options, error, message):
         method(np.ones((4, 4), int), jl.Sensor(oversampling=2), **options)
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_the_state_and_the_residuals():
     bits = jl.Sensor(oversampling=3, kernel="linear").expose(np.full((8, 8), 0.5), rng=0)
     _, history = jl.mle_iterative(bits, return_history=True)

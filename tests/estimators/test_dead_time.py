@@ -59,6 +59,7 @@ def test_counts_are_those_of_a_process_of_photons():
         assert np.minimum(low, high).min() > 1e-6 / 2 / len(found) / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pixel", PIXELS[:2])
 def test_the_maximum_is_that_of_brute_force(pixel):
     for count in range(1, min(pixel.max_count - 1, 30)):
@@ -109,6 +110,7 @@ def test_the_information_is_the_mean_of_the_squared_slope(pixel):
         assert pixel.information(light) == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_corrected_counts_have_little_bias_where_uncorrected_ones_are_far_off():
     pixel = jl.FreeRunning(dead_time=0.01)
     counts = pixel.draw(np.full(20000, 60.0), rng=0)

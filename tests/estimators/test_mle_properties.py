@@ -2,6 +2,7 @@
 
 import hypothesis.extra.numpy as hnp
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -9,6 +10,7 @@ import jotlight as jl
 from any_sensor import IMAGE_SHAPES, assert_in_range, sensors, sensors_and_bits, without_warnings
 
 
+@pytest.mark.slow
 @given(sensors_and_bits())
 def test_every_estimate_lies_between_0_and_the_largest_intensity(case):
     sensor, bits = case
@@ -21,6 +23,7 @@ def test_every_estimate_lies_between_0_and_the_largest_intensity(case):
         assert_in_range(estimate, sensor)
 
 
+@pytest.mark.slow
 @given(st.data())
 def test_the_maximum_likelihood_estimate_rises_with_the_counts(data):
     sensor = data.draw(sensors(frames=data.draw(st.integers(1, 5000))))

@@ -66,6 +66,7 @@ def test_at_rest_all_frames_help():
     assert plan.registration_error == 0
 
 
+@pytest.mark.slow
 def test_faster_scenes_have_shorter_sums_and_more_light_too():
     sums = [plan_motion(2.0, v, (128, 128), FRAMES).best_sum for v in (0.01, 0.1, 1.0, 10.0)]
     assert all(np.diff(sums) < 0)
@@ -115,6 +116,7 @@ def test_too_little_light_cannot_be_aligned():
     assert 0 <= more.aligned[1] - more.aligned[0] < 0.1
 
 
+@pytest.mark.slow
 def test_the_plan_takes_the_information_of_the_sensor():
     """At one level of light s, a frame of K̂² jots has K̂² s²/(exp(s) - 1) for q = 1."""
     frames = [1, 8, 64]

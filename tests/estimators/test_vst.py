@@ -198,6 +198,7 @@ def test_nan_is_refused():
         jl.vst.inverse_anscombe([1.0, np.nan], 4)
 
 
+@pytest.mark.slow
 @given(hnp.arrays(np.float64, 50, elements=st.floats(-1e6, 1e6)), st.integers(1, 3000))
 def test_inverse_transforms_map_any_value_to_the_range_of_counts(z, bits):
     for inverse in jl.vst.INVERSES:

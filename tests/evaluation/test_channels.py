@@ -30,6 +30,7 @@ def test_the_color_network_is_the_default_and_better_than_gray_ones(trials):
     assert psnr(found, SCENE, data_range=1.0) > 0.5 + psnr(gray, SCENE, data_range=1.0)
 
 
+@pytest.mark.slow
 def test_all_kinds_of_data_have_the_same_result():
     sensor, bits = draw(8)
     expected = jl.reconstruct(bits)
@@ -129,6 +130,7 @@ def test_more_trials_than_the_limit_have_gray_estimates():
     assert info.method == "network-medium"
 
 
+@pytest.mark.slow
 def test_intervals_of_colors_contain_the_truth():
     scene = photograph("astronaut")[:384:2, 100:484:2].astype(np.float64)
     _, bits = draw(16, scene=scene)

@@ -81,6 +81,7 @@ def test_other_methods_have_wider_intervals(options):
     assert ((known.low <= estimate) & (estimate <= known.high)).all()
 
 
+@pytest.mark.slow
 def test_the_known_estimate_is_the_center():
     bits, known = known_of()
     estimate = jl.reconstruct(bits)
@@ -101,6 +102,7 @@ def test_the_densities_are_those_of_least_squares():
     np.testing.assert_allclose(found.var(axis=1), expected, rtol=0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1.0, 3.0])
 def test_held_out_bits_correct_the_scale(factor):
     """Where the errors of halves are larger than the model expects, the scale grows with them."""
@@ -127,6 +129,7 @@ def test_held_out_bits_correct_the_scale(factor):
         assert np.median(one / other) == pytest.approx(factor, rel=0.3)
 
 
+@pytest.mark.slow
 def test_white_balance_and_units_scale_the_intervals():
     plain = expose(image=0.3 * IMAGE)
     balanced = Mosaic("RGGB", white_balance=[2.0, 1.0, 0.5])
@@ -141,6 +144,7 @@ def test_white_balance_and_units_scale_the_intervals():
     np.testing.assert_allclose(photons.standard_error, factor * known.standard_error, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_stacks_and_dead_and_saturated_pixels():
     mask = np.zeros(IMAGE.shape[:2], bool)
     mask[10:12, 20] = True
@@ -160,6 +164,7 @@ def test_stacks_and_dead_and_saturated_pixels():
     np.testing.assert_array_equal(stack.low[0], known_of()[1].low)
 
 
+@pytest.mark.slow
 def test_a_scene_unlike_photographs_is_unlikely():
     noise = np.random.default_rng(0).random(IMAGE.shape)
     strange = jl.uncertainty(expose(trials=64, image=noise)).unlikely.mean()

@@ -12,6 +12,7 @@ IMAGE = jl.datasets.photograph("camera")[100:140, 180:220]
 BITS = SENSOR.expose(IMAGE, rng=0)
 
 
+@pytest.mark.slow
 def test_each_result_is_that_of_the_method_measured_against_the_image():
     names = [name for name in select_methods(SENSOR) if METHODS[name].required_package is None]
     titles = []

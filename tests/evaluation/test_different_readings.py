@@ -125,6 +125,7 @@ def test_many_readings_are_blended_on_held_out_bits():
     assert error(estimate, truth) < error(jl.mle(bits), truth)
 
 
+@pytest.mark.slow
 def test_networks_serve_maps_whose_neighbors_say_very_different_amounts():
     truth = jl.datasets.photograph("camera")[::4, ::4].astype(float)
     board = np.where(np.indices(truth.shape).sum(axis=0) % 2, 1, 8)

@@ -38,6 +38,7 @@ def test_a_photograph_keeps_the_estimate_of_the_network():
     assert jl.metrics.psnr(estimate, PHOTOGRAPH) > jl.metrics.psnr(plain, PHOTOGRAPH) - 0.1
 
 
+@pytest.mark.slow
 def test_the_default_with_fallback_is_the_method_held_out():
     bits = SENSOR.expose(CHECKERBOARD, rng=0)
     expected = held_out(bits)

@@ -24,6 +24,7 @@ def test_the_blend_is_as_good_as_its_best_part(frames):
     assert jl.metrics.psnr(held_out(counts, sensor), truth) > max(quality.values()) - 0.05
 
 
+@pytest.mark.slow
 def test_the_result_is_reproducible():
     counts = np.random.default_rng(1).binomial(3000, 0.2 + 0.1 * np.eye(24))
     sensor = jl.Sensor(frames=3000)

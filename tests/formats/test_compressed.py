@@ -128,6 +128,7 @@ def test_the_end_is_checked_before_the_first_frame_is_returned(tmp_path, name, d
         jl.open(path, frames=slice(0, 1), **options)
 
 
+@pytest.mark.slow
 def test_a_stream_that_continues_after_its_array_is_read_to_one_byte_more(tmp_path, monkeypatch):
     content = npy_bytes(PACKED)
     endless = compressed.igzip.compress(content + bytes(1 << 26))

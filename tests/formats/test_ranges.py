@@ -191,6 +191,7 @@ def test_a_few_frames_at_a_url_need_few_bytes(tmp_path, name, write, options, nu
         np.testing.assert_array_equal(np.asarray(frames_of(capture)), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "write", "options"),
     [

@@ -95,6 +95,7 @@ def test_conversions_compare_checksums(server, tmp_path):
     np.testing.assert_array_equal(packed(jl.open(tmp_path / "copy.npy")), packed(bits))
 
 
+@pytest.mark.slow
 def test_temporary_files_are_deleted_with_the_bits(server):
     gc.collect()  # those of other tests
     bits = jl.open(f"{server.url}/capture.npy")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import hypothesis.extra.numpy as hnp
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,6 +13,7 @@ import jotlight as jl
 from any_sensor import sensors_and_bits
 
 
+@pytest.mark.slow
 @given(sensors_and_bits())
 def test_saved_bits_are_opened_with_their_width_and_sensor(case):
     sensor, values = case
@@ -25,6 +27,7 @@ def test_saved_bits_are_opened_with_their_width_and_sensor(case):
         np.testing.assert_array_equal(loaded.to_array(), values)
 
 
+@pytest.mark.slow
 @given(
     hnp.arrays(bool, hnp.array_shapes(min_dims=3, max_dims=3, max_side=20)),
     st.integers(0, 4),

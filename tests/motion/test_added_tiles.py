@@ -65,6 +65,7 @@ def test_tiles_that_fit_noise_are_left_out(motion, frames, size, photons):
     assert sums is consistent
 
 
+@pytest.mark.slow
 def test_the_motion_of_a_camera_is_explained():
     _, _, paths, consistent = along_affine_motion("shake", frames=64, shape=(128, 128))
     assert not is_unexplained(paths, consistent)
@@ -82,6 +83,7 @@ def test_degrees_of_freedom_are_those_of_a_linear_estimate():
     assert degrees_of_freedom(information, LESS_SMOOTH) == pytest.approx(expected)
 
 
+@pytest.mark.slow
 def test_paths_along_which_more_bits_agree_are_kept():
     scene, blocks, paths, consistent = along_affine_motion("sheet", frames=48, shape=(96, 96))
     every = dataclasses.replace(consistent, accepted=np.ones_like(consistent.accepted))
@@ -90,6 +92,7 @@ def test_paths_along_which_more_bits_agree_are_kept():
     assert sums is every
 
 
+@pytest.mark.slow
 def test_the_model_of_tiles_needs_no_test():
     scene, blocks, paths, _ = along_affine_motion("shake", frames=32, shape=(64, 64), rng=0)
     more, sums = add_tiles(blocks, scene.reference, paths, None)

@@ -92,6 +92,7 @@ def test_one_photon_stands_still():
     assert merge(jl.Bits.from_array(array)).ones.sum() <= 1
 
 
+@pytest.mark.slow
 def test_a_scene_that_leaves_the_view_is_reported():
     """The scene moves by 2.5 pixels per frame, so its points are in view for 38 frames."""
     times = np.arange(96) - 48

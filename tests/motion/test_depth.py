@@ -93,6 +93,7 @@ def test_pixels_at_the_same_position_are_as_far_as_the_tracks_have_moved_apart()
     np.testing.assert_allclose(field[1], FRAMES // 2 - 3, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_gains_are_sums_of_log_likelihood_differences(monkeypatch):
     """A loop over blocks and pixels yields the same, without the loss by noise."""
     monkeypatch.setattr(depth, "_NOISE", 0.0)

@@ -161,6 +161,7 @@ def test_frames_that_arrive_in_any_parts_make_the_same_film(sizes):
         assert one.is_carried == two.is_carried
 
 
+@pytest.mark.slow
 def test_a_live_film_keeps_four_windows_of_frames(monkeypatch):
     _, bits = moving("static", 32, (32, 32))
     live = LiveFilm(bits.sensor, window=16, step=4, model="none")
@@ -270,6 +271,7 @@ def test_a_motion_that_folds_the_image_is_not_carried():
     assert carry(folded, bits[8:40], bits[8:40].sensor, 8) is None
 
 
+@pytest.mark.slow
 def test_the_carried_motion_shows_the_middle_of_its_window():
     scene, bits = moving("shake")
     before = jl.align(bits[:64])

@@ -119,6 +119,7 @@ def test_squares_of_windows_are_those_of_all_frames(mosaic, step):
         assert colors.sensor_of_squares(stop - start) == own
 
 
+@pytest.mark.slow
 def test_a_motion_that_is_lost_flags_every_pixel():
     _, bits = small()
     part = bits[:WINDOW]

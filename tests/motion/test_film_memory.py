@@ -45,6 +45,7 @@ def test_the_counts_of_a_still_scene_are_those_of_all_frames_with_fading(monkeyp
         expected = FADING * (expected + leaving)
 
 
+@pytest.mark.slow
 def test_a_rejected_image_is_not_remembered_twice(monkeypatch):
     _, bits = recorded("static", 56, shape=(64, 64))
     expected = [image.merged for image in film(bits, window=32, step=8, causal=True)]
@@ -72,6 +73,7 @@ def test_memory_improves_the_images_of_a_shaking_camera():
     assert quality(True) > quality(False) + 0.4
 
 
+@pytest.mark.slow
 def test_live_films_have_the_same_memory():
     _, bits = recorded("shake", 56, shape=(64, 64))
     live = LiveFilm(bits.sensor, window=32, step=8, model="affine")
@@ -97,6 +99,7 @@ def test_color_channels_are_remembered_side_by_side():
     np.testing.assert_allclose(found, expected.mean((0, 1)), atol=0.02)
 
 
+@pytest.mark.slow
 def test_only_causal_films_remember_by_default_and_none_on_a_finer_grid():
     _, bits = recorded("static", 48)
     later = list(film(bits, window=32, step=8))
@@ -176,6 +179,7 @@ def test_a_change_of_brightness_ends_the_memory(factor):
     assert abs(rate[8] / after - 1) < 0.01  # frames 64 to 95
 
 
+@pytest.mark.slow
 def test_counts_and_pixels_of_several_jots_are_remembered():
     _, bits = recorded("static", 64, oversampling=2)
     last = list(film(bits, window=32, step=8, causal=True, model="none"))[-1]

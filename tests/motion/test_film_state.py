@@ -88,6 +88,7 @@ def test_a_doubtful_motion_is_estimated_from_more_frames(
             np.testing.assert_array_equal(image.merged.ones, other.merged.ones)
 
 
+@pytest.mark.slow
 def test_the_motion_that_explains_the_bits_is_better_unless_merging_rejected_it():
     _, bits = record("shake", frames=32, photons=1.0)
     state = FilmState(bits.sensor, settings_of(window=32))
@@ -108,6 +109,7 @@ def flagged_everywhere(image):
     return dataclasses.replace(image, merged=dataclasses.replace(image.merged, flags=flags))
 
 
+@pytest.mark.slow
 def test_segments_are_aligned_again_as_the_frames_of_a_causal_film_become_more():
     _, bits = record("shake", frames=32, photons=1.0)
     affine = jl.align(bits)

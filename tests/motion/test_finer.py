@@ -123,6 +123,7 @@ def test_dead_jots_and_maps_of_the_sensor_are_known_on_the_finer_grid():
     assert np.isfinite(jl.pretrained(sensor).reconstruct(merged)).all()
 
 
+@pytest.mark.slow
 def test_colors_have_a_finer_grid_each():
     shifts = np.outer(np.arange(FRAMES) - REFERENCE, (0.3, -0.2)) + 0.01
     _, bits = moved(shifts, shape=SIZE, photons=0.5, rng=0)

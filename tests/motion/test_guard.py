@@ -48,6 +48,7 @@ def paths_that_drift(pixels_per_frame, photons, rng, frames=64):
     return paths_of(blocks, shifts, frames // 2)
 
 
+@pytest.mark.slow
 def test_every_second_frame_in_the_middle_is_held_out(monkeypatch):
     held = []
     fold = guard._Fold.of

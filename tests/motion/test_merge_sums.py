@@ -79,6 +79,7 @@ def test_merged_counts_estimate_the_image():
     assert np.isfinite(jl.mle(merged)).all()
 
 
+@pytest.mark.slow
 def test_maps_of_the_sensor_are_averaged_along_the_motion():
     """The maps are linear in space, so their mean over a block is the value in its middle."""
     rows, columns = np.indices(SIZE)
@@ -105,6 +106,7 @@ def test_maps_of_the_sensor_are_averaged_along_the_motion():
     assert np.isfinite(jl.mle(merged)).all()
 
 
+@pytest.mark.slow
 def test_dead_jots_are_left_out_and_other_frames_fill_them():
     mask = np.random.default_rng(1).random(SIZE) < 0.1
     step = 1, -2

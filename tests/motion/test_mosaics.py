@@ -119,6 +119,7 @@ def test_a_still_scene_has_no_motion():
     assert jl.align(bits).model == "none"
 
 
+@pytest.mark.slow
 def test_merged_colors_are_better_than_every_window():
     scene, bits = behind("RGGB", "shake", FRAMES, LARGE)
     truth = scene.image()
@@ -136,6 +137,7 @@ def test_merged_colors_are_better_than_every_window():
     assert merged.flags.mean() < 0.3
 
 
+@pytest.mark.slow
 def test_each_color_has_the_bits_of_its_jots():
     _, bits = small("RGGB", motion="static")
     motion = jl.align(bits)
@@ -238,6 +240,7 @@ def test_the_command_line_simulates_a_moving_mosaic(run, tmp_path):
     assert (bits.shape, bits.sensor.mosaic) == ((32, 64, 80), Mosaic("RGGB"))
 
 
+@pytest.mark.slow
 def test_the_command_line_merges_colors_along_the_motion(run, tmp_path):
     _, bits = behind("RGGB", "shake", 48, (64, 80))
     jl.save(bits, tmp_path / "bits.npy")

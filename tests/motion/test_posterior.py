@@ -69,6 +69,7 @@ def check(errors):
     assert np.sqrt((errors**2).mean()) > 0.3
 
 
+@pytest.mark.slow
 def test_the_true_displacement_lies_within_three_posterior_deviations():
     scenes = [aligned("shake"), aligned("shake", photons=0.1, rng=1)]
     check(np.concatenate([standardized(scene, motion).ravel() for scene, _, motion in scenes]))

@@ -50,6 +50,7 @@ def test_halves_that_move_differently_are_two_segments():
     assert total.mean() > 0.9
 
 
+@pytest.mark.slow
 def test_velocities_that_hardly_differ_are_found_in_all_frames():
     """In the central half, the parts move apart by 10 pixels: less than their details are wide."""
     velocities = (0.1, 0.1), (-0.1, -0.1)

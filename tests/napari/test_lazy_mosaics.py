@@ -130,6 +130,7 @@ def test_a_calibration_tells_filters_from_jots(tmp_path):
     assert layer[1]["rgb"]
 
 
+@pytest.mark.slow
 def test_a_calibration_of_pixels_with_several_jots(tmp_path):
     rng = np.random.default_rng(0)
     sensor = jl.Sensor(frames=256, oversampling=2, mosaic="RGGB", dark_counts=0.01)

@@ -177,6 +177,7 @@ def opened_sum(path, key):
     return opened.counts(1) if isinstance(opened, jl.Bits) else opened
 
 
+@pytest.mark.slow
 def test_a_labeled_array_is_the_only_layer(tmp_path):
     pytest.importorskip("h5py")
     sensor = jl.Sensor(frames=3, dark_counts=np.full((6, 13), 0.01))

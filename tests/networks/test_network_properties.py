@@ -4,6 +4,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,6 +12,7 @@ import jotlight as jl
 from any_sensor import assert_in_range, sensors, sensors_and_bits, without_warnings
 
 
+@pytest.mark.slow
 @given(sensors_and_bits(), st.floats(0.05, 5), st.integers(5, 200))
 def test_the_initial_network_stays_between_0_and_the_largest_intensity(case, sigma, coefficients):
     sensor, bits = case

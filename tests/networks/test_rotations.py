@@ -90,6 +90,7 @@ def test_bits_with_dead_jots_have_the_estimate_of_their_counts():
         np.testing.assert_array_equal(network(bits), network(bits.counts(), sensor))
 
 
+@pytest.mark.slow
 def test_files_and_descriptions_state_the_number(tmp_path):
     network = with_rotations(CONDITIONAL, 4)
     network.save(tmp_path / "four.safetensors")

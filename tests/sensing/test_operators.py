@@ -83,6 +83,7 @@ def test_both_inner_products_are_equal_to_rounding(kernel):
         assert check_adjoint(spread(shape, 3, kernel, gain=0.3)) < 1e-14, shape
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.integers(1, 12), min_size=1, max_size=2),
     st.integers(1, 9),

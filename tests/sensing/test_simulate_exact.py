@@ -71,6 +71,7 @@ def test_maps_and_masks_keep_the_binomial_distribution(threshold, kernel):
     check_counts(ones, sensing.probability(sensor, image))
 
 
+@pytest.mark.slow
 def test_a_gain_for_each_frame_keeps_the_binomial_distribution():
     gains = np.tile([0.05, 0.5, 4.0], 2000)
     sensor = jl.Sensor(frames=len(gains), gain=gains)

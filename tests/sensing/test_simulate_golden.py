@@ -43,6 +43,7 @@ def test_a_bit_is_1_if_the_random_number_of_its_position_is_below_its_probabilit
         np.testing.assert_array_equal(bits[frame, row, :, channel], draws < np.rint(probability))
 
 
+@pytest.mark.slow
 def test_draws_of_wide_rows_come_from_several_groups():
     sensor = jl.Sensor(frames=2, kernel="linear")
     image = np.random.default_rng(0).random((3, 5000))

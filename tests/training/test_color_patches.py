@@ -9,6 +9,7 @@ from jotlight.training import ColorPatches
 PHOTOGRAPH = np.random.default_rng(0).integers(0, 256, (40, 50, 3), np.uint8)
 
 
+@pytest.mark.slow
 def test_a_patch_is_a_part_of_the_photograph_under_a_symmetry():
     source = ColorPatches([PHOTOGRAPH], linear=0.0, scaled=0.0)
     rng = np.random.default_rng(2)

@@ -88,6 +88,7 @@ def test_a_step_without_a_better_trial_stays_and_raises_the_damping():
     assert (again.vector != start).any()
 
 
+@pytest.mark.slow
 def test_training_finds_the_posterior_mean_of_each_count():
     bits = 9
     layer = jl.Layer(np.ones((1, 1, 1, 1)), np.full((1, bits + 3), 0.5), 0.0, 1.0)

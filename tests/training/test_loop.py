@@ -65,6 +65,7 @@ def test_a_trained_network_and_its_file_record_the_run(tmp_path):
     assert (loaded.history["run"]["seed"], loaded.history["run"]["steps"]) == (3, STEPS)
 
 
+@pytest.mark.slow
 def test_maps_enter_by_the_median_of_valid_jots(tmp_path):
     dark = np.array([[0.1, 0.2, 0.3], [4.0, 9.0, 9.0]])
     mapped = jl.Sensor(frames=9, dark_counts=dark, mask=dark == 9)

@@ -35,6 +35,7 @@ def is_binomial(count, fraction):
     return low <= count <= high
 
 
+@pytest.mark.slow
 def test_a_fraction_of_the_patches_is_a_color_plane():
     patches = draw(PhotographPatches([COLOR], color=0.3, linear=0.0), 8)
     levels = np.array([np.rint(255 * patch.values.mean()) for patch in patches])
@@ -59,6 +60,7 @@ def test_a_fraction_of_the_patches_is_linear_in_light():
         assert patch.image_mean == pytest.approx(expected.mean(), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_scaled_patches_are_averages_over_areas():
     # The area averages of a ramp are a ramp, which is as many times steeper as the areas are wide.
     ramp = np.tile(np.arange(0, 200, 2, dtype=np.uint8), (90, 1))

@@ -7,6 +7,7 @@ from jotlight.sensing.mosaic import Mosaic
 from jotlight.training.random_mosaics import KINDS, random_mosaic
 
 
+@pytest.mark.slow
 def test_the_kinds_have_their_fractions():
     assert sum(fraction for _, fraction in KINDS) == pytest.approx(1)
     rng = np.random.default_rng(0)

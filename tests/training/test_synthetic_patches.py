@@ -24,6 +24,7 @@ def test_a_seed_determines_a_patch():
     assert (first != other).any()
 
 
+@pytest.mark.slow
 def test_patches_are_flat_saturated_dark_and_structured():
     generator = np.random.default_rng(1)
     patches = np.array([SyntheticPatches().draw(generator, 32).values for _ in range(400)])

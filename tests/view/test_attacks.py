@@ -110,6 +110,7 @@ def test_the_number_of_pages_is_limited(server):
     wait_until(lambda: _can_connect(server))
 
 
+@pytest.mark.slow
 def test_a_client_that_never_reads_gets_a_few_images_only(server):
     """Without confirmations, the server computes nothing more."""
     with connected(server) as stream:

@@ -62,6 +62,7 @@ def test_images_of_counts_are_summed():
     assert frames == 1
 
 
+@pytest.mark.slow
 def test_rates_of_a_long_capture_are_sampled():
     bits = jl.Bits.from_array(np.repeat([[[0]], [[1]]], 1000, axis=0) * np.ones((1, 2, 8), int))
     rates, frames = firing_rates(Viewed.from_bits(bits))

@@ -85,6 +85,7 @@ def mosaic_viewed(motion="static"):
     return Viewed.from_bits(mosaic_bits(motion))
 
 
+@pytest.mark.slow
 def test_a_mosaic_has_colors_by_every_method():
     viewed, span = mosaic_viewed(), range(40)
     assert viewed.shape == (48, 64)
@@ -111,6 +112,7 @@ def test_a_mosaic_has_colors_by_every_method():
     assert ["mosaic", "Mosaic('RGGB')"] in describe_capture(viewed)["sensor"]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
 def test_a_mosaic_is_aligned():
     span = range(48)

@@ -7,6 +7,7 @@ import jotlight as jl
 from jotlight.datasets import moving, photograph
 
 
+@pytest.mark.slow
 def test_the_bits_are_those_of_the_light_behind_the_filters():
     sensor = jl.Sensor(frames=400, mosaic="RGGB")
     scene = moving(photograph("astronaut"), "static", sensor=sensor, shape=(24, 32), rng=0)

@@ -94,6 +94,7 @@ def zipped_mat(path):
     return path.read_bytes()
 
 
+@pytest.mark.slow
 def test_compressed_variables_are_checked_to_their_end(tmp_path):
     path = tmp_path / "a.mat"
     content = zipped_mat(path)

@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 use std::f32::consts::FRAC_PI_2;
 
 use ndarray::{Array2, ArrayView2, Zip};
+use rayon::prelude::*;
 
 use super::Network;
 use super::levels::{LocalTrials, level_weights};
@@ -117,12 +118,14 @@ impl Denoiser<'_> {
             .iter()
             .map(|image| Array2::<f32>::zeros(image.dim()));
         let mut sums: Vec<_> = zeros.collect();
-        for (level, groups) in levels {
+        // Levels for few pixels do not occupy all threads, so all levels run at the same time.
+        let levels: Vec<_> = levels.into_iter().collect();
+        let runs = levels.par_iter().map(|(level, groups)| {
             let parts: Vec<_> = groups.iter().flat_map(parts_of).collect();
             let counts = parts.iter().map(|part| {
                 let ones = |fraction: f32| {
                     let ones = if self.zeros { 1.0 - fraction } else { fraction };
-                    ones * level as f32
+                    ones * *level as f32
                 };
                 match part.band {
                     None => fractions[part.image].mapv(ones),
@@ -131,7 +134,10 @@ impl Denoiser<'_> {
             });
             let outputs = self
                 .network
-                .run_counts(counts.collect(), level, self.zeros)?;
+                .run_counts(counts.collect(), *level, self.zeros)?;
+            Ok((parts, outputs))
+        });
+        for (parts, outputs) in runs.collect::<Result<Vec<_>>>()? {
             for (part, output) in parts.iter().zip(outputs) {
                 let sum = &mut sums[part.image];
                 match part.band {
