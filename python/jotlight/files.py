@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import os
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -20,8 +21,12 @@ _unfinished: set[Path] = set()
 
 
 def refuse_overwrite(output: str | os.PathLike[str], inputs: Iterable[Path | None]) -> None:
-    """Raise ValueError when the output file is one of the input files."""
+    """Raise ValueError when the output file is one of the input files, or a URL."""
     output = Path(output)
+    if re.match(r"[A-Za-z][A-Za-z0-9+.\-]+:$", output.parts[0] if output.parts else ""):
+        raise ValueError(
+            f"{output}: results are written to files of this machine, not to URLs; choose a file"
+        )
     for path in inputs:
         if path is not None and path.exists() and output.exists() and output.samefile(path):
             raise ValueError(

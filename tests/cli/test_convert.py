@@ -9,6 +9,7 @@ import jotlight as jl
 from conversions import COUNTS, NEEDS, files, path_for, random_frames
 from jotlight.formats.writing import write_capture
 from reference import formats
+from servers import http_server
 
 
 def test_convert_prints_and_records_its_assumptions(run, tmp_path):
@@ -34,6 +35,15 @@ def test_convert_sums_bits_where_the_format_holds_counts(run, tmp_path):
     jl.save(jl.Bits.from_array(array), tmp_path / "a.npy")
     assert run("convert", "a.npy", "-o", "a.tif")[0] == 0
     np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), array.sum(0))
+
+
+def test_a_capture_at_a_url_is_converted(run, tmp_path):
+    array = random_frames(4, 6, 8)
+    jl.save(jl.Bits.from_array(array), tmp_path / "a.npy")
+    with http_server(tmp_path) as server:
+        assert run("convert", f"{server.url}/a.npy", "-o", "b.npy")[0] == 0
+    np.testing.assert_array_equal(jl.open(tmp_path / "b.npy").to_array(), array)
+    assert json.loads((tmp_path / "b.npy.run.json").read_text())["run"]["capture"] == "a.npy"
 
 
 def test_unpacked_frames_need_the_option_unpacked(run, tmp_path):

@@ -95,6 +95,33 @@ def test_a_slurm_job_array_computes_parts(run, captures, monkeypatch):
     assert Part.of_slurm() == Part(3, 3)
 
 
+@pytest.mark.parametrize("window", [(), ("--window", 16)])
+def test_results_are_not_written_to_urls(run, captures, window):
+    ending = "zarr" if window else "png"
+    output = f"s3://bucket/{{name}}.{ending}"
+    code, err = run("reconstruct", *captures, "-o", output, "-m", "mle", *window)
+    assert code == 1
+    assert "results are written to files of this machine, not to URLs" in err
+    code, err = run("reconstruct", captures[0], "-o", f"s3://bucket/a.{ending}", *window)
+    assert code == 1
+    assert "not to URLs" in err
+    assert not Path("s3:").exists()
+
+
+def test_a_result_is_not_a_capture(run, captures):
+    assert run("reconstruct", captures[0], "-o", "v.zarr", "-m", "mle", "--window", 16)[0] == 0
+    with pytest.raises(ValueError, match="holds images of a run, not a capture"):
+        jl.open("v.zarr")
+
+
+def test_parts_without_a_capture_make_no_image(run, captures):
+    base = ("reconstruct", *captures, "-o", "{name}.png", "-m", "mle", "--part")
+    code, out = run(*base, "2/64")
+    assert (code, "1 made" in out, "gather" in out) == (0, True, False)
+    code, out = run(*base, "7/64")
+    assert (code, "0 made" in out, "gather" in out) == (0, True, False)
+
+
 def test_results_of_another_run_are_refused(run, captures):
     base = ("reconstruct", captures[0], "-o", "v.zarr", "-m", "mle", "--window")
     assert run(*base, 16)[0] == 0

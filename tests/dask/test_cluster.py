@@ -176,9 +176,21 @@ def test_a_worker_with_another_version():
             return {"tcp://a": 1, "tcp://b": 1}
 
         def run(self, function, on_error):
-            return {"tcp://a": function(), "tcp://b": "0.0.1"}
+            return {"tcp://a": function(), "tcp://b": ("0.0.1", [])}
 
     with pytest.raises(ValueError, match=r"1 have another one, such as 0.0.1 on tcp://b"):
+        check_workers(Client())
+
+
+def test_a_worker_without_a_package_that_units_need():
+    class Client:
+        def nthreads(self):
+            return {"tcp://a": 1, "tcp://b": 1}
+
+        def run(self, function, on_error):
+            return {"tcp://a": function(), "tcp://b": (__version__, ["fsspec"])}
+
+    with pytest.raises(ValueError, match=r"1 have not .*; fsspec cannot be imported on tcp://b"):
         check_workers(Client())
 
 

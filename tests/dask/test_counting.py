@@ -88,3 +88,10 @@ def test_bad_arrays_are_refused(x, message):
 def test_bad_options_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         jl.dask.count(random_bits(40).to_dask(), **options)
+
+
+def test_a_worker_with_another_version_is_refused(monkeypatch):
+    counts = counting.count(jl.Bits.from_array(np.ones((8, 4, 8), bool)), 4)
+    monkeypatch.setattr("jotlight.dask.cluster.__version__", "0.0.1")
+    with pytest.raises(RuntimeError, match=r"expected jotlight .* on each worker, got 0\.0\.1"):
+        counts.compute()

@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from jotlight.dask import names
 from jotlight.dask.names import Part, find_captures, name_captures, name_outputs
 
 
@@ -61,3 +62,10 @@ def test_several_captures_need_a_place_for_their_names():
     with pytest.raises(ValueError, match=r"such as out/\{name\}.zarr"):
         name_outputs(Path("out/video.zarr"), ["a", "b"])
     assert name_outputs(Path("video.zarr"), ["a"]) == [Path("video.zarr")]
+
+
+def test_the_options_of_file_systems_reach_globs(monkeypatch):
+    found = []
+    monkeypatch.setattr(names, "expand", lambda *arguments: found.append(arguments) or ["a"])
+    assert names.find_captures(["s3://b/*.npy"], {"anon": True}) == ["a"]
+    assert found == [("s3://b/*.npy", {"anon": True})]

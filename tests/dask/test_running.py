@@ -9,8 +9,8 @@ import pytest
 from jotlight.dask import running
 from jotlight.dask.cluster import connected
 from jotlight.dask.names import Part
+from jotlight.dask.records import AnotherRunError
 from jotlight.dask.running import ThisProcess, compute_unit, run_jobs
-from jotlight.dask.store import AnotherRunError
 from jotlight.errors import MissingExtraError
 from jotlight.formats.reading import open_capture
 
@@ -26,6 +26,7 @@ class FakeJob:
     broken: int | None = None
     complete: bool = False
     foreign: bool = False
+    is_single: bool = False
     computed: list = dataclasses.field(default_factory=list)
     finished: int = 0
 
@@ -91,6 +92,13 @@ def test_parts_together_compute_each_unit_once(tmp_path, total):
     assert [job.finished for job in jobs] == [int(total <= 3)] * 3
 
 
+def test_the_part_that_has_the_only_unit_of_a_result_completes_it(tmp_path):
+    jobs = jobs_in(tmp_path, number=2, units=1, is_single=True)
+    outcomes = [run_jobs(jobs, ThisProcess(), part=Part(number, 4)) for number in (1, 2, 3, 4)]
+    assert [outcome.made for outcome in outcomes] == [["job0"], ["job1"], [], []]
+    assert not any(outcome.partial for outcome in outcomes)
+
+
 def test_results_of_other_runs_stop_the_run_before_work(tmp_path):
     jobs = jobs_in(tmp_path)
     jobs[2].foreign = True
@@ -110,7 +118,7 @@ def test_results_that_do_not_fit_on_the_disk_are_refused(tmp_path, monkeypatch):
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(running.shutil, "disk_usage", lambda folder: usage(0, 0, 3 << 30))
     jobs = jobs_in(tmp_path / "new" / "folder", nbytes=1 << 30)
-    with pytest.raises(OSError, match=r"need up to 3 GiB, but .* has only 3 GiB"):
+    with pytest.raises(OSError, match=r"need up to 3 GiB, and 64 MiB must .* only 3 GiB"):
         run_jobs(jobs, ThisProcess())
     jobs[0].complete = True
     assert len(run_jobs(jobs, ThisProcess()).made) == 2

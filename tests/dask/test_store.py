@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 import zarr
 
-from jotlight.dask.store import AnotherRunError, VideoStore, open_unfinished, read_record
+from jotlight.dask.records import AnotherRunError, read_record
+from jotlight.dask.store import VideoStore, open_unfinished
 
 RUN = {"method": "mle", "values": "float32"}
 FACTS = {"crc32": "00000000", "bytes": 0, "minimum": 0.0, "maximum": 1.0}
@@ -50,6 +51,23 @@ def test_a_flipped_bit_is_detected(tmp_path):
     path.write_bytes(content)
     with pytest.raises(ValueError, match="checksum"):
         zarr.open_array(str(store.path), mode="r")[1]
+
+
+@pytest.mark.parametrize("damage", [lambda path: path.unlink(), lambda path: path.write_bytes(b"")])
+def test_a_finished_array_without_all_images_is_not_complete(tmp_path, damage):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store)
+    store.finish()
+    damage(store.path / "c.3.0.0")
+    with pytest.raises(ValueError, match=r"1 of its 5 images are missing .* such as c.3.0.0"):
+        store.is_complete()
+
+
+def test_only_missing_images_need_space(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    assert store.missing_nbytes == store.nbytes == 5 * 3 * 4 * 4
+    fill(store, [0, 2])
+    assert store.missing_nbytes == 2 * 3 * 4 * 4
 
 
 def test_an_unfinished_store_continues(tmp_path):

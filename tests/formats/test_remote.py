@@ -117,6 +117,21 @@ def test_missing_files_and_servers(server):
         jl.open("nosuch://host/a.npy")
 
 
+@pytest.mark.parametrize(
+    ("status", "error", "text"),
+    [
+        (401, PermissionError, "access was denied .* check the credentials"),
+        (403, PermissionError, "access was denied .* check the credentials"),
+        (404, FileNotFoundError, "there is no file http"),
+        (500, OSError, r"a\.npy: cannot be read"),
+    ],
+)
+def test_errors_of_web_servers(tmp_path, status, error, text):
+    with http_server(tmp_path, status=status) as server, pytest.raises(OSError, match=text) as info:
+        jl.open(f"{server.url}/a.npy")
+    assert type(info.value) is error
+
+
 def test_options_of_urls_are_refused_for_files(folder):
     with pytest.raises(ValueError, match="storage_options: are for URLs"):
         jl.open(folder / "capture.npy", storage_options={"anon": True})
@@ -187,6 +202,14 @@ def test_globs_on_s3(bucket):
     ]
     size, _ = file_state("s3://bucket/day/capture.npy", bucket)
     assert size == 3000 * 32 * 8 + 128
+
+
+@pytest.mark.exhaustive
+def test_a_run_over_a_glob_on_s3(run, tmp_path, bucket):
+    options = [f"--storage-option={name}={value}" for name, value in bucket.items()]
+    arguments = ["s3://bucket/day/capture.n*", "-o", tmp_path / "{name}.zarr", "--window", 1000]
+    status, output = run("reconstruct", *arguments, "-m", "mle", *options)
+    assert (status, "1 made" in output) == (0, True)
 
 
 @pytest.mark.exhaustive

@@ -10,7 +10,16 @@ from pathlib import Path
 class RangeHandler(SimpleHTTPRequestHandler):
     """Serve the files of a folder, and ranges of them."""
 
+    def do_HEAD(self):
+        if self.server.status is None:
+            super().do_HEAD()
+        else:
+            self.send_error(self.server.status)
+
     def do_GET(self):
+        if self.server.status is not None:
+            self.send_error(self.server.status)
+            return
         wanted = re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers.get("Range", ""))
         path = Path(self.translate_path(self.path))
         if wanted is None or not self.server.ranges or not path.is_file():
@@ -38,14 +47,17 @@ class RangeHandler(SimpleHTTPRequestHandler):
 
 
 @contextlib.contextmanager
-def http_server(folder, ranges=True):
-    """Yield a server of a folder, with the attributes `url` and `requests`: (path, bytes)."""
+def http_server(folder, ranges=True, status=None):
+    """Yield a server of a folder, with the attributes `url` and `requests`: (path, bytes).
+
+    With a `status`, it answers each request with this error.
+    """
 
     def handler(*args):
         return RangeHandler(*args, directory=str(folder))
 
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        server.requests, server.ranges = [], ranges
+        server.requests, server.ranges, server.status = [], ranges, status
         server.url = f"http://127.0.0.1:{server.server_port}"
         thread = threading.Thread(target=server.serve_forever, args=(0.01,))
         thread.start()

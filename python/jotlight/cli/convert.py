@@ -1,6 +1,6 @@
 """``jotlight convert``: a capture in another format."""
 
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Annotated, Any
 
 from cyclopts import Parameter
@@ -11,12 +11,12 @@ from jotlight.cli.captured import provenance_notes, refuse_capture_overwrite
 from jotlight.cli.console import progress, report
 from jotlight.cli.run_options import CapturePaths, RunOptions
 from jotlight.dask.jobs import conversion_record, conversion_text
-from jotlight.dask.store import read_json
-from jotlight.files import atomic_write, write_file
+from jotlight.dask.records import read_json
+from jotlight.files import atomic_write, refuse_overwrite, write_file
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.formats.description import companion_files
-from jotlight.formats.locations import file_state
+from jotlight.formats.locations import file_state, is_url
 from jotlight.formats.registry import WRITERS
 from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.sensing.bits import Bits
@@ -50,7 +50,7 @@ def convert(
     if run.is_requested(data):
         _convert_many(data, output, to, capture, run)
         return
-    _convert_one(Path(data[0]), output, to, capture)
+    _convert_one(data[0] if is_url(data[0]) else Path(data[0]), output, to, capture)
 
 
 def _convert_many(
@@ -70,14 +70,16 @@ def _convert_many(
     process(data, output, capture, run, None, make_job)
 
 
-def _convert_one(data: Path, output: Path, to: str | None, capture: CaptureOptions) -> None:
+def _convert_one(data: Path | str, output: Path, to: str | None, capture: CaptureOptions) -> None:
     """Convert one capture, and report it."""
     name = choose_output_format(output, to)
     outputs = {output}
     if name in ("npy", "npy.gz"):
         outputs |= companion_files(output)
     for file in outputs:
-        refuse_capture_overwrite(file, data)
+        refuse_overwrite(file, [])
+        if isinstance(data, Path):
+            refuse_capture_overwrite(file, data)
     opened, checksum = with_checksum(capture.open(data))
     record = conversion_record(output)
     if record.exists() and "run" not in read_json(record):
@@ -115,14 +117,14 @@ def _bytes_of(opened: Capture) -> int:
     return opened.packed.nbytes if isinstance(opened, Bits) else opened.images.nbytes
 
 
-def _run(data: Path, opened: Capture, name: str) -> dict[str, Any]:
+def _run(data: Path | str, opened: Capture, name: str) -> dict[str, Any]:
     """Return what a copy in the format `name` is made of."""
     provenance = opened.provenance
     shape = opened.shape if isinstance(opened, Bits) else opened.images.shape
     size, modified = file_state(str(data))
     return {
         "jotlight": __version__,
-        "capture": data.name,
+        "capture": PurePath(data).name,
         "bytes": size,
         "modified": modified,
         "format": provenance.format if provenance else None,

@@ -25,6 +25,7 @@ from jotlight.dask.jobs import (
     run_record,
 )
 from jotlight.dask.names import Part, find_captures, name_captures, name_outputs
+from jotlight.dask.records import AnotherRunError
 from jotlight.dask.running import (
     Cluster,
     Executor,
@@ -33,7 +34,8 @@ from jotlight.dask.running import (
     format_bytes,
     run_jobs,
 )
-from jotlight.dask.store import AnotherRunError, VideoStore
+from jotlight.dask.store import VideoStore
+from jotlight.files import refuse_overwrite
 from jotlight.formats.locations import file_state, is_url
 from jotlight.formats.writing import choose_output_format
 from jotlight.images.io import image_writer
@@ -91,7 +93,7 @@ def process(
         raise ValueError("expected one of --scheduler and --workers, got both")
     if part is not None and (run.scheduler is not None or run.workers is not None):
         raise ValueError("part: is for job arrays without dask; leave out --scheduler, --workers")
-    paths = find_captures(captures)
+    paths = find_captures(captures, run.storage_options())
     names = name_captures(paths)
     outputs = name_outputs(output, names)
     for path, result in zip(paths, outputs, strict=True):
@@ -318,6 +320,7 @@ def _state(source: CaptureSource) -> tuple[int, int]:
 
 
 def _refuse_input(path: str, output: Path) -> None:
+    refuse_overwrite(output, [])
     if is_url(path) or not output.exists():
         return
     if output.resolve() == Path(path).resolve():

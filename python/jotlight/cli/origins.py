@@ -6,7 +6,8 @@ from typing import Any
 
 from jotlight.cli.records import record_path
 from jotlight.dask.jobs import conversion_record
-from jotlight.dask.store import PART, open_unfinished, read_json, read_record
+from jotlight.dask.records import read_json, read_record
+from jotlight.dask.store import PART, open_unfinished
 from jotlight.formats.checksums import file_checksum
 from jotlight.images.io import read_note
 from jotlight.sensing.mosaic import Mosaic

@@ -138,11 +138,13 @@ def check_workers(client: Any) -> None:
             raise ValueError(
                 "scheduler: has no workers; start some with `dask worker ADDRESS`"
             ) from error
-    found = client.run(_version, on_error="return")
+    found = client.run(_installed, on_error="return")
+    answers = {
+        address: each if isinstance(each, tuple) else ("none that can be imported", [])
+        for address, each in found.items()
+    }
     others = {
-        address: version if isinstance(version, str) else "none that can be imported"
-        for address, version in found.items()
-        if version != __version__
+        address: version for address, (version, _) in answers.items() if version != __version__
     }
     if others:
         address, version = next(iter(others.items()))
@@ -150,10 +152,36 @@ def check_workers(client: Any) -> None:
             f"workers: expected jotlight {__version__} on all {len(found)}, but {len(others)} have "
             f"another one, such as {version} on {address}; install the same version everywhere"
         )
+    incomplete = {address: missing for address, (_, missing) in answers.items() if missing}
+    if incomplete:
+        address, missing = next(iter(incomplete.items()))
+        raise ValueError(
+            f"workers: expected the packages of jotlight[dask] on all {len(found)}, but "
+            f"{len(incomplete)} have not all of them; {', '.join(missing)} cannot be imported on "
+            f"{address}; pip install 'jotlight[dask]' there"
+        )
 
 
-def _version() -> str:
+def _installed() -> tuple[str, list[str]]:
+    """Return the version of jotlight, and the packages that units need but that are missing."""
     # Imported here, so that a worker without jotlight reports that it is missing.
+    import importlib
+
     from jotlight._engine import __version__
 
-    return __version__
+    missing = []
+    for name in ("fsspec", "google_crc32c", "isal", "zarr"):
+        try:
+            importlib.import_module(name)
+        except ImportError:
+            missing.append(name)
+    return __version__, missing
+
+
+def check_version(version: str) -> None:
+    """Raise RuntimeError in a worker with another version of jotlight than the caller's."""
+    if version != __version__:
+        raise RuntimeError(
+            f"expected jotlight {version} on each worker, got {__version__}; install the same "
+            "version on all machines"
+        )

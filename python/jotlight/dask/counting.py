@@ -14,7 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight._engine import __version__
 from jotlight.chunks import windows
+from jotlight.dask.cluster import check_version
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Packed
@@ -106,6 +108,10 @@ def count(
     TypeError, ValueError
         When `x` is not packed, its chunks do not hold whole frames, or a number is out of range.
 
+    Notes
+    -----
+    Workers with another version of jotlight raise RuntimeError when the counts are computed.
+
     Examples
     --------
     >>> bits = Bits.from_array(np.ones((100, 16, 16), bool))
@@ -132,6 +138,7 @@ def count(
         spans,
         width,
         oversampling,
+        __version__,
         dtype=np.int32,
         chunks=(tuple(map(len, pieces)), *((size,) for size in shape)),
         meta=np.empty((0,) * x.ndim, np.int32),
@@ -192,9 +199,11 @@ def _count_pieces(
     spans: Spans,
     width: int,
     oversampling: int,
+    version: str,
     block_info: Any = None,
 ) -> npt.NDArray[np.int32]:
-    """Return the counts of all pieces of a chunk."""
+    """Return the counts of all pieces of a chunk. The worker must have the caller's version."""
+    check_version(version)
     start, stop = block_info[0]["array-location"][0]
     # A file is mapped read-only, and the engine only reads.
     pieces = spans.pieces(start, stop)

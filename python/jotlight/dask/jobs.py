@@ -16,7 +16,8 @@ import numpy as np
 from jotlight._engine import __version__
 from jotlight.dask.counting import Spans
 from jotlight.dask.estimator import Estimator
-from jotlight.dask.store import Record, VideoStore, check_same_run, read_json
+from jotlight.dask.records import Record, check_same_run, read_json
+from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import WindowCounter
 from jotlight.files import atomic_write_together, write_file
 from jotlight.formats.checked_reading import with_checksum
@@ -45,7 +46,11 @@ class Job(Protocol):
 
     @property
     def nbytes(self) -> int:
-        """Maximum number of bytes of the result."""
+        """Maximum number of bytes of the result that are missing."""
+
+    @property
+    def is_single(self) -> bool:
+        """Whether one unit makes the whole result."""
 
     def is_complete(self) -> bool:
         """Return whether the result exists. Raise ValueError if it is that of another run."""
@@ -123,8 +128,13 @@ class VideoJob:
 
     @property
     def nbytes(self) -> int:
-        """Number of bytes of the array."""
-        return self.store.nbytes
+        """Number of bytes of the images that are missing."""
+        return self.store.missing_nbytes
+
+    @property
+    def is_single(self) -> bool:
+        """False: several parts may make images."""
+        return False
 
     def is_complete(self) -> bool:
         """Return whether the zarr folder exists."""
@@ -169,6 +179,11 @@ class ImageJob:
     """What the image is made of, and how."""
     nbytes: int
     depth: int = 8
+
+    @property
+    def is_single(self) -> bool:
+        """True: one part makes the file."""
+        return True
 
     @property
     def record(self) -> Path:
@@ -225,6 +240,11 @@ class ConversionJob:
     nbytes: int
 
     @property
+    def is_single(self) -> bool:
+        """True: one part makes the file."""
+        return True
+
+    @property
     def record(self) -> Path:
         """The record beside the copy."""
         return conversion_record(self.output)
@@ -235,15 +255,15 @@ class ConversionJob:
         return exists and "input" in read_json(self.record)
 
     def prepare(self) -> list[int]:
-        """Write the beginning of the record, and return the only unit."""
+        """Return the only unit."""
         self.output.parent.mkdir(parents=True, exist_ok=True)
-        write_file(self.record, json.dumps({"run": self.run}, indent=1))
-        if self.output.is_dir():  # of the same run, which was killed before it wrote the record
-            shutil.rmtree(self.output)
         return [0]
 
     def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
-        """Convert the capture, which must match its checksums, and complete the record."""
+        """Convert the capture, which must match its checksums, and write the record."""
+        write_file(self.record, json.dumps({"run": self.run}, indent=1))
+        if self.output.is_dir():  # of the same run, which was killed before it wrote the record
+            shutil.rmtree(self.output)
         bits, checksum = with_checksum(self.capture.open())
         assert isinstance(bits, Bits), "bits"
         write_capture(bits, self.output, self.format)

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from jotlight.formats.locations import expand, is_url
 
@@ -83,15 +84,21 @@ class Part:
         return captures >= self.total
 
 
-def find_captures(patterns: Iterable[str]) -> list[str]:
+def find_captures(
+    patterns: Iterable[str], storage_options: dict[str, Any] | None = None
+) -> list[str]:
     """Return the captures that paths, URLs, and globs name, without repetition.
+
+    `storage_options` are those of the file systems of URLs.
 
     Raises
     ------
     FileNotFoundError
         When a pattern matches nothing.
     """
-    return list(dict.fromkeys(each for pattern in patterns for each in expand(pattern)))
+    return list(
+        dict.fromkeys(each for pattern in patterns for each in expand(pattern, storage_options))
+    )
 
 
 def name_captures(captures: Sequence[str]) -> list[str]:

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from jotlight._engine import __version__
+from jotlight.dask.cluster import check_version
 from jotlight.dask.jobs import Job
 from jotlight.dask.names import Part
-from jotlight.dask.store import AnotherRunError
+from jotlight.dask.records import AnotherRunError
 
 _AHEAD = 4
 """Number of units per thread of the cluster that are submitted ahead of time."""
@@ -126,11 +127,7 @@ def compute_unit(job: Job, unit: int, version: str) -> None:
     RuntimeError
         When the worker has another version of jotlight.
     """
-    if version != __version__:
-        raise RuntimeError(
-            f"expected jotlight {version} on each worker, got {__version__}; install the same "
-            "version on all machines"
-        )
+    check_version(version)
     job.compute(unit, 1, True)
 
 
@@ -163,9 +160,9 @@ def check_outputs(jobs: Sequence[Job]) -> list[Job]:
         free = shutil.disk_usage(folder).free
         if size + _RESERVE > free:
             raise OSError(
-                f"the results need up to {format_bytes(size)}, but {folder} has only "
-                f"{format_bytes(free)} of free space; free some space, choose another folder, or "
-                "use larger windows"
+                f"the results need up to {format_bytes(size)}, and {format_bytes(_RESERVE)} must "
+                f"stay free, but {folder} has only {format_bytes(free)} of free space; free some "
+                "space, choose another folder, or use larger windows"
             )
     return missing
 
@@ -258,7 +255,7 @@ class _Run:
                 continue
             own = [unit for unit in units if part is None or part.has(number, unit, captures)]
             self.todo[index], self._left[index] = own, len(own)
-            if not own:
+            if not own and not job.is_single:
                 self._finish(job)
 
     def units(self) -> Generator[tuple[int, Job, int]]:
@@ -281,7 +278,7 @@ class _Run:
     def _finish(self, job: Job) -> None:
         if job.name in self.outcome.failed:
             return
-        if not self._finishes:
+        if not self._finishes and not job.is_single:
             self.outcome.partial.append(job.name)
             return
         try:

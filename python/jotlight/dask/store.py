@@ -17,6 +17,7 @@ import json
 import math
 import os
 import shutil
+import uuid
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -25,31 +26,20 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.dask.records import ATTRIBUTE, Record, check_same_run, read_json, read_record
 from jotlight.dask.streaming import Checksum
 from jotlight.files import atomic_write, flush_to_disk, write_file
 from jotlight.formats.zarr.writing import import_zarr
 from jotlight.output_files import open_output
 
-ATTRIBUTE = "jotlight"
-"""Attribute of the array that holds the record."""
-
 PART = ".part"
 """Ending of the folder in which an array is made."""
-
-_MAX_JSON_BYTES = 1 << 22
 
 _FILES = 4
 """Number of files that are checked, or flushed to the disk, at a time."""
 
 S = TypeVar("S")
 T = TypeVar("T")
-
-Record = dict[str, Any]
-"""What an array was made of, and how, as JSON."""
-
-
-class AnotherRunError(ValueError):
-    """An output exists that was made from other data, or in another way."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,14 +88,31 @@ class VideoStore:
         ------
         AnotherRunError
             When the array, finished or not, is that of another run.
+        ValueError
+            When images of the finished array are missing, for example in an interrupted copy.
         """
         if self.path.exists():
             check_same_run(self.path, read_record(self.path).get("run"), self.run)
+            self._check_files()
             return True
         if self.part.exists():
             stored = read_json(self.part / "run.json")
             check_same_run(self.part, stored.get("run"), self.run)
         return False
+
+    def _check_files(self) -> None:
+        """Raise ValueError unless each image of the finished array has a file of its size."""
+        expected = self.nbytes // self.shape[0] + 4
+        with os.scandir(self.path) as entries:
+            sizes = {entry.name: entry.stat().st_size for entry in entries}
+        names = (self._chunk(index).name for index in range(self.shape[0]))
+        missing = [name for name in names if sizes.get(name) != expected]
+        if missing:
+            raise ValueError(
+                f"{self.path}: {len(missing)} of its {self.shape[0]} images are missing or "
+                f"incomplete, such as {missing[0]}; restore it from a copy, or delete it to make "
+                "it again"
+            )
 
     def resumed(self) -> "VideoStore":
         """Return the store with the size of the groups with which the same run began it."""
@@ -128,8 +135,8 @@ class VideoStore:
         if self.is_complete() or self.part.exists():
             return
         zarr = import_zarr()
-        temporary = self.part.with_name(f".{self.part.name}-{os.getpid()}")
-        shutil.rmtree(temporary, ignore_errors=True)
+        # Processes on other machines, or in containers, may have the same process id.
+        temporary = self.part.with_name(f".{self.part.name}-{uuid.uuid4().hex}")
         (temporary / "groups").mkdir(parents=True)
         codecs = zarr.codecs
         zarr.create_array(
@@ -178,6 +185,12 @@ class VideoStore:
         value: int = google_crc32c.value(content[:size])
         return value.to_bytes(4, "little") == content[size:].tobytes()
 
+    @property
+    def missing_nbytes(self) -> int:
+        """Number of bytes of the groups of images that are not complete."""
+        images = sum(len(self.images_of(group)) for group in self.missing())
+        return images * (self.nbytes // self.shape[0])
+
     def images_of(self, group: int) -> range:
         """Return the numbers of the images of a group."""
         first = group * self.group
@@ -219,7 +232,11 @@ class VideoStore:
         files = (Path(folder, name) for folder, _, names in os.walk(array) for name in names)
         for _ in _map_in_threads(flush_to_disk, files):
             pass
-        array.rename(self.path)
+        try:
+            array.rename(self.path)
+        except OSError:
+            if not self.is_complete():  # another process was faster, with the same run
+                raise
         flush_to_disk(self.path.parent)
         shutil.rmtree(self.part, ignore_errors=True)
 
@@ -279,19 +296,6 @@ def open_unfinished(part: Path) -> VideoStore:
     raise ValueError(f"{part}: expected an unfinished video of jotlight; it is damaged")
 
 
-def read_record(path: Path) -> Record:
-    """Return the record of a finished array, or an empty one if jotlight did not make it.
-
-    Raises
-    ------
-    OSError, ValueError
-        When its description cannot be read.
-    """
-    attributes = read_json(path / "zarr.json").get("attributes", {})
-    record = attributes.get(ATTRIBUTE) if isinstance(attributes, dict) else None
-    return record if isinstance(record, dict) else {}
-
-
 def _summary(facts: Iterable[Record]) -> Record:
     """Return the checksum of all frames that were read, and the range of the values."""
     total, low, high = Checksum(), math.inf, -math.inf
@@ -303,37 +307,3 @@ def _summary(facts: Iterable[Record]) -> Record:
         "minimum": low,
         "maximum": high,
     }
-
-
-def check_same_run(path: Path, stored: Any, expected: Record) -> None:
-    """Raise AnotherRunError unless the stored run is the expected one."""
-    if stored == expected:
-        return
-    if not isinstance(stored, dict):
-        raise AnotherRunError(
-            f"{path}: exists already, and is not the result of such a run; choose another name"
-        )
-    names = sorted(stored.keys() | expected.keys())
-    name = next(name for name in names if stored.get(name) != expected.get(name))
-    raise AnotherRunError(
-        f"{path}: is of another run: its {name} is {_short(stored.get(name))}, not "
-        f"{_short(expected.get(name))}; delete it, or choose another name for the output"
-    )
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 100 else f"{text[:100]}…"
-
-
-def read_json(path: Path) -> Record:
-    """Return an object of JSON from a file that may be damaged."""
-    if path.stat().st_size > _MAX_JSON_BYTES:
-        raise ValueError(f"{path}: expected at most {_MAX_JSON_BYTES} bytes; it is damaged")
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: is damaged ({error})") from error
-    if not isinstance(content, dict):
-        raise ValueError(f"{path}: is damaged: expected an object of JSON")
-    return content

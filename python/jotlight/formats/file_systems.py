@@ -7,6 +7,9 @@ from typing import Any
 
 from jotlight.errors import MissingExtraError, import_extra
 
+_DENIED = 401, 403
+"""Statuses with which web servers refuse credentials."""
+
 
 def import_fsspec() -> Any:
     """Return the library fsspec."""
@@ -24,7 +27,13 @@ def explained(url: str) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError as error:
-        raise FileNotFoundError(f"there is no file {url}") from error
+        # fsspec says so of every error of a web server.
+        cause = error.__cause__
+        if cause is not None and _status(cause) in _DENIED:
+            raise _denied(url, cause) from error
+        if cause is None or isinstance(cause, FileNotFoundError) or _status(cause) in (404, 410):
+            raise FileNotFoundError(f"there is no file {url}") from error
+        raise OSError(f"{url}: cannot be read ({cause})") from error
     except PermissionError as error:
         raise _denied(url, error) from error
     except (OSError, ValueError) as error:
@@ -33,11 +42,16 @@ def explained(url: str) -> Iterator[None]:
         raise OSError(f"{url}: cannot be read ({error})") from error
     except Exception as error:  # each file system has its own errors
         name = type(error).__name__
-        if "Credential" in name or "Auth" in name or getattr(error, "status", None) in (401, 403):
+        if "Credential" in name or "Auth" in name or _status(error) in _DENIED:
             raise _denied(url, error) from error
-        if getattr(error, "status", None) == 404:
+        if _status(error) == 404:
             raise FileNotFoundError(f"there is no file {url}") from error
         raise OSError(f"{url}: cannot be read ({name}: {error})") from error
+
+
+def _status(error: BaseException) -> object:
+    """Return the status of an answer of a web server, or None for other errors."""
+    return getattr(error, "status", None)
 
 
 def _denied(url: str, error: BaseException) -> PermissionError:

@@ -144,6 +144,11 @@ def _open_array(folder: _Folder, name: str) -> StoredArray:
         raise ValueError(f"{path}: expected an array of numbers, got {dtype} of shape {shape}")
     if min(*array.chunks, *(array.shards or array.chunks)) < 1:
         raise ValueError(f"{path}: expected chunks of 1 or more numbers, got {array.chunks}")
+    if isinstance(label, dict) and "run" in label:
+        raise ValueError(
+            f"{path}: holds images of a run, not a capture; `jotlight info` describes them, and "
+            "dask.array.from_zarr or zarr.open_array reads them"
+        )
     if label is not None and folder.checksums is None:
         raise ValueError(
             f"{path}: jotlight wrote this array, but its list of files {MANIFEST} is missing; open "

@@ -1,0 +1,64 @@
+"""Records of results: what they were made of, and how."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+ATTRIBUTE = "jotlight"
+"""Attribute of the array that holds the record."""
+
+_MAX_JSON_BYTES = 1 << 22
+
+Record = dict[str, Any]
+"""What an array was made of, and how, as JSON."""
+
+
+class AnotherRunError(ValueError):
+    """An output exists that was made from other data, or in another way."""
+
+
+def read_record(path: Path) -> Record:
+    """Return the record of a finished array, or an empty one if jotlight did not make it.
+
+    Raises
+    ------
+    OSError, ValueError
+        When its description cannot be read.
+    """
+    attributes = read_json(path / "zarr.json").get("attributes", {})
+    record = attributes.get(ATTRIBUTE) if isinstance(attributes, dict) else None
+    return record if isinstance(record, dict) else {}
+
+
+def check_same_run(path: Path, stored: Any, expected: Record) -> None:
+    """Raise AnotherRunError unless the stored run is the expected one."""
+    if stored == expected:
+        return
+    if not isinstance(stored, dict):
+        raise AnotherRunError(
+            f"{path}: exists already, and is not the result of such a run; choose another name"
+        )
+    names = sorted(stored.keys() | expected.keys())
+    name = next(name for name in names if stored.get(name) != expected.get(name))
+    raise AnotherRunError(
+        f"{path}: is of another run: its {name} is {_short(stored.get(name))}, not "
+        f"{_short(expected.get(name))}; delete it, or choose another name for the output"
+    )
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 100 else f"{text[:100]}…"
+
+
+def read_json(path: Path) -> Record:
+    """Return an object of JSON from a file that may be damaged."""
+    if path.stat().st_size > _MAX_JSON_BYTES:
+        raise ValueError(f"{path}: expected at most {_MAX_JSON_BYTES} bytes; it is damaged")
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: is damaged ({error})") from error
+    if not isinstance(content, dict):
+        raise ValueError(f"{path}: is damaged: expected an object of JSON")
+    return content
