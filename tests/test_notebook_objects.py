@@ -233,6 +233,7 @@ def test_the_long_table_of_a_plan_is_cut():
     assert plan._repr_html_().count("<tr>") < 30
 
 
+@pytest.mark.slow
 def test_uncertainty_is_summarized_also_without_information():
     assert f"saturated {UNCERTAINTY.saturated.mean():.2%}" in repr(UNCERTAINTY)
     assert f"{np.median(UNCERTAINTY.standard_error):.3g} in the median" in repr(UNCERTAINTY)

@@ -83,6 +83,7 @@ def test_the_warning_about_too_few_frames_states_the_reason(frames):
     assert not found.mask.any()
 
 
+@pytest.mark.slow
 def test_the_threshold_is_not_far_above_what_the_rate_asks_for():
     rng = np.random.default_rng(1)
     found = [
@@ -172,6 +173,7 @@ def test_dead_and_stuck_jots_are_found_alone_and_in_clusters():
     assert calibration.mask[dead].all()
 
 
+@pytest.mark.slow
 def test_jots_at_the_least_response_are_called_dead_at_the_stated_rate_at_most():
     rng = np.random.default_rng(5)
     ones, light, relative, dark = flat_scene(rng, 0.02, frames=200)

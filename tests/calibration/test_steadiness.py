@@ -40,6 +40,7 @@ def test_correlated_frames_are_found():
         jl.calibrate(jl.Bits.from_array(frames))
 
 
+@pytest.mark.slow
 def test_motion_is_found_where_it_is():
     rng = np.random.default_rng(10)
     chance = np.full((200, 32, 32), 0.2)

@@ -26,6 +26,7 @@ def files(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.mark.slow
 def test_compare_prints_a_table_and_writes_one_figure(run, photo, tmp_path):
     status, output = run("compare", photo, "-m", "mle,noniterative-gaussian,network-two-layer")
     assert status == 0
@@ -52,6 +53,7 @@ def test_compare_writes_every_kind_of_figure(run, color, tmp_path, ending):
     assert (tmp_path / f"figure.{ending}").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_tiny_images_are_compared_without_ssim(run, tmp_path):
     np.save("tiny.npy", np.full((8, 8), 0.5, np.float32))
     status, output = run("compare", "tiny.npy", "-m", "mle,noniterative-tv")
@@ -129,6 +131,7 @@ def test_compare_shows_both_iterative_methods_for_a_smooth_kernel(
     assert "photo-compare.png" in files(tmp_path)
 
 
+@pytest.mark.slow
 def test_functions_and_networks_are_compared_with_named_methods(run, photo, own_module):
     arguments = ["-k", 2, "-m", f"mle,{own_module}:mean", "--quality", "medium"]
     status, output = run("compare", photo, *arguments)

@@ -121,12 +121,13 @@ def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
     assert run(*arguments, "-o", "film.gif", "--motion-model", "none")[0] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "settings"),
     [
-        pytest.param(["--causal"], {"causal": True}, marks=pytest.mark.slow),
+        (["--causal"], {"causal": True}),
         (["--causal", "--no-memory"], {"causal": True, "memory": False}),
-        pytest.param(["--memory"], {"memory": True}, marks=pytest.mark.slow),
+        (["--memory"], {"memory": True}),
     ],
 )
 def test_images_can_use_only_earlier_frames_and_remember(run, moving, tmp_path, options, settings):
@@ -142,6 +143,7 @@ def test_images_can_use_only_earlier_frames_and_remember(run, moving, tmp_path, 
         np.testing.assert_array_equal(image, jl.mle(other.merged))
 
 
+@pytest.mark.slow
 def test_windows_without_overlap_remember_nothing(run, moving):
     status, output = run(
         *["film", "moving.npy", "--motion", "--causal", "--window", 16, "--step", 20, "-m", "mle"],

@@ -102,6 +102,7 @@ def test_counts_are_aligned(run, moving, tmp_path):
     assert f"motion: {motion.model}; half of the scene moves by " in output
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the motion does not explain the scene")
 def test_colors_share_one_motion(run, moving, tmp_path):
     frames = moving.to_array()

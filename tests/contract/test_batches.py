@@ -185,6 +185,7 @@ def test_dead_pixels_of_a_stack_are_one_warning(name):
     assert len(caught) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [jl.mle_iterative, jl.admm_tv])
 def test_images_that_do_not_converge_are_one_warning(method):
     bits = draw(SMOOTH)

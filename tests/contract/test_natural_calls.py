@@ -72,6 +72,7 @@ def test_a_stack_is_not_taken_for_colors():
     np.testing.assert_array_equal(estimates[1], jl.mle(COUNTS, SENSOR))
 
 
+@pytest.mark.slow
 def test_the_uncertainty_of_a_stack_shows_its_first_image():
     for shape, axis in (((2, 64, 80), None), ((2, 3, 64, 80), 1), ((2, 3, 64, 80), None)):
         counts = np.broadcast_to(COUNTS, shape)

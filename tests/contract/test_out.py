@@ -129,6 +129,7 @@ def test_maps_of_trials():
         check(METHODS[name].run, COUNTS[0], SENSOR, trials=trials)
 
 
+@pytest.mark.slow
 def test_readings_that_differ():
     bits = FEW.expose(SCENES[0], rng=0)
     for method in (jl.mle, jl.reconstruct):

@@ -21,6 +21,7 @@ def naive_counts(bits, window, step):
     return np.stack([frames[start : start + window].sum(0) for start in starts])
 
 
+@pytest.mark.slow
 @given(
     frames=st.integers(1, 40),
     window=st.integers(1, 40),

@@ -48,6 +48,7 @@ def squared_error(outcomes, intensity):
     return weights @ (estimates - intensity) ** 2
 
 
+@pytest.mark.slow
 def test_the_estimate_itself_has_20_db_more_range(all_outcomes):
     levels = np.geomspace(0.1, 600, 200)
     snr = [20 * np.log10(x) - 10 * np.log10(squared_error(all_outcomes, x)) for x in levels]

@@ -99,6 +99,7 @@ def test_the_coverage_of_the_interval_is_exact(pixel):
         assert pixel.probability(counts, light) @ covered >= 0.9 - 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pixel", PIXELS[:2])
 def test_the_information_is_the_mean_of_the_squared_slope(pixel):
     counts, step = np.arange(pixel.max_count + 1), 1e-5

@@ -118,6 +118,7 @@ def test_flags_and_errors_state_what_the_data_say():
     np.testing.assert_allclose(result.standard_error[0, 20:40], error[0, 20:40], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_units_need_one_gain():
     with pytest.raises(ValueError, match='units: expected "intensity", because the frames have'):
         jl.uncertainty(all_totals(SENSORS[0]), method="mle", units="photons")

@@ -33,6 +33,7 @@ def test_the_maximum_likelihood_estimate_rises_with_the_counts(data):
     assert (jl.mle(fewer, sensor) <= jl.mle(more, sensor)).all()
 
 
+@pytest.mark.slow
 @given(sensors_and_bits(), st.data())
 def test_another_one_never_makes_a_pixel_darker(case, data):
     sensor, bits = case

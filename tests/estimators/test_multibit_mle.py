@@ -135,6 +135,7 @@ def test_the_gain_of_the_reference_sensor_leaves_bright_pixels_unsaturated():
     assert reference_sensor(sensor.replace(gain=0.1)).gain == pytest.approx(0.1)
 
 
+@pytest.mark.slow
 def test_merged_readings_serve_every_method():
     sensor = SENSORS["noise"].replace(max_intensity=2.0)
     readings = sensor.expose(np.kron(SCENE, np.ones((2, 2))), rng=0)
@@ -240,6 +241,7 @@ def test_the_plan_agrees_with_simulated_estimates(sensor):
     assert plan.snr_bound[0, 0] == pytest.approx(snr_bound(several, [2.0])[0])
 
 
+@pytest.mark.slow
 def test_plans_find_frames_and_saturation():
     light, frames = (0.05, 4.0), [1, 16]
     noisy = jl.Sensor(bit_depth=4, read_noise=0.2)

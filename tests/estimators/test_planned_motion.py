@@ -53,6 +53,7 @@ def test_short_blur_without_noise_has_its_closed_form():
         assert error == pytest.approx(0.2**2 * path / (6 * 40), rel=0.12)
 
 
+@pytest.mark.slow
 def test_the_best_sum_is_the_best_of_all():
     plan = plan_motion(2.0, 0.3, (128, 256), np.arange(1, 200))
     assert abs(plan.best_sum - (1 + np.argmax(plan.summed))) <= 1
@@ -106,6 +107,7 @@ def test_the_registration_error_is_that_of_the_information():
         assert plan.registration_error == pytest.approx(of_path**-0.5, rel=0.15)
 
 
+@pytest.mark.slow
 def test_too_little_light_cannot_be_aligned():
     assert plan_motion(1e-5, 1.0, (64, 64), FRAMES).best_aligned is None
     enough = plan_motion(1.0, 0.05, (256, 256), FRAMES)

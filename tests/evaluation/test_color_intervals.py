@@ -39,13 +39,14 @@ def covered(known, image=IMAGE):
     return float(((known.low <= image) & (image <= known.high)).mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mosaic", "trials"),
     [
         ("RGGB", 16),
         (RANDOM, 16),
-        pytest.param("RGGB", 1, marks=pytest.mark.slow),
-        pytest.param("RGBW", 64, marks=pytest.mark.slow),
+        ("RGGB", 1),
+        ("RGBW", 64),
     ],
 )
 def test_the_intervals_cover_most_of_a_photograph(mosaic, trials):
@@ -62,12 +63,13 @@ def test_the_intervals_cover_most_of_a_photograph(mosaic, trials):
     assert covered(wider) > covered(known)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
         {"method": "mle"},
         {"quality": "small"},
-        pytest.param({"demosaicing": "differences"}, marks=pytest.mark.slow),
+        ({"demosaicing": "differences"}),
     ],
 )
 def test_other_methods_have_wider_intervals(options):

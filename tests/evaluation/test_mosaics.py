@@ -209,6 +209,7 @@ def test_bad_data_are_refused():
         jl.reconstruct(np.zeros((8, 8), int), sensor, out=np.zeros((8, 8), np.float32), **LINEAR)
 
 
+@pytest.mark.slow
 def test_the_command_line_simulates_and_reconstructs_a_mosaic(run, tmp_path):
     jl.save_image(tmp_path / "scene.png", SCENE.astype(np.float32))
     arguments = ("-k", 1, "-t", 16, "--mosaic", "RGGB", "-o", "bits.npy")

@@ -150,6 +150,7 @@ values = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(st.lists(st.fixed_dictionaries({"a": values, "b, ü": values}), min_size=1, max_size=5))
 def test_any_table_survives_writing_and_reading(tmp_path_factory, rows):
     path = tmp_path_factory.mktemp("tables") / "table.csv"

@@ -146,6 +146,7 @@ def test_a_capture_that_shrinks_after_it_was_opened_raises_an_error(tmp_path, na
     assert run_in_child(tmp_path, SHRINK, name, options) == "refused\n"
 
 
+@pytest.mark.slow
 def test_a_capture_that_shrinks_while_it_is_counted_raises_an_error(tmp_path):
     assert run_in_child(tmp_path, SHRINK_WHILE_COUNTING, "capture.npy") == "refused after 1\n"
 

@@ -47,6 +47,7 @@ def test_a_folder_of_images_has_one_curve(tmp_path):
     np.testing.assert_allclose(two, RAMP ** (1 / 2.2), atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(5, 7), (32, 48, 3)])
 def test_an_mp4_contains_every_image(tmp_path, shape):
     ffmpeg = pytest.importorskip("imageio_ffmpeg")

@@ -28,9 +28,10 @@ def squared_error(paths, scene):
     return np.concatenate([each.ravel() for each in errors]).mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "frames", "size"),
-    [(0, 48, 96), *(pytest.param(seed, 64, 128, marks=pytest.mark.slow) for seed in range(3))],
+    [(0, 48, 96), *((seed, 64, 128) for seed in range(3))],
 )
 def test_tiles_are_added_to_a_scene_that_deforms(seed, frames, size):
     scene, blocks, paths, consistent = along_affine_motion(
@@ -45,15 +46,16 @@ def test_tiles_are_added_to_a_scene_that_deforms(seed, frames, size):
     assert sums.accepted.mean() > consistent.accepted.mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("motion", "frames", "size", "photons"),
     [
         ("shake", 48, 96, 0.5),
-        pytest.param("shake", 64, 96, 0.1, marks=pytest.mark.slow),
-        pytest.param("shake", 32, 96, 1.0, marks=pytest.mark.slow),
+        ("shake", 64, 96, 0.1),
+        ("shake", 32, 96, 1.0),
         ("static", 64, 32, 0.5),
-        pytest.param("rotate", 128, 128, 0.2, marks=pytest.mark.slow),
-        pytest.param("static", 64, 128, 0.2, marks=pytest.mark.slow),
+        ("rotate", 128, 128, 0.2),
+        ("static", 64, 128, 0.2),
     ],
 )
 def test_tiles_that_fit_noise_are_left_out(motion, frames, size, photons):

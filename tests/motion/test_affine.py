@@ -130,6 +130,7 @@ def test_curved_paths_are_known_less_well():
     np.testing.assert_allclose(difference, 0.25**2, rtol=0.05)
 
 
+@pytest.mark.slow
 def test_smooth_parameters_have_the_variance_of_single_blocks_at_most():
     rng = np.random.default_rng(3)
     root = rng.normal(size=(6, 6)) + 3 * np.eye(6)

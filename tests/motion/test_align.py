@@ -170,6 +170,7 @@ def test_reversed_static_scenes_stand_still():
     assert_same(jl.align(reverse, at=23), jl.align(bits, at=23))
 
 
+@pytest.mark.slow
 def test_counts_of_one_reading_are_bits():
     _, bits, found = aligned("shake", shape=(64, 64))
     stack = CountStack(bits.to_array().astype(np.uint8), PROVENANCE, 1)
@@ -240,6 +241,7 @@ def scene_shifts(scene):
     return np.stack([scene.motion(time)[:, 0, 0] for time in range(scene.sensor.frames)])
 
 
+@pytest.mark.slow
 def test_dead_jots_do_not_hold_the_motion():
     mask = np.random.default_rng(1).random((96, 96)) < 0.2
     scene, _ = record("shake")

@@ -147,6 +147,7 @@ def test_whole_tiles_may_have_no_jots():
     merge(bits)
 
 
+@pytest.mark.slow
 def test_one_jot_may_remain():
     mask = np.ones((96, 96), bool)
     mask[40, 50] = False

@@ -71,6 +71,7 @@ def test_other_thresholds_are_served(threshold):
     assert motion_score(bits, threshold=threshold) > THRESHOLD
 
 
+@pytest.mark.slow
 def test_counts_and_colors_are_detected_as_bits_are():
     scene = jl.datasets.moving(
         PHOTO, "shake", sensor=jl.Sensor(frames=96), shape=(64, 70), photons=0.3, rng=2

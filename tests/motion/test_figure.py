@@ -1,6 +1,7 @@
 """Figures of motions: they show the displacements."""
 
 import numpy as np
+import pytest
 from matplotlib.figure import Figure
 
 from jotlight.images.io import read_image
@@ -8,6 +9,7 @@ from jotlight.motion.figure import draw_change, draw_paths
 from moving import constant_motion
 
 
+@pytest.mark.slow
 def test_a_figure_shows_paths_and_arrows(tmp_path):
     motion = constant_motion([(0, 0), (2, -4), (6, 3)], (64, 96), [0, 4, 8], 4)
     figure = motion.plot()

@@ -261,6 +261,7 @@ def test_blocks_are_shared_by_windows(frames, step):
         assert set(shared) <= set(edges.tolist())
 
 
+@pytest.mark.slow
 def test_a_motion_that_folds_the_image_is_not_carried():
     _, bits = moving("shake", 64)
     motion = jl.align(bits[:32])

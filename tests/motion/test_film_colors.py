@@ -81,7 +81,8 @@ def test_a_causal_film_remembers_colors():
     assert quality(last[1].data, truth) > quality(last[0].data, truth) + 0.2
 
 
-@pytest.mark.parametrize("causal", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.slow
+@pytest.mark.parametrize("causal", [(False), True])
 def test_a_still_window_keeps_its_bits(causal):
     bits = small(motion="static")[1][: WINDOW + STEP]
     for index, image in enumerate(film(bits, window=WINDOW, step=STEP, causal=causal)):
@@ -147,7 +148,8 @@ def test_what_cannot_be_merged_is_refused_before_the_first_image():
         film(bayer, window=16, upsample=2)
 
 
-@pytest.mark.parametrize("oversampling", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("oversampling", [1, (2)])
 def test_where_no_motion_explains_the_scene_the_bits_of_fewer_frames_are_shown(
     monkeypatch, oversampling
 ):

@@ -85,6 +85,7 @@ def test_live_films_have_the_same_memory():
         np.testing.assert_array_equal(image.merged.trials, other.merged.trials)
 
 
+@pytest.mark.slow
 def test_color_channels_are_remembered_side_by_side():
     photograph = jl.datasets.photograph("astronaut")[::4, ::4]
     scene = jl.datasets.moving(
@@ -129,13 +130,14 @@ def jots(kind):
     }[kind]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*no valid bit")
 @pytest.mark.parametrize(
     ("kind", "motion", "frames"),
     [
         ("hot", "static", 64),
         *(
-            pytest.param(*case, 96, marks=pytest.mark.slow)
+            (*case, 96)
             for case in (
                 ("hot", "static"),
                 ("efficiency", "static"),
@@ -158,6 +160,7 @@ def test_sensors_whose_jots_differ_are_remembered(kind, motion, frames):
     assert quality(last, scene) > quality(without, scene) - 0.05
 
 
+@pytest.mark.slow
 def test_windows_that_do_not_overlap_remember_nothing():
     _, bits = recorded("static", 48)
     for step in (16, 20):

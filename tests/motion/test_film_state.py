@@ -55,15 +55,16 @@ def attempts(monkeypatch):
     return prepare
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:more frames:jotlight.JotlightWarning")
 @pytest.mark.parametrize(
     ("causal", "is_better", "model"),
     [
         (True, True, "affine"),
-        pytest.param(True, True, "auto", marks=pytest.mark.slow),
-        pytest.param(False, True, "auto", marks=pytest.mark.slow),
-        pytest.param(True, False, "auto", marks=pytest.mark.slow),
-        pytest.param(False, False, "auto", marks=pytest.mark.slow),
+        (True, True, "auto"),
+        (False, True, "auto"),
+        (True, False, "auto"),
+        (False, False, "auto"),
     ],
 )
 def test_a_doubtful_motion_is_estimated_from_more_frames(

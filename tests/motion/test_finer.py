@@ -101,6 +101,7 @@ def test_no_reading_is_lost():
     assert (fine.trials[24:-24, 24:-24] > 0).all()
 
 
+@pytest.mark.slow
 def test_dead_jots_and_maps_of_the_sensor_are_known_on_the_finer_grid():
     mask = np.random.default_rng(1).random(SIZE) < 0.1
     rows, columns = np.indices(SIZE)

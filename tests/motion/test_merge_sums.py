@@ -117,6 +117,7 @@ def test_dead_jots_are_left_out_and_other_frames_fill_them():
     assert (merged.trials[mask] > 0).mean() > 0.95
 
 
+@pytest.mark.slow
 def test_jots_become_pixels():
     """Each pixel has the sums of its four jots, along the motion of jots."""
     step, jots = (0, -1), (SIZE[0], SIZE[1])

@@ -22,6 +22,7 @@ def net_gain(gain, pixels, length):
     return (gain * values - length * np.hypot(down, right)).sum((-2, -1))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(
     arrays(np.float32, (3, 4), elements=st.floats(-4, 4, width=16)),

@@ -44,6 +44,7 @@ def test_a_layer_of_a_mosaic_has_colors():
         )
 
 
+@pytest.mark.slow
 def test_methods_of_the_dock_widget_show_colors():
     source = make_layer(Viewed.from_bits(BITS), 16)[1]["metadata"][KEY]
     part = BITS[8:24]

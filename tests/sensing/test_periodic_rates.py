@@ -97,6 +97,7 @@ def test_the_amplitude_is_that_of_the_periodic_part():
     assert found.amplitude == pytest.approx(0.1, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_without_a_period_the_score_is_normal():
     rng = np.random.default_rng(0)
     from jotlight.sensing.periodic_rates import _score

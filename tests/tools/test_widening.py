@@ -15,6 +15,7 @@ widening = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(widening)
 
 
+@pytest.mark.slow
 def test_a_wider_network_has_the_estimates_of_the_smaller_one():
     medium = jl.Network.load(FOLDER / "medium.safetensors")
     large = widening.widen(medium, "medium", "large")
@@ -29,6 +30,7 @@ def test_a_wider_network_has_the_estimates_of_the_smaller_one():
         np.testing.assert_allclose(large.reconstruct(counts, sensor), expected, atol=2e-5)
 
 
+@pytest.mark.slow
 def test_new_channels_and_layers_depend_on_the_seed_only():
     medium = jl.Network.load(FOLDER / "medium.safetensors")
     first, same, other = (

@@ -1,10 +1,12 @@
 """Synthetic patches in color."""
 
 import numpy as np
+import pytest
 
 from jotlight.training import ColorDrawings
 
 
+@pytest.mark.slow
 def test_drawings_lie_on_a_line_between_two_colors_and_most_are_gray():
     rng = np.random.default_rng(0)
     gray = 0

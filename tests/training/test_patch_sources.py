@@ -57,6 +57,7 @@ def test_generated_images_are_new_in_every_patch():
     assert "make" in source.fingerprint()
 
 
+@pytest.mark.slow
 def test_a_mixture_draws_from_its_sources_by_weight():
     weights = {0.1: 1, 0.5: 2, 0.9: 5}
     mixture = PatchMixture(

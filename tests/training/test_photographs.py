@@ -47,6 +47,7 @@ def test_a_fraction_of_the_patches_is_a_color_plane():
     assert all(is_binomial((levels == level).sum(), 0.1) for level in COLORS)
 
 
+@pytest.mark.slow
 def test_a_fraction_of_the_patches_is_linear_in_light():
     source = PhotographPatches([GRAY], linear=0.4, scaled=0.0)
     encoded = GRAY / 255

@@ -156,6 +156,7 @@ def test_many_connections_are_refused_not_fatal(server):
     wait_until(lambda: is_alive(server))
 
 
+@pytest.mark.slow
 def test_a_public_server_shows_a_name_and_accepts_its_addresses(bits):
     running = Server(Viewed.from_bits(bits), host="0.0.0.0")
     thread = threading.Thread(target=running.run, daemon=True)

@@ -133,6 +133,7 @@ def test_several_objects_move_differently(motion, number):
     assert counts.min() > 500
 
 
+@pytest.mark.slow
 def test_an_object_that_stops_moves_until_then():
     scene = scene_of("stop")
     center = (slice(None), SHAPE[0] // 2, SHAPE[1] // 2)

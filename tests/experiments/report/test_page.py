@@ -90,6 +90,7 @@ def full() -> str:
     )
 
 
+@pytest.mark.slow
 def test_every_element_is_closed_and_every_id_is_unique(full):
     reader = Reader(full)
     ids = reader.values("id")

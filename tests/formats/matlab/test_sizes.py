@@ -44,6 +44,7 @@ def is_valid(stream):
     return len(matrix) == 8 + int.from_bytes(matrix[4:8], "little")
 
 
+@pytest.mark.slow
 def test_flips_in_a_stream_are_refused_if_its_checksum_detects_them(tmp_path):
     path, refused, bits = tmp_path / "a.mat", 0, range(0, 8 * len(STREAM), 7)
     for bit in bits:
