@@ -5,7 +5,7 @@
 The frames have 512 x 512 jots, and the files are in the system's cache. A sparse file has as many
 frames as fit into twice the bytes of the cube. All files are counted in turn, round by round, so
 all of them meet the same state of the machine. The ratios are medians over the rounds: of the
-elapsed time, and of the processor time of all threads.
+elapsed time, and of the CPU time of all threads.
 """
 
 import argparse
@@ -37,7 +37,7 @@ def main() -> None:
                 times[name].append(tuple(np.array(elapsed) / path.stat().st_size))
     # The first round also starts the threads.
     costs = {name: np.array(each[1:]) for name, each in times.items()}
-    print("| format | GB/s | time per byte, relative to .npy | processor time, relative |")
+    print("| format | GB/s | time per byte, relative to .npy | CPU time, relative |")
     print("| --- | ---: | ---: | ---: |")
     for name, cost in costs.items():
         elapsed, cpu = np.median(cost / costs[REFERENCE], axis=0)

@@ -1,4 +1,4 @@
-"""Compare two builds of jotlight in turns, with the processor time of reconstructions.
+"""Compare two builds of jotlight in turns, with the CPU time of reconstructions.
 
     python benchmarks/speed/two_builds.py [--rounds 12] OLD NEW [SIZE:HEIGHT:WIDTH:THREADS ...]
     python benchmarks/speed/two_builds.py OLD NEW drawing:box:4:1 training:128:32:1
@@ -83,7 +83,7 @@ def start(folder: str, beside_torch: bool) -> "subprocess.Popen[str]":
 
 
 def ask(build: "subprocess.Popen[str]", case: str, calls: int) -> list[list[float]]:
-    """Return the processor times and the elapsed times of reconstructions, in seconds."""
+    """Return the CPU times and the elapsed times of reconstructions, in seconds."""
     assert build.stdin
     assert build.stdout
     print(case, calls, file=build.stdin, flush=True)

@@ -2,7 +2,7 @@
 
     python benchmarks/studies/motion_cost.py [--repeats 2]
 
-The scenes are those of a shaking camera at 0.2 photons. Seconds are those of the processor on one
+The scenes are those of a shaking camera at 0.2 photons. Seconds are CPU time on one
 thread, the minimum over repeats: for one image, and for a further image of a film, to which the
 motion is carried. Memory is the peak of what NumPy allocates, without the bits.
 
@@ -63,7 +63,7 @@ def shaken(size: tuple[int, int], frames: int) -> jl.Bits:
 
 
 def measure_seconds(bits: jl.Bits, window: int) -> tuple[float, float]:
-    """Return the time of the processor for the first image of a film, and that of a further one."""
+    """Return the CPU time of the first image of a film, and that of a further one."""
     times = [time.process_time()]
     for image in film(bits, window=window, step=STEP, threads=1):
         times.append(time.process_time())

@@ -17,7 +17,7 @@ pytestmark = [
     pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT"),
 ]
 
-# A thread notes the processor time at which a signal arrives: the main thread may be busy then.
+# A thread notes the CPU time at which a signal arrives: the main thread may be busy then.
 # Processor time hardly depends on what else the machine computes.
 PROGRAM = """
 import json, os, queue, signal, sys, threading, time
@@ -121,7 +121,7 @@ CALLS = {
     ),
 }
 MAX_SECONDS = 1
-"""Maximum processor time of all threads between the signal and the exception."""
+"""Maximum CPU time of all threads between the signal and the exception."""
 
 
 class Child:
@@ -131,7 +131,7 @@ class Child:
         self.process = None
 
     def interrupt(self, call):
-        """Return the processor time and the time in seconds between a signal and its exception."""
+        """Return the CPU time and the time in seconds between a signal and its exception."""
         if self.process is None:
             self.process = subprocess.Popen(
                 [sys.executable, "-c", PROGRAM],

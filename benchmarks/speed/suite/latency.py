@@ -1,4 +1,4 @@
-"""Wall time of fresh processes."""
+"""Elapsed time of fresh processes."""
 
 import os
 import subprocess

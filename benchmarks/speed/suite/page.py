@@ -187,7 +187,7 @@ def latency_sections(run: dict[str, Any]) -> list[Section]:
         Section(
             "latency",
             "Commands",
-            "Wall time of fresh processes, in turns. The reconstruction is of an image of "
+            "Elapsed time of fresh processes, in turns. The reconstruction is of an image of "
             "481 × 321 pixels, K = 16.",
             tables=[latency_table(run["latency"])],
         )

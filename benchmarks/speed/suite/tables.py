@@ -216,9 +216,9 @@ def size_table(rows: Sequence[dict[str, Any]]) -> Table:
 
 
 def latency_table(times: dict[str, list[float]]) -> Table:
-    """Return the wall time of fresh processes."""
+    """Return the elapsed time of fresh processes."""
     return Table(
-        "Wall time of a process",
+        "Elapsed time of a process",
         [
             Column("process"),
             Column("s", ".3f"),

@@ -97,7 +97,7 @@ def process(
     names = name_captures(paths)
     outputs = name_outputs(output, names)
     for path, result in zip(paths, outputs, strict=True):
-        _refuse_input(path, result)
+        refuse_overwrite(result, [] if is_url(path) else [Path(path)])
     targets = [
         Target(*each, number) for number, each in enumerate(zip(paths, names, outputs, strict=True))
     ]
@@ -317,14 +317,6 @@ def _method_facts(estimator: Estimator, job: Reconstruction, inputs: Inputs) -> 
 
 def _state(source: CaptureSource) -> tuple[int, int]:
     return file_state(source.path, dict(source.options).get("storage_options"))
-
-
-def _refuse_input(path: str, output: Path) -> None:
-    refuse_overwrite(output, [])
-    if is_url(path) or not output.exists():
-        return
-    if output.resolve() == Path(path).resolve():
-        raise ValueError(f"{output}: is read, so it is not overwritten; choose another name")
 
 
 def _report(outcome: Outcome, targets: dict[str, Target], part: Part | None) -> None:

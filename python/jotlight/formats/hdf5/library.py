@@ -28,10 +28,10 @@ _MEMORY = 1 << 28
 """Memory in bytes that a child process may use, plus that for the requested frames and chunks."""
 
 SECONDS = 60
-"""Processor time in seconds that a request may take, plus the time for the requested bytes."""
+"""CPU time in seconds that a request may take, plus the time for the requested bytes."""
 
 _BYTES_PER_SECOND = 1 << 22
-"""Minimum number of requested bytes that a second of processor time must suffice for."""
+"""Minimum number of requested bytes that a second of CPU time must suffice for."""
 
 
 @dataclasses.dataclass(frozen=True)
