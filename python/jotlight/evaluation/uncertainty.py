@@ -161,15 +161,30 @@ def uncertainty(
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     check_demosaicing(demosaicing, sensor)
     scale = unit_scale(sensor, units)
-    images = gray_images(data)
+    found = _of_gray_images(
+        gray_images(data), sensor, method, quality, estimate, confidence_level, threads
+    )
+    return found.scaled(scale)
+
+
+def _of_gray_images(
+    images: GrayImages,
+    sensor: Sensor,
+    method: Method | None,
+    quality: str | None,
+    estimate: npt.ArrayLike | None,
+    confidence_level: float,
+    threads: int | None,
+) -> Uncertainty:
+    """Return the uncertainty of the estimates of gray images, in units of intensity."""
     if not sensor.has_plain_bits and method == EXACT_METHOD:
-        return joint_uncertainty(images, sensor, confidence_level, threads).scaled(scale)
+        return joint_uncertainty(images, sensor, confidence_level, threads)
     if not sensor.has_plain_bits:
         if estimate is None:
             estimate = reconstruct(images, sensor, method=method, quality=quality, threads=threads)
         images, sensor = with_one_response(images, sensor, method, threads)
     if method == EXACT_METHOD:
-        return exact_uncertainty(images, sensor, confidence_level, threads).scaled(scale)
+        return exact_uncertainty(images, sensor, confidence_level, threads)
     network, is_own = _reference(method, quality, images, sensor)
     if estimate is None:
         estimate = reconstruct(images, sensor, method=method, quality=quality, threads=threads)
@@ -182,7 +197,7 @@ def uncertainty(
         is_own=is_own,
         confidence_level=confidence_level,
         threads=threads,
-    ).scaled(scale)
+    )
 
 
 def check_errors_known(method: Method | None, sensor: Sensor) -> None:
