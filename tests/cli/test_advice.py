@@ -113,11 +113,16 @@ OPENED = {
 }  # fmt: skip
 
 
+OPENED_IN_GATE = "a key", "frames", "a calibration of another orientation"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [
-        pytest.param(arguments, id=name, marks=() if name == "frames" else pytest.mark.slow)
+        pytest.param(
+            arguments, id=name, marks=() if name in OPENED_IN_GATE else pytest.mark.exhaustive
+        )
         for name, arguments in OPENED.items()
     ],
 )

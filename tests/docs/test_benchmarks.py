@@ -1,5 +1,6 @@
 """docs/results/speed.md follows from the JSON beside it."""
 
+import re
 from pathlib import Path
 
 import matplotlib as mpl
@@ -32,7 +33,12 @@ def test_the_curves_follow_from_the_json(run):
             kept = (RESULTS / f"{curves.name}.svg").read_text("utf-8")
             if f"Matplotlib v{mpl.__version__}" not in kept:
                 pytest.skip("another version of Matplotlib drew the curves")
-            assert curves.svg == kept, curves.name
+            assert without_ids(curves.svg) == without_ids(kept), curves.name
+
+
+def without_ids(svg):
+    """Return a drawing without the ids of its clip paths, which rounding errors change."""
+    return re.sub(r"\bp[0-9a-f]{10}\b", "clip", svg)
 
 
 def test_every_task_and_part_was_measured(run):

@@ -18,7 +18,7 @@ pytestmark = [
 ]
 
 # A thread notes the CPU time at which a signal arrives: the main thread may be busy then.
-# Processor time hardly depends on what else the machine computes.
+# CPU time hardly depends on what else the machine computes.
 PROGRAM = """
 import json, os, queue, signal, sys, threading, time
 import numpy as np

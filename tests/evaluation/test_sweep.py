@@ -45,7 +45,13 @@ def test_steps_that_overflow_between_unequal_jots_lead_to_no_warning(pattern):
     assert check(METHODS["uncertainty (low)"], Case(sensor, (7, 11), pattern)) == ("", False)
 
 
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.exhaustive] if METHODS[name].stride == 1 else [])
+        for name in METHODS
+    ],
+)
 def test_more_adversarial_bits_lead_to_such_estimates(name):
     assert_no_violations(name, 101 * METHODS[name].stride, first=5)
 

@@ -140,13 +140,18 @@ def jots(kind):
             (*case, 96)
             for case in (
                 ("hot", "static"),
-                ("efficiency", "static"),
                 ("efficiency", "shake"),
-                ("hot", "shake"),
                 ("dark", "static"),
+                ("dead", "shake"),
+            )
+        ),
+        *(
+            pytest.param(*case, 96, marks=pytest.mark.exhaustive)
+            for case in (
+                ("efficiency", "static"),
+                ("hot", "shake"),
                 ("dark", "shake"),
                 ("dead", "static"),
-                ("dead", "shake"),
             )
         ),
     ],

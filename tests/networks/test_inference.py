@@ -44,7 +44,10 @@ def test_the_estimate_equals_the_twins(channels, sizes, tied, height, width, mas
 @pytest.mark.slow
 @pytest.mark.parametrize("tied", [True, False])
 @pytest.mark.parametrize(("channels", "sizes"), [SHAPES[1], SHAPES[4]])
-@pytest.mark.parametrize(("height", "width"), [(130, 1024), (65, 1031), (3, 2059)])
+@pytest.mark.parametrize(
+    ("height", "width"),
+    [(130, 1024), pytest.param(65, 1031, marks=pytest.mark.exhaustive), (3, 2059)],
+)
 def test_tiles_leave_no_seams(channels, sizes, tied, height, width):
     rng = np.random.default_rng(0)
     sensor = jl.Sensor(oversampling=3)
