@@ -268,7 +268,7 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
             f"counts: expected shape (H, W) or (..., H, W), and at least one pixel, got "
             f"{counts.shape}"
         )
-    # Large numbers exist only in other types. A pass over an image takes as long as to count it.
+    # Numbers from 2**31 upward exist only in other types.
     if counts.min() < 0 or (counts.dtype != np.int32 and counts.max() >= 2**31):
         raise ValueError(f"counts: expected 0 to 2**31 - 1, got {counts.min()} to {counts.max()}")
     return np.require(counts, np.int32, ["C", "ALIGNED"])

@@ -20,13 +20,24 @@ _unfinished: set[Path] = set()
 """Temporary files of blocks that have not ended."""
 
 
+def refuse_url(output: Path) -> None:
+    """Raise ValueError when an output is a URL. A path has one slash in place of its two.
+
+    Examples
+    --------
+    >>> refuse_url(Path("s3://bucket/a.zarr"))
+    Traceback (most recent call last):
+      ...
+    ValueError: s3:/bucket/a.zarr: results are written to files of this machine, not to URLs
+    """
+    if output.parts and re.fullmatch(r"[A-Za-z][A-Za-z0-9+.\-]+:", output.parts[0]):
+        raise ValueError(f"{output}: results are written to files of this machine, not to URLs")
+
+
 def refuse_overwrite(output: str | os.PathLike[str], inputs: Iterable[Path | None]) -> None:
     """Raise ValueError when the output file is one of the input files, or a URL."""
     output = Path(output)
-    if re.match(r"[A-Za-z][A-Za-z0-9+.\-]+:$", output.parts[0] if output.parts else ""):
-        raise ValueError(
-            f"{output}: results are written to files of this machine, not to URLs; choose a file"
-        )
+    refuse_url(output)
     for path in inputs:
         if path is not None and path.exists() and output.exists() and output.samefile(path):
             raise ValueError(

@@ -10,6 +10,7 @@ import pytest
 import zarr
 
 import jotlight as jl
+from jotlight.dask.jobs import CaptureSource, ConversionJob
 from jotlight.dask.names import Part
 from jotlight.images.io import read_image
 
@@ -112,6 +113,15 @@ def test_a_result_is_not_a_capture(run, captures):
     assert run("reconstruct", captures[0], "-o", "v.zarr", "-m", "mle", "--window", 16)[0] == 0
     with pytest.raises(ValueError, match="holds images of a run, not a capture"):
         jl.open("v.zarr")
+
+
+def test_preparing_a_copy_keeps_what_another_part_writes(tmp_path):
+    output = tmp_path / "copy.zarr"
+    output.mkdir()
+    job = ConversionJob("copy", CaptureSource("a.npy"), output, "zarr", {}, 0)
+    assert job.prepare() == [0]
+    assert output.exists()
+    assert not job.record.exists()
 
 
 def test_parts_without_a_capture_make_no_image(run, captures):

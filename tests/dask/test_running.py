@@ -42,6 +42,7 @@ class FakeJob:
         if unit == self.broken:
             raise ValueError("is damaged")
         self.computed.append(unit)
+        self.complete = self.is_single
 
     def finish(self):
         self.finished += 1
@@ -97,6 +98,12 @@ def test_the_part_that_has_the_only_unit_of_a_result_completes_it(tmp_path):
     outcomes = [run_jobs(jobs, ThisProcess(), part=Part(number, 4)) for number in (1, 2, 3, 4)]
     assert [outcome.made for outcome in outcomes] == [["job0"], ["job1"], [], []]
     assert not any(outcome.partial for outcome in outcomes)
+
+
+def test_a_part_without_units_of_a_video_has_not_made_it(tmp_path):
+    jobs = jobs_in(tmp_path, number=1, units=2)
+    outcomes = [run_jobs(jobs, ThisProcess(), part=Part(number, 4)) for number in (3, 4, 1, 2)]
+    assert [outcome.partial for outcome in outcomes] == [[], [], ["job0"], ["job0"]]
 
 
 def test_results_of_other_runs_stop_the_run_before_work(tmp_path):

@@ -85,6 +85,29 @@ def test_an_unfinished_store_continues(tmp_path):
     assert read_record(store.path)["maximum"] == 1.0
 
 
+def test_another_process_may_finish_first(tmp_path, monkeypatch):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store)
+
+    def flush(path):
+        if not store.path.exists():
+            shutil.copytree(store.part / "video.zarr", store.path, dirs_exist_ok=True)
+
+    monkeypatch.setattr("jotlight.dask.store.flush_to_disk", flush)
+    store.finish()
+    assert store.is_complete()
+    assert not store.part.exists()
+
+
+def test_equal_process_ids_do_not_share_a_temporary_folder(tmp_path, monkeypatch):
+    store, names = store_at(tmp_path / "v.zarr"), []
+    monkeypatch.setattr("os.getpid", lambda: 7)
+    monkeypatch.setattr("pathlib.Path.rename", lambda path, target: names.append(path.name))
+    for _ in range(2):
+        store.create()
+    assert len(set(names)) == 2
+
+
 def test_finishing_twice_is_harmless(tmp_path):
     store = store_at(tmp_path / "v.zarr")
     fill(store)

@@ -12,7 +12,7 @@ from jotlight.cli.console import progress, report
 from jotlight.cli.run_options import CapturePaths, RunOptions
 from jotlight.dask.jobs import conversion_record, conversion_text
 from jotlight.dask.records import read_json
-from jotlight.files import atomic_write, refuse_overwrite, write_file
+from jotlight.files import atomic_write, refuse_url, write_file
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.formats.description import companion_files
@@ -77,9 +77,10 @@ def _convert_one(data: Path | str, output: Path, to: str | None, capture: Captur
     if name in ("npy", "npy.gz"):
         outputs |= companion_files(output)
     for file in outputs:
-        refuse_overwrite(file, [])
         if isinstance(data, Path):
             refuse_capture_overwrite(file, data)
+        else:
+            refuse_url(file)
     opened, checksum = with_checksum(capture.open(data))
     record = conversion_record(output)
     if record.exists() and "run" not in read_json(record):

@@ -255,7 +255,7 @@ class _Run:
                 continue
             own = [unit for unit in units if part is None or part.has(number, unit, captures)]
             self.todo[index], self._left[index] = own, len(own)
-            if not own and not job.is_single:
+            if not units:
                 self._finish(job)
 
     def units(self) -> Generator[tuple[int, Job, int]]:
