@@ -11,9 +11,9 @@ import argparse
 import resource
 import time
 
-from jotlight.dask.counting import Spans
 from jotlight.dask.jobs import CaptureSource, VideoJob
 from jotlight.dask.running import Cluster
+from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 
 GIB = 1 << 30

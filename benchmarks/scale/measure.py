@@ -34,14 +34,16 @@ from timing import (
     on_workers,
     timed,
     wait_twice,
+    warm_memory,
 )
 
 import jotlight as jl
 from jotlight.dask.cluster import connected
-from jotlight.dask.counting import Spans, add_counts
 from jotlight.dask.estimator import choose_estimator
 from jotlight.dask.jobs import CaptureSource, VideoJob
+from jotlight.dask.pieces import add_counts
 from jotlight.dask.running import Cluster, ThisProcess, run_jobs
+from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import Checksum, WindowCounter
 from jotlight.formats.reading import open_capture
@@ -49,23 +51,23 @@ from jotlight.formats.reading import open_capture
 WORKERS = 2
 
 
-def share_counted(window, frames, in_engine, ready, times):
+def share_counted(window, frames, keeps, ready, times):
     """Count random frames in memory, as one of the processes of the comparison.
 
-    `Bits.counts` counts 256 frames at a time, to show its progress.
+    Each window is one call of the engine, which is the fastest form. The process either keeps the
+    images, as the workers do, or overwrites one.
     """
     data = np.random.default_rng(0).integers(0, 256, (16384, *FRAME), np.uint8)
-    jl.Bits(data[:64]).counts(1, threads=1)
-    counts = np.zeros((512, 512), np.int32)
+    one = np.zeros((512, 512), np.int32)
+    add_counts(data[:window], 512, 1, one, 1)
     wait_twice(ready)
     start, cpu = time.perf_counter(), time.process_time()
-    for first in range(0, frames, len(data)):
-        part = data[: min(len(data), frames - first)]
-        for begin in range(0, len(part), window):
-            if in_engine:
-                add_counts(part[begin : begin + window], 512, 1, counts, 1)
-            else:
-                jl.Bits(part[begin : begin + window]).counts(1, threads=1)
+    images = np.empty((frames // window, 512, 512), np.int32) if keeps else None
+    for number in range(frames // window):
+        image = images[number] if keeps else one
+        image[...] = 0
+        first = number * window % len(data)
+        add_counts(data[first : first + window], 512, 1, image, 1)
     times.put((time.perf_counter() - start, time.process_time() - cpu))
 
 
@@ -135,13 +137,13 @@ def measure_speed(options):
         for number in range(options.rounds):
             for window in options.windows:
                 row = {"round": number, "window": window, "load": os.getloadavg()[0]}
-                for name, in_engine in (("bare", False), ("bare, whole windows", True)):
-                    share = (window, frames // WORKERS, in_engine)
-                    row[name] = in_processes(share_counted, [share] * WORKERS)
-                row["count"] = run_lazy(client, path, window, None)
-                row["mle"] = run_lazy(client, path, window, "mle")
-                row["run counts"] = run_video(client, path, folder, window, None)
-                row["run mle"] = run_video(client, path, folder, window, "mle")
+                for name, keeps in (("bare", True), ("bare, overwritten", False)):
+                    share = (window, frames // WORKERS, keeps)
+                    row[name] = in_processes(share_counted, [share] * WORKERS, warm_memory)
+                row["count"] = run_lazy(client, path, window, None, warm_memory)
+                row["mle"] = run_lazy(client, path, window, "mle", warm_memory)
+                row["run counts"] = run_video(client, path, folder, window, None, warm_memory)
+                row["run mle"] = run_video(client, path, folder, window, "mle", warm_memory)
                 # The system returns free memory within seconds, and needs time to get it again.
                 # So each measurement begins right after the file was dropped.
                 readers = [(path, i) for i in range(WORKERS)]

@@ -33,6 +33,15 @@ def drop_from_cache(path):
     os.close(handle)
 
 
+def warm_memory():
+    """Write and free 1 GiB of memory before a measurement.
+
+    A virtual machine returns free memory to its host after about two seconds, and needs 1 ms per
+    MiB to get it again. After this call, it has it.
+    """
+    np.ones(1 << 27, np.int64)
+
+
 def in_processes(target, arguments, prepare=lambda: None):
     """Return the time of the slowest of some processes that begin together, and their CPU time.
 
@@ -63,11 +72,11 @@ def on_workers(client, function, prepare=lambda: None):
 
     `prepare` is called right before.
     """
-    idle = cpu_of_workers(client, lambda: time.sleep(_IDLE_SECONDS))[1] / _IDLE_SECONDS
+    per_second = cpu_of_workers(client, lambda: time.sleep(_IDLE_SECONDS))[1] / _IDLE_SECONDS
     prepare()
     seconds, cpu = cpu_of_workers(client, function)
     # On a busy machine, the workers wait for long, and the ticks of their event loops add up.
-    return seconds, cpu - idle * seconds
+    return seconds, cpu - per_second * seconds
 
 
 def cpu_of_workers(client, function):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import jotlight as jl
-from jotlight.dask import counting
+from jotlight.dask import counting, pieces
 
 
 def random_bits(frames, height=6, width=13, channels=(), seed=0):
@@ -56,7 +56,8 @@ def test_counts_cover_pixels_of_several_jots_and_channels():
 
 def test_chunks_with_many_pieces_are_divided(monkeypatch):
     bits = random_bits(64)
-    monkeypatch.setattr(counting, "_MAX_BYTES", 4 * 6 * 13 * 5)
+    for module in (counting, pieces):
+        monkeypatch.setattr(module, "MAX_BYTES", 4 * 6 * 13 * 5)
     counts = jl.dask.count(bits.to_dask(64), 4, 1, width=13)
     np.testing.assert_array_equal(counts.compute(), naive_counts(bits, 4, 1))
     assert max(counts.chunks[0]) <= 5
@@ -65,6 +66,7 @@ def test_chunks_with_many_pieces_are_divided(monkeypatch):
 @pytest.mark.parametrize(
     ("x", "message"),
     [
+        ("bits.npy", "expected jotlight.Bits, or a dask array"),
         (np.zeros((4, 4, 1), np.uint8), "expected jotlight.Bits, or a dask array"),
         (da.zeros((4, 4, 1), dtype=np.int32), "expected jotlight.Bits, or a dask array"),
         (da.zeros((4, 4), dtype=np.uint8), "expected shape"),

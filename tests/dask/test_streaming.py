@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 import jotlight as jl
 from jotlight.dask import streaming
-from jotlight.dask.counting import Spans
+from jotlight.dask.spans import Spans
 from jotlight.dask.streaming import Checksum, WindowCounter
 from jotlight.sensing.frames import Frames
 

@@ -14,7 +14,6 @@ from jotlight.cli.console import caution, progress, report
 from jotlight.cli.reconstruction import Inputs, Reconstruction
 from jotlight.cli.run_options import RunOptions
 from jotlight.dask.cluster import connected
-from jotlight.dask.counting import Spans
 from jotlight.dask.estimator import Estimator, check_countable, checked
 from jotlight.dask.jobs import (
     CaptureSource,
@@ -34,6 +33,7 @@ from jotlight.dask.running import (
     format_bytes,
     run_jobs,
 )
+from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.files import refuse_overwrite
 from jotlight.formats.locations import file_state, is_url

@@ -15,7 +15,8 @@ from jotlight.calibration.estimate import (
 )
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import block_frames, steadiness_of_blocks
-from jotlight.dask.counting import check_packed_array, count
+from jotlight.dask.counting import count
+from jotlight.dask.pieces import check_packed_array
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.lazy import import_dask_array
 from jotlight.sensing.provenance import Provenance

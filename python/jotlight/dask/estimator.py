@@ -36,10 +36,6 @@ from jotlight.sensing.sensor import Sensor, require_sensor
 _KEPT = 8
 """Number of networks that a process keeps."""
 
-_CACHED_PIXELS = 1 << 18
-"""Number of pixels that are estimated in one call, unless an image has more. Their counts stay in
-the processor's cache: "mle" for 16 images of 512 x 512 pixels takes 7 in place of 9 ms."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Estimator:
@@ -119,15 +115,24 @@ class Estimator:
             )
         return *shape, COLORS
 
-    def __call__(self, counts: npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
+    def __call__(
+        self, counts: npt.NDArray[np.int32], out: npt.NDArray[np.float32] | None = None
+    ) -> npt.NDArray[np.float32]:
         """Return the estimates of counts (N, H, W) or (N, H, W, C).
 
-        Those of a mosaic are (N, H, W, 3).
+        Those of a mosaic are (N, H, W, 3). `out` is an array for them, which is returned. Default:
+        a new one.
         """
-        if counts.size == 0:
-            return np.empty(self.estimate_shape(counts.shape), np.float32)
+        estimates = np.empty(self.estimate_shape(counts.shape), np.float32) if out is None else out
+        if counts.size > 0:
+            self._estimate(counts, estimates)
+        return estimates
+
+    def _estimate(self, counts: npt.NDArray[np.int32], out: npt.NDArray[np.float32]) -> None:
+        """Write the estimates of counts into `out`."""
         if self.is_color:
-            return self._estimate_colors(counts)
+            self._estimate_colors(counts, out)
+            return
         if channels := counts.shape[3:]:
             # The layout (N, C) has the channels as the last axis of the result.
             gray = np.ascontiguousarray(np.moveaxis(counts, -1, 1)).reshape(-1, *counts.shape[1:3])
@@ -135,34 +140,29 @@ class Estimator:
         else:
             gray, layout = np.ascontiguousarray(counts), Layout((len(counts),))
         images = GrayImages(gray, layout)
-        if (network := self._network()) is not None:
-            if self.fallback:
-                return layout.arrange(blend(images, self.sensor, network, self.threads)[0])
-            return network.reconstruct(images, self.sensor, threads=self.threads)
-        estimates = np.empty(gray.shape, np.float32)
-        run, done = METHODS[self.method].run, 0
-        for part in images.parts(self.sensor, _CACHED_PIXELS):
-            out, done = estimates[done : done + len(part)], done + len(part)
-            run(part, self.sensor, out=out, threads=self.threads, **dict(self.options))
-        return layout.arrange(estimates)
+        if (network := self._network()) is None:
+            run, options = METHODS[self.method].run, dict(self.options)
+            run(images, self.sensor, out=out, threads=self.threads, **options)
+        elif self.fallback:
+            out[...] = layout.arrange(blend(images, self.sensor, network, self.threads)[0])
+        else:
+            out[...] = network.reconstruct(images, self.sensor, threads=self.threads)
 
-    def _estimate_colors(self, counts: npt.NDArray[np.int32]) -> npt.NDArray[np.float32]:
-        """Return the estimates of counts of a mosaic, or of three channels, one after another."""
+    def _estimate_colors(self, counts: npt.NDArray[np.int32], out: npt.NDArray[np.float32]) -> None:
+        """Write the estimates of counts of a mosaic, or of three channels, one after another."""
         named = None if self.method == COLOR_NETWORK else self.method
-        estimates = np.empty(self.estimate_shape(counts.shape), np.float32)
-        for image, out in zip(counts, estimates, strict=True):
+        for image, estimate in zip(counts, out, strict=True):
             reconstruct(
                 image,
                 self.sensor,
                 method=named if self.network is None else self.network,
                 channel_axis=None if image.ndim == 2 else -1,
                 demosaicing=self.demosaicing,
-                out=out,
+                out=estimate,
                 threads=self.threads,
                 fallback=self.fallback,
                 **dict(self.options),
             )
-        return estimates
 
 
 @functools.lru_cache(_KEPT)

@@ -14,9 +14,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from jotlight._engine import __version__
-from jotlight.dask.counting import Spans
 from jotlight.dask.estimator import Estimator
 from jotlight.dask.records import Record, check_same_run, read_json
+from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import WindowCounter
 from jotlight.files import atomic_write_together, write_file

@@ -1,11 +1,13 @@
 """Videos as lazy arrays: an estimate of each of many windows of frames."""
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jotlight.dask.counting import count
+from jotlight.dask.counting import sum_pieces
 from jotlight.dask.estimator import choose_estimator
+from jotlight.dask.pieces import Pieces
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor, require_sensor
@@ -107,13 +109,24 @@ def reconstruct(
         demosaicing=demosaicing,
         channels=x.shape[3] if len(x.shape) == 4 else 1,
     )
-    counts = count(x, window, step, oversampling=sensor.oversampling, width=width)
-    sensor.check_map_shapes(*(size * sensor.oversampling for size in counts.shape[1:3]))
+    pieces = Pieces.of(
+        x,
+        window,
+        step,
+        oversampling=sensor.oversampling,
+        width=width,
+        is_fast=estimator.method == "mle" and not estimator.is_color,
+    )
+    sensor.check_map_shapes(*(size * sensor.oversampling for size in pieces.image_shape[:2]))
+    halo = estimator.halo
+    is_small = math.prod(pieces.image_shape[:2]) <= _MAX_PIXELS
+    is_whole = halo is None or is_small or halo > _TILE // 2
+    if is_whole and pieces.are_windows:
+        return pieces.estimate(estimator)
+    counts = sum_pieces(pieces)
     shape = estimator.estimate_shape(counts.shape)
     meta = np.empty((0,) * len(shape), np.float32)
-    halo = estimator.halo
-    is_small = counts.shape[1] * counts.shape[2] <= _MAX_PIXELS
-    if halo is None or is_small or halo > _TILE // 2:
+    if halo is None or is_whole:
         added = shape[counts.ndim :]  # the colors of a mosaic
         return counts.map_blocks(
             estimator,

@@ -3,7 +3,7 @@
 import functools
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -33,11 +33,25 @@ def to_dask(packed: Packed | Frames, chunks: Chunks) -> "dask.array.Array":
     shape = (frames, *packed.shape[1:])
     if isinstance(packed, np.ndarray):
         return array.from_array(packed, shape)
-    name = _name(packed)
-    source = FrameSource(packed, name or None)
+    source = FrameSource(packed, _name(packed))
+    is_known = source.name is not None
     # Each task names the files itself. As a task of its own, the source would travel from the
     # worker that gets it to all others, before they can begin.
-    return array.from_array(source, shape, name=name, asarray=False, inline_array=bool(name))
+    return array.from_array(
+        source, shape, name=source.name or False, asarray=False, inline_array=is_known
+    )
+
+
+def files_of(packed: Packed | Frames) -> "FrameSource | None":
+    """Return what reads frames in any process, or None if they are not in known files.
+
+    Examples
+    --------
+    >>> files_of(np.zeros((4, 2, 3), np.uint8)) is None
+    True
+    """
+    name = None if isinstance(packed, np.ndarray) else _name(packed)
+    return None if isinstance(packed, np.ndarray) or name is None else FrameSource(packed, name)
 
 
 def frames_per_chunk(shape: tuple[int, ...], chunks: Chunks) -> int:
@@ -146,13 +160,13 @@ def _copy(name: str, open_again: Callable[..., Frames], arguments: tuple[Any, ..
     return source
 
 
-def _name(frames: Frames) -> str | Literal[False]:
+def _name(frames: Frames) -> str | None:
     """Return a name for the lazy array: the same one for the same files, if they are known."""
     from dask.base import tokenize
 
     origin = frames.origin
     if not isinstance(origin, functools.partial):
-        return False  # a random name
+        return None
     selections = [repr(key) for key in frames.selections]
     token = tokenize(origin.args, sorted(origin.keywords.items(), key=str), selections)
     return f"bits-{token}"

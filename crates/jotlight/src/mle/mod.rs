@@ -107,7 +107,7 @@ impl PixelResponse {
 ///
 /// # Errors
 /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside
-/// 0 to `trials`.
+/// 0 to `trials`. Values that were written to `out` before have no meaning.
 pub fn from_counts(
     response: &PixelResponse,
     counts: &[i32],
@@ -116,53 +116,71 @@ pub fn from_counts(
     out: &mut [f32],
 ) -> Result<()> {
     response.check()?;
-    check_pixels(counts, trials, jots, out)?;
-    let intensities = match (trials, jots.efficiency, jots.dark_counts) {
-        (Values::Same(trials), Values::Same(efficiency), Values::Same(dark_counts))
-            if trials < counts.len() as f64 =>
-        {
-            // A table saves time, because there are fewer possible counts than pixels.
-            let jot = JotResponse {
-                efficiency,
-                dark_counts,
-            };
-            let mut intensities = vec![0.0; trials as usize + 1];
-            for_each_pixel(&mut intensities, |ones| {
-                response.intensity_from_count(ones as i32, trials, jot)
-            });
-            Some(intensities)
-        }
-        _ => None,
-    };
-    let Some(intensities) = intensities else {
-        for_each_pixel(out, |index| {
-            response.intensity_from_count(counts[index], trials.get(index), jots.get(index))
-        });
-        return Ok(());
-    };
-    let counts = counts.par_chunks(PIXELS_PER_CHUNK);
-    out.par_chunks_mut(PIXELS_PER_CHUNK)
-        .zip(counts)
-        .for_each(|(out, counts)| {
-            if !interrupt::is_requested() {
-                look_up(&intensities, counts, out);
-            }
-        });
+    check_lengths(counts, trials, jots, out)?;
+    if let (Values::Same(trials), Values::Same(efficiency), Values::Same(dark_counts)) =
+        (trials, jots.efficiency, jots.dark_counts)
+        && trials < counts.len() as f64
+    {
+        let jot = JotResponse {
+            efficiency,
+            dark_counts,
+        };
+        return from_table(response, counts, trials, jot, out);
+    }
+    check_counts(counts, trials)?;
+    for_each_pixel(out, |index| {
+        response.intensity_from_count(counts[index], trials.get(index), jots.get(index))
+    });
     Ok(())
 }
 
+/// Write the estimate of each pixel into `out`, for pixels with the same `trials` and jots.
+///
+/// A table saves time if there are fewer possible counts than pixels. The counts are checked in the
+/// same pass.
+fn from_table(
+    response: &PixelResponse,
+    counts: &[i32],
+    trials: f64,
+    jot: JotResponse,
+    out: &mut [f32],
+) -> Result<()> {
+    let mut intensities = vec![0.0; trials as usize + 1];
+    for_each_pixel(&mut intensities, |ones| {
+        response.intensity_from_count(ones as i32, trials, jot)
+    });
+    let chunks = out.par_chunks_mut(PIXELS_PER_CHUNK);
+    let largest = chunks
+        .zip(counts.par_chunks(PIXELS_PER_CHUNK))
+        .map(|(out, counts)| {
+            let mut largest = 0;
+            if !interrupt::is_requested() {
+                look_up(&intensities, counts, out, &mut largest);
+            }
+            largest
+        })
+        .max();
+    if largest.is_some_and(|largest| f64::from(largest) <= trials) {
+        return Ok(());
+    }
+    check_counts(counts, Values::Same(trials))
+}
+
 levels! {
-    /// Write the intensity of each count, an index into the table, into `out`.
-    fn look_up(intensities: &[f32], counts: &[i32], out: &mut [f32]) = look_up_inlined;
+    /// Write the intensity of each count, an index into the table, into `out`. `largest` becomes the
+    /// largest count as an unsigned number, so a negative one is large.
+    fn look_up(intensities: &[f32], counts: &[i32], out: &mut [f32], largest: &mut u32) = look_up_inlined;
 }
 
 #[inline(always)]
-fn look_up_inlined(intensities: &[f32], counts: &[i32], out: &mut [f32]) {
+fn look_up_inlined(intensities: &[f32], counts: &[i32], out: &mut [f32], largest: &mut u32) {
     let Some(last) = intensities.len().checked_sub(1) else {
         return;
     };
     for (out, &ones) in out.iter_mut().zip(counts) {
-        // All counts are at most the last one. The minimum replaces a branch for each pixel.
+        let ones = ones as u32;
+        *largest = (*largest).max(ones);
+        // The minimum replaces a branch for each pixel.
         *out = intensities[(ones as usize).min(last)];
     }
 }
@@ -247,7 +265,8 @@ pub fn equivalent_counts(
     reference: JotResponse,
     out: &mut [f32],
 ) -> Result<()> {
-    check_pixels(counts, trials, jots, out)?;
+    check_lengths(counts, trials, jots, out)?;
+    check_counts(counts, trials)?;
     let threshold = response.threshold;
     for_each_pixel(out, |index| {
         let (trials, jot) = (trials.get(index), jots.get(index));
@@ -279,7 +298,7 @@ fn for_each_pixel(out: &mut [f32], value: impl Fn(usize) -> f32 + Sync) {
     });
 }
 
-fn check_pixels(
+fn check_lengths(
     counts: &[i32],
     trials: Values<'_, f64>,
     jots: &JotResponses<'_>,
@@ -290,5 +309,5 @@ fn check_pixels(
     if out.len() != counts.len() {
         return Err(Error::shape("out", counts.len(), out.len()));
     }
-    check_counts(counts, trials)
+    Ok(())
 }

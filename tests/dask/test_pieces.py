@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.dask import pieces
+from jotlight.dask.pieces import Pieces
+
+
+def random_bits(frames, channels=()):
+    rng = np.random.default_rng(0)
+    return jl.Bits.from_array(rng.random((frames, 16, 24, *channels)) < 0.3)
+
+
+@pytest.mark.parametrize(
+    ("window", "step", "expected"),
+    [
+        (7, 7, (28, 28, 28)),
+        (7, 9, (27, 27, 27)),
+        (7, 3, (30, 30, 28)),
+        (40, 40, (30, 30, 20)),
+    ],
+)
+def test_chunks_of_bits_hold_whole_windows_where_these_do_not_overlap(
+    window, step, expected, monkeypatch
+):
+    monkeypatch.setattr(pieces, "_CHUNK", 30 * 16 * 3 + 5)
+    found = Pieces.of(random_bits(90), window, step)
+    assert found.x.chunks[0][:3] == expected
+    assert found.are_windows == (window <= step < 30)
+
+
+@pytest.mark.parametrize("channels", [(), (3,)])
+@pytest.mark.parametrize("images", [1, 3, 100])
+def test_estimates_are_those_of_the_counts_whatever_the_number_of_images_in_the_cache(
+    channels, images, monkeypatch
+):
+    pixels = 16 * 24 * max(channels, default=1)
+    monkeypatch.setattr(pieces, "_CACHED_PIXELS", images * pixels)
+    bits = random_bits(80, channels)
+    sensor = jl.Sensor(frames=8)
+    video = jl.dask.reconstruct(bits.to_dask(40), sensor, 8, method="mle").compute()
+    counts = jl.dask.count(bits.to_dask(40), 8).compute()
+    axis = -1 if channels else None
+    expected = [jl.reconstruct(each, sensor, method="mle", channel_axis=axis) for each in counts]
+    np.testing.assert_array_equal(video, expected)
+
+
+@pytest.mark.parametrize("frames", [1, 5, 8, 20, 1000])
+def test_files_are_read_in_parts_of_whole_pieces(frames, tmp_path, monkeypatch):
+    bits = random_bits(83)
+    path = tmp_path / "bits.npy"
+    np.save(path, np.asarray(bits.packed))
+    monkeypatch.setattr(pieces, "_CHUNK", frames * 16 * 3)
+    counts = jl.dask.count(jl.open(path, counts=False), 8, 10).compute(scheduler="sync")
+    expected = [bits[start : start + 8].counts() for start in range(0, 76, 10)]
+    np.testing.assert_array_equal(counts, expected)
+
+
+def test_only_fast_estimates_have_large_chunks(monkeypatch):
+    monkeypatch.setattr(pieces, "_CHUNK", 10 * 16 * 3)
+    sensor, bits = jl.Sensor(frames=1), random_bits(80)
+    assert jl.dask.count(bits, 1).numblocks[0] == 4
+    assert jl.dask.reconstruct(bits, sensor, 1, method="mle").numblocks[0] == 4
+    assert jl.dask.reconstruct(bits, sensor, 1, method="network-small").numblocks[0] == 8
