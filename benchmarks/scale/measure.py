@@ -38,10 +38,10 @@ from timing import (
 )
 
 import jotlight as jl
+from jotlight.dask.chunk_counting import add_counts
 from jotlight.dask.cluster import connected
 from jotlight.dask.estimator import choose_estimator
 from jotlight.dask.jobs import CaptureSource, VideoJob
-from jotlight.dask.pieces import add_counts
 from jotlight.dask.running import Cluster, ThisProcess, run_jobs
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
@@ -126,38 +126,59 @@ def warm_up(client, path, folder):
     run_lazy(client, path, 4096, None)
 
 
+def speed_measurements(client, path, folder, frames, window):
+    """Return functions that measure counting and "mle", in the page cache and outside, by name."""
+    drop = functools.partial(drop_from_cache, path)
+    lazy = functools.partial(run_lazy, client, path, window)
+    run = functools.partial(run_video, client, path, folder, window)
+    readers = [(path, number) for number in range(WORKERS)]
+
+    def bare(keeps):
+        shares = [(window, frames // WORKERS, keeps)] * WORKERS
+        return in_processes(share_counted, shares, warm_memory)
+
+    return {
+        "bare": lambda: bare(True),
+        "bare, overwritten": lambda: bare(False),
+        "count": lambda: lazy(None, warm_memory),
+        "mle": lambda: lazy("mle", warm_memory),
+        "run counts": lambda: run(None, warm_memory),
+        "run mle": lambda: run("mle", warm_memory),
+        # Each of these begins right after the file was dropped, because the system returns free
+        # memory within seconds, and needs time to get it again.
+        "disk": lambda: in_processes(share_read, readers, drop),
+        "cold count": lambda: lazy(None, drop),
+        "cold mle": lambda: lazy("mle", drop),
+        "cold run mle": lambda: run("mle", drop),
+    }
+
+
 def measure_speed(options):
-    """Measure counting and "mle", with the file in the page cache and without."""
+    """Measure counting and "mle", with the file in the page cache and without.
+
+    Each round begins with another measurement, because disks and memory depend on what came before.
+    """
     path, folder = options.folder / "capture.npy", options.folder / "out"
-    frames, drop = options.gib * GIB // FRAME_BYTES, functools.partial(drop_from_cache, path)
+    frames = options.gib * GIB // FRAME_BYTES
     make_capture(path, frames)
     rounds = []
     with connected(None, WORKERS) as client:
         warm_up(client, path, folder)
         for number in range(options.rounds):
             for window in options.windows:
-                row = {"round": number, "window": window, "load": os.getloadavg()[0]}
-                for name, keeps in (("bare", True), ("bare, overwritten", False)):
-                    share = (window, frames // WORKERS, keeps)
-                    row[name] = in_processes(share_counted, [share] * WORKERS, warm_memory)
-                row["count"] = run_lazy(client, path, window, None, warm_memory)
-                row["mle"] = run_lazy(client, path, window, "mle", warm_memory)
-                row["run counts"] = run_video(client, path, folder, window, None, warm_memory)
-                row["run mle"] = run_video(client, path, folder, window, "mle", warm_memory)
-                # The system returns free memory within seconds, and needs time to get it again.
-                # So each measurement begins right after the file was dropped.
-                readers = [(path, i) for i in range(WORKERS)]
-                row["disk"] = in_processes(share_read, readers, drop)
-                row["cold count"] = run_lazy(client, path, window, None, drop)
-                row["cold mle"] = run_lazy(client, path, window, "mle", drop)
-                row["cold run mle"] = run_video(client, path, folder, window, "mle", drop)
-                rounds.append(row)
-                print(json.dumps(row), flush=True)
+                measurements = speed_measurements(client, path, folder, frames, window)
+                names = list(measurements)
+                first = 3 * number % len(names)
+                row = {name: measurements[name]() for name in names[first:] + names[:first]}
+                rounds.append(
+                    {"round": number, "window": window, "load": os.getloadavg()[0], **row}
+                )
+                print(json.dumps(rounds[-1]), flush=True)
     for window in options.windows:
         rows = [row for row in rounds if row["window"] == window]
         print(f"window {window}: medians of {len(rows)} rounds; ratios of time and of CPU time")
-        for name in [name for name in rows[0] if isinstance(rows[0][name], tuple)]:
-            base = "disk" if name.startswith("cold") else "bare"
+        for name in names:
+            base = "disk" if name.startswith(("cold", "disk")) else "bare"
             speed = statistics.median(options.gib / row[name][0] for row in rows)
             ratio, cpu = (
                 statistics.median(row[base][i] / row[name][i] for row in rows) for i in (0, 1)

@@ -9,7 +9,7 @@ import numpy as np
 GIB = 1 << 30
 FRAME = 512, 64
 FRAME_BYTES = 512 * 64
-_IDLE_SECONDS = 2.0
+_IDLE_SECONDS = 0.5
 
 
 def make_capture(path, frames, sparse=False):

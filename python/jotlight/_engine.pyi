@@ -58,6 +58,7 @@ __all__ = [
     "likelihood_proximal",
     "local_trials",
     "log_likelihood",
+    "look_up_counts",
     "mark_covered",
     "mle_from_counts",
     "mle_from_jots",
@@ -349,6 +350,14 @@ def inner_products(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> li
 def kernel_taps(degree: int, oversampling: int) -> list[float]: ...
 def detection_probability(threshold: int, rate: float) -> float: ...
 def inverse_detection_probability(threshold: int, probability: float) -> float: ...
+def look_up_counts(
+    packed: list[npt.NDArray[np.uint8]],
+    width: int,
+    oversampling: int,
+    table: npt.NDArray[np.float32],
+    out: npt.NDArray[np.float32],
+    threads: int | None,
+) -> None: ...
 def mle_from_counts(
     response: _PixelResponse,
     counts: npt.NDArray[np.int32],

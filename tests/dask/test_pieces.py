@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.dask import pieces
+from jotlight.dask import chunk_counting, pieces
+from jotlight.dask.estimator import Estimator
 from jotlight.dask.pieces import Pieces
 
 
@@ -23,7 +24,7 @@ def random_bits(frames, channels=()):
 def test_chunks_of_bits_hold_whole_windows_where_these_do_not_overlap(
     window, step, expected, monkeypatch
 ):
-    monkeypatch.setattr(pieces, "_CHUNK", 30 * 16 * 3 + 5)
+    monkeypatch.setattr(pieces, "PART_BYTES", 30 * 16 * 3 + 5)
     found = Pieces.of(random_bits(90), window, step)
     assert found.x.chunks[0][:3] == expected
     assert found.are_windows == (window <= step < 30)
@@ -35,7 +36,8 @@ def test_estimates_are_those_of_the_counts_whatever_the_number_of_images_in_the_
     channels, images, monkeypatch
 ):
     pixels = 16 * 24 * max(channels, default=1)
-    monkeypatch.setattr(pieces, "_CACHED_PIXELS", images * pixels)
+    monkeypatch.setattr(chunk_counting, "_CACHED_PIXELS", images * pixels)
+    monkeypatch.setattr(Estimator, "table", lambda _: None)
     bits = random_bits(80, channels)
     sensor = jl.Sensor(frames=8)
     video = jl.dask.reconstruct(bits.to_dask(40), sensor, 8, method="mle").compute()
@@ -50,15 +52,36 @@ def test_files_are_read_in_parts_of_whole_pieces(frames, tmp_path, monkeypatch):
     bits = random_bits(83)
     path = tmp_path / "bits.npy"
     np.save(path, np.asarray(bits.packed))
-    monkeypatch.setattr(pieces, "_CHUNK", frames * 16 * 3)
+    monkeypatch.setattr(chunk_counting, "PART_BYTES", frames * 16 * 3)
     counts = jl.dask.count(jl.open(path, counts=False), 8, 10).compute(scheduler="sync")
     expected = [bits[start : start + 8].counts() for start in range(0, 76, 10)]
     np.testing.assert_array_equal(counts, expected)
 
 
 def test_only_fast_estimates_have_large_chunks(monkeypatch):
-    monkeypatch.setattr(pieces, "_CHUNK", 10 * 16 * 3)
+    monkeypatch.setattr(pieces, "PART_BYTES", 10 * 16 * 3)
     sensor, bits = jl.Sensor(frames=1), random_bits(80)
     assert jl.dask.count(bits, 1).numblocks[0] == 4
     assert jl.dask.reconstruct(bits, sensor, 1, method="mle").numblocks[0] == 4
     assert jl.dask.reconstruct(bits, sensor, 1, method="network-small").numblocks[0] == 8
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        jl.Sensor(frames=8),
+        jl.Sensor(frames=8, threshold=3, dark_counts=0.01, efficiency=0.4),
+        jl.Sensor(frames=8, oversampling=2),
+        jl.Sensor(frames=8, oversampling=4),  # 128 trials for 24 pixels
+        jl.Sensor(frames=8, dark_counts=np.linspace(0, 0.1, 16 * 24).reshape(16, 24)),
+        jl.Sensor(frames=8, mask=np.eye(16, 24, dtype=bool)),
+    ],
+)
+@pytest.mark.parametrize("channels", [(), (3,)])
+@pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
+def test_estimates_from_a_table_are_those_of_reconstruct(sensor, channels):
+    bits = random_bits(40, channels)
+    video = jl.dask.reconstruct(bits.to_dask(16), sensor, 8, method="mle").compute()
+    parts = [bits[start : start + 8] for start in range(0, 40, 8)]
+    expected = [jl.reconstruct(part, sensor, method="mle") for part in parts]
+    np.testing.assert_array_equal(video, expected)

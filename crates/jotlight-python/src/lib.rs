@@ -48,7 +48,9 @@ mod _engine {
         log_likelihood,
     };
     #[pymodule_export]
-    use super::mle::{equivalent_counts, mle_from_counts, mle_from_jots, mle_from_probability};
+    use super::mle::{
+        equivalent_counts, look_up_counts, mle_from_counts, mle_from_jots, mle_from_probability,
+    };
     #[pymodule_export]
     use super::motion::{
         FilteredTemplate, add_shifted_counts, add_shifted_values, blur, chi_squared, disagreement,

@@ -1,9 +1,14 @@
 //! Maximum-likelihood estimates for the box kernel.
 
+use jotlight::bits::PackedBits;
 use jotlight::likelihood::Threshold;
 use jotlight::mle::{self, JotCounts, JotResponse, JotResponses, PixelResponse};
 use jotlight::values::Values;
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2};
+use numpy::ndarray::Axis;
+use numpy::{
+    PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1, PyReadwriteArray2,
+    PyReadwriteArray3,
+};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
@@ -75,6 +80,31 @@ pub fn mle_from_counts(
     let (counts, out) = (counts.as_slice()?, out.as_slice_mut()?);
     run(py, threads, || {
         mle::from_counts(&response, counts, trials, &jots, out)
+    })
+}
+
+/// Write the value of the number of ones of each pixel into `out`, for each of several images.
+#[pyfunction]
+#[pyo3(signature = (packed, width, oversampling, table, out, threads))]
+pub fn look_up_counts(
+    py: Python<'_>,
+    packed: Vec<PyReadonlyArray3<'_, u8>>,
+    width: usize,
+    oversampling: usize,
+    table: PyReadonlyArray1<'_, f32>,
+    mut out: PyReadwriteArray3<'_, f32>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let packed: Vec<_> = packed.iter().map(PyReadonlyArray3::as_array).collect();
+    let (table, mut out) = (table.as_slice()?, out.as_array_mut());
+    check_length("out", packed.len(), out.dim().0)?;
+    run(py, threads, || {
+        packed
+            .into_par_iter()
+            .zip(out.axis_iter_mut(Axis(0)))
+            .try_for_each(|(packed, out)| {
+                mle::look_up_counts(&PackedBits::new(packed, width)?, oversampling, table, out)
+            })
     })
 }
 

@@ -5,22 +5,17 @@ ones of each piece are counted once, where the chunk is. Only counts or estimate
 workers, never frames.
 """
 
-import bisect
 import dataclasses
 import itertools
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-import jotlight._engine as engine
 from jotlight._engine import __version__
 from jotlight.chunks import windows
-from jotlight.dask.cluster import check_version
+from jotlight.dask.chunk_counting import PART_BYTES, Estimate, count_pieces, image_shape
 from jotlight.dask.spans import Spans
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.channels import channel_views
-from jotlight.sensing.frames import Packed
 from jotlight.sensing.lazy import FrameSource, files_of, import_dask_array
 
 if TYPE_CHECKING:
@@ -29,28 +24,9 @@ if TYPE_CHECKING:
 MAX_BYTES = 1 << 27
 """Maximum size of a chunk of counts, unless one image is larger."""
 
-_CHUNK = 1 << 27
-"""Bytes of a chunk of bits, and of the frames that a worker maps or reads at once."""
-
 _FAST_CHUNK, _FAST_CHUNKS = 1 << 30, 4
 """Largest chunk of bits if their estimate is as fast as counting, and the number of smaller ones.
 Workers wait for the scheduler between chunks, for as long as the engine counts 50 to 100 MiB."""
-
-_CACHED_PIXELS = 1 << 18
-"""Number of pixels that are counted and then estimated, unless an image has more. Their counts stay
-in the processor's cache."""
-
-
-class Estimate(Protocol):
-    """What estimates the images of counts, such as :class:`jotlight.dask.estimator.Estimator`."""
-
-    def estimate_shape(self, shape: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the shape of the estimates of counts (N, H, W) or (N, H, W, C)."""
-
-    def __call__(
-        self, counts: npt.NDArray[np.int32], out: npt.NDArray[np.float32]
-    ) -> npt.NDArray[np.float32]:
-        """Write the estimates of counts into `out`, and return it."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,7 +88,7 @@ class Pieces:
             x = x.to_dask(_frames_of_chunk(x, spans, is_fast=is_fast))
         oversampling = oversampling or 1
         width = 8 * x.shape[2] if width is None else width
-        x = _limited(x[: spans.stop], spans, _image_shape(x.shape, width, oversampling))
+        x = _limited(x[: spans.stop], spans, image_shape(x.shape, width, oversampling))
         bounds = itertools.pairwise(np.cumsum([0, *x.chunks[0]]))
         in_chunks = [spans.pieces(int(a), int(b)) for a, b in bounds]
         return cls(x, spans, width, oversampling, in_chunks, files)
@@ -127,7 +103,7 @@ class Pieces:
     @property
     def image_shape(self) -> tuple[int, ...]:
         """The shape of the counts of a piece, (H, W) or (H, W, C)."""
-        return _image_shape(self.x.shape, self.width, self.oversampling)
+        return image_shape(self.x.shape, self.width, self.oversampling)
 
     def count(self) -> "dask.array.Array":
         """Return the counts of all pieces, int32 of shape (N, H, W) or (N, H, W, C)."""
@@ -160,7 +136,7 @@ class Pieces:
         for index, (a, b) in enumerate(itertools.pairwise(np.cumsum([0, *self.x.chunks[0]]))):
             source = self.files or (self.x.name, index, *zeros)
             key = (name, index, *(0 for _ in shape))
-            graph[key] = (_count_pieces, source, range(int(a), int(b)), *options)
+            graph[key] = (count_pieces, source, range(int(a), int(b)), *options)
         sources = [self.x] if self.files is None else []
         return array.Array(
             HighLevelGraph.from_collections(name, graph, dependencies=sources),
@@ -173,7 +149,7 @@ class Pieces:
 def _frames_of_chunk(bits: Bits, spans: Spans, *, is_fast: bool) -> int:
     """Return the number of frames of a chunk: whole windows, if these do not overlap."""
     total = bits.packed.nbytes
-    nbytes = max(_CHUNK, min(_FAST_CHUNK, total // _FAST_CHUNKS)) if is_fast else _CHUNK
+    nbytes = max(PART_BYTES, min(_FAST_CHUNK, total // _FAST_CHUNKS)) if is_fast else PART_BYTES
     frames = max(1, nbytes * len(bits) // total)
     is_whole = spans.window <= spans.step <= frames
     return frames // spans.step * spans.step if is_whole else frames
@@ -200,120 +176,9 @@ def check_packed_array(x: Any) -> None:
         )
 
 
-def _image_shape(shape: tuple[int, ...], width: int, oversampling: int) -> tuple[int, ...]:
-    _, height, row_bytes, *channels = shape
-    if not 8 * row_bytes - 8 < width <= 8 * row_bytes:
-        raise ValueError(
-            f"width: expected {8 * row_bytes - 7} to {8 * row_bytes} for {row_bytes} bytes a row, "
-            f"got {width}"
-        )
-    if oversampling < 1 or height % oversampling or width % oversampling:
-        raise ValueError(
-            "bits: expected rows and columns of jots that are multiples of the oversampling "
-            f"{oversampling}, got {height} x {width}"
-        )
-    return height // oversampling, width // oversampling, *channels
-
-
 def _limited(x: "dask.array.Array", spans: Spans, shape: tuple[int, ...]) -> "dask.array.Array":
     """Return the array with smaller chunks if the counts of the pieces of one exceed the limit."""
     per_step = 1 if spans.step == spans.window else 2
     max_pieces = max(1, MAX_BYTES // (4 * int(np.prod(shape, dtype=np.int64))))
     frames = max(1, max_pieces * spans.step // per_step)
     return x.rechunk({0: frames}) if max(x.chunks[0]) > frames else x
-
-
-def _count_pieces(
-    source: FrameSource | npt.NDArray[np.uint8],
-    chunk: range,
-    spans: Spans,
-    width: int,
-    oversampling: int,
-    version: str,
-    estimator: Estimate | None,
-) -> npt.NDArray[np.int32] | npt.NDArray[np.float32]:
-    """Return the counts of all pieces of a chunk, or the estimates of an estimator for them.
-
-    The source is all frames of a capture, or those of the chunk. The worker must have the caller's
-    version.
-    """
-    check_version(version)
-    pieces = spans.pieces(chunk.start, chunk.stop)
-    shape = _image_shape(source.shape, width, oversampling)
-    parts = _Parts(source, chunk, [b for _, b in pieces])
-
-    def count(pieces: list[tuple[int, int]], out: npt.NDArray[np.int32]) -> None:
-        for image, (a, b) in zip(out, pieces, strict=True):
-            image[...] = 0
-            # The engine counts each piece in one call, because bit planes are fast for many frames.
-            # A file is mapped read-only, and the engine only reads.
-            add_counts(parts.read(a, b), width, oversampling, image, threads=1)
-
-    # One large array has large pages. New memory of small ones takes a quarter of the time of
-    # counting.
-    if estimator is None:
-        counts = np.empty((len(pieces), *shape), np.int32)
-        count(pieces, counts)
-        return counts
-    estimates = np.empty(estimator.estimate_shape((len(pieces), *shape)), np.float32)
-    group = max(1, _CACHED_PIXELS // int(np.prod(shape)))
-    counts = np.empty((min(group, len(pieces)), *shape), np.int32)
-    for first in range(0, len(pieces), group):
-        part = pieces[first : first + group]
-        count(part, counts[: len(part)])
-        estimator(counts[: len(part)], estimates[first : first + group])
-    return estimates
-
-
-class _Parts:
-    """The frames of a chunk. Those in files are mapped or read in parts of whole pieces.
-
-    Parameters
-    ----------
-    source : FrameSource or ndarray of uint8
-        All frames of a capture, or those of the chunk.
-    chunk : range
-        The numbers of the frames.
-    ends : list of int
-        The end of each piece.
-    """
-
-    def __init__(
-        self, source: FrameSource | npt.NDArray[np.uint8], chunk: range, ends: list[int]
-    ) -> None:
-        self._source, self._ends = source, ends
-        self._frames = max(1, _CHUNK // max(1, int(np.prod(source.shape[1:]))))
-        self._known, self._part = range(0), np.empty(0, np.uint8)
-        if isinstance(source, np.ndarray):
-            self._known, self._part = chunk, source
-
-    def read(self, start: int, stop: int) -> npt.NDArray[np.uint8]:
-        """Return the frames of a piece. The next one must begin at its end or later."""
-        if stop > self._known.stop:
-            last = bisect.bisect_right(self._ends, start + self._frames)
-            end = max(stop, self._ends[last - 1] if last > 0 else stop)
-            self._part = np.empty(0, np.uint8)  # Its memory is free before the next part is read.
-            self._known, self._part = range(start, end), self._source[start:end]
-        return self._part[start - self._known.start : stop - self._known.start]
-
-
-def add_counts(
-    packed: Packed,
-    width: int,
-    oversampling: int,
-    out: npt.NDArray[np.int32],
-    threads: int | None = None,
-) -> None:
-    """Add the number of ones of each pixel to `out`, (H, W) or (H, W, C).
-
-    Examples
-    --------
-    >>> out = np.zeros((1, 8), np.int32)
-    >>> add_counts(np.full((3, 1, 1), 0b10000001, np.uint8), 8, 1, out)
-    >>> out.tolist()
-    [[3, 0, 0, 0, 0, 0, 0, 3]]
-    """
-    views: list[Any] = channel_views(packed, 3)
-    stack = out[None]
-    for channel, place in zip(views, channel_views(stack, 3), strict=True):
-        engine.add_block_counts([channel], width, oversampling, None, place, threads)

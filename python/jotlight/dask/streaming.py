@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from isal import isal_zlib
 
-from jotlight.dask.pieces import add_counts
+from jotlight.dask.chunk_counting import add_counts
 from jotlight.dask.spans import Spans
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, Packed

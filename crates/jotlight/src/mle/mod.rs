@@ -4,6 +4,7 @@
 //! counts, and dead jots are left out.
 
 mod jots;
+mod table;
 
 use rayon::prelude::*;
 
@@ -14,7 +15,10 @@ use crate::likelihood::one_photon::{ELEMENTS_PER_GROUP, inverse_detection_probab
 use crate::likelihood::{Threshold, check_counts};
 use crate::values::Values;
 
+use table::look_up;
+
 pub use jots::{JotCounts, from_jots};
+pub use table::look_up_counts;
 
 /// The number of pixels that a thread computes together.
 const PIXELS_PER_CHUNK: usize = 1 << 10;
@@ -164,25 +168,6 @@ fn from_table(
         return Ok(());
     }
     check_counts(counts, Values::Same(trials))
-}
-
-levels! {
-    /// Write the intensity of each count, an index into the table, into `out`. `largest` becomes the
-    /// largest count as an unsigned number, so a negative one is large.
-    fn look_up(intensities: &[f32], counts: &[i32], out: &mut [f32], largest: &mut u32) = look_up_inlined;
-}
-
-#[inline(always)]
-fn look_up_inlined(intensities: &[f32], counts: &[i32], out: &mut [f32], largest: &mut u32) {
-    let Some(last) = intensities.len().checked_sub(1) else {
-        return;
-    };
-    for (out, &ones) in out.iter_mut().zip(counts) {
-        let ones = ones as u32;
-        *largest = (*largest).max(ones);
-        // The minimum replaces a branch for each pixel.
-        *out = intensities[(ones as usize).min(last)];
-    }
 }
 
 /// Write the intensity for each detection probability into `out`. This is the last step of the

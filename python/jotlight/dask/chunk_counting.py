@@ -1,0 +1,195 @@
+"""What a worker does with a chunk of frames: it counts or estimates the images of their pieces."""
+
+import bisect
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+import jotlight._engine as engine
+from jotlight.dask.cluster import check_version
+from jotlight.dask.spans import Spans
+from jotlight.sensing.channels import channel_views
+from jotlight.sensing.frames import Packed
+from jotlight.sensing.lazy import FrameSource
+
+PART_BYTES = 1 << 27
+"""Bytes of the frames that a worker maps or reads at once."""
+
+_CACHED_PIXELS = 1 << 18
+"""Number of pixels that are counted and then estimated, unless an image has more. Their counts stay
+in the processor's cache."""
+
+
+class Estimate(Protocol):
+    """What estimates the images of counts, such as :class:`jotlight.dask.estimator.Estimator`."""
+
+    def estimate_shape(self, shape: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the shape of the estimates of counts (N, H, W) or (N, H, W, C)."""
+
+    def table(self) -> npt.NDArray[np.float32] | None:
+        """Return the estimate for each count from 0 to K, or None if pixels depend on more."""
+
+    def __call__(
+        self, counts: npt.NDArray[np.int32], out: npt.NDArray[np.float32]
+    ) -> npt.NDArray[np.float32]:
+        """Write the estimates of counts into `out`, and return it."""
+
+
+def image_shape(shape: tuple[int, ...], width: int, oversampling: int) -> tuple[int, ...]:
+    """Return the shape of the counts of packed frames, (H, W) or (H, W, C).
+
+    Raises
+    ------
+    ValueError
+        When the width or the oversampling does not fit the frames.
+
+    Examples
+    --------
+    >>> image_shape((100, 16, 3), width=24, oversampling=2)
+    (8, 12)
+    """
+    _, height, row_bytes, *channels = shape
+    if not 8 * row_bytes - 8 < width <= 8 * row_bytes:
+        raise ValueError(
+            f"width: expected {8 * row_bytes - 7} to {8 * row_bytes} for {row_bytes} bytes a row, "
+            f"got {width}"
+        )
+    if oversampling < 1 or height % oversampling or width % oversampling:
+        raise ValueError(
+            "bits: expected rows and columns of jots that are multiples of the oversampling "
+            f"{oversampling}, got {height} x {width}"
+        )
+    return height // oversampling, width // oversampling, *channels
+
+
+def count_pieces(
+    source: FrameSource | npt.NDArray[np.uint8],
+    chunk: range,
+    spans: Spans,
+    width: int,
+    oversampling: int,
+    version: str,
+    estimator: Estimate | None,
+) -> npt.NDArray[np.int32] | npt.NDArray[np.float32]:
+    """Return the counts of all pieces of a chunk, or the estimates of an estimator for them.
+
+    The source is all frames of a capture, or those of the chunk. The worker must have the caller's
+    version.
+    """
+    check_version(version)
+    pieces = spans.pieces(chunk.start, chunk.stop)
+    shape = image_shape(source.shape, width, oversampling)
+    parts = _Parts(source, chunk, [b for _, b in pieces])
+    # One large array has large pages. New memory of small ones takes a quarter of the time of
+    # counting.
+    if estimator is None:
+        counts = np.empty((len(pieces), *shape), np.int32)
+        _count(parts, pieces, width, oversampling, counts)
+        return counts
+    estimates = np.empty(estimator.estimate_shape((len(pieces), *shape)), np.float32)
+    # A table for large K has more values than there are pixels.
+    table = estimator.table() if spans.window * oversampling**2 < np.prod(shape) else None
+    if table is not None:
+        for image, (a, b) in zip(estimates, pieces, strict=True):
+            look_up_counts(parts.read(a, b), width, oversampling, table, image, threads=1)
+        return estimates
+    group = max(1, _CACHED_PIXELS // int(np.prod(shape)))
+    counts = np.empty((min(group, len(pieces)), *shape), np.int32)
+    for first in range(0, len(pieces), group):
+        part = pieces[first : first + group]
+        _count(parts, part, width, oversampling, counts[: len(part)])
+        estimator(counts[: len(part)], estimates[first : first + group])
+    return estimates
+
+
+def _count(
+    parts: "_Parts",
+    pieces: list[tuple[int, int]],
+    width: int,
+    oversampling: int,
+    out: npt.NDArray[np.int32],
+) -> None:
+    """Write the counts of some pieces into `out`."""
+    for image, (a, b) in zip(out, pieces, strict=True):
+        image[...] = 0
+        # The engine counts each piece in one call, because bit planes are fast for many frames. A
+        # file is mapped read-only, and the engine only reads.
+        add_counts(parts.read(a, b), width, oversampling, image, threads=1)
+
+
+class _Parts:
+    """The frames of a chunk. Those in files are mapped or read in parts of whole pieces.
+
+    Parameters
+    ----------
+    source : FrameSource or ndarray of uint8
+        All frames of a capture, or those of the chunk.
+    chunk : range
+        The numbers of the frames.
+    ends : list of int
+        The end of each piece.
+    """
+
+    def __init__(
+        self, source: FrameSource | npt.NDArray[np.uint8], chunk: range, ends: list[int]
+    ) -> None:
+        self._source, self._ends = source, ends
+        self._frames = max(1, PART_BYTES // max(1, int(np.prod(source.shape[1:]))))
+        self._known, self._part = range(0), np.empty(0, np.uint8)
+        if isinstance(source, np.ndarray):
+            self._known, self._part = chunk, source
+
+    def read(self, start: int, stop: int) -> npt.NDArray[np.uint8]:
+        """Return the frames of a piece. The next one must begin at its end or later."""
+        if stop > self._known.stop:
+            last = bisect.bisect_right(self._ends, start + self._frames)
+            end = max(stop, self._ends[last - 1] if last > 0 else stop)
+            self._part = np.empty(0, np.uint8)  # Its memory is free before the next part is read.
+            self._known, self._part = range(start, end), self._source[start:end]
+        return self._part[start - self._known.start : stop - self._known.start]
+
+
+def add_counts(
+    packed: Packed,
+    width: int,
+    oversampling: int,
+    out: npt.NDArray[np.int32],
+    threads: int | None = None,
+) -> None:
+    """Add the number of ones of each pixel to `out`, (H, W) or (H, W, C).
+
+    Examples
+    --------
+    >>> out = np.zeros((1, 8), np.int32)
+    >>> add_counts(np.full((3, 1, 1), 0b10000001, np.uint8), 8, 1, out)
+    >>> out.tolist()
+    [[3, 0, 0, 0, 0, 0, 0, 3]]
+    """
+    views: list[Any] = channel_views(packed, 3)
+    stack = out[None]
+    for channel, place in zip(views, channel_views(stack, 3), strict=True):
+        engine.add_block_counts([channel], width, oversampling, None, place, threads)
+
+
+def look_up_counts(
+    packed: Packed,
+    width: int,
+    oversampling: int,
+    table: npt.NDArray[np.float32],
+    out: npt.NDArray[np.float32],
+    threads: int | None = None,
+) -> None:
+    """Write the value in a table of the number of ones of each pixel to `out`.
+
+    Examples
+    --------
+    >>> out = np.zeros((1, 8), np.float32)
+    >>> table = np.array([0.5, 1, 2, 4], np.float32)
+    >>> look_up_counts(np.full((3, 1, 1), 0b10000001, np.uint8), 8, 1, table, out)
+    >>> out.tolist()
+    [[4.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 4.0]]
+    """
+    places = channel_views(out[None], 3)
+    for channel, place in zip(channel_views(packed, 3), places, strict=True):
+        engine.look_up_counts([channel], width, oversampling, table, place, threads)
