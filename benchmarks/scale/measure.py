@@ -51,22 +51,24 @@ from jotlight.formats.reading import open_capture
 WORKERS = 2
 
 
-def share_counted(window, frames, keeps, ready, times):
-    """Count random frames in memory, as one of the processes of the comparison.
+def share_counted(path, number, window, frames, ready, times):
+    """Count the frames of a capture that is in memory, as one of the processes of the comparison.
 
-    Each window is one call of the engine, which is the fastest form. The process either keeps the
-    images, as the workers do, or overwrites one.
+    The capture is mapped, as by the workers. Without `path`, random frames are in an array of 512
+    MiB, which is counted again and again. Each window is one call of the engine, which is the
+    fastest form. The images are kept, as by the workers.
     """
-    data = np.random.default_rng(0).integers(0, 256, (16384, *FRAME), np.uint8)
-    one = np.zeros((512, 512), np.int32)
-    add_counts(data[:window], 512, 1, one, 1)
+    if path:
+        data = open_capture(path, counts=False).packed.map(number * frames, (number + 1) * frames)
+    else:
+        data = np.random.default_rng(0).integers(0, 256, (16384, *FRAME), np.uint8)
+    add_counts(data[:window], 512, 1, np.zeros((512, 512), np.int32), 1)
     wait_twice(ready)
     start, cpu = time.perf_counter(), time.process_time()
-    images = np.empty((frames // window, 512, 512), np.int32) if keeps else None
-    for number in range(frames // window):
-        image = images[number] if keeps else one
+    images = np.empty((frames // window, 512, 512), np.int32)
+    for index, image in enumerate(images):
         image[...] = 0
-        first = number * window % len(data)
+        first = index * window % len(data)
         add_counts(data[first : first + window], 512, 1, image, 1)
     times.put((time.perf_counter() - start, time.process_time() - cpu))
 
@@ -133,13 +135,13 @@ def speed_measurements(client, path, folder, frames, window):
     run = functools.partial(run_video, client, path, folder, window)
     readers = [(path, number) for number in range(WORKERS)]
 
-    def bare(keeps):
-        shares = [(window, frames // WORKERS, keeps)] * WORKERS
+    def bare(path):
+        shares = [(path, number, window, frames // WORKERS) for number in range(WORKERS)]
         return in_processes(share_counted, shares, warm_memory)
 
     return {
-        "bare": lambda: bare(True),
-        "bare, overwritten": lambda: bare(False),
+        "bare": lambda: bare(path),
+        "bare, array": lambda: bare(None),
         "count": lambda: lazy(None, warm_memory),
         "mle": lambda: lazy("mle", warm_memory),
         "run counts": lambda: run(None, warm_memory),

@@ -61,8 +61,10 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
     settings = {
         "distributed.scheduler.allowed-failures": _MAX_DEATHS,
         "distributed.worker.preload": ["jotlight.dask.preload"],
-        # It interrupts each worker a hundred times per second.
+        # The profile interrupts each worker a hundred times per second, and ticks interrupt each
+        # process fifty times.
         "distributed.worker.profile.enabled": False,
+        "distributed.admin.tick.interval": "1s",
         # By default, dask's workers return memory to the system after each image, and get it again.
         "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": _KEPT_BYTES,
         "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": _KEPT_BYTES // 4,
