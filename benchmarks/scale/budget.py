@@ -3,8 +3,8 @@
     python benchmarks/scale/budget.py --folder FOLDER
 
 All ways count 1024 frames per image in one thread, in turns. The script prints the least CPU time
-of some rounds for each way, in milliseconds per GiB. "in memory" is the bare counting of
-`measure.py speed`.
+of some rounds for each way, in milliseconds per GiB. The mapped file with one call of the engine
+per window is the bare counting of `measure.py speed`.
 """
 
 import argparse

@@ -2,15 +2,22 @@
 
     python benchmarks/scale/graph.py [--tasks 1000000]
 
-First, the script computes the number of tasks of a run from the size of the collection. Then it
-runs a scheduler of dask with workers that do nothing, and submits as many tasks as the largest run
-has, in the way that a run does. It prints the seconds per task, and the memory of the scheduler.
+First, the script computes the number of tasks of a run from the size of the collection, and lists
+the tasks of a lazy array of 8 TiB, whose file is sparse. Then it runs a scheduler of dask with
+workers that do nothing, and submits as many tasks as the largest run has, in the way that a run
+does. It prints the seconds per task, and the memory of the scheduler.
 """
 
 import argparse
 import resource
+import tempfile
 import time
+from pathlib import Path
 
+import dask
+from timing import make_capture
+
+import jotlight as jl
 from jotlight.dask.jobs import CaptureSource, VideoJob
 from jotlight.dask.running import Cluster
 from jotlight.dask.spans import Spans
@@ -47,6 +54,19 @@ def make_job(number, groups):
     return NoWork(f"scene{number}", CaptureSource("/x.npy"), spans, 1, None, store)
 
 
+def list_lazy_tasks():
+    """Print the CPU time in which the scheduler lists the tasks of a lazy array."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "capture.npy"
+        make_capture(path, 8 * 1024 * GIB // FRAME_BYTES, sparse=True)
+        counts = jl.dask.count(jl.open(path, counts=False), 4096)
+        start = time.process_time()
+        (listed,) = dask.optimize(counts)
+        tasks = len(dict(listed.dask))
+        seconds = time.process_time() - start
+    print(f"lazy array of 8 TiB: {tasks} tasks, {1e6 * seconds / tasks:.0f} CPU µs per task")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tasks", type=int, default=1_000_000)
@@ -63,6 +83,8 @@ def main():
         total = captures * size
         each = total / tasks / 2**20
         print(f"{captures:7} x {size / GIB:9.2f} GiB: {tasks:8} tasks, {each:8.0f} MiB")
+
+    list_lazy_tasks()
 
     from distributed import Client, LocalCluster
 

@@ -16,6 +16,7 @@ import contextlib
 import functools
 import json
 import os
+import random
 import shutil
 import statistics
 import time
@@ -158,7 +159,7 @@ def speed_measurements(client, path, folder, frames, window):
 def measure_speed(options):
     """Measure counting and "mle", with the file in the page cache and without.
 
-    Each round begins with another measurement, because disks and memory depend on what came before.
+    Each round has another order, because memory and disks depend on what came before.
     """
     path, folder = options.folder / "capture.npy", options.folder / "out"
     frames = options.gib * GIB // FRAME_BYTES
@@ -169,9 +170,9 @@ def measure_speed(options):
         for number in range(options.rounds):
             for window in options.windows:
                 measurements = speed_measurements(client, path, folder, frames, window)
-                names = list(measurements)
-                first = 3 * number % len(names)
-                row = {name: measurements[name]() for name in names[first:] + names[:first]}
+                names = [name for name in measurements if name in (options.only or measurements)]
+                order = random.Random(number).sample(names, len(names))
+                row = {name: measurements[name]() for name in order}
                 rounds.append(
                     {"round": number, "window": window, "load": os.getloadavg()[0], **row}
                 )
@@ -331,6 +332,7 @@ def main():
     parser.add_argument("--folder", type=Path, required=True)
     parser.add_argument("--gib", type=int, default=4)
     parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--only", nargs="+", help="names of what is measured for `speed`")
     parser.add_argument("--windows", type=int, nargs="+", default=[1024])
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)

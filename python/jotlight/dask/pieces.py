@@ -35,15 +35,18 @@ class Pieces:
 
     Parameters
     ----------
-    x : Bits or dask.array.Array of uint8, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
-        Bits, or packed bits.
-    window, step, oversampling, width
-        As for :func:`jotlight.dask.counting.count`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        When `x` is not packed, its chunks do not hold whole frames, or a number is out of range.
+    x : dask.array.Array of uint8, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
+        Packed bits.
+    spans : Spans
+        The frames of the windows.
+    width : int
+        W: the true width in jots.
+    oversampling : int
+        K̂.
+    in_chunks : list of list of (int, int)
+        The first frame and the end of each piece, for each chunk.
+    files : FrameSource, optional
+        The files of the bits. Workers then read them without `x`.
 
     Examples
     --------
@@ -60,9 +63,7 @@ class Pieces:
     width: int
     oversampling: int
     in_chunks: list[list[tuple[int, int]]]
-    """The first frame and the end of each piece, for each chunk."""
     files: FrameSource | None = None
-    """The files of the bits. Workers then read them without the lazy array."""
 
     @classmethod
     def of(
@@ -75,7 +76,16 @@ class Pieces:
         width: int | None = None,
         is_fast: bool = True,
     ) -> "Pieces":
-        """Return the pieces of bits. Whether their estimate `is_fast` determines the chunks."""
+        """Return the pieces of bits. The arguments are those of `jotlight.dask.count`.
+
+        The chunks of :class:`jotlight.Bits` are larger if the estimate of their images `is_fast`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When `x` is not packed, its chunks do not hold whole frames, or a number is out of
+            range.
+        """
         if not isinstance(x, Bits):
             check_packed_array(x)
         number = len(windows(x.shape[0], window, step))
@@ -134,7 +144,7 @@ class Pieces:
         name = f"pieces-{tokenize(self.x.name, self.x.chunks, *options)}"
         zeros, graph = (0,) * (self.x.ndim - 1), {}
         for index, (a, b) in enumerate(itertools.pairwise(np.cumsum([0, *self.x.chunks[0]]))):
-            source = self.files or (self.x.name, index, *zeros)
+            source = (self.x.name, index, *zeros) if self.files is None else self.files
             key = (name, index, *(0 for _ in shape))
             graph[key] = (count_pieces, source, range(int(a), int(b)), *options)
         sources = [self.x] if self.files is None else []
