@@ -33,6 +33,7 @@ from timing import (
     in_processes,
     make_capture,
     on_workers,
+    peak_memory,
     timed,
     wait_twice,
     warm_memory,
@@ -113,13 +114,17 @@ def check(outcome):
     assert outcome.made == ["v"], outcome
 
 
-def run_lazy(client, path, window, method, prepare=lambda: None):
-    """Return the seconds until the workers hold all images of a lazy array."""
+def lazy_images(path, window, method):
+    """Return the counts of a capture as a lazy array, or their estimates."""
     bits = jl.open(path, counts=False)
     if method is None:
-        images = jl.dask.count(bits, window)
-    else:
-        images = jl.dask.reconstruct(bits, jl.Sensor(frames=window), window, method=method)
+        return jl.dask.count(bits, window)
+    return jl.dask.reconstruct(bits, jl.Sensor(frames=window), window, method=method)
+
+
+def run_lazy(client, path, window, method, prepare=lambda: None):
+    """Return the seconds until the workers hold all images of a lazy array."""
+    images = lazy_images(path, window, method)
     return on_workers(client, lambda: wait(images.persist()), prepare)
 
 
@@ -191,36 +196,38 @@ def measure_speed(options):
 
 
 def measure_small(options):
-    """Measure a run with "small" on two workers, and the same run in one thread."""
+    """Measure "small" on two workers, and the same work in one thread."""
     path, folder, window = options.folder / "capture.npy", options.folder / "out", 64
-    frames = options.gib * GIB // FRAME_BYTES
+    frames, method = options.gib * GIB // FRAME_BYTES, "network-small"
     make_capture(path, frames)
     ratios = {"lazy": [], "run": []}
     with connected(None, WORKERS) as client:
         warm_up(client, path, folder)
         for _ in range(options.rounds):
-            job = video_job(path, folder, window, "network-small")
-            cpu = time.process_time()
-            seconds = timed(lambda job=job: check(run_jobs([job], ThisProcess(True, 1))))
-            alone = [frames // window / each for each in (seconds, time.process_time() - cpu)]
-            row = {"images/s, images/CPU s of one thread": alone}
-            for title, times in (
-                ("lazy", run_lazy(client, path, window, "network-small")),
-                ("run", run_video(client, path, folder, window, "network-small")),
+            job, images = video_job(path, folder, window, method), lazy_images(path, window, method)
+            row = {}
+            for title, alone, both in (
+                (
+                    "lazy",
+                    lambda images=images: images.compute(scheduler="synchronous"),
+                    lambda: run_lazy(client, path, window, method),
+                ),
+                (
+                    "run",
+                    lambda job=job: check(run_jobs([job], ThisProcess(True, 1))),
+                    lambda: run_video(client, path, folder, window, method),
+                ),
             ):
-                both = row[title] = [frames // window / each for each in times]
-                ratios[title].append((both[0] / alone[0] / WORKERS, both[1] / alone[1]))
+                cpu, seconds = time.process_time(), timed(alone)
+                one, two = (seconds, time.process_time() - cpu), both()
+                row[title] = [frames // window / each for each in (*one, *two)]
+                ratios[title].append((one[0] / two[0] / WORKERS, one[1] / two[1]))
             print(json.dumps({**row, "load": os.getloadavg()[0]}), flush=True)
+    print("images per second and per CPU second: one thread, two workers")
     for title, found in ratios.items():
         wall, cpu = (statistics.median(each[i] for each in found) for i in (0, 1))
         print(f"{title}: {wall:.0%} of {WORKERS} times one thread; {cpu:.0%} by CPU time")
     path.unlink()
-
-
-def peak_memory():
-    """Return the peak of the resident memory of this process in MiB, and its part not in files."""
-    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
-    return {name: int(status[name].split()[0]) // 1024 for name in ("VmHWM", "RssAnon", "RssFile")}
 
 
 def measure_memory(options):
@@ -234,9 +241,7 @@ def measure_memory(options):
                 if title == "run":
                     run_video(client, path, options.folder / "out", 1024, "mle")
                 else:
-                    bits = jl.open(path, counts=False)
-                    video = jl.dask.reconstruct(bits, jl.Sensor(frames=1024), 1024, method="mle")
-                    video.max(axis=(1, 2)).compute()
+                    lazy_images(path, 1024, "mle").max(axis=(1, 2)).compute()
                 found = client.run(peak_memory).values()
             peak = max(each["VmHWM"] for each in found)
             anonymous = max(each["RssAnon"] for each in found)

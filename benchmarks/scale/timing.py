@@ -1,8 +1,9 @@
-"""Captures for measurements, and the times of processes and of workers."""
+"""Captures for measurements, and the times and the memory of processes and of workers."""
 
 import multiprocessing
 import os
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -97,3 +98,9 @@ def cpu_time(function):
     start = time.process_time()
     function()
     return time.process_time() - start
+
+
+def peak_memory():
+    """Return the peak of the resident memory of this process in MiB, and its part not in files."""
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    return {name: int(status[name].split()[0]) // 1024 for name in ("VmHWM", "RssAnon", "RssFile")}
