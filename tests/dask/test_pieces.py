@@ -1,3 +1,4 @@
+import dask
 import numpy as np
 import pytest
 
@@ -5,6 +6,7 @@ import jotlight as jl
 from jotlight.dask import chunk_counting, pieces
 from jotlight.dask.estimator import Estimator
 from jotlight.dask.pieces import Pieces
+from jotlight.dask.spans import Spans
 
 
 def random_bits(frames, channels=()):
@@ -85,3 +87,25 @@ def test_estimates_from_a_table_are_those_of_reconstruct(sensor, channels):
     parts = [bits[start : start + 8] for start in range(0, 40, 8)]
     expected = [jl.reconstruct(part, sensor, method="mle") for part in parts]
     np.testing.assert_array_equal(video, expected)
+
+
+def test_arrays_of_the_same_files_with_other_chunks_are_counted_together(tmp_path):
+    bits = random_bits(40)
+    np.save(tmp_path / "bits.npy", np.asarray(bits.packed))
+    capture = jl.open(tmp_path / "bits.npy", counts=False)
+    several = [jl.dask.count(capture.to_dask(chunks), 8) for chunks in (10, 8, 20)]
+    expected = jl.dask.count(bits, 8).compute()
+    for counts in dask.compute(*several, scheduler="sync"):
+        np.testing.assert_array_equal(counts, expected)
+
+
+def test_a_source_with_fewer_frames_than_its_chunk_is_refused():
+    block = np.zeros((7, 16, 3), np.uint8)
+    with pytest.raises(RuntimeError, match="expected frames 4 to 8 of a chunk, got 3"):
+        chunk_counting.count_pieces(block, range(8), Spans(4, 4, 2), 24, 1, jl.__version__, None)
+
+
+@pytest.mark.parametrize("options", [{"oversampling": 0}, {"width": 0}])
+def test_zero_is_not_a_default(options):
+    with pytest.raises(ValueError, match="expected"):
+        jl.dask.count(random_bits(8), 4, **options)

@@ -104,7 +104,7 @@ def test_counts_report_their_progress_and_do_not_depend_on_the_chunks(monkeypatc
     array = random_bits(7, 20, 12, 2)
     bits = jl.Bits.from_array(array)
     whole = bits.counts(4)
-    monkeypatch.setattr("jotlight.chunks._MAX_JOTS", 100)
+    monkeypatch.setattr("jotlight.sensing.counting._MAX_JOTS_IN_MEMORY", 100)
     monkeypatch.setattr("jotlight.chunks._MIN_ROW_COST", 1)
     done = []
     np.testing.assert_array_equal(bits.counts(4, progress=done.append), whole)

@@ -89,7 +89,8 @@ def count_pieces(
         return counts
     estimates = np.empty(estimator.estimate_shape((len(pieces), *shape)), np.float32)
     # A table for large K has more values than there are pixels.
-    table = estimator.table() if spans.window * oversampling**2 < np.prod(shape) else None
+    is_short = spans.window <= parts.frames and spans.window * oversampling**2 < np.prod(shape)
+    table = estimator.table() if is_short else None
     if table is not None:
         for image, (a, b) in zip(estimates, pieces, strict=True):
             look_up_counts(parts.read(a, b), width, oversampling, table, image, threads=1)
@@ -113,9 +114,11 @@ def _count(
     """Write the counts of some pieces into `out`."""
     for image, (a, b) in zip(out, pieces, strict=True):
         image[...] = 0
-        # The engine counts each piece in one call, because bit planes are fast for many frames. A
-        # file is mapped read-only, and the engine only reads.
-        add_counts(parts.read(a, b), width, oversampling, image, threads=1)
+        # The engine counts many frames in one call, because bit planes are then fast. A file is
+        # mapped read-only, and the engine only reads.
+        for start in range(a, b, parts.frames):
+            some = parts.read(start, min(start + parts.frames, b))
+            add_counts(some, width, oversampling, image, threads=1)
 
 
 class _Parts:
@@ -135,19 +138,32 @@ class _Parts:
         self, source: FrameSource | npt.NDArray[np.uint8], chunk: range, ends: list[int]
     ) -> None:
         self._source, self._ends = source, ends
-        self._frames = max(1, PART_BYTES // max(1, int(np.prod(source.shape[1:]))))
+        self.frames = max(1, PART_BYTES // max(1, int(np.prod(source.shape[1:]))))
+        """Number of frames that are mapped or read at once."""
         self._known, self._part = range(0), np.empty(0, np.uint8)
-        if isinstance(source, np.ndarray):
+        if not isinstance(source, FrameSource):
             self._known, self._part = chunk, source
 
     def read(self, start: int, stop: int) -> npt.NDArray[np.uint8]:
-        """Return the frames of a piece. The next one must begin at its end or later."""
+        """Return at most `frames` frames of a piece. They follow those that were read before.
+
+        Raises
+        ------
+        RuntimeError
+            When the source has fewer frames.
+        """
         if stop > self._known.stop:
-            last = bisect.bisect_right(self._ends, start + self._frames)
+            last = bisect.bisect_right(self._ends, start + self.frames)
             end = max(stop, self._ends[last - 1] if last > 0 else stop)
             self._part = np.empty(0, np.uint8)  # Its memory is free before the next part is read.
             self._known, self._part = range(start, end), self._source[start:end]
-        return self._part[start - self._known.start : stop - self._known.start]
+        part = self._part[start - self._known.start : stop - self._known.start]
+        if len(part) != stop - start:
+            raise RuntimeError(
+                f"expected frames {start} to {stop} of a chunk, got {len(part)} of them; open the "
+                "capture again"
+            )
+        return part
 
 
 def add_counts(

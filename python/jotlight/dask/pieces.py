@@ -92,11 +92,12 @@ class Pieces:
         spans = Spans(window, step or window, number)
         files = None
         if isinstance(x, Bits):
-            oversampling = oversampling or (x.sensor.oversampling if x.sensor else 1)
-            width = width or x.width
+            if oversampling is None and x.sensor is not None:
+                oversampling = x.sensor.oversampling
+            width = x.width if width is None else width
             files = files_of(x.packed)
             x = x.to_dask(_frames_of_chunk(x, spans, is_fast=is_fast))
-        oversampling = oversampling or 1
+        oversampling = 1 if oversampling is None else oversampling
         width = 8 * x.shape[2] if width is None else width
         x = _limited(x[: spans.stop], spans, image_shape(x.shape, width, oversampling))
         bounds = itertools.pairwise(np.cumsum([0, *x.chunks[0]]))
@@ -134,7 +135,7 @@ class Pieces:
         """Return the counts or estimates of all pieces, with one task for each chunk.
 
         The tasks are listed one by one. To derive them from the description that `map_blocks`
-        makes takes the scheduler seven times as long.
+        makes takes the scheduler six times as long.
         """
         array = import_dask_array()
         from dask.base import tokenize
@@ -188,7 +189,7 @@ def check_packed_array(x: Any) -> None:
 
 def _limited(x: "dask.array.Array", spans: Spans, shape: tuple[int, ...]) -> "dask.array.Array":
     """Return the array with smaller chunks if the counts of the pieces of one exceed the limit."""
-    per_step = 1 if spans.step == spans.window else 2
+    per_step = 1 if spans.step >= spans.window else 2
     max_pieces = max(1, MAX_BYTES // (4 * int(np.prod(shape, dtype=np.int64))))
     frames = max(1, max_pieces * spans.step // per_step)
     return x.rechunk({0: frames}) if max(x.chunks[0]) > frames else x

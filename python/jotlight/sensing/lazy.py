@@ -35,11 +35,11 @@ def to_dask(packed: Packed | Frames, chunks: Chunks) -> "dask.array.Array":
         return array.from_array(packed, shape)
     source = FrameSource(packed, _name(packed))
     is_known = source.name is not None
+    # Arrays with other chunks have other keys.
+    name = f"{source.name}-{frames}" if is_known else False  # a random name
     # Each task names the files itself. As a task of its own, the source would travel from the
     # worker that gets it to all others, before they can begin.
-    return array.from_array(
-        source, shape, name=source.name or False, asarray=False, inline_array=is_known
-    )
+    return array.from_array(source, shape, name=name, asarray=False, inline_array=is_known)
 
 
 def files_of(packed: Packed | Frames) -> "FrameSource | None":

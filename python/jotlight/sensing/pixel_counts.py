@@ -316,8 +316,9 @@ def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCo
         check_fits(data.shape, sensor)
         ones = count_ones([data], sensor.oversampling, sensor.mask, threads)
         return describe_pixels(ones[0], sensor)
-    is_ready = data.dtype == np.int32 and data.flags.c_contiguous and data.flags.aligned
-    counts = data if is_ready else as_counts(data)
+    counts = cast(npt.NDArray[np.int32], data)
+    if counts.dtype != np.int32 or not (counts.flags.c_contiguous and counts.flags.aligned):
+        counts = as_counts(counts)
     _check_jots(counts, sensor)
     if sensor.mask is not None:
         counts = np.where(sensor.mask, np.int32(0), counts)
