@@ -38,6 +38,7 @@ def content(folder):
     return {path.relative_to(folder): path.read_bytes() for path in files}
 
 
+@pytest.mark.slow
 def test_each_capture_becomes_a_color_image(run, captures):
     args = ("reconstruct", *captures, "-o", "i/{name}.tif")
     code, out = run(*args)

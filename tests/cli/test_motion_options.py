@@ -26,6 +26,7 @@ def files(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
+@pytest.mark.slow
 def test_the_image_is_that_of_the_merged_bits(run, moving, tmp_path):
     arguments = ["reconstruct", "moving.npy", "--motion", "-o", "a.npy"]
     more = ["--save-motion", "m.safetensors", "--maps", "maps.npz", "--at", 10]

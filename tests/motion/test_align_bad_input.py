@@ -124,6 +124,7 @@ def masked(mask):
     return scene, jl.Bits(np.asarray(bits.packed), bits.width, scene.sensor.replace(mask=mask))
 
 
+@pytest.mark.slow
 def test_half_of_the_jots_may_be_dead():
     mask = np.zeros((96, 96), bool)
     mask[:48] = True
