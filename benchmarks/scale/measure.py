@@ -141,8 +141,8 @@ def speed_measurements(client, path, folder, frames, window):
     run = functools.partial(run_video, client, path, folder, window)
     readers = [(path, number) for number in range(WORKERS)]
 
-    def bare(path):
-        shares = [(path, number, window, frames // WORKERS) for number in range(WORKERS)]
+    def bare(source):
+        shares = [(source, number, window, frames // WORKERS) for number in range(WORKERS)]
         return in_processes(share_counted, shares, warm_memory)
 
     return {
@@ -209,7 +209,7 @@ def measure_small(options):
             for title, alone, both in (
                 (
                     "lazy",
-                    lambda images=images: images.compute(scheduler="synchronous"),
+                    lambda images=images: images.persist(scheduler="synchronous"),
                     lambda: run_lazy(client, path, window, method),
                 ),
                 (

@@ -37,8 +37,8 @@ def drop_from_cache(path):
 def warm_memory():
     """Write and free 1 GiB of memory before a measurement.
 
-    A virtual machine returns free memory to its host after about two seconds, and needs 1 ms per
-    MiB to get it again. After this call, it has it.
+    A virtual machine returns free memory to its host within seconds, and needs time to get it
+    again. After this call, it has it.
     """
     np.ones(1 << 27, np.int64)
 

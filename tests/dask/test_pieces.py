@@ -39,7 +39,7 @@ def test_estimates_are_those_of_the_counts_whatever_the_number_of_images_in_the_
 ):
     pixels = 16 * 24 * max(channels, default=1)
     monkeypatch.setattr(chunk_counting, "_CACHED_PIXELS", images * pixels)
-    monkeypatch.setattr(Estimator, "table", lambda _: None)
+    monkeypatch.setattr(Estimator, "has_table", False)
     bits = random_bits(80, channels)
     sensor = jl.Sensor(frames=8)
     video = jl.dask.reconstruct(bits.to_dask(40), sensor, 8, method="mle").compute()
@@ -55,9 +55,13 @@ def test_files_are_read_in_parts_of_whole_pieces(frames, tmp_path, monkeypatch):
     path = tmp_path / "bits.npy"
     np.save(path, np.asarray(bits.packed))
     monkeypatch.setattr(chunk_counting, "PART_BYTES", frames * 16 * 3)
-    counts = jl.dask.count(jl.open(path, counts=False), 8, 10).compute(scheduler="sync")
-    expected = [bits[start : start + 8].counts() for start in range(0, 76, 10)]
-    np.testing.assert_array_equal(counts, expected)
+    capture, sensor = jl.open(path, counts=False), jl.Sensor(frames=8)
+    counts = jl.dask.count(capture, 8, 10).compute(scheduler="sync")
+    parts = [bits[start : start + 8].counts() for start in range(0, 76, 10)]
+    np.testing.assert_array_equal(counts, parts)
+    video = jl.dask.reconstruct(capture, sensor, 8, 10, method="mle").compute(scheduler="sync")
+    expected = [jl.reconstruct(part, sensor, method="mle") for part in parts]
+    np.testing.assert_array_equal(video, expected)
 
 
 def test_only_fast_estimates_have_large_chunks(monkeypatch):
@@ -66,6 +70,14 @@ def test_only_fast_estimates_have_large_chunks(monkeypatch):
     assert jl.dask.count(bits, 1).numblocks[0] == 4
     assert jl.dask.reconstruct(bits, sensor, 1, method="mle").numblocks[0] == 4
     assert jl.dask.reconstruct(bits, sensor, 1, method="network-small").numblocks[0] == 8
+    darker = sensor.replace(dark_counts=np.linspace(0, 0.1, 16 * 24).reshape(16, 24))
+    assert jl.dask.reconstruct(bits, darker, 1, method="mle").numblocks[0] == 8
+
+
+def test_mle_writes_no_counts(monkeypatch):
+    monkeypatch.setattr(chunk_counting, "add_counts", None)
+    video = jl.dask.reconstruct(random_bits(16), jl.Sensor(frames=8), 8, method="mle")
+    assert video.compute(scheduler="sync").shape == (2, 16, 24)
 
 
 @pytest.mark.parametrize(

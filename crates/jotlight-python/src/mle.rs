@@ -4,10 +4,8 @@ use jotlight::bits::PackedBits;
 use jotlight::likelihood::Threshold;
 use jotlight::mle::{self, JotCounts, JotResponse, JotResponses, PixelResponse};
 use jotlight::values::Values;
-use numpy::ndarray::Axis;
 use numpy::{
     PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadwriteArray1, PyReadwriteArray2,
-    PyReadwriteArray3,
 };
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -83,28 +81,21 @@ pub fn mle_from_counts(
     })
 }
 
-/// Write the value of the number of ones of each pixel into `out`, for each of several images.
+/// Write the value of the number of ones of each pixel into `out`.
 #[pyfunction]
 #[pyo3(signature = (packed, width, oversampling, table, out, threads))]
 pub fn look_up_counts(
     py: Python<'_>,
-    packed: Vec<PyReadonlyArray3<'_, u8>>,
+    packed: PyReadonlyArray3<'_, u8>,
     width: usize,
     oversampling: usize,
     table: PyReadonlyArray1<'_, f32>,
-    mut out: PyReadwriteArray3<'_, f32>,
+    mut out: PyReadwriteArray2<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let packed: Vec<_> = packed.iter().map(PyReadonlyArray3::as_array).collect();
-    let (table, mut out) = (table.as_slice()?, out.as_array_mut());
-    check_length("out", packed.len(), out.dim().0)?;
+    let (packed, table, out) = (packed.as_array(), table.as_slice()?, out.as_array_mut());
     run(py, threads, || {
-        packed
-            .into_par_iter()
-            .zip(out.axis_iter_mut(Axis(0)))
-            .try_for_each(|(packed, out)| {
-                mle::look_up_counts(&PackedBits::new(packed, width)?, oversampling, table, out)
-            })
+        mle::look_up_counts(&PackedBits::new(packed, width)?, oversampling, table, out)
     })
 }
 

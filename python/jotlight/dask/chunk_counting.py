@@ -1,7 +1,7 @@
 """What a worker does with a chunk of frames: it counts or estimates the images of their pieces."""
 
 import bisect
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,27 +13,15 @@ from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Packed
 from jotlight.sensing.lazy import FrameSource
 
+if TYPE_CHECKING:
+    from jotlight.dask.estimator import Estimator
+
 PART_BYTES = 1 << 27
 """Bytes of the frames that a worker maps or reads at once."""
 
 _CACHED_PIXELS = 1 << 18
 """Number of pixels that are counted and then estimated, unless an image has more. Their counts stay
 in the processor's cache."""
-
-
-class Estimate(Protocol):
-    """What estimates the images of counts, such as :class:`jotlight.dask.estimator.Estimator`."""
-
-    def estimate_shape(self, shape: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the shape of the estimates of counts (N, H, W) or (N, H, W, C)."""
-
-    def table(self) -> npt.NDArray[np.float32] | None:
-        """Return the estimate for each count from 0 to K, or None if pixels depend on more."""
-
-    def __call__(
-        self, counts: npt.NDArray[np.int32], out: npt.NDArray[np.float32]
-    ) -> npt.NDArray[np.float32]:
-        """Write the estimates of counts into `out`, and return it."""
 
 
 def image_shape(shape: tuple[int, ...], width: int, oversampling: int) -> tuple[int, ...]:
@@ -70,7 +58,7 @@ def count_pieces(
     width: int,
     oversampling: int,
     version: str,
-    estimator: Estimate | None,
+    estimator: "Estimator | None",
 ) -> npt.NDArray[np.int32] | npt.NDArray[np.float32]:
     """Return the counts of all pieces of a chunk, or the estimates of an estimator for them.
 
@@ -90,8 +78,8 @@ def count_pieces(
     estimates = np.empty(estimator.estimate_shape((len(pieces), *shape)), np.float32)
     # A table for large K has more values than there are pixels.
     is_short = spans.window <= parts.frames and spans.window * oversampling**2 < np.prod(shape)
-    table = estimator.table() if is_short else None
-    if table is not None:
+    if is_short and estimator.has_table:
+        table = estimator.table()
         for image, (a, b) in zip(estimates, pieces, strict=True):
             look_up_counts(parts.read(a, b), width, oversampling, table, image, threads=1)
         return estimates
@@ -206,6 +194,6 @@ def look_up_counts(
     >>> out.tolist()
     [[4.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 4.0]]
     """
-    places = channel_views(out[None], 3)
-    for channel, place in zip(channel_views(packed, 3), places, strict=True):
-        engine.look_up_counts([channel], width, oversampling, table, place, threads)
+    views: list[Any] = channel_views(packed, 3)
+    for channel, place in zip(views, channel_views(out), strict=True):
+        engine.look_up_counts(channel, width, oversampling, table, place, threads)

@@ -115,20 +115,20 @@ class Estimator:
             )
         return *shape, COLORS
 
-    def table(self) -> npt.NDArray[np.float32] | None:
-        """Return the estimate for each count from 0 to K, or None if pixels depend on more.
+    @property
+    def has_table(self) -> bool:
+        """Whether the estimate of a pixel depends on its count alone."""
+        is_closed_form = self.method == "mle" and not self.is_color
+        return is_closed_form and self.sensor.has_plain_bits and not self.sensor.maps()
+
+    def table(self) -> npt.NDArray[np.float32]:
+        """Return the estimate for each count from 0 to K, if it depends on the count alone.
 
         Examples
         --------
         >>> Estimator(Sensor(frames=4), "mle").table().round(2).tolist()
         [0.0, 0.28999999165534973, 0.6899999976158142, 1.0, 1.0]
-        >>> Estimator(Sensor(frames=4), "network-small", "small").table() is None
-        True
         """
-        if self.method != "mle" or self.is_color or self.sensor.maps():
-            return None
-        if not self.sensor.has_plain_bits:
-            return None
         table: npt.NDArray[np.float32] = self(
             np.arange(self.sensor.trials + 1, dtype=np.int32)[None, None]
         )[0, 0]

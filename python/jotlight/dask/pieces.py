@@ -13,7 +13,7 @@ import numpy as np
 
 from jotlight._engine import __version__
 from jotlight.chunks import windows
-from jotlight.dask.chunk_counting import PART_BYTES, Estimate, count_pieces, image_shape
+from jotlight.dask.chunk_counting import PART_BYTES, count_pieces, image_shape
 from jotlight.dask.spans import Spans
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.lazy import FrameSource, files_of, import_dask_array
@@ -21,12 +21,14 @@ from jotlight.sensing.lazy import FrameSource, files_of, import_dask_array
 if TYPE_CHECKING:
     import dask.array
 
+    from jotlight.dask.estimator import Estimator
+
 MAX_BYTES = 1 << 27
 """Maximum size of a chunk of counts, unless one image is larger."""
 
 _FAST_CHUNK, _FAST_CHUNKS = 1 << 30, 4
-"""Largest chunk of bits if their estimate is as fast as counting, and the number of smaller ones.
-Workers wait for the scheduler between chunks, for as long as the engine counts 50 to 100 MiB."""
+"""Largest chunk of bits if their estimate is about as fast as counting, and the number of smaller
+chunks. Workers wait for the scheduler between chunks."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,7 +122,7 @@ class Pieces:
         """Return the counts of all pieces, int32 of shape (N, H, W) or (N, H, W, C)."""
         return self._map(None, self.image_shape, np.int32)
 
-    def estimate(self, estimator: Estimate) -> "dask.array.Array":
+    def estimate(self, estimator: "Estimator") -> "dask.array.Array":
         """Return the estimates of the counts of all pieces, which must be windows.
 
         Each piece is estimated as soon as it is counted, so its counts are still in the cache, and
@@ -130,7 +132,7 @@ class Pieces:
         return self._map(estimator, shape, np.float32)
 
     def _map(
-        self, estimator: Estimate | None, shape: tuple[int, ...], dtype: type[np.generic]
+        self, estimator: "Estimator | None", shape: tuple[int, ...], dtype: type[np.generic]
     ) -> "dask.array.Array":
         """Return the counts or estimates of all pieces, with one task for each chunk.
 

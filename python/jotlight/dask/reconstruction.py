@@ -115,7 +115,7 @@ def reconstruct(
         step,
         oversampling=sensor.oversampling,
         width=width,
-        is_fast=estimator.method == "mle" and not estimator.is_color,
+        is_fast=estimator.has_table,
     )
     sensor.check_map_shapes(*(size * sensor.oversampling for size in pieces.image_shape[:2]))
     halo = estimator.halo

@@ -50,8 +50,10 @@ def files_of(packed: Packed | Frames) -> "FrameSource | None":
     >>> files_of(np.zeros((4, 2, 3), np.uint8)) is None
     True
     """
-    name = None if isinstance(packed, np.ndarray) else _name(packed)
-    return None if isinstance(packed, np.ndarray) or name is None else FrameSource(packed, name)
+    if isinstance(packed, np.ndarray):
+        return None
+    name = _name(packed)
+    return None if name is None else FrameSource(packed, name)
 
 
 def frames_per_chunk(shape: tuple[int, ...], chunks: Chunks) -> int:

@@ -316,9 +316,7 @@ def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCo
         check_fits(data.shape, sensor)
         ones = count_ones([data], sensor.oversampling, sensor.mask, threads)
         return describe_pixels(ones[0], sensor)
-    counts = cast(npt.NDArray[np.int32], data)
-    if counts.dtype != np.int32 or not (counts.flags.c_contiguous and counts.flags.aligned):
-        counts = as_counts(counts)
+    counts = as_counts(data)
     _check_jots(counts, sensor)
     if sensor.mask is not None:
         counts = np.where(sensor.mask, np.int32(0), counts)

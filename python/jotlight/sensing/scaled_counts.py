@@ -229,10 +229,10 @@ def check_whole(data: object, trials: int) -> None:
 
 def check_range(counts: Counts, sensor: Sensor) -> None:
     """Raise ValueError for counts that a sensor cannot report. Warn if they look like means."""
-    # As unsigned numbers, negative ones are large, so one pass finds both.
-    if counts.view(np.uint32).max() > sensor.trials:
+    low, high, trials = counts.min(), counts.max(), sensor.trials
+    if low < 0 or high > trials:
         raise range_error(counts, sensor)
-    if sensor.trials in SCALES and (hint := scaled_counts_hint(counts)):
+    if trials in SCALES and (hint := scaled_counts_hint(counts)):
         warn(f"counts: {hint}")
 
 

@@ -15,7 +15,7 @@ use crate::likelihood::one_photon::{ELEMENTS_PER_GROUP, inverse_detection_probab
 use crate::likelihood::{Threshold, check_counts};
 use crate::values::Values;
 
-use table::look_up;
+use table::look_up_all;
 
 pub use jots::{JotCounts, from_jots};
 pub use table::look_up_counts;
@@ -129,45 +129,22 @@ pub fn from_counts(
             efficiency,
             dark_counts,
         };
-        return from_table(response, counts, trials, jot, out);
+        // A table saves time, because there are fewer possible counts than pixels.
+        let mut table = vec![0.0; trials as usize + 1];
+        for_each_pixel(&mut table, |ones| {
+            response.intensity_from_count(ones as i32, trials, jot)
+        });
+        let largest = look_up_all(&table, counts, out);
+        if f64::from(largest) <= trials {
+            return Ok(());
+        }
+        return check_counts(counts, Values::Same(trials));
     }
     check_counts(counts, trials)?;
     for_each_pixel(out, |index| {
         response.intensity_from_count(counts[index], trials.get(index), jots.get(index))
     });
     Ok(())
-}
-
-/// Write the estimate of each pixel into `out`, for pixels with the same `trials` and jots.
-///
-/// A table saves time if there are fewer possible counts than pixels. The counts are checked in the
-/// same pass.
-fn from_table(
-    response: &PixelResponse,
-    counts: &[i32],
-    trials: f64,
-    jot: JotResponse,
-    out: &mut [f32],
-) -> Result<()> {
-    let mut intensities = vec![0.0; trials as usize + 1];
-    for_each_pixel(&mut intensities, |ones| {
-        response.intensity_from_count(ones as i32, trials, jot)
-    });
-    let chunks = out.par_chunks_mut(PIXELS_PER_CHUNK);
-    let largest = chunks
-        .zip(counts.par_chunks(PIXELS_PER_CHUNK))
-        .map(|(out, counts)| {
-            let mut largest = 0;
-            if !interrupt::is_requested() {
-                look_up(&intensities, counts, out, &mut largest);
-            }
-            largest
-        })
-        .max();
-    if largest.is_some_and(|largest| f64::from(largest) <= trials) {
-        return Ok(());
-    }
-    check_counts(counts, Values::Same(trials))
 }
 
 /// Write the intensity for each detection probability into `out`. This is the last step of the

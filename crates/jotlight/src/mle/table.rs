@@ -8,6 +8,8 @@ use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::interrupt;
 
+use super::PIXELS_PER_CHUNK;
+
 /// The number of bytes of a frame that a task counts. The counts of its pixels stay in the cache.
 const BYTES_PER_TASK: usize = 1 << 13;
 
@@ -58,10 +60,26 @@ pub fn look_up_counts(
     Ok(())
 }
 
+/// Write the value of each count into `out`, and return the largest count as an unsigned number, so a
+/// negative one is large. Values of counts without a value have no meaning.
+pub(super) fn look_up_all(table: &[f32], counts: &[i32], out: &mut [f32]) -> u32 {
+    let chunks = out.par_chunks_mut(PIXELS_PER_CHUNK);
+    let largest = chunks
+        .zip(counts.par_chunks(PIXELS_PER_CHUNK))
+        .map(|(out, counts)| {
+            let mut largest = 0;
+            if !interrupt::is_requested() {
+                look_up(table, counts, out, &mut largest);
+            }
+            largest
+        });
+    largest.max().unwrap_or(0)
+}
+
 levels! {
     /// Write the value of each count, an index into the table, into `out`. `largest` becomes the
     /// largest count as an unsigned number, so a negative one is large.
-    pub(super) fn look_up(
+    fn look_up(
         table: &[f32], counts: &[i32], out: &mut [f32], largest: &mut u32,
     ) = look_up_inlined;
 }
