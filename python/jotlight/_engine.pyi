@@ -423,7 +423,7 @@ class Network:
         layers: Sequence[_Layer],
         sensor: _SensorModel,
         trials_range: tuple[int, int] | None,
-        is_color: bool,
+        reads_planes: bool,
         rotations: int,
     ) -> Network: ...
     @property
@@ -489,7 +489,7 @@ class Network:
         zeros: bool,
         threads: int | None,
     ) -> list[npt.NDArray[np.float32]]: ...
-    def improve_colors(
+    def improve(
         self, planes: npt.NDArray[np.float32], trials: float, threads: int | None
     ) -> npt.NDArray[np.float32]: ...
 

@@ -1,11 +1,14 @@
 """The inverse response of a pixel: intensities from probabilities, and comparable counts."""
 
+import dataclasses
+
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.errors import warn
 from jotlight.estimators.inpaint import inpaint_dead_pixels
+from jotlight.sensing.maps import constant_or_map
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.response import Array
@@ -66,6 +69,23 @@ def equivalent_counts(
         threads,
     )
     return inpaint_dead_pixels(out, pixels.dead_pixels)
+
+
+def equivalent_fractions(pixels: PixelCounts, threads: int | None) -> npt.NDArray[np.float32]:
+    """Return L/K that a reference jot would have in place of each pixel, of the counts' shape.
+
+    Pixels without readings have those of one reading.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> pixels = count_pixels(np.array([[2, 4]]), Sensor(frames=8), None)
+    >>> equivalent_fractions(pixels, None).tolist()
+    [[0.25, 0.5]]
+    """
+    some = np.where(pixels.trials == 0, 1.0, pixels.trials)
+    alive = dataclasses.replace(pixels, trials=constant_or_map(some))
+    return equivalent_counts(alive, reference_jot(pixels.sensor), 1, threads)
 
 
 def intensity_from_probability(

@@ -154,11 +154,11 @@ class ColorFilmState:
         is_lost = found.merged.flags is not None and bool(found.merged.flags.all())
         merged, motion = self._colors.merge(part, found.motion, start, is_lost=is_lost)
         if motion.model == "none":
-            return FilmImage(merged, motion, found.is_carried, part)
+            return FilmImage(merged, motion, start, found.is_carried, part)
         if not is_lost:
-            return FilmImage(merged, motion, found.is_carried, merged)
+            return FilmImage(merged, motion, start, found.is_carried, merged)
         length = self._colors.frames_of(found.merged)
         low = min(max(0, round(motion.reference) - length // 2), len(part) - length)
         frames = part.packed[low : low + length]
         fewer = Bits(frames, part.width, self.sensor.replace(frames=length))
-        return FilmImage(merged, motion, found.is_carried, fewer)
+        return FilmImage(merged, motion, start, found.is_carried, fewer)

@@ -2,13 +2,20 @@
 
 import dataclasses
 
+from jotlight.motion.blocks import Sums
 from jotlight.motion.memory import Memory, remembers
+from jotlight.motion.merged_pixels import count_pixels_of
 from jotlight.motion.motion import MODELS, Motion
+from jotlight.motion.track import Paths, from_center
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.sensor import Sensor
 
 KEPT_WINDOWS = 4
 """Number of windows whose frames together show the motion of a scene if one is not enough."""
+
+_PARTS = 4, 16
+"""A quarter and a sixteenth of the blocks of a window are nearest to the time of its image."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -18,12 +25,18 @@ class FilmImage:
     merged: Merged
     motion: Motion
     """The motion. Times count from the first frame of the window."""
+    start: int
+    """The number of the first frame of the window."""
     is_carried: bool
     """Whether the motion is that of the image before, with new blocks at its end."""
     data: Merged | Bits = dataclasses.field(repr=False)
     """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or bits behind a
     mosaic: those of the window if the scene stands still, and those of fewer frames if no motion
     explains it. The flags of `merged` then say nothing about the image."""
+    nearest: tuple[Merged, ...] = dataclasses.field(default=(), repr=False)
+    """The counts of the quarter and of the sixteenth of the window that are nearest to the time of
+    the image, along the motion, whether or not they agree with it: what the film network reads
+    besides `merged`. Empty for colors and for a finer grid."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -58,3 +71,11 @@ class FilmSettings:
         more = (KEPT_WINDOWS - 1) * self.window
         before, after = (more, 0) if self.causal else (more // 2, more // 2)
         return range(max(first, start - before), min(stop, start + self.window + after))
+
+
+def count_nearest(paths: Paths, sensor: Sensor) -> tuple[Merged, ...]:
+    """Return the counts along paths of the parts of a window nearest to their reference time."""
+    order = [int(block) for block in from_center(paths)]
+    parts = (order[: max(1, len(order) // part)] for part in _PARTS)
+    sums = (Sums.total(map(paths.sums, part)) for part in parts)
+    return tuple(count_pixels_of(each, sensor) for each in sums)

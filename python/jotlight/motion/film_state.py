@@ -9,7 +9,7 @@ from jotlight.errors import hide_warnings, record_warnings, warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
 from jotlight.motion.carrying import carry
-from jotlight.motion.film_image import KEPT_WINDOWS, FilmImage, FilmSettings
+from jotlight.motion.film_image import KEPT_WINDOWS, FilmImage, FilmSettings, count_nearest
 from jotlight.motion.film_merging import FilmMerging
 from jotlight.motion.memory import Memory
 from jotlight.motion.merge import as_paths, check_upsample
@@ -206,7 +206,9 @@ class FilmState:
         memory = copy.copy(self._memory)
         with record_warnings() as texts:
             merged = self._merging.merge(paths, shown, start, memory)
-        image = FilmImage(merged, shown, is_carried, merged)
+        has_nearest = self._settings.upsample == 1 and paths.blocks.burst.channels == 1
+        nearest = count_nearest(paths, self.sensor) if has_nearest else ()
+        image = FilmImage(merged, shown, start, is_carried, merged, nearest)
         return _Candidate(image, motion, paths, memory, texts)
 
 

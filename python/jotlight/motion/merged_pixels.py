@@ -48,6 +48,15 @@ def as_merged(
     )
 
 
+def count_pixels_of(sums: Sums, sensor: Sensor) -> Merged:
+    """Return sums over jots as the counts of pixels, without what is known about the motion."""
+    side = sensor.oversampling
+    efficiency, dark_counts = _seen_jots(sums, sensor, side)
+    trials = _sum_pixels(sums.trials, side).astype(np.float64)
+    efficiency = np.minimum(efficiency, 1)  # means of numbers up to 1, but for rounding errors
+    return Merged(_sum_pixels(sums.ones, side), trials, sensor, dark_counts, efficiency)
+
+
 def as_fine(
     channels: list[Sums],
     accepted: npt.NDArray[np.float32],

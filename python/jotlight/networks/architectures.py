@@ -186,7 +186,7 @@ def build_conditional(name: str, rng: np.random.Generator) -> list[Layer]:
     coefficients, low, spacing = fit_spline(
         lambda fraction: np.arcsin(np.sqrt(fraction.clip(0, 1))), 0.0, 1.0, _FIT_COEFFICIENTS
     )
-    probability = fit_spline(lambda z: np.sin(z) ** 2, 0.0, np.pi / 2, _FIT_COEFFICIENTS)
+    probability = fit_probability()
     if name == TWO_LAYER:
         last = Layer(smooth, *probability, trainable="filters")
         return [with_sets(Layer(one, coefficients, low, spacing)), last]
@@ -199,6 +199,11 @@ def build_conditional(name: str, rng: np.random.Generator) -> list[Layer]:
     builder = Builder(start, rng)
     add_unet(builder, find_architecture(name), source=2)
     return [with_sets(layer) for layer in add_head(builder, probability, skip=1)]
+
+
+def fit_probability() -> Spline:
+    """Return the spline of the last layer of K-conditioned networks: p = sin² z."""
+    return fit_spline(lambda z: np.sin(z) ** 2, 0.0, np.pi / 2, _FIT_COEFFICIENTS)
 
 
 class Builder:

@@ -1,17 +1,15 @@
 """Colors by a network: classical colors, improved with the bits of all filters or channels."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.inverse_response import equivalent_counts, intensity_from_probability
+from jotlight.estimators.inverse_response import equivalent_fractions, intensity_from_probability
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.color_planes import Filtered, color_planes
 from jotlight.networks.color_starts import start_of_channels, start_of_mosaic
 from jotlight.networks.network import Network
-from jotlight.sensing.maps import constant_or_map
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import reference_jot
@@ -42,7 +40,7 @@ def planes_of_channels(
     The parameters are those of :func:`estimate_channels`.
     """
     seen = [
-        Filtered(share, _fractions(counted, threads), _weights(counted))
+        Filtered(share, equivalent_fractions(counted, threads), _weights(counted))
         for share, counted in zip(np.eye(3), channels, strict=True)
     ]
     response = _response(sensor)
@@ -122,19 +120,12 @@ def _response(sensor: Sensor) -> Callable[[Array], Array]:
 
 def _seen_through(mosaic: Mosaic, counted: PixelCounts, threads: int | None) -> list[Filtered]:
     """Return what the pixels behind each filter of a mosaic saw."""
-    fraction, weight = _fractions(counted, threads), _weights(counted)
+    fraction, weight = equivalent_fractions(counted, threads), _weights(counted)
     places = mosaic.full(*fraction.shape)
     return [
         Filtered(transmission, fraction, weight * (places == index))
         for index, transmission in enumerate(mosaic.transmission)
     ]
-
-
-def _fractions(counted: PixelCounts, threads: int | None) -> Image:
-    """Return L/K that a reference jot would have in place of each pixel, (H, W)."""
-    some = np.where(counted.trials == 0, 1.0, counted.trials)
-    alive = dataclasses.replace(counted, trials=constant_or_map(some))
-    return equivalent_counts(alive, reference_jot(counted.sensor), 1, threads)
 
 
 def _weights(counted: PixelCounts) -> Array:

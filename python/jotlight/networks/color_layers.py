@@ -8,6 +8,7 @@ from jotlight.networks.architectures import (
     add_head,
     add_unet,
     find_architecture,
+    fit_probability,
     with_sets,
 )
 from jotlight.networks.color_planes import CENTER, PLANES, START
@@ -16,9 +17,6 @@ from jotlight.networks.splines import Spline, fit_spline
 
 COLORS = 3
 """Red, green, and blue."""
-
-_FIT_COEFFICIENTS = 150
-"""Number of coefficients of the last splines, which are sin² z."""
 
 
 def build_color(name: str, rng: np.random.Generator) -> list[Layer]:
@@ -40,8 +38,8 @@ def build_color(name: str, rng: np.random.Generator) -> list[Layer]:
     planes = Layer(np.ones((PLANES, 1, 1, 1), np.float32), None, trainable="nothing")
     builder = Builder([planes, Layer(taps, *shift, trainable="nothing")], rng)
     add_unet(builder, find_architecture(name), source=0)
-    probability = fit_spline(lambda z: np.sin(z) ** 2, 0.0, np.pi / 2, _FIT_COEFFICIENTS)
-    return [with_sets(layer) for layer in add_head(builder, _each_color(probability), skip=1)]
+    probability = _each_color(fit_probability())
+    return [with_sets(layer) for layer in add_head(builder, probability, skip=1)]
 
 
 def _each_color(spline: Spline) -> Spline:

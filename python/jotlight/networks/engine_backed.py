@@ -32,7 +32,8 @@ class EngineBacked:
     sensor: Sensor
     trials_range: tuple[int, int] | None
     rotations: int
-    _is_color = False
+    planes = 0
+    """Number of planes that the network reads, or 0 if it reads counts or bits."""
 
     @property
     def engine_network(self) -> engine.Network:
@@ -50,8 +51,9 @@ class EngineBacked:
         if kept is None or kept[0][0] is not source[0] or kept[0][1] != source[1]:
             layers = [layer.to_engine(layer.filters, layer.coefficients) for layer in self.layers]
             model = sensor_model(self.sensor)
-            rotations = self.rotations
-            network = engine.Network(layers, model, self.trials_range, self._is_color, rotations)
+            network = engine.Network(
+                layers, model, self.trials_range, self.planes > 0, self.rotations
+            )
             self.__dict__[_KEPT] = kept = source, network
         found: engine.Network = kept[1]
         return found

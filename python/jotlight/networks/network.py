@@ -316,7 +316,7 @@ class Network(EngineBacked, TorchHints):
             When the file does not exist, is no network file, or holds a color network, which
             :meth:`jotlight.ColorNetwork.load` reads.
         """
-        return read_network(path, cls, is_color=False)
+        return read_network(path, cls, planes=0)
 
     def export_onnx(self, path: str | os.PathLike[str], sensor: Sensor | None = None) -> None:
         """Write an ONNX model from counts (N, 1, H, W) to intensities (extra `onnx`).

@@ -3,13 +3,14 @@
 import json
 import operator
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.networks import color_planes, film_planes
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.layer import Layer
 from jotlight.sensing.sensor import Sensor
@@ -17,6 +18,15 @@ from jotlight.tensors import read_tensors, write_tensors
 
 _FORMAT = "jotlight network"
 _VERSION = "3"
+
+_KINDS = {
+    0: ("a network of gray images", "Network"),
+    film_planes.PLANES: ("a film network", "FilmNetwork"),
+    color_planes.PLANES: ("a color network", "ColorNetwork"),
+}
+"""The kinds of networks by their number of planes, and the classes that read them."""
+
+_UNKNOWN = "a network of another kind", ""
 
 _Network = TypeVar("_Network")
 
@@ -27,6 +37,7 @@ class WritableNetwork(Protocol):
     layers: tuple[Layer, ...]
     sensor: Sensor
     rotations: int
+    planes: int
     history: dict[str, Any]
 
     @property
@@ -59,6 +70,7 @@ def write_network(
         "sensor": json.dumps(network.sensor.scalars()),
         "trials_range": json.dumps(network.trials_range),
         "rotations": json.dumps(network.rotations),
+        "planes": json.dumps(network.planes),
         "history": json.dumps(network.history),
     }
     write_tensors(path, tensors, metadata)
@@ -76,16 +88,18 @@ def _expand(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return array.astype(np.float32) if array.dtype == np.float16 else array
 
 
-def is_color_network(path: str | os.PathLike[str]) -> bool:
-    """Return whether a network file holds a color network, whose last layer has several channels.
+def count_planes(path: str | os.PathLike[str]) -> int:
+    """Return the number of planes that the network in a file reads, or 0 if it reads counts.
 
     The errors are those of :func:`read_network`.
     """
-    return read_network(path, lambda layers, *_, **__: bool(layers[-1].channels > 1))
+    path = _network_file(path)
+    _, metadata = read_tensors(path, _FORMAT, _VERSION)
+    return _planes_of(path, metadata)
 
 
 def read_network(
-    path: str | os.PathLike[str], make: Callable[..., _Network], *, is_color: bool | None = None
+    path: str | os.PathLike[str], make: Callable[..., _Network], *, planes: int
 ) -> _Network:
     """Return `make(layers, sensor, history, trials_range=..., rotations=...)` for a file's parts.
 
@@ -94,17 +108,16 @@ def read_network(
     OSError
         When the file does not exist.
     ValueError
-        When it is not a network file, `make` rejects its parts, or it is a color network but
-        `is_color` is False, or the other way around. None allows both.
+        When it is not a network file, `make` rejects its parts, or the network reads another number
+        of planes.
     """
-    path = Path(path)
-    if not path.is_file():
-        is_size = str(path) in QUALITIES
-        raise FileNotFoundError(
-            f"there is no network file {path}"
-            + (f"; quality={path} (--quality {path}) selects the shipped network" * is_size)
-        )
+    path = _network_file(path)
     tensors, metadata = read_tensors(path, _FORMAT, _VERSION)
+    received = _planes_of(path, metadata)
+    if received != planes:
+        (expected, _), (got, name) = (_KINDS.get(each, _UNKNOWN) for each in (planes, received))
+        hint = f", which jotlight.{name}.load reads" if name else ""
+        raise ValueError(f"{path}: expected {expected}, got {got}{hint}")
     try:
         layers = [
             Layer(
@@ -127,12 +140,26 @@ def read_network(
         options = {"trials_range": trials_range}
         # The files of most shipped networks were written before this number existed.
         options["rotations"] = json.loads(metadata.get("rotations", "1"))
-        is_other = bool(layers) and (layers[-1].channels > 1) == (is_color is False)
-        if is_color is None or not is_other:
-            return make(layers, sensor, json.loads(metadata["history"]), **options)
+        return make(layers, sensor, json.loads(metadata["history"]), **options)
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise ValueError(f"{path}: damaged network file: {error}") from error
-    gray, color = "a network of gray images", "a color network"
-    expected, got = (color, gray) if is_color else (gray, color)
-    name = "Network" if is_color else "ColorNetwork"
-    raise ValueError(f"{path}: expected {expected}, got {got}, which jotlight.{name}.load reads")
+
+
+def _network_file(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a file that exists."""
+    path = Path(path)
+    if not path.is_file():
+        is_size = str(path) in QUALITIES
+        raise FileNotFoundError(
+            f"there is no network file {path}"
+            + (f"; quality={path} (--quality {path}) selects the shipped network" * is_size)
+        )
+    return path
+
+
+def _planes_of(path: Path, metadata: Mapping[str, str]) -> int:
+    """Return the number of planes, of which networks of counts state none or 0."""
+    try:
+        return operator.index(json.loads(metadata.get("planes", "0")))
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: damaged network file: {error}") from error

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from jotlight.networks.architectures import EXTRA_LARGE, QUALITIES
 from jotlight.networks.color_network import ColorNetwork
+from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.network import Network
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
@@ -31,6 +32,9 @@ MOSAIC_FILE = FOLDER / "color-mosaic.safetensors"
 
 CHANNELS_FILE = FOLDER / "color-channels.safetensors"
 """The color network for images with three counts per pixel."""
+
+FILM_FILE = FOLDER / "film.safetensors"
+"""The recurrent network for the images of films."""
 
 MOSAIC_ROTATIONS = 4
 """Number of rotations of the mosaic over which its color network is averaged. Decision 47 states
@@ -148,6 +152,17 @@ def pretrained_color(file: Path) -> ColorNetwork:
     if file == MOSAIC_FILE:
         network.rotations = MOSAIC_ROTATIONS
     return network
+
+
+def pretrained_film() -> FilmNetwork:
+    """Return the trained film network.
+
+    Examples
+    --------
+    >>> pretrained_film().planes
+    9
+    """
+    return FilmNetwork.load(FILM_FILE)
 
 
 def _load(file: Path, sensor: Sensor, quality: str) -> Network:

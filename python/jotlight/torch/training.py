@@ -11,15 +11,18 @@ from torch import Tensor
 from jotlight.checks import positive_number, whole_number
 from jotlight.metrics import psnr
 from jotlight.networks.color_network import ColorNetwork
+from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.network import Network
+from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.progress import Progress
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.ahead import AheadLoader
-from jotlight.torch.color_network import ColorNetwork as TorchColorNetwork
 from jotlight.torch.color_patches import ColorPatchLoader
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
+from jotlight.torch.film_patches import FilmPatchLoader
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import PatchLoader
+from jotlight.torch.planes_network import PlanesNetwork as TorchPlanesNetwork
 from jotlight.torch.precision import check_precision
 from jotlight.torch.trainer import Trainer, flatten
 from jotlight.training.checkpoint import Checkpoint
@@ -79,7 +82,7 @@ def train(
 
     Parameters
     ----------
-    network : Network or ColorNetwork
+    network : Network, ColorNetwork, or FilmNetwork
         Starting point, such as ``Network.residual(sensor, "small")``, or
         ``Network.conditional("medium")`` for a network that serves a range of K at any exposure.
     images : array (N, H, W), sequence of arrays (H, W), callable, or PatchSource
@@ -165,19 +168,19 @@ def train(
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
     source = as_patch_source(images)
     side = _patch_side(source, patch)
-    is_color = isinstance(network, ColorNetwork)
-    tests = _test_images(test, is_color=is_color)
+    tests = _test_images(test, network)
     with (
         process_group(chosen_device) as group,
         shown_steps(group.is_main and progress, steps, callback) as report,
     ):
         _check_batch(batch, group.world_size)
         network, seed = group.shared_network(network), group.shared_seed(rng)
-        kind = ColorPatchLoader if is_color else PatchLoader
-        loader = kind(source, network, patch_sensor(sensor), seed, batch, side)
+        loader = _loader_of(network)(source, network, patch_sensor(sensor), seed, batch, side)
         settings = {**_settings(loader, tests, learning_rate, steps), "precision": precision}
         with thread_limit(threads), AheadLoader(loader, group.shard, steps) as ahead:
-            module = (TorchColorNetwork if is_color else TorchNetwork)(network).to(chosen_device)
+            reads_planes = isinstance(network, PlanesNetwork)
+            module = (TorchPlanesNetwork if reads_planes else TorchNetwork)(network)
+            module.to(chosen_device)
             module.filter_dtype = filter_dtype
             trainer = ImageTrainer(module, ahead, settings, learning_rate, tests, group)
             trainer.begin(checkpoint, resume)
@@ -266,12 +269,21 @@ class ImageTrainer(Trainer):
         return float(np.mean(values))
 
 
+def _loader_of(network: Network) -> type[PatchLoader]:
+    """Return the class whose batches train a network."""
+    if isinstance(network, FilmNetwork):
+        return FilmPatchLoader
+    return ColorPatchLoader if isinstance(network, ColorNetwork) else PatchLoader
+
+
 def _test_images(
-    test: npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | None, *, is_color: bool
+    test: npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | None, network: Network
 ) -> Images | None:
     """Return the images whose PSNR is measured, after a check."""
-    if is_color and test is not None:
-        raise ValueError("test: expected none for a color network; measure it after the training")
+    if isinstance(network, PlanesNetwork) and test is not None:
+        raise ValueError(
+            f"test: expected none for a {type(network).__name__}; measure it after the training"
+        )
     return None if test is None else check_images(test)
 
 

@@ -55,18 +55,18 @@ pub struct PyNetwork(Network);
 
 #[pymethods]
 impl PyNetwork {
-    /// A network for one sensor, or for a range of K. That for colors has three outputs.
+    /// A network for one sensor, or for a range of K, of counts or of planes.
     #[new]
-    #[pyo3(signature = (layers, sensor, trials_range, is_color, rotations))]
+    #[pyo3(signature = (layers, sensor, trials_range, reads_planes, rotations))]
     fn new(
         layers: Vec<PyLayerParameters<'_>>,
         sensor: PySensorModel,
         trials_range: Option<(u32, u32)>,
-        is_color: bool,
+        reads_planes: bool,
         rotations: usize,
     ) -> PyResult<Self> {
         let served = match trials_range {
-            Some((min, max)) if is_color => Served::Colors { min, max },
+            Some((min, max)) if reads_planes => Served::Planes { min, max },
             Some((min, max)) => Served::Trials { min, max },
             None => Served::Sensor(sensor.to_engine()?),
         };
@@ -292,9 +292,9 @@ impl PyNetwork {
         Ok(out.into_iter().map(|out| out.into_pyarray(py)).collect())
     }
 
-    /// Return the colors `(3, H, W)` from the planes of a color network.
+    /// Return the outputs `(C, H, W)` of a network for planes `(P, H, W)`.
     #[pyo3(signature = (planes, trials, threads))]
-    fn improve_colors<'py>(
+    fn improve<'py>(
         &self,
         py: Python<'py>,
         planes: PyReadonlyArray3<'_, f32>,
@@ -302,8 +302,8 @@ impl PyNetwork {
         threads: Option<isize>,
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let planes = planes.as_array();
-        let colors = run(py, threads, || self.0.improve_colors(planes, trials))?;
-        Ok(colors.into_pyarray(py))
+        let out = run(py, threads, || self.0.improve(planes, trials))?;
+        Ok(out.into_pyarray(py))
     }
 }
 

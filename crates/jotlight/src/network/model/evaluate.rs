@@ -65,17 +65,17 @@ impl Network {
         denoiser.denoise(fractions, trials)
     }
 
-    /// Return P(b = 1) of red, green, and blue light, `(3, H, W)`, from the planes of a color
-    /// network.
+    /// Return the outputs of a network for planes, such as P(b = 1) of red, green, and blue light,
+    /// `(3, H, W)`.
     ///
     /// `trials` is the usual number of bits of a pixel. Outside of the range of the network, the
     /// nearest parameters are used.
     ///
     /// # Errors
     /// [`Error::Range`] for other networks, and [`Error::Shape`] for a wrong number of planes.
-    pub fn improve_colors(&self, planes: ArrayView3<'_, f32>, trials: f64) -> Result<Array3<f32>> {
-        let Served::Colors { min, max } = self.served else {
-            let expected = "a network for colors";
+    pub fn improve(&self, planes: ArrayView3<'_, f32>, trials: f64) -> Result<Array3<f32>> {
+        let Served::Planes { min, max } = self.served else {
+            let expected = "a network for planes";
             return Err(Error::range("network", expected, "another one"));
         };
         let layers = self.layers_for(trials.clamp(min.into(), max.into()), false)?;

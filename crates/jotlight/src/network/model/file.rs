@@ -6,7 +6,7 @@ use ndarray::ArrayD;
 use safetensors::{Dtype, SafeTensors};
 use serde::Deserialize;
 
-use super::{COLORS, LayerParameters, Network, SensorModel, Served};
+use super::{LayerParameters, Network, SensorModel, Served};
 use crate::error::{Error, Result};
 use crate::likelihood::Threshold;
 use crate::mle::{JotResponse, PixelResponse};
@@ -72,9 +72,11 @@ impl Network {
                 return Err(file.error(format!("expected {key} {expected}, got {received}")));
             }
         }
-        // The files of most shipped networks were written before this number existed.
+        // The files of most shipped networks were written before these numbers existed.
         let rotations = metadata.get("rotations").map_or("1", String::as_str);
         let rotations = serde_json::from_str(rotations).map_err(|e| file.error(e))?;
+        let planes = metadata.get("planes").map_or("0", String::as_str);
+        let planes: usize = serde_json::from_str(planes).map_err(|e| file.error(e))?;
         let layers: Vec<LayerFields> =
             serde_json::from_str(entry("layers")?).map_err(|e| file.error(e))?;
         let layers: Result<Vec<_>> = layers
@@ -85,9 +87,8 @@ impl Network {
         let range: Option<(u32, u32)> =
             serde_json::from_str(entry("trials_range")?).map_err(|e| file.error(e))?;
         let layers = layers?;
-        let is_color = layers.last().is_some_and(|last| last.channels() == COLORS);
         let served = match range {
-            Some((min, max)) if is_color => Served::Colors { min, max },
+            Some((min, max)) if planes > 0 => Served::Planes { min, max },
             Some((min, max)) => Served::Trials { min, max },
             None => file.sensor(entry("sensor")?)?,
         };

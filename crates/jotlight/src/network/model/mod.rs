@@ -39,9 +39,6 @@ pub use reconstruction::Reconstruction;
 /// error of P(b = 0) near 1 changes no intensity by more than 1.5e-8 of the largest one.
 pub const BRIGHT: f64 = 4.0;
 
-/// The number of outputs of a network for colors: red, green, and blue.
-const COLORS: usize = 3;
-
 /// The parameters of a layer of a [`Network`].
 #[derive(Clone, Debug)]
 pub struct LayerParameters {
@@ -125,9 +122,9 @@ pub enum Served {
     },
     /// Sensors with the number of bits, the threshold, the detected light, and S of this one.
     Sensor(SensorModel),
-    /// Planes of classical colors of every sensor, from −π/2 to π/2, which the network improves.
-    /// From `min` to `max` bits per pixel, the parameters depend on K.
-    Colors {
+    /// Planes of estimates of every sensor, from −π/2 to π/2, which the network improves. From `min`
+    /// to `max` bits per pixel, the parameters depend on K. There may be several outputs.
+    Planes {
         /// The smallest K for which the network has parameters.
         min: u32,
         /// The largest one.
@@ -139,7 +136,7 @@ impl Served {
     /// Return the smallest and the largest K, if the parameters may depend on K.
     fn range(&self) -> Option<(u32, u32)> {
         match *self {
-            Self::Trials { min, max } | Self::Colors { min, max } => Some((min, max)),
+            Self::Trials { min, max } | Self::Planes { min, max } => Some((min, max)),
             Self::Sensor(_) => None,
         }
     }
@@ -193,11 +190,13 @@ impl Network {
             _ => {}
         }
         let (trials, outputs, max_input) = match served {
-            Served::Sensor(sensor) if network.is_tied() => (sensor.trials, 1, sensor.trials.into()),
-            Served::Sensor(sensor) => (sensor.trials, 1, 1.0),
+            Served::Sensor(sensor) if network.is_tied() => {
+                (sensor.trials, Some(1), sensor.trials.into())
+            }
+            Served::Sensor(sensor) => (sensor.trials, Some(1), 1.0),
             // The counts are divided by K.
-            Served::Trials { min, .. } => (min, 1, 1.0),
-            Served::Colors { min, .. } => (min, COLORS, std::f64::consts::FRAC_PI_2),
+            Served::Trials { min, .. } => (min, Some(1), 1.0),
+            Served::Planes { min, .. } => (min, None, std::f64::consts::FRAC_PI_2),
         };
         network.bounds = bounds::output_bounds(&network.layers, max_input)?;
         let mut layers = Vec::new();
@@ -208,7 +207,7 @@ impl Network {
         network.size_divisor = Graph::new(&layers)?.size_divisor;
         network.halo = receptive_field::radius(&layers)?;
         let channels = layers.last().map_or(0, |last| last.channels());
-        if channels != outputs {
+        if let Some(outputs) = outputs.filter(|&outputs| outputs != channels) {
             let what = "output channels of the last layer";
             return Err(Error::shape(what, outputs, channels));
         }

@@ -32,9 +32,9 @@ impl<'a> Reconstruction<'a> {
             }
             Served::Trials { .. } => {}
             Served::Sensor(own) => check_served(&own, &sensor)?,
-            Served::Colors { .. } => {
+            Served::Planes { .. } => {
                 let expected = "a network for intensities";
-                return Err(Error::range("network", expected, "one for colors"));
+                return Err(Error::range("network", expected, "one for planes"));
             }
         }
         Ok(Self {

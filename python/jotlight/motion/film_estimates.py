@@ -1,0 +1,144 @@
+"""The images of a film by the film network, which also reads the last image."""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.estimators.inverse_response import equivalent_fractions, intensity_from_probability
+from jotlight.motion.film_image import FilmImage
+from jotlight.networks.film_network import FilmNetwork
+from jotlight.networks.film_planes import Counts, film_planes, usual_trials
+from jotlight.networks.pretrained import pretrained_film
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.pixel_counts import count_pixels
+
+Image = npt.NDArray[np.float32]
+
+
+class FilmEstimates:
+    """The images of a film by a film network, one after the other.
+
+    The network reads the counts of a window and of the parts of it that are nearest to the time of
+    the image, and its own last image.
+
+    Parameters
+    ----------
+    network : FilmNetwork, optional
+        The network. Default: the trained one that comes with jotlight.
+    threads : int, optional
+        Number of threads. Default: all.
+
+    Examples
+    --------
+    >>> from jotlight import Sensor
+    >>> from jotlight.datasets import moving
+    >>> from jotlight.motion.film import film
+    >>> scene = moving(motion="shake", sensor=Sensor(frames=48), shape=(64, 64), photons=0.5, rng=1)
+    >>> estimates = FilmEstimates()
+    >>> [estimates.add(image).shape for image in film(scene.bits, window=32, step=8, causal=True)]
+    [(64, 64), (64, 64), (64, 64)]
+    """
+
+    def __init__(self, network: FilmNetwork | None = None, *, threads: int | None = None) -> None:
+        self.network = pretrained_film() if network is None else network
+        self._threads = threads
+        self._last: Image | None = None
+        """z = arcsin √p of the last image."""
+        self._time = 0.0
+
+    def add(self, image: FilmImage) -> Image:
+        """Return the intensities in [0, S] of the next image of the film, (H, W).
+
+        Raises
+        ------
+        ValueError
+            When the image has colors or a finer grid, which the network does not read, or when its
+            sensor has a smooth kernel.
+        """
+        planes, trials = self.planes_of(image)
+        found = self.network.estimate_probability(planes, trials, threads=self._threads)[0]
+        probability = np.clip(found, 0, 1)
+        self._last = np.arcsin(np.sqrt(probability))
+        self._time = image.start + image.motion.reference
+        return intensity_from_probability(probability, image.merged.sensor, self._threads)
+
+    def planes_of(self, image: FilmImage) -> tuple[Image, float]:
+        """Return what the network reads of the next image, and its usual number of trials."""
+        if not image.nearest:
+            raise ValueError(
+                "image: expected gray counts on the grid of the sensor, got colors or a finer "
+                "grid; jotlight.reconstruct(image.data) estimates them"
+            )
+        self.network.check_sensor(image.merged.sensor)
+        counts = [self._counts(part) for part in (image.merged, *image.nearest)]
+        return film_planes(counts, self._displaced(image)), usual_trials(counts[0])
+
+    def _counts(self, merged: Merged) -> Counts:
+        counted = count_pixels(merged, merged.sensor, self._threads)
+        trials = np.broadcast_to(np.float32(counted.trials), merged.ones.shape)
+        return Counts(equivalent_fractions(counted, self._threads), trials)
+
+    def _displaced(self, image: FilmImage) -> Image | None:
+        """Return z of the last image at the places where it showed the present points.
+
+        It is NaN where it did not show them. A motion states nothing about the time before its
+        window.
+        """
+        time = self._time - image.start
+        if self._last is None or time < 0 or self._last.shape != image.merged.shape:
+            return None
+        side = image.merged.sensor.oversampling
+        return displaced(self._last, image.motion.at(time), side)
+
+
+def displaced(last: Image, displacement: npt.NDArray[np.floating], side: int = 1) -> Image:
+    """Return an image (H, W) at displaced places, by linear interpolation, and NaN outside.
+
+    Parameters
+    ----------
+    last : ndarray of float32, shape (H, W)
+        The image.
+    displacement : ndarray of float, shape (2, H·side, W·side)
+        The displacement of each jot in rows and columns, in jots.
+    side : int
+        A pixel has side × side jots.
+
+    Examples
+    --------
+    >>> image = np.arange(12, dtype=np.float32).reshape(3, 4)
+    >>> displaced(image, np.stack([np.zeros((3, 4)), np.full((3, 4), 0.5)]))[0].tolist()
+    [0.5, 1.5, 2.5, nan]
+    """
+    from scipy.ndimage import map_coordinates
+
+    height, width = last.shape
+    jots = displacement.reshape(2, height, side, width, side)
+    places = np.indices(last.shape, np.float32) + jots.mean(axis=(2, 4)) / np.float32(side)
+    inside = (places >= 0) & (places <= np.reshape([height - 1, width - 1], (2, 1, 1)))
+    found = map_coordinates(last, places, np.float32, order=1, mode="nearest")
+    return np.asarray(np.where(inside.all(axis=0), found, np.float32(np.nan)))
+
+
+def estimate_film(
+    images: Iterable[FilmImage],
+    network: FilmNetwork | None = None,
+    *,
+    threads: int | None = None,
+) -> Iterator[Image]:
+    """Yield the intensities of the images of a film by a film network, (H, W).
+
+    The parameters are those of :class:`FilmEstimates`.
+
+    Examples
+    --------
+    >>> from jotlight import Sensor
+    >>> from jotlight.datasets import moving
+    >>> from jotlight.motion.film import film
+    >>> scene = moving(motion="shake", sensor=Sensor(frames=48), shape=(64, 64), photons=0.5, rng=1)
+    >>> len(list(estimate_film(film(scene.bits, window=32, step=8))))
+    3
+    """
+    estimates = FilmEstimates(network, threads=threads)
+    for image in images:
+        yield estimates.add(image)

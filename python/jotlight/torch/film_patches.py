@@ -1,0 +1,47 @@
+"""Batches of patches of films, for film networks."""
+
+import numpy as np
+import torch
+
+from jotlight.torch.patches import Batch, PatchLoader
+from jotlight.training.film_patches import FilmPatches
+
+
+class FilmPatchLoader(PatchLoader):
+    """A source of batches for a film network.
+
+    Examples
+    --------
+    >>> from jotlight.networks.film_network import FilmNetwork
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> from jotlight.training.film_patches import FilmExample
+    >>> source = FilmPatches([FilmExample(np.zeros((9, 8, 8)), np.zeros((8, 8)), 64.0, 0.4)])
+    >>> network = FilmNetwork.initial("small", rng=0)
+    >>> loader = FilmPatchLoader(source, network, Sensor(), seed=0, batch_size=2, side=8)
+    >>> batch = loader.batch(step=0, shard=slice(None), threads=1)
+    >>> batch.data.shape, batch.truth.shape, batch.trials
+    (torch.Size([2, 9, 8, 8]), torch.Size([2, 1, 8, 8]), 64)
+    """
+
+    def batch(self, step: int, shard: slice, threads: int) -> Batch:
+        """Return the batch of a step, or the patches of one process.
+
+        The parameters are those of :meth:`jotlight.torch.patches.PatchLoader.batch`.
+        """
+        if not isinstance(self.source, FilmPatches):
+            raise ValueError(
+                "images: expected jotlight.training.FilmPatches for a film network, got "
+                f"{type(self.source).__name__}"
+            )
+        rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(step, 0)))
+        drawn = self.source.draw_similar(rng, self.side, self.batch_size)
+        trials = float(np.exp(np.mean([np.log(each.trials) for each in drawn])))
+        drawn = drawn[shard]
+        light = np.array([each.light_per_intensity for each in drawn], np.float32)
+        return Batch(
+            torch.from_numpy(np.stack([each.planes for each in drawn])),
+            torch.from_numpy(np.stack([each.truth for each in drawn])[:, None]),
+            max(1, round(trials)),
+            torch.from_numpy(light),
+            torch.zeros(len(drawn)),
+        )

@@ -1,0 +1,156 @@
+"""Images of films of moving photographs, which train the film network.
+
+    python tools/film_data.py DATA FOLDER [--scenes 400] [--first 0] [--validation]
+
+Each scene is a burst of a random photograph that moves in a random way, and its film. A file of
+`FOLDER` holds the images of a scene in the order of time: the counts that the network reads, the
+displacement from each image to the one before, and the true image. Validation scenes show other
+photographs.
+"""
+
+import argparse
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import training_data
+
+import jotlight as jl
+from jotlight.motion.film import film
+
+MOTIONS = {
+    "static": 1.0,
+    "shake": 4.0,
+    "rotate": 2.0,
+    "fast": 1.0,
+    "layers": 4.0,
+    "two": 2.0,
+    "three": 1.0,
+    "small": 1.0,
+    "person": 2.0,
+    "parallax": 1.5,
+    "sheet": 1.0,
+    "appear": 0.5,
+    "stop": 1.0,
+}
+"""Motions of the scenes, and their weights."""
+
+FOLDERS = "photographs/cid22", "photographs/clic2025", "photographs/gb82", "bsds300/train"
+"""Folders of photographs, which are equally frequent."""
+
+SIDE = 160
+"""Height and width of the scenes."""
+
+IMAGES = 6
+"""Number of images per scene."""
+
+WINDOWS = {256: 0.6, 128: 0.25, 64: 0.15}
+"""Frames of a window, and how frequent they are."""
+
+STEPS = 4, 8, 8, 16
+"""A window has this number of steps."""
+
+AUTO = 0.15
+"""Fraction of the scenes whose model of the motion is chosen by the bits. All others have an affine
+motion, which is found faster, so the bits of objects disagree with it."""
+
+PHOTONS = 0.03, 1.0
+"""Range of the mean number of photons per pixel and frame."""
+
+CAUSAL = 0.75
+"""Fraction of the films that show the last frame of a window."""
+
+
+def main() -> None:
+    """Write the scenes that do not exist yet."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("data", type=Path)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--scenes", type=int, default=400)
+    parser.add_argument("--validation", action="store_true")
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    for number in range(options.first, options.first + options.scenes):
+        path = options.folder / f"{number:05}.npz"
+        if not path.exists():
+            arrays = as_arrays(scene_images(options.data, number, options.validation))
+            np.savez(path.with_suffix(".part.npz"), **arrays)
+            path.with_suffix(".part.npz").rename(path)
+            print(path.name, flush=True)
+
+
+def scene_images(
+    data: Path, number: int, is_validation: bool
+) -> Iterator[dict[str, npt.NDArray[np.floating]]]:
+    """Yield the counts, the displacement from the image before, and the truth of each image."""
+    rng = np.random.default_rng(number)
+    motion = str(rng.choice(list(MOTIONS), p=_shares(MOTIONS)))
+    window = int(rng.choice(list(WINDOWS), p=_shares(WINDOWS)))
+    step, causal = window // int(rng.choice(STEPS)), bool(rng.random() < CAUSAL)
+    model = "auto" if rng.random() < AUTO else "affine"
+    photons = float(np.exp(rng.uniform(*np.log(PHOTONS))))
+    back, front = (_photograph(data, rng, is_validation) for _ in range(2))
+    frames = window + (IMAGES - 1) * step
+    scene = jl.datasets.moving(
+        back,
+        motion,
+        sensor=jl.Sensor(frames=frames),
+        foreground=front,
+        shape=(SIDE, SIDE),
+        photons=photons,
+        rng=rng,
+    )
+    bits = jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
+    before = None
+    for image in film(bits, window=window, step=step, model=model, causal=causal, threads=1):
+        time = image.start + image.motion.reference
+        truth = scene.image(round(time))
+        values = {}
+        parts = image.merged, *image.nearest
+        for name, part in zip(("long", "middle", "short"), parts, strict=True):
+            trials = np.broadcast_to(part.trials, part.ones.shape).astype(np.float32)
+            values[f"{name}_trials"] = trials
+            values[f"{name}_fraction"] = part.ones / np.maximum(trials, 1)
+        displacement = np.full((2, SIDE, SIDE), np.nan, np.float32)
+        if before is not None and before >= image.start:
+            displacement = image.motion.at(before - image.start)
+        before = time
+        scale = np.full(1, scene.sensor.light_per_intensity)
+        yield {**values, "displacement": displacement, "truth": truth, "light_per_intensity": scale}
+
+
+def as_arrays(
+    images: Iterator[dict[str, npt.NDArray[np.floating]]],
+) -> dict[str, npt.NDArray[np.float16]]:
+    """Return the values of all images, stacked."""
+    found = list(images)
+    return {name: np.stack([each[name] for each in found]).astype(np.float16) for name in found[0]}
+
+
+def _photograph(
+    data: Path, rng: np.random.Generator, is_validation: bool
+) -> npt.NDArray[np.float32]:
+    """Return a random photograph in gray."""
+    files = training_data.training_files(data, FOLDERS[rng.integers(len(FOLDERS))])
+    if is_validation:
+        files = training_data.validation_files(data)
+    image = jl.read_image(files[rng.integers(len(files))], gray=True)
+    # Photographs are often blurred at full size.
+    size = min(image.shape) // 2
+    if size >= SIDE and rng.random() < 0.5:
+        rows, columns = (length - length % 2 for length in image.shape)
+        image = image[:rows, :columns].reshape(rows // 2, 2, columns // 2, 2).mean(axis=(1, 3))
+    return np.asarray(image, np.float32)
+
+
+def _shares(weights: dict) -> npt.NDArray[np.float64]:
+    values = np.array(list(weights.values()))
+    return values / values.sum()
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore", jl.JotlightWarning)
+    main()

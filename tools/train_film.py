@@ -1,0 +1,225 @@
+"""Train the film network that comes with jotlight, and write its model card.
+
+    python tools/film_data.py DATA SCENES --scenes 500
+    python tools/film_data.py DATA VALIDATION --scenes 24 --validation
+    python tools/train_film.py SCENES VALIDATION [--rounds 2] [--steps 5000] [--from FILE]
+
+Without `--from`, it starts at the parameters of the gray network "medium", which then reads the
+counts of whole windows. The last image that the network reads is its own: each round begins with
+the images that the network of the round before makes of all scenes. Network and card go to
+``python/jotlight/networks/weights``. A run needs the extra `torch`.
+"""
+
+import argparse
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from model_cards import wrap
+from rounding import round_layers
+
+import jotlight as jl
+from jotlight.estimators.inverse_response import intensity_from_probability
+from jotlight.metrics import psnr
+from jotlight.motion.film_estimates import displaced
+from jotlight.networks.conditioning import conditioning_weights
+from jotlight.networks.film_network import FilmNetwork
+from jotlight.networks.film_planes import Counts, film_planes, usual_trials
+from jotlight.networks.graph import flops_per_pixel
+from jotlight.networks.layer import Layer
+from jotlight.networks.pretrained import FILM_FILE, FOLDER
+from jotlight.training.film_patches import FilmExample, FilmPatches
+
+BATCH, PATCH = 16, 64
+
+FIRST_GRAY = 3
+"""Number of the first layer of the U-Net of the gray network. Here, it has the number 2."""
+
+LENGTHS = "long", "middle", "short"
+
+TEMPLATE = Path(__file__).with_name("film_card.md")
+
+Image = npt.NDArray[np.float32]
+
+
+def start_from_gray() -> FilmNetwork:
+    """Return a film network that makes of the counts of a window what the gray network makes."""
+    network = FilmNetwork.initial("medium", rng=0)
+    gray = jl.Network.load(FOLDER / "medium.safetensors")
+    layers = [*network.layers[:2]]
+    for layer, of_gray in zip(network.layers[2:], gray.layers[FIRST_GRAY:], strict=True):
+        layers.append(_of_gray(layer, of_gray, gray.trials_range, network.trials_range))
+    return FilmNetwork(layers, network.history, trials_range=network.trials_range)
+
+
+def _of_gray(layer: Layer, gray: Layer, of_gray: tuple[int, int], own: tuple[int, int]) -> Layer:
+    """Return a layer with the parameters of a gray one for each K, adapted to more inputs."""
+    filters = _for_other_range(gray.filters, of_gray, own)
+    if layer.filters.shape != filters.shape:
+        more = np.zeros_like(layer.filters)
+        more[:, :, :1] = filters
+        filters = more
+    coefficients = gray.coefficients
+    if coefficients is not None and coefficients.ndim == 3:
+        coefficients = _for_other_range(coefficients, of_gray, own)
+    knots = {"start": gray.start, "spacing": gray.spacing}
+    return dataclasses.replace(layer, filters=filters, coefficients=coefficients, **knots)
+
+
+def _for_other_range(
+    sets: npt.NDArray[np.float32], before: tuple[int, int], after: tuple[int, int]
+) -> npt.NDArray[np.float32]:
+    """Return parameters with nearly the same values at each K, for another range of K.
+
+    Beyond the range before, they are those at its end.
+    """
+    number = len(sets)
+    trials = np.geomspace(*after, 60)
+    known = np.clip(trials, *before)
+    old = np.stack([conditioning_weights(each, before, number) for each in known])
+    new = np.stack([conditioning_weights(each, after, number) for each in trials.clip(*after)])
+    values = old @ sets.reshape(number, -1)
+    found = np.linalg.lstsq(new, values, rcond=None)[0]
+    return np.ascontiguousarray(found.reshape(sets.shape), np.float32)
+
+
+class Scene:
+    """The images of a scene in the order of time, from a file of `film_data.py`."""
+
+    def __init__(self, path: Path) -> None:
+        with np.load(path, allow_pickle=False) as arrays:
+            self._arrays = dict(arrays)
+
+    def __len__(self) -> int:
+        return len(self._arrays["truth"])
+
+    def counts(self, number: int) -> list[Counts]:
+        """Return the counts that the network reads of an image."""
+        return [
+            Counts(self._image(f"{name}_fraction", number), self._image(f"{name}_trials", number))
+            for name in LENGTHS
+        ]
+
+    def truth(self, number: int) -> Image:
+        """Return the true image."""
+        return self._image("truth", number)
+
+    def light(self) -> float:
+        """Return the photons per jot and frame at intensity 1."""
+        return float(self._arrays["light_per_intensity"][0, 0])
+
+    def planes(self, network: FilmNetwork) -> Iterator[tuple[Image, float, Image]]:
+        """Yield what a network reads of each image, its usual trials, and P(b = 1)."""
+        last = None
+        for number in range(len(self)):
+            counts, displacement = self.counts(number), self._image("displacement", number)
+            seen = None
+            if last is not None and np.isfinite(displacement).all():
+                seen = displaced(last, displacement)
+            planes, trials = film_planes(counts, seen), usual_trials(counts[0])
+            found = network.estimate_probability(planes, trials)[0].clip(0, 1)
+            last = np.arcsin(np.sqrt(found))
+            yield planes, trials, found
+
+    def _image(self, name: str, number: int) -> Image:
+        return np.asarray(self._arrays[name][number], np.float32)
+
+
+def examples(scenes: list[Scene], network: FilmNetwork) -> list[FilmExample]:
+    """Return what a network reads of all images, and the true images."""
+    return [
+        FilmExample(planes.astype(np.float16), scene.truth(number), trials, scene.light())
+        for scene in scenes
+        for number, (planes, trials, _) in enumerate(scene.planes(network))
+    ]
+
+
+def scores(scenes: list[Scene], network: FilmNetwork) -> tuple[float, float]:
+    """Return the mean PSNR of the gray network medium for merged counts, and of a film network."""
+    gray, rows = jl.Network.load(FOLDER / "medium.safetensors"), []
+    for scene in scenes:
+        for number, (_, _, found) in enumerate(scene.planes(network)):
+            window = scene.counts(number)[0]
+            truth = scene.truth(number)
+            sensor = jl.Sensor(frames=256, gain=256 * scene.light(), max_intensity=1.0)
+            trials = window.trials.astype(np.float64)
+            ones = np.minimum(np.rint(window.fraction * trials), np.floor(trials))
+            merged = jl.Merged(ones.astype(np.int32), trials, sensor)
+            images = gray.reconstruct(merged), intensity_from_probability(found, sensor, None)
+            inner = (slice(8, -8),) * 2
+            rows.append([psnr(each[inner], truth[inner], data_range=1.0) for each in images])
+    of_gray, own = np.mean(rows, axis=0)
+    return float(of_gray), float(own)
+
+
+def main() -> None:
+    from jotlight.torch import train
+
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("scenes", type=Path)
+    parser.add_argument("validation", type=Path)
+    parser.add_argument("--from", dest="start", type=Path)
+    parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--steps", type=int, default=5000)
+    parser.add_argument("--learning-rate", type=float, default=2e-3)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int)
+    options = parser.parse_args()
+    network = start_from_gray() if options.start is None else FilmNetwork.load(options.start)
+    scenes, validation = (
+        [Scene(path) for path in sorted(folder.glob("?????.npz"))]
+        for folder in (options.scenes, options.validation)
+    )
+    print(f"{len(scenes)} scenes; PSNR of medium, and before: {scores(validation, network)}")
+    stages = list(network.history.get("stages", []))
+
+    def report(record: jl.training.Record) -> None:
+        if record.step % 500 == 0:
+            print(f"step {record.step} of {options.steps}, cost {record.loss:.4g}", flush=True)
+
+    for number in range(options.rounds):
+        network, _ = train(
+            network,
+            FilmPatches(examples(scenes, network)),
+            steps=options.steps,
+            batch=BATCH,
+            patch=PATCH,
+            learning_rate=options.learning_rate,
+            rng=options.seed + number,
+            callback=report,
+            device="cpu",
+            threads=options.threads,
+        )
+        stages.append(
+            f"{options.steps:,} steps at a learning rate of {options.learning_rate:g} on the "
+            f"images of {len(scenes)} scenes"
+        )
+        network = ship(network, stages, validation)
+
+
+def ship(network: FilmNetwork, stages: list[str], validation: list[Scene]) -> FilmNetwork:
+    """Write a trained network, rounded to float16, and its card, and return it."""
+    history = {"start": network.history["start"], "stages": stages}
+    layers = round_layers(network.layers)
+    network = FilmNetwork(layers, history, trials_range=network.trials_range)
+    network.save(FILM_FILE)
+    of_gray, own = scores(validation, network)
+    card = TEMPLATE.read_text(encoding="utf-8").format(
+        channels=" → ".join(str(layer.channels) for layer in network.layers),
+        parameters=sum(layer.parameter_count for layer in network.layers),
+        kiloflops=flops_per_pixel(network.layers) / 1000,
+        recipe=f"from the gray network medium, {', then '.join(stages)}.",
+        scenes=len(validation),
+        of_gray=of_gray,
+        own=own,
+    )
+    card = "".join(wrap(line) + "\n" for line in card.splitlines())
+    FILM_FILE.with_suffix(".md").write_text(card, encoding="utf-8")
+    print(card, flush=True)
+    return network
+
+
+if __name__ == "__main__":
+    main()
