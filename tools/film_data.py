@@ -10,8 +10,9 @@ photographs.
 
 import argparse
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,8 @@ import training_data
 
 import jotlight as jl
 from jotlight.motion.film import film
+
+Image = npt.NDArray[np.float32]
 
 MOTIONS = {
     "static": 1.0,
@@ -59,6 +62,10 @@ motion, which is found faster, so the bits of objects disagree with it."""
 PHOTONS = 0.03, 1.0
 """Range of the mean number of photons per pixel and frame."""
 
+VIDEO, PER_FRAME, SPEEDS = 0.6, 16, (1, 2, 3, 4)
+"""Fraction of the scenes that stand still for the frames of a video, the number of binary frames of
+each, and factors of their speed."""
+
 CAUSAL = 0.75
 """Fraction of the films that show the last frame of a window."""
 
@@ -77,9 +84,37 @@ def main() -> None:
         path = options.folder / f"{number:05}.npz"
         if not path.exists():
             arrays = as_arrays(scene_images(options.data, number, options.validation))
-            np.savez(path.with_suffix(".part.npz"), **arrays)
-            path.with_suffix(".part.npz").rename(path)
+            with path.with_suffix(".part").open("wb") as file:
+                np.savez(file, **arrays)
+            path.with_suffix(".part").rename(path)
             print(path.name, flush=True)
+
+
+class Recipe(NamedTuple):
+    """How a film is made."""
+
+    window: int
+    step: int
+    model: str
+    causal: bool
+    photons: float
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> "Recipe":
+        """Return a random recipe."""
+        window = int(rng.choice(list(WINDOWS), p=_shares(WINDOWS)))
+        return cls(
+            window,
+            window // int(rng.choice(STEPS)),
+            "auto" if rng.random() < AUTO else "affine",
+            bool(rng.random() < CAUSAL),
+            float(np.exp(rng.uniform(*np.log(PHOTONS)))),
+        )
+
+    @property
+    def frames(self) -> int:
+        """Number of frames of the burst."""
+        return self.window + (IMAGES - 1) * self.step
 
 
 def scene_images(
@@ -87,27 +122,19 @@ def scene_images(
 ) -> Iterator[dict[str, npt.NDArray[np.floating]]]:
     """Yield the counts, the displacement from the image before, and the truth of each image."""
     rng = np.random.default_rng(number)
-    motion = str(rng.choice(list(MOTIONS), p=_shares(MOTIONS)))
-    window = int(rng.choice(list(WINDOWS), p=_shares(WINDOWS)))
-    step, causal = window // int(rng.choice(STEPS)), bool(rng.random() < CAUSAL)
-    model = "auto" if rng.random() < AUTO else "affine"
-    photons = float(np.exp(rng.uniform(*np.log(PHOTONS))))
-    back, front = (_photograph(data, rng, is_validation) for _ in range(2))
-    frames = window + (IMAGES - 1) * step
-    scene = jl.datasets.moving(
-        back,
-        motion,
-        sensor=jl.Sensor(frames=frames),
-        foreground=front,
-        shape=(SIDE, SIDE),
-        photons=photons,
-        rng=rng,
-    )
-    bits = jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
+    recipe = Recipe.draw(rng)
+    is_video = rng.random() < VIDEO
+    bits, truth = (video_burst if is_video else burst)(data, rng, recipe, is_validation)
     before = None
-    for image in film(bits, window=window, step=step, model=model, causal=causal, threads=1):
+    for image in film(
+        bits,
+        window=recipe.window,
+        step=recipe.step,
+        model=recipe.model,
+        causal=recipe.causal,
+        threads=1,
+    ):
         time = image.start + image.motion.reference
-        truth = scene.image(round(time))
         values = {}
         parts = image.merged, *image.nearest
         for name, part in zip(("long", "middle", "short"), parts, strict=True):
@@ -118,8 +145,55 @@ def scene_images(
         if before is not None and before >= image.start:
             displacement = image.motion.at(before - image.start)
         before = time
-        scale = np.full(1, scene.sensor.light_per_intensity)
-        yield {**values, "displacement": displacement, "truth": truth, "light_per_intensity": scale}
+        scale = np.full(1, bits.sensor.light_per_intensity)
+        yield {
+            **values,
+            "displacement": displacement,
+            "truth": truth(round(time)),
+            "light_per_intensity": scale,
+        }
+
+
+def burst(
+    data: Path, rng: np.random.Generator, recipe: Recipe, is_validation: bool
+) -> tuple[jl.Bits, Callable[[int], Image]]:
+    """Return the bits of a scene that moves in each frame, and a function for its true images."""
+    scene = _scene(data, rng, recipe.frames, recipe.photons, is_validation)
+    return jl.Bits(np.asarray(scene.bits.packed), SIDE, scene.sensor), scene.image
+
+
+def video_burst(
+    data: Path, rng: np.random.Generator, recipe: Recipe, is_validation: bool
+) -> tuple[jl.Bits, Callable[[int], Image]]:
+    """Return the bits of a scene that stands still for each frame of a video, and its images."""
+    number, speed = recipe.frames // PER_FRAME + 2, int(rng.choice(SPEEDS))
+    scene = _scene(data, rng, speed * number, recipe.photons, is_validation)
+    # Images show the middle of the binary frames of a frame of the video.
+    first = PER_FRAME // 2
+    frames = recipe.frames
+    sensor = scene.sensor.replace(frames=frames, gain=scene.sensor.light_per_intensity * frames)
+    part = sensor.replace(frames=PER_FRAME, gain=scene.sensor.light_per_intensity * PER_FRAME)
+    images = [scene.image(speed * index) for index in range(number)]
+    packed = [np.asarray(part.expose(image, rng).packed) for image in images]
+    bits = jl.Bits(np.concatenate(packed)[first : first + frames], SIDE, sensor)
+    return bits, lambda time: images[(time + first) // PER_FRAME]
+
+
+def _scene(
+    data: Path, rng: np.random.Generator, frames: int, photons: float, is_validation: bool
+) -> jl.datasets.MovingScene:
+    """Return a random photograph that moves in a random way."""
+    motion = str(rng.choice(list(MOTIONS), p=_shares(MOTIONS)))
+    back, front = (_photograph(data, rng, is_validation) for _ in range(2))
+    return jl.datasets.moving(
+        back,
+        motion,
+        sensor=jl.Sensor(frames=frames),
+        foreground=front,
+        shape=(SIDE, SIDE),
+        photons=photons,
+        rng=rng,
+    )
 
 
 def as_arrays(

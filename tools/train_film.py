@@ -118,7 +118,8 @@ class Scene:
             seen = None
             if last is not None and np.isfinite(displacement).all():
                 seen = displaced(last, displacement)
-            planes, trials = film_planes(counts, seen), usual_trials(counts[0])
+            trials = usual_trials(counts[0])
+            planes = film_planes(counts, trials, seen)
             found = network.estimate_probability(planes, trials)[0].clip(0, 1)
             last = np.arcsin(np.sqrt(found))
             yield planes, trials, found
@@ -169,7 +170,7 @@ def main() -> None:
     options = parser.parse_args()
     network = start_from_gray() if options.start is None else FilmNetwork.load(options.start)
     scenes, validation = (
-        [Scene(path) for path in sorted(folder.glob("?????.npz"))]
+        [Scene(path) for path in sorted(folder.glob("*.npz"))]
         for folder in (options.scenes, options.validation)
     )
     print(f"{len(scenes)} scenes; PSNR of medium, and before: {scores(validation, network)}")

@@ -8,18 +8,22 @@ The PSNR in dB is the mean over the same times: those of the images of the causa
 those of the other film. Both have the same windows, and the network "medium" estimates all images,
 without a border of 8 pixels. "window" is the best sum of up to 64 earlier frames without alignment,
 chosen with the true image. "no memory" is the causal film without the bits from before its windows.
+"recurrent" is the causal film with these bits, by the film network.
 
     python benchmarks/studies/causal_films.py PHOTOGRAPHS --time [--long 20000]
 
 Measures the time and the memory of a live film of 256 x 512 jots: a shaking camera, whose frames
 are repeated forward and backward. Each line is for an equal part of the images. Times are those of
-the processor, on two threads: merging, the network for the merged counts, and the network alone,
-for counts with the same number of trials everywhere. The ratio is that of an image to the last one.
+the processor, on two threads: merging, the network for the merged counts, the film network, and the
+network alone, for counts with the same number of trials everywhere. A ratio is that of an image by
+one of the first two to the last one.
 """
 
 import argparse
 import time
 import tracemalloc
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +33,7 @@ import numpy.typing as npt
 import jotlight as jl
 from jotlight.images.sets import read_image_set
 from jotlight.motion.film import film
+from jotlight.motion.film_estimates import FilmEstimates, estimate_film
 from jotlight.motion.live_film import LiveFilm
 
 Image = npt.NDArray[Any]
@@ -46,8 +51,9 @@ def main() -> None:
     if options.time:
         measure_time(images[0], options)
         return
-    print("| motion | photons | window | no memory | causal | gain | with later frames | carried |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
+    titles = "window", "no memory", "causal", "gain", "recurrent", "gain", "with later frames"
+    print(f"| motion | photons | {' | '.join(titles)} | carried |")
+    print("| --- |" + " ---: |" * 9)
     for motion in options.motions:
         for photons in options.photons:
             rows = [
@@ -55,9 +61,11 @@ def main() -> None:
                 for number in range(options.images)
             ]
             means = np.mean(rows, axis=0)
+            window, without, causal, recurrent, later, carried = means
             print(
-                f"| {motion} | {photons} | {means[0]:.2f} | {means[1]:.2f} | {means[2]:.2f} | "
-                f"{means[2] - means[1]:+.2f} | {means[3]:.2f} | {means[4]:.0%} |",
+                f"| {motion} | {photons} | {window:.2f} | {without:.2f} | {causal:.2f} | "
+                f"{causal - without:+.2f} | {recurrent:.2f} | {recurrent - without:+.2f} | "
+                f"{later:.2f} | {carried:.0%} |",
                 flush=True,
             )
 
@@ -96,6 +104,7 @@ def measure(
     spans = {"window": window, "step": step}
     without = list(film(bits, **spans, causal=True, memory=False))
     causal, later = list(film(bits, **spans, causal=True)), list(film(bits, **spans))
+    recurrent = list(estimate_film(causal))
     # The causal image of a window shows its last frame, and the other one its middle.
     shift = window // 2 // step
     if window // 2 % step:
@@ -108,6 +117,7 @@ def measure(
                 best_window(bits, scene.image(now), now),
                 quality(without[number].merged, scene.image(now)),
                 quality(image.merged, scene.image(now)),
+                psnr(recurrent[number], scene.image(now)),
                 quality(later[number + shift].merged, scene.image(now + 1)),
                 float(image.is_carried),
             ]
@@ -127,7 +137,11 @@ def best_window(bits: jl.Bits, truth: Image, now: int) -> float:
 
 def quality(merged: jl.Merged, truth: Image) -> float:
     """Return the PSNR in dB."""
-    image = jl.pretrained(merged.sensor).reconstruct(merged)
+    return psnr(jl.pretrained(merged.sensor).reconstruct(merged), truth)
+
+
+def psnr(image: Image, truth: Image) -> float:
+    """Return the PSNR in dB, without a border."""
     return float(jl.metrics.psnr(image[INNER], truth[INNER], data_range=1.0))
 
 
@@ -141,38 +155,39 @@ def measure_time(image: Image, options: argparse.Namespace) -> None:
     sensor = scene.sensor.replace(frames=options.window)
     live = LiveFilm(sensor, window=options.window, step=options.step, threads=2)
     network = jl.pretrained(sensor)
-    merged: list[float] = []
-    estimated: list[float] = []
-    alone: list[float] = []
-    memory: list[int] = []
+    estimates = FilmEstimates(threads=2)
+    rows: list[list[float]] = []
     fresh = 0
     tracemalloc.start()
     for start in range(0, options.long, options.step):
         places = np.arange(start, start + options.step) % len(there_and_back)
-        begin = time.process_time()
+        times = [time.process_time()]
         found = live.add(jl.Bits(there_and_back[places], 512))
-        middle = time.process_time()
-        for each in found:
-            network.reconstruct(each.merged, threads=2)
-            merged.append(middle - begin)
-            end = time.process_time()
-            estimated.append(end - middle)
-            # The same network, for counts with the same number of trials everywhere.
-            network.reconstruct(each.merged.ones, sensor, threads=2)
-            alone.append(time.process_time() - end)
-            memory.append(tracemalloc.get_traced_memory()[0])
-            fresh += not each.is_carried
-    print(f"{len(merged)} images, {fresh} of them estimated afresh")
-    print("| images | ms, merging | ms, network | ms, network alone | ratio | images/s | MB |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
-    for places in np.array_split(np.arange(len(merged)), PARTS):
-        of_merging = float(np.mean(np.array(merged)[places]))
-        of_network = float(np.mean(np.array(estimated)[places]))
-        of_alone = float(np.mean(np.array(alone)[places]))
+        times.append(time.process_time())
+        for image in found:
+            merged = image.merged
+            runs: list[Callable[[], object]] = [
+                partial(network.reconstruct, merged, threads=2),
+                partial(estimates.add, image),
+                # The same network, for counts with the same number of trials everywhere.
+                partial(network.reconstruct, merged.ones, sensor, threads=2),
+            ]
+            for run in runs:
+                run()
+                times.append(time.process_time())
+            rows.append([*np.diff(times), tracemalloc.get_traced_memory()[0] / 1e6])
+            fresh += not image.is_carried
+    print(f"{len(rows)} images, {fresh} of them estimated afresh")
+    print(
+        "| images | ms, merging | ms, network | ratio | ms, film network | ratio | ms, alone | MB |"
+    )
+    print("| --- |" + " ---: |" * 7)
+    for numbers in np.array_split(np.arange(len(rows)), PARTS):
+        merging, of_network, of_film, alone, memory = np.mean(np.array(rows)[numbers], axis=0)
         print(
-            f"| {places[0]} to {places[-1]} | {1000 * of_merging:.0f} | {1000 * of_network:.0f} | "
-            f"{1000 * of_alone:.0f} | {(of_merging + of_network) / of_alone:.1f} | "
-            f"{1 / (of_merging + of_network):.1f} | {np.mean(np.array(memory)[places]) / 1e6:.1f} |"
+            f"| {numbers[0]} to {numbers[-1]} | {1000 * merging:.0f} | {1000 * of_network:.0f} | "
+            f"{(merging + of_network) / alone:.1f} | {1000 * of_film:.0f} | "
+            f"{(merging + of_film) / alone:.1f} | {1000 * alone:.0f} | {memory:.1f} |"
         )
 
 

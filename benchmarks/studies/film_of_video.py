@@ -8,13 +8,13 @@ and seen by 16 binary frames, with 0.2 photons per pixel and frame on average. T
 each image of the film its time in frames of the video, the model of the motion, whether it was
 carried from the image before, the fraction of flagged pixels, and the PSNR in dB against the frame
 of the video at this time: of the film, and of the best window without alignment, chosen with the
-true image.
+true image. "recurrent" is the PSNR of the film by the film network.
 
 Three more columns show what limits the film: the PSNR of pixels without flags; that of the best of
 the film and all windows in each tile of 16 pixels, chosen with the true image; and that of a still
 image of the same number of binary frames, which all see the frame of the video. The network
 "medium" estimates all images. With --output, comparisons are written to a folder: the video, the
-best window, the film, and the film with flags in red.
+best window, the film, the film with flags in red, the film, and that by the film network.
 """
 
 import argparse
@@ -28,6 +28,7 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight.motion.film import film
+from jotlight.motion.film_estimates import FilmEstimates
 from jotlight.motion.film_image import FilmImage
 
 PER_FRAME = 16
@@ -50,14 +51,17 @@ def main() -> None:
     video = np.stack([read_gray(path) for path in paths[: options.video_frames]])
     # Images show the middle of the binary frames of a frame of the video.
     bits = record(video)[PER_FRAME // 2 :]
-    print("| time | model | carried | flagged | window | film | gain | trusted | tiles | still |")
-    print("| ---: | --- | --- |" + " ---: |" * 7)
+    titles = "window", "film", "gain", "recurrent", "gain", "trusted", "tiles", "still"
+    print(f"| time | model | carried | flagged | {' | '.join(titles)} |")
+    print("| ---: | --- | --- |" + " ---: |" * 9)
     rows = []
+    estimates = FilmEstimates()
     for index, image in enumerate(film(bits, window=options.window, step=options.step)):
         middle = index * options.step + options.window // 2
         time = (middle + PER_FRAME // 2) / PER_FRAME
         truth = video[int(time)]
-        measured = measure(bits, middle, truth, image, options.output)
+        recurrent = estimates.add(image)
+        measured = measure(bits, middle, truth, (image, recurrent), options.output)
         rows.append((*measured, still(bits.sensor, options.window, truth)))
         kind = f"{time:.1f} | {image.motion.model} | {image.is_carried}"
         print(f"| {kind} | {image.merged.flags.mean():.2f} | {cells(rows[-1])} |", flush=True)
@@ -65,9 +69,11 @@ def main() -> None:
 
 
 def cells(row: Sequence[float] | npt.NDArray[np.float64]) -> str:
-    """Return the numbers of a row, with the gain of the film."""
-    window, merged, *others = row
-    numbers = [f"{window:.2f}", f"{merged:.2f}", f"{merged - window:+.2f}"]
+    """Return the numbers of a row, with the gains of both films."""
+    window, merged, recurrent, *others = row
+    numbers = [f"{window:.2f}"]
+    for each in (merged, recurrent):
+        numbers += [f"{each:.2f}", f"{each - window:+.2f}"]
     return " | ".join(numbers + [f"{number:.2f}" for number in others])
 
 
@@ -106,12 +112,13 @@ def record(video: Gray) -> jl.Bits:
 
 
 def measure(
-    bits: jl.Bits, middle: int, truth: Gray, image: FilmImage, folder: Path | None
-) -> tuple[float, float, float, float]:
-    """Return the PSNR of the window, the film, its trusted pixels, and the best of each tile.
+    bits: jl.Bits, middle: int, truth: Gray, found: tuple[FilmImage, Gray], folder: Path | None
+) -> tuple[float, float, float, float, float]:
+    """Return the PSNR of the window, both films, trusted pixels, and the best of each tile.
 
     Also write a comparison.
     """
+    image, recurrent = found
     network = jl.pretrained(bits.sensor)
 
     def estimate(data: jl.Bits | jl.Merged) -> Gray:
@@ -127,8 +134,8 @@ def measure(
         colors = np.stack(
             [np.maximum(flagged, 0.4 * image.merged.flags), flagged, flagged], axis=-1
         )
-        grays = [each[..., None].repeat(3, axis=-1) for each in (truth, best, merged)]
-        rows = [np.concatenate(pair, axis=1) for pair in (grays[:2], [grays[2], colors])]
+        grays = [each[..., None].repeat(3, axis=-1) for each in (truth, best, merged, recurrent)]
+        rows = [np.concatenate(pair, axis=1) for pair in (grays[:2], [grays[2], colors], grays[2:])]
         pixels = np.clip(255 * np.concatenate(rows), 0, 255).astype(np.uint8)
         Image.fromarray(pixels).save(folder / f"{middle:05}.jpg", quality=90)
     trusted = ~image.merged.flags[INNER]
@@ -137,6 +144,7 @@ def measure(
     return (
         quality(best, truth),
         quality(merged, truth),
+        quality(recurrent, truth),
         float(of_trusted),
         quality(choose_tiles([merged, *windows], truth), truth),
     )

@@ -54,6 +54,7 @@ USED_NAMES = {
     "jotlight.motion.film": ("film",),
     "jotlight.motion.film_image": ("FilmImage",),
     "jotlight.motion.live_film": ("LiveFilm",),
+    "jotlight.motion.film_estimates": ("FilmEstimates", "estimate_film"),
     "jotlight.sensing.mosaic": ("Mosaic",),
     "jotlight.plots": ("Panel", "bits_panel", "comparison", "training"),
     "jotlight.torch.deepinv": (

@@ -44,6 +44,7 @@ from .motion.align import align as align
 from .motion.merge import merge as merge
 from .motion.motion import Motion as Motion
 from .networks.color_network import ColorNetwork as ColorNetwork
+from .networks.film_network import FilmNetwork as FilmNetwork
 from .networks.layer import Layer as Layer
 from .networks.network import Network as Network
 from .networks.pretrained import pretrained as pretrained

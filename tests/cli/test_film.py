@@ -8,6 +8,7 @@ from PIL import Image
 import jotlight as jl
 from jotlight.evaluation.methods import METHODS
 from jotlight.motion.film import film
+from jotlight.motion.film_estimates import estimate_film
 from moving import record
 
 SENSOR = jl.Sensor(frames=40, gain=10.0, max_intensity=14.0)
@@ -144,6 +145,20 @@ def test_images_can_use_only_earlier_frames_and_remember(run, moving, tmp_path, 
 
 
 @pytest.mark.slow
+def test_the_film_network_reads_each_last_image(run, moving, tmp_path):
+    arguments = ["film", "moving.npy", "--motion", "--recurrent", "--causal", "--window", 24]
+    status, output = run(*arguments, "--step", 8, "-o", "film.npy", "--motion-model", "affine")
+    assert status == 0, output
+    assert "by network, film in" in output
+    images = film(moving, window=24, step=8, model="affine", causal=True)
+    for image, other in zip(np.load(tmp_path / "film.npy"), estimate_film(images), strict=True):
+        np.testing.assert_array_equal(image, other)
+    status, output = run(*arguments, "-o", "film.npy", "-m", "mle")
+    assert status == 1
+    assert "recurrent: is a method of its own; leave out --method" in output
+
+
+@pytest.mark.slow
 def test_windows_without_overlap_remember_nothing(run, moving):
     status, output = run(
         *["film", "moving.npy", "--motion", "--causal", "--window", 16, "--step", 20, "-m", "mle"],
@@ -172,6 +187,11 @@ def test_windows_without_overlap_remember_nothing(run, moving):
         (["-o", "a", "--window", 4, "--motion", "--motion-model", "rigid"], "expected auto or"),
         (["-o", "a", "--window", 4, "--causal"], "causal: is for the motion of the scene; add"),
         (["-o", "a", "--window", 4, "--memory"], "memory: is for the motion of the scene; add"),
+        (["-o", "a", "--window", 4, "--recurrent"], "recurrent: is for the motion of the scene"),
+        (
+            ["-o", "a", "--window", 16, "--motion", "--recurrent", "--upsample", 2],
+            "recurrent: expected no --recurrent with --upsample 2",
+        ),
         (
             ["-o", "a", "--window", 16, "--motion", "--memory", "--upsample", 2],
             "memory: expected no --memory with --upsample 2",

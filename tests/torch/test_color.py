@@ -6,14 +6,14 @@ import pytest
 import jotlight as jl
 
 torch = pytest.importorskip("torch")
-from jotlight.networks.color_network import ColorNetwork as EngineColorNetwork  # noqa: E402
+from jotlight.networks.color_network import ColorNetwork  # noqa: E402
 from jotlight.networks.color_planes import Filtered, color_planes  # noqa: E402
 from jotlight.torch import color_patches, train  # noqa: E402
-from jotlight.torch.color_network import ColorNetwork  # noqa: E402
 from jotlight.torch.color_patches import ColorPatchLoader  # noqa: E402
+from jotlight.torch.planes_network import PlanesNetwork  # noqa: E402
 from jotlight.training import ColorPatches, ImagePatches, random_mosaic  # noqa: E402
 
-START = EngineColorNetwork.initial("small", rng=0)
+START = ColorNetwork.initial("small", rng=0)
 PHOTOGRAPH = (jl.datasets.photograph("astronaut")[::4, ::4] * 255).astype(np.uint8)
 SOURCE = ColorPatches([PHOTOGRAPH])
 OPTIONS = {"steps": 4, "batch": 4, "patch": 16, "rng": 3, "threads": 1, "device": "cpu"}
@@ -31,10 +31,10 @@ def test_the_module_agrees_with_the_engine():
     planes = color_planes(seen, start, response)
     found = trained.estimate_probability(planes, 9)
     with torch.no_grad():
-        expected = ColorNetwork(trained)(torch.from_numpy(planes)[None], 9)[0]
+        expected = PlanesNetwork(trained)(torch.from_numpy(planes)[None], 9)[0]
     assert (trained.layers[-1].filters != START.layers[-1].filters).any()
     np.testing.assert_allclose(found, expected, atol=1e-5)
-    rebuilt = ColorNetwork(trained).to_network()
+    rebuilt = PlanesNetwork(trained).to_network()
     np.testing.assert_array_equal(rebuilt.estimate_probability(planes, 9), found)
 
 
@@ -72,7 +72,7 @@ def test_training_lowers_the_error(mosaics, monkeypatch):
 
     def error(network):
         with torch.no_grad():
-            return float(batch.squared_errors(ColorNetwork(network)).mean())
+            return float(batch.squared_errors(PlanesNetwork(network)).mean())
 
     assert error(trained) < 0.95 * error(START)
 

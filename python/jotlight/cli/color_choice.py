@@ -13,9 +13,19 @@ def takes_color_network(captured: Captured) -> bool:
     """Return whether the color network estimates a capture by default."""
     if captured.sensor.mosaic is not None:
         return takes_colors(captured.data)
-    data = captured.data
-    frame = data.shape[1:] if isinstance(data, Bits) else data[0].shape
+    frame = _frame_shape(captured)
     return len(frame) > 2 and frame[-1] == COLORS
+
+
+def has_colors(captured: Captured) -> bool:
+    """Return whether a capture has a mosaic or channels."""
+    return captured.sensor.mosaic is not None or len(_frame_shape(captured)) > 2
+
+
+def _frame_shape(captured: Captured) -> tuple[int, ...]:
+    """Return the shape of a frame, (H, W) or (H, W, C)."""
+    data = captured.data
+    return data.shape[1:] if isinstance(data, Bits) else data[0].shape
 
 
 def refuse_demosaicing(settings: dict[str, Any]) -> None:

@@ -14,7 +14,7 @@ from jotlight.chunks import windows
 from jotlight.cli.advice import caution_about_motion
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import sum_counts
-from jotlight.cli.color_choice import without_demosaicing
+from jotlight.cli.color_choice import has_colors, without_demosaicing
 from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
 from jotlight.cli.console import progress, report
 from jotlight.cli.jot_checks import caution_about_jots
@@ -26,6 +26,7 @@ from jotlight.cli.records import Records, origin_of
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.demosaicing import TITLES
+from jotlight.evaluation.choice import FILM_NETWORK
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.files import atomic_write_together
 from jotlight.formats.capture import Capture
@@ -34,8 +35,10 @@ from jotlight.images.io import image_writer
 from jotlight.images.tone import Tone
 from jotlight.images.video import check_fps, is_floats, video_writer
 from jotlight.motion.film import film as merge_windows
+from jotlight.motion.film_estimates import FilmEstimates
 from jotlight.motion.film_image import FilmImage
 from jotlight.motion.memory import remembers
+from jotlight.networks.film_network import FilmNetwork
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.readings import FRAMES_ADVICE, require_plain_bits, without_mosaic
@@ -117,6 +120,8 @@ def film(
     motion.check()
     inputs.check_outputs([outputs.output])
     job = inputs.prepare(outputs.output, window=outputs.window)
+    if motion.recurrent:
+        job = _by_film_network(job)
     require_plain_bits(without_mosaic(job.captured.sensor), FRAMES_ADVICE)
     spans = windows(len(job.captured.data), outputs.window, outputs.step)
     brightness = _write(job, outputs, motion, spans, threads)
@@ -126,6 +131,19 @@ def film(
     if not motion.motion:
         parts = (job.captured.data[span] for span in _samples(spans))
         caution_about_motion(parts, job.captured.sensor, threads)
+
+
+def _by_film_network(job: Reconstruction) -> Reconstruction:
+    """Return a reconstruction whose title is that of the film network."""
+    if job.choice.reason == "requested" or job.settings:
+        raise ValueError(
+            "recurrent: is a method of its own; leave out --method, --quality, --model, and their "
+            "options"
+        )
+    if has_colors(job.captured):
+        raise ValueError("recurrent: is for gray films; leave it out for colors")
+    FilmNetwork.check_sensor(job.captured.sensor)
+    return dataclasses.replace(job, choice=dataclasses.replace(job.choice, method=FILM_NETWORK))
 
 
 def _write(
@@ -261,6 +279,7 @@ def _images(
         for span in spans:
             yield _estimate(job, data[span], threads)
         return
+    estimates = FilmEstimates(threads=threads) if motion.recurrent else None
     for image in merge_windows(
         data,
         _sensor_of_all(job, outputs.window),
@@ -273,6 +292,9 @@ def _images(
         threads=threads,
     ):
         summary.add(image)
+        if estimates is not None:
+            yield estimates.add(image)
+            continue
         settings = (
             job.settings if isinstance(image.data, Bits) else without_demosaicing(job.settings)
         )

@@ -95,11 +95,19 @@ class FilmMotionOptions(MotionOptions):
         ),
     ] = None
 
+    recurrent: Annotated[
+        bool,
+        Parameter(
+            help="Estimate gray images with the film network, which also reads the last image."
+        ),
+    ] = False
+
     def check(self) -> None:
         """Raise ValueError for options that do not belong together."""
         super().check()
-        if self.memory and self.factor > 1:
-            raise ValueError("memory: expected no --memory with --upsample 2")
+        for name in ("memory", "recurrent"):
+            if getattr(self, name) and self.factor > 1:
+                raise ValueError(f"{name}: expected no --{name} with --upsample 2")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

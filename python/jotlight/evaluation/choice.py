@@ -25,10 +25,17 @@ OWN_NETWORK = "network"
 COLOR_NETWORK = "network-color"
 """Name of the method that runs the color network."""
 
+FILM_NETWORK = "network-film"
+"""Name of the method that runs the film network, for films along a motion alone."""
+
 JOINT = "network"
 """The `demosaicing` by the color network."""
 
-TITLES = {OWN_NETWORK: "network, own", COLOR_NETWORK: "network, color"}
+TITLES = {
+    OWN_NETWORK: "network, own",
+    COLOR_NETWORK: "network, color",
+    FILM_NETWORK: "network, film",
+}
 """Names of the methods that are not in :data:`METHODS`, in tables and messages."""
 
 

@@ -17,7 +17,8 @@ In reading order:
 - ``merge``: the counts of all bits along a motion. ``consistency``, ``flags``, ``guard``: which of
   them agree, and which pixels not to trust.
 - ``film``, ``live_film``: an image of each window of frames. ``film_state``, ``film_merging``,
-  ``carrying``, ``memory``: what a film carries from image to image.
+  ``carrying``, ``memory``: what a film carries from image to image. ``film_estimates``: its images
+  by the film network.
 - ``jots``, ``equivalent``, ``flicker``: jots that differ, and light that changes.
 - ``mosaics``, ``mosaic_colors``, ``film_colors``: color filters. ``finer``: a grid of half pixels.
 - ``detection``: whether a scene moves at all. ``cost``: the time and memory of an alignment.

@@ -72,7 +72,8 @@ class FilmEstimates:
             )
         self.network.check_sensor(image.merged.sensor)
         counts = [self._counts(part) for part in (image.merged, *image.nearest)]
-        return film_planes(counts, self._displaced(image)), usual_trials(counts[0])
+        usual = usual_trials(counts[0])
+        return film_planes(counts, usual, self._displaced(image)), usual
 
     def _counts(self, merged: Merged) -> Counts:
         counted = count_pixels(merged, merged.sensor, self._threads)

@@ -15,4 +15,7 @@ file format), `onnx_export` (a network as an ONNX model), and `pretrained` (the 
 Color: `color_network` (a network that improves classical colors) with `color_layers`,
 `color_starts` (the classical colors) with `mosaic_planes`, `color_planes` (what the network reads),
 and `color_inference` (how it computes colors).
+
+Films: `film_network` (a network that also reads the last image) and `film_planes` (what it reads).
+`planes_network` is the class of networks for planes, of colors and of films.
 """

@@ -1,6 +1,6 @@
 """The network of the engine behind a network of layers."""
 
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import jotlight._engine as engine
 from jotlight.networks.layer import Layer
@@ -32,7 +32,7 @@ class EngineBacked:
     sensor: Sensor
     trials_range: tuple[int, int] | None
     rotations: int
-    planes = 0
+    planes: ClassVar[int] = 0
     """Number of planes that the network reads, or 0 if it reads counts or bits."""
 
     @property

@@ -72,7 +72,8 @@ class FilmNetwork(PlanesNetwork):
         history = {"start": f"{architecture}, starts at smoothed counts"}
         return cls(layers, history, trials_range=trials_range)
 
-    def check_sensor(self, sensor: Sensor) -> None:
+    @staticmethod
+    def check_sensor(sensor: Sensor) -> None:
         """Raise ValueError for a sensor whose kernel spreads the light of a point over pixels."""
         if sensor.kernel != "box":
             raise ValueError(f"sensor: expected the box kernel, got {sensor.kernel}")

@@ -33,7 +33,7 @@ LENGTHS = 3
 START = 8
 """Index of the plane at which the network starts."""
 
-CENTER = np.float32(np.pi / 4)
+CENTER = np.pi / 4
 """The middle of the range of z, which is subtracted from it."""
 
 _MAX_SHARE = 2.0
@@ -58,13 +58,15 @@ def usual_trials(window: Counts) -> float:
     return float(np.median(known)) if len(known) else 1.0
 
 
-def film_planes(counts: Sequence[Counts], last: Image | None) -> Image:
+def film_planes(counts: Sequence[Counts], usual: float, last: Image | None) -> Image:
     """Return the planes of an image, (9, H, W).
 
     Parameters
     ----------
     counts : sequence of Counts
         Those of the window, of a quarter of it, and of a sixteenth.
+    usual : float
+        The usual number of readings of the window: :func:`usual_trials`.
     last : ndarray of float32, shape (H, W), optional
         z of the last image, as the present one would show its points; NaN where it did not show
         them. Default: there is none.
@@ -73,16 +75,15 @@ def film_planes(counts: Sequence[Counts], last: Image | None) -> Image:
     --------
     >>> fraction, trials = np.full((2, 4, 6), 0.5, np.float32), np.full((2, 4, 6), 16.0, np.float32)
     >>> same = Counts(fraction[0], trials[0])
-    >>> film_planes([same] * 3, None)[:, 0, 0].tolist()
+    >>> film_planes([same] * 3, 16.0, None)[:, 0, 0].tolist()
     [0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0]
     """
     window = counts[0]
-    usual = usual_trials(window)
     known = window.trials > 0
     fraction = fill_from_nearest(window.fraction, known) if known.any() else window.fraction
     present = _arcsin_root(fraction)
     planes = np.zeros((PLANES, *present.shape), np.float32)
-    planes[0] = present - CENTER
+    planes[0] = present - np.float32(CENTER)
     for index, each in enumerate(counts):
         share = np.minimum(np.sqrt(each.trials / np.float32(usual)), np.float32(_MAX_SHARE))
         planes[2 * index + 1] = share

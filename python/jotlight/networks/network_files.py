@@ -5,7 +5,7 @@ import operator
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -37,7 +37,7 @@ class WritableNetwork(Protocol):
     layers: tuple[Layer, ...]
     sensor: Sensor
     rotations: int
-    planes: int
+    planes: ClassVar[int]
     history: dict[str, Any]
 
     @property

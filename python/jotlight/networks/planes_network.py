@@ -36,8 +36,6 @@ class PlanesNetwork(EngineBacked):
         When the layers do not fit each other or the planes.
     """
 
-    planes: ClassVar[int]
-    """Number of planes that the network reads."""
     outputs: ClassVar[int]
     """Number of its outputs."""
 

@@ -33,9 +33,6 @@ MOSAIC_FILE = FOLDER / "color-mosaic.safetensors"
 CHANNELS_FILE = FOLDER / "color-channels.safetensors"
 """The color network for images with three counts per pixel."""
 
-FILM_FILE = FOLDER / "film.safetensors"
-"""The recurrent network for the images of films."""
-
 MOSAIC_ROTATIONS = 4
 """Number of rotations of the mosaic over which its color network is averaged. Decision 47 states
 what this gains."""
@@ -43,7 +40,11 @@ what this gains."""
 COLOR_START = "large"
 """Size of the gray network whose estimates both improve."""
 
-COLOR_FILES = MOSAIC_FILE, CHANNELS_FILE
+FILM_FILE = FOLDER / "film.safetensors"
+"""The recurrent network for the images of films."""
+
+PLANES_FILES = MOSAIC_FILE, CHANNELS_FILE, FILM_FILE
+"""The networks that read planes. All others read counts or bits."""
 
 _MAX_DARK_COUNTS = 0.05
 """Largest dark counts per jot and frame that networks for one K serve.

@@ -2,9 +2,10 @@
 
 In reading order: `network` (a network as a module), `splines` and `padding` (its parts), `sensing`
 and `response` (the sensor as a differentiable layer), `training`, `patches`, and `precision`
-(training on images), `color_network` and `color_patches` (training of color networks),
-`fine_tuning`, `bit_splitting`, and `blind_spots` (training on a capture), `trainer`, `ahead`, and
-`distributed` (the loop of all), and `deepinv` (adapters for that library, extra `deepinv`).
+(training on images), `planes_network`, `color_patches`, and `film_patches` (networks of colors and
+of films), `fine_tuning`, `bit_splitting`, and `blind_spots` (training on a capture), `trainer`,
+`ahead`, and `distributed` (the loop of all), and `deepinv` (adapters for that library, extra
+`deepinv`).
 
 Examples
 --------

@@ -269,7 +269,7 @@ class ImageTrainer(Trainer):
         return float(np.mean(values))
 
 
-def _loader_of(network: Network) -> type[PatchLoader]:
+def _loader_of(network: object) -> type[PatchLoader]:
     """Return the class whose batches train a network."""
     if isinstance(network, FilmNetwork):
         return FilmPatchLoader
@@ -277,7 +277,7 @@ def _loader_of(network: Network) -> type[PatchLoader]:
 
 
 def _test_images(
-    test: npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | None, network: Network
+    test: npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | None, network: object
 ) -> Images | None:
     """Return the images whose PSNR is measured, after a check."""
     if isinstance(network, PlanesNetwork) and test is not None:

@@ -4,14 +4,15 @@ In reading order: `loop` (the function `train`), `patches` and `images` (trainin
 (the objective and its gradient), `parameters` (all parameters as one vector), `admissible` (the set
 that they stay in), `optimizer`, `optimizers`, and `gauss_newton` (steps), `history` and
 `checkpoint` (records and state of a run). `patch_sources`, `photographs`, `url_photographs`,
-`synthetic_patches`, `color_patches`, and `color_drawings` (both with `random_mosaics`) are sources
-of patches for :func:`jotlight.torch.train`.
+`synthetic_patches`, `color_patches` and `color_drawings` (both with `random_mosaics`), and
+`film_patches` are sources of patches for :func:`jotlight.torch.train`.
 """
 
 from jotlight.training.admissible import AdmissibleSet, SafeSet
 from jotlight.training.color_drawings import ColorDrawings
 from jotlight.training.color_patches import ColorPatches
 from jotlight.training.cost import Cost
+from jotlight.training.film_patches import FilmExample, FilmPatches
 from jotlight.training.gauss_newton import GaussNewton
 from jotlight.training.history import History, Record
 from jotlight.training.loop import train
@@ -37,6 +38,8 @@ __all__ = [
     "ColorDrawings",
     "ColorPatches",
     "Cost",
+    "FilmExample",
+    "FilmPatches",
     "GaussNewton",
     "GeneratedPatches",
     "History",

@@ -99,6 +99,6 @@ class FilmPatches(PatchSource):
         """Return a digest of the images."""
         digest = hashlib.sha256()
         for each in self.examples:
-            digest.update(np.float64([each.trials, each.light_per_intensity]).tobytes())
+            digest.update(np.array([each.trials, each.light_per_intensity]).tobytes())
             digest.update(np.ascontiguousarray(each.planes).tobytes())
         return digest.hexdigest()

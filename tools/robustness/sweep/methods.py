@@ -13,7 +13,7 @@ from jotlight.estimators.mle_iterative import SOLVERS
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
 from jotlight.evaluation.methods import METHODS
-from jotlight.networks.pretrained import COLOR_FILES, FOLDER
+from jotlight.networks.pretrained import FOLDER, PLANES_FILES
 
 SLOW_STRIDE = 17
 """Stride of BM3D, which takes 0.6 s even for one pixel, because it pads to 16 x 16."""
@@ -59,7 +59,7 @@ def build_methods() -> dict[str, SweptMethod]:
     denoised = partial(jl.noniterative, denoiser=_absurd_denoiser, threads=1)
     found["noniterative (absurd denoiser)"] = SweptMethod(denoised)
     found["colors"] = SweptMethod(_run_color)
-    for path in sorted(set(FOLDER.glob("*.safetensors")) - set(COLOR_FILES)):
+    for path in sorted(set(FOLDER.glob("*.safetensors")) - set(PLANES_FILES)):
         found[f"network {path.stem}"] = SweptMethod(partial(_run_network, path.stem), path.stem)
     return found
 

@@ -1,0 +1,123 @@
+"""Images of films by the film network: what it reads, its last image, and bad input."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.metrics import psnr
+from jotlight.motion.film import film
+from jotlight.motion.film_estimates import FilmEstimates, displaced, estimate_film
+from jotlight.motion.live_film import LiveFilm
+from jotlight.networks.film_network import FilmNetwork
+
+INITIAL = FilmNetwork.initial("small", rng=0)
+
+
+def burst(motion="static", frames=96, photons=0.3, shape=(48, 64), **options):
+    scene = jl.datasets.moving(
+        motion=motion,
+        sensor=jl.Sensor(frames=frames, **options),
+        shape=shape,
+        photons=photons,
+        rng=0,
+    )
+    return scene, jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
+
+
+@pytest.mark.parametrize("side", [1, 2])
+def test_displaced_images_are_those_of_a_loop(side):
+    rng = np.random.default_rng(side)
+    image = rng.random((6, 7)).astype(np.float32)
+    displacement = side * rng.uniform(-2, 2, (2, 6, 7)).repeat(side, 1).repeat(side, 2)
+    found = displaced(image, displacement, side)
+    for row, column in np.ndindex(6, 7):
+        step = displacement[:, row * side, column * side] / side
+        y, x = np.float32(row) + np.float32(step[0]), np.float32(column) + np.float32(step[1])
+        if not (0 <= y <= 5 and 0 <= x <= 6):
+            assert np.isnan(found[row, column])
+            continue
+        top, left = min(int(y), 4), min(int(x), 5)
+        square = image[top : top + 2, left : left + 2]
+        weights = np.outer([1 - (y - top), y - top], [1 - (x - left), x - left])
+        assert found[row, column] == pytest.approx(float((weights * square).sum()), abs=1e-5)
+
+
+@pytest.mark.parametrize(("causal", "quarter"), [(True, slice(48, 64)), (False, slice(24, 40))])
+def test_the_nearest_counts_are_those_of_the_nearest_frames(causal, quarter):
+    _, bits = burst()
+    images = list(film(bits, window=64, step=16, model="none", causal=causal))
+    assert len(images) == 3
+    for number, image in enumerate(images):
+        assert image.start == 16 * number
+        window = bits[image.start : image.start + 64]
+        near, nearest = image.nearest
+        np.testing.assert_array_equal(near.ones, window[quarter].counts())
+        np.testing.assert_array_equal(near.trials, np.full(near.shape, 16.0))
+        assert set(np.unique(nearest.trials)) == {4.0}
+
+
+def test_each_image_reads_the_one_before():
+    _, bits = burst("shake")
+    images = list(film(bits, window=64, step=16, causal=True))
+    estimates = FilmEstimates(INITIAL)
+    first = estimates.add(images[0])
+    planes, trials = estimates.planes_of(images[1])
+    seen = displaced(
+        np.arcsin(np.sqrt(1 - np.exp(-first * bits.sensor.light_per_intensity))),
+        images[1].motion.at(images[0].start + 63 - images[1].start),
+    )
+    shown = np.isfinite(seen)
+    np.testing.assert_array_equal(planes[7], shown)
+    assert 0.5 < shown.mean() < 1
+    present = planes[0] + np.pi / 4
+    np.testing.assert_allclose(planes[6][shown], (seen - present)[shown], atol=1e-4)
+    assert trials == pytest.approx(np.median(images[1].merged.trials), rel=1e-6)
+
+
+def test_films_and_live_films_have_the_same_images():
+    scene, bits = burst("shake")
+    of_film = list(estimate_film(film(bits, window=64, step=16, causal=True), INITIAL))
+    live, estimates = LiveFilm(scene.sensor, window=64, step=16), FilmEstimates(INITIAL)
+    of_live = [estimates.add(image) for image in live.add(bits)]
+    assert len(of_film) == len(of_live) == 3
+    for one, other in zip(of_film, of_live, strict=True):
+        np.testing.assert_array_equal(one, other)
+        assert one.dtype == np.float32
+        assert one.min() >= 0
+        assert one.max() <= scene.sensor.max_intensity
+
+
+def test_jots_that_differ_and_larger_pixels_are_read():
+    rng = np.random.default_rng(1)
+    efficiency = rng.uniform(0.5, 1, (96, 128))
+    scene, bits = burst("shake", efficiency=efficiency, oversampling=2)
+    found = list(estimate_film(film(bits, scene.sensor, window=64, step=16, causal=True), INITIAL))
+    assert [each.shape for each in found] == [(48, 64)] * 3
+    plain = jl.reconstruct(
+        next(iter(film(bits, scene.sensor, window=64, step=16, causal=True))).data
+    )
+    assert abs(found[0] - plain).mean() < 0.1
+
+
+def test_the_shipped_network_is_better_than_merged_counts():
+    scene, bits = burst("shake", frames=160, photons=0.2, shape=(96, 128))
+    images = list(film(bits, window=64, step=16, causal=True))
+    network, rows = jl.pretrained(scene.sensor), []
+    for image, found in zip(images, estimate_film(images), strict=True):
+        truth = scene.image(image.start + 63)
+        merged = network.reconstruct(image.merged)
+        rows.append([psnr(each, truth, data_range=1.0) for each in (merged, found)])
+    merged, found = np.mean(rows, axis=0)
+    assert found > merged + 0.1
+
+
+def test_colors_finer_grids_and_smooth_kernels_are_refused():
+    _, bits = burst("shake")
+    estimates = FilmEstimates(INITIAL)
+    finer = next(iter(film(bits, window=64, step=16, upsample=2)))
+    with pytest.raises(ValueError, match="expected gray counts on the grid of the sensor"):
+        estimates.add(finer)
+    smooth = bits.sensor.replace(kernel="cubic")
+    image = next(iter(film(bits, smooth, window=64, step=16)))
+    with pytest.raises(ValueError, match="expected the box kernel, got cubic"):
+        estimates.add(image)
