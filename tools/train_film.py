@@ -4,9 +4,9 @@
     python tools/film_data.py DATA VALIDATION --scenes 24 --validation
     python tools/train_film.py SCENES VALIDATION [--rounds 2] [--steps 5000] [--from FILE]
 
-Without `--from`, it starts at the parameters of the gray network "medium", which then reads the
-counts of whole windows. The last image that the network reads is its own: each round begins with
-the images that the network of the round before makes of all scenes. Network and card go to
+Without `--from`, the inner layers start at the parameters of the gray network "medium", whose
+estimate the network improves. The last image that the network reads is its own: each round begins
+with the images that the network of the round before makes of all scenes. Network and card go to
 ``python/jotlight/networks/weights``. A run needs the extra `torch`.
 """
 
@@ -26,10 +26,11 @@ from jotlight.metrics import psnr
 from jotlight.motion.film_estimates import displaced
 from jotlight.networks.conditioning import conditioning_weights
 from jotlight.networks.film_network import FilmNetwork
-from jotlight.networks.film_planes import Counts, film_planes, usual_trials
+from jotlight.networks.film_planes import START, Counts, arcsin_root, film_planes, usual_trials
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
-from jotlight.networks.pretrained import FILM_FILE, FOLDER
+from jotlight.networks.pretrained import FILM_FILE, FILM_START, FOLDER
+from jotlight.sensing.reference import response_of
 from jotlight.training.film_patches import FilmExample, FilmPatches
 
 BATCH, PATCH = 16, 64
@@ -45,7 +46,7 @@ Image = npt.NDArray[np.float32]
 
 
 def start_from_gray() -> FilmNetwork:
-    """Return a film network that makes of the counts of a window what the gray network makes."""
+    """Return a film network whose inner layers are those of the gray network."""
     network = FilmNetwork.initial("medium", rng=0)
     gray = jl.Network.load(FOLDER / "medium.safetensors")
     layers = [*network.layers[:2]]
@@ -56,10 +57,13 @@ def start_from_gray() -> FilmNetwork:
 
 def _of_gray(layer: Layer, gray: Layer, of_gray: tuple[int, int], own: tuple[int, int]) -> Layer:
     """Return a layer with the parameters of a gray one for each K, adapted to more inputs."""
+    if layer.trainable == "filters":  # the last one, which begins at 0
+        return layer
     filters = _for_other_range(gray.filters, of_gray, own)
     if layer.filters.shape != filters.shape:
+        # The estimate and the deviation of the counts from it are the counts, which it read.
         more = np.zeros_like(layer.filters)
-        more[:, :, :1] = filters
+        more[:, :, [0, START]] = filters
         filters = more
     coefficients = gray.coefficients
     if coefficients is not None and coefficients.ndim == 3:
@@ -91,6 +95,10 @@ class Scene:
     def __init__(self, path: Path) -> None:
         with np.load(path, allow_pickle=False) as arrays:
             self._arrays = dict(arrays)
+        gray = jl.Network.load(FOLDER / f"{FILM_START}.safetensors")
+        found = [gray.reconstruct(self._merged(number)) for number in range(len(self))]
+        self.of_gray = np.stack(found).astype(np.float16)
+        """The estimates of the gray network."""
 
     def __len__(self) -> int:
         return len(self._arrays["truth"])
@@ -110,6 +118,16 @@ class Scene:
         """Return the photons per jot and frame at intensity 1."""
         return float(self._arrays["light_per_intensity"][0, 0])
 
+    def sensor(self) -> jl.Sensor:
+        """Return a sensor with the light of the scene."""
+        return jl.Sensor(frames=256, gain=256 * self.light())
+
+    def _merged(self, number: int) -> jl.Merged:
+        window = self.counts(number)[0]
+        trials = window.trials.astype(np.float64)
+        ones = np.minimum(np.rint(window.fraction * trials), np.floor(trials))
+        return jl.Merged(ones.astype(np.int32), trials, self.sensor())
+
     def planes(self, network: FilmNetwork) -> Iterator[tuple[Image, float, Image]]:
         """Yield what a network reads of each image, its usual trials, and P(b = 1)."""
         last = None
@@ -119,9 +137,10 @@ class Scene:
             if last is not None and np.isfinite(displacement).all():
                 seen = displaced(last, displacement)
             trials = usual_trials(counts[0])
-            planes = film_planes(counts, trials, seen)
+            start = np.float32(response_of(self.sensor())(self.of_gray[number]))
+            planes = film_planes(start, counts, trials, seen)
             found = network.estimate_probability(planes, trials)[0].clip(0, 1)
-            last = np.arcsin(np.sqrt(found))
+            last = arcsin_root(found)
             yield planes, trials, found
 
     def _image(self, name: str, number: int) -> Image:
@@ -139,16 +158,12 @@ def examples(scenes: list[Scene], network: FilmNetwork) -> list[FilmExample]:
 
 def scores(scenes: list[Scene], network: FilmNetwork) -> tuple[float, float]:
     """Return the mean PSNR of the gray network medium for merged counts, and of a film network."""
-    gray, rows = jl.Network.load(FOLDER / "medium.safetensors"), []
+    rows = []
     for scene in scenes:
         for number, (_, _, found) in enumerate(scene.planes(network)):
-            window = scene.counts(number)[0]
             truth = scene.truth(number)
-            sensor = jl.Sensor(frames=256, gain=256 * scene.light(), max_intensity=1.0)
-            trials = window.trials.astype(np.float64)
-            ones = np.minimum(np.rint(window.fraction * trials), np.floor(trials))
-            merged = jl.Merged(ones.astype(np.int32), trials, sensor)
-            images = gray.reconstruct(merged), intensity_from_probability(found, sensor, None)
+            own = intensity_from_probability(found, scene.sensor(), None)
+            images = scene.of_gray[number].astype(np.float32), own
             inner = (slice(8, -8),) * 2
             rows.append([psnr(each[inner], truth[inner], data_range=1.0) for each in images])
     of_gray, own = np.mean(rows, axis=0)

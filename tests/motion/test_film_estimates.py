@@ -69,8 +69,11 @@ def test_each_image_reads_the_one_before():
     shown = np.isfinite(seen)
     np.testing.assert_array_equal(planes[7], shown)
     assert 0.5 < shown.mean() < 1
-    present = planes[0] + np.pi / 4
-    np.testing.assert_allclose(planes[6][shown], (seen - present)[shown], atol=1e-4)
+    estimate = planes[8] + np.pi / 4
+    np.testing.assert_allclose(planes[6][shown], (seen - estimate)[shown], atol=1e-4)
+    gray = jl.reconstruct(images[1].merged, quality="medium")
+    expected = np.arcsin(np.sqrt(1 - np.exp(-gray * bits.sensor.light_per_intensity)))
+    np.testing.assert_allclose(estimate, expected, atol=1e-5)
     assert trials == pytest.approx(np.median(images[1].merged.trials), rel=1e-6)
 
 

@@ -18,12 +18,13 @@ def planes_of(shape, trials=64.0):
         Counts(rng.random(shape, np.float32), np.full(shape, trials / part, np.float32))
         for part in (1, 4, 16)
     ]
-    return film_planes(counts, trials, rng.random(shape, np.float32))
+    start, last = rng.random((2, *shape), np.float32)
+    return film_planes(start, counts, trials, last)
 
 
 @pytest.mark.parametrize("size", ["small", "medium", "large"])
 @pytest.mark.parametrize("shape", [(16, 24), (9, 7)])
-def test_an_untrained_network_returns_the_smoothed_counts(size, shape):
+def test_an_untrained_network_returns_its_start(size, shape):
     network, planes = FilmNetwork.initial(size, rng=0), planes_of(shape)
     found = network.estimate_probability(planes, 64)
     assert found.shape == (1, *shape)

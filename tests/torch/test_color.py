@@ -81,5 +81,5 @@ def test_gray_patches_and_tests_are_refused():
     gray = ImagePatches(np.random.default_rng(0).random((2, 20, 20), np.float32))
     with pytest.raises(ValueError, match="images: expected color patches"):
         train(START, gray, **OPTIONS)
-    with pytest.raises(ValueError, match="test: expected none for a color network"):
+    with pytest.raises(ValueError, match="test: expected none for a ColorNetwork"):
         train(START, SOURCE, test=[np.ones((20, 20))], **OPTIONS)

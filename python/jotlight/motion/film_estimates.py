@@ -8,10 +8,12 @@ import numpy.typing as npt
 from jotlight.estimators.inverse_response import equivalent_fractions, intensity_from_probability
 from jotlight.motion.film_image import FilmImage
 from jotlight.networks.film_network import FilmNetwork
-from jotlight.networks.film_planes import Counts, film_planes, usual_trials
-from jotlight.networks.pretrained import pretrained_film
+from jotlight.networks.film_planes import Counts, arcsin_root, film_planes, usual_trials
+from jotlight.networks.network import Network
+from jotlight.networks.pretrained import FILM_START, FOLDER, pretrained_film
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import count_pixels
+from jotlight.sensing.reference import response_of
 
 Image = npt.NDArray[np.float32]
 
@@ -19,8 +21,8 @@ Image = npt.NDArray[np.float32]
 class FilmEstimates:
     """The images of a film by a film network, one after the other.
 
-    The network reads the counts of a window and of the parts of it that are nearest to the time of
-    the image, and its own last image.
+    The network improves the estimate of the gray network "medium" with the counts of a window and
+    of the parts of it that are nearest to the time of the image, and with its own last image.
 
     Parameters
     ----------
@@ -42,6 +44,7 @@ class FilmEstimates:
 
     def __init__(self, network: FilmNetwork | None = None, *, threads: int | None = None) -> None:
         self.network = pretrained_film() if network is None else network
+        self._gray = Network.load(FOLDER / f"{FILM_START}.safetensors")
         self._threads = threads
         self._last: Image | None = None
         """z = arcsin √p of the last image."""
@@ -59,7 +62,7 @@ class FilmEstimates:
         planes, trials = self.planes_of(image)
         found = self.network.estimate_probability(planes, trials, threads=self._threads)[0]
         probability = np.clip(found, 0, 1)
-        self._last = np.arcsin(np.sqrt(probability))
+        self._last = arcsin_root(probability)
         self._time = image.start + image.motion.reference
         return intensity_from_probability(probability, image.merged.sensor, self._threads)
 
@@ -70,10 +73,13 @@ class FilmEstimates:
                 "image: expected gray counts on the grid of the sensor, got colors or a finer "
                 "grid; jotlight.reconstruct(image.data) estimates them"
             )
-        self.network.check_sensor(image.merged.sensor)
-        counts = [self._counts(part) for part in (image.merged, *image.nearest)]
+        merged = image.merged
+        self.network.check_sensor(merged.sensor)
+        estimate = self._gray.reconstruct(merged, threads=self._threads)
+        start = response_of(merged.sensor)(estimate.astype(np.float64)).astype(np.float32)
+        counts = [self._counts(part) for part in (merged, *image.nearest)]
         usual = usual_trials(counts[0])
-        return film_planes(counts, usual, self._displaced(image)), usual
+        return film_planes(start, counts, usual, self._displaced(image)), usual
 
     def _counts(self, merged: Merged) -> Counts:
         counted = count_pixels(merged, merged.sensor, self._threads)

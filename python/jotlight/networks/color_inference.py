@@ -1,6 +1,6 @@
 """Colors by a network: classical colors, improved with the bits of all filters or channels."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -12,8 +12,7 @@ from jotlight.networks.color_starts import start_of_channels, start_of_mosaic
 from jotlight.networks.network import Network
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.pixel_counts import PixelCounts
-from jotlight.sensing.reference import reference_jot
-from jotlight.sensing.response import detection_probability
+from jotlight.sensing.reference import response_of
 from jotlight.sensing.sensor import Sensor
 
 Array = npt.NDArray[np.float64]
@@ -29,7 +28,7 @@ def planes_of_mosaic(
     """
     seen = _seen_through(mosaic, counted, threads)
     start = start_of_mosaic(gray, counted, sensor, mosaic, threads)
-    return color_planes(seen, start, _response(sensor))
+    return color_planes(seen, start, response_of(sensor))
 
 
 def planes_of_channels(
@@ -43,7 +42,7 @@ def planes_of_channels(
         Filtered(share, equivalent_fractions(counted, threads), _weights(counted))
         for share, counted in zip(np.eye(3), channels, strict=True)
     ]
-    response = _response(sensor)
+    response = response_of(sensor)
     start = start_of_channels(gray, channels, seen, sensor, response, threads)
     return color_planes(seen, start, response)
 
@@ -105,17 +104,6 @@ def estimate_channels(
     trials = float(np.median([_usual_trials(counted) for counted in channels]))
     found = network.estimate_probability(planes, trials, threads=threads)
     return intensity_from_probability(found, sensor, threads)
-
-
-def _response(sensor: Sensor) -> Callable[[Array], Array]:
-    """Return the function from an intensity to P(b = 1) of the reference jot."""
-    efficiency, dark_counts = reference_jot(sensor)
-
-    def to_probability(intensity: Array) -> Array:
-        rate = efficiency * sensor.light_per_intensity * np.maximum(intensity, 0) + dark_counts
-        return detection_probability(sensor.threshold, rate)
-
-    return to_probability
 
 
 def _seen_through(mosaic: Mosaic, counted: PixelCounts, threads: int | None) -> list[Filtered]:

@@ -22,7 +22,8 @@ from jotlight.sensing.sensor import Sensor
 class FilmNetwork(PlanesNetwork):
     """A K-conditioned recurrent network for the images of a film.
 
-    It reads counts of three lengths along the motion, and the last image of the film.
+    It improves the estimates of the gray network with counts of three lengths along the motion, and
+    with the last image of the film.
     :class:`jotlight.motion.FilmEstimates` uses it.
 
     Parameters
@@ -57,7 +58,7 @@ class FilmNetwork(PlanesNetwork):
         trials_range: tuple[int, int] = (4, 1024),
         rng: int | None = None,
     ) -> Self:
-        """Return an untrained network, whose output is the smoothed counts of the window.
+        """Return an untrained network, whose output is its start, the estimate of the gray network.
 
         Parameters
         ----------
@@ -69,7 +70,7 @@ class FilmNetwork(PlanesNetwork):
             Seed of the filters. Default: a fresh one.
         """
         layers = _build(architecture, np.random.default_rng(rng))
-        history = {"start": f"{architecture}, starts at smoothed counts"}
+        history = {"start": f"{architecture}, starts at the gray network"}
         return cls(layers, history, trials_range=trials_range)
 
     @staticmethod

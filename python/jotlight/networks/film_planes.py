@@ -1,15 +1,17 @@
-"""The planes that a film network reads: counts of three lengths, and the last image of the film.
+"""The planes that a film network reads: an estimate, counts of three lengths, and the last image.
 
-Each image of a film has counts of a whole window, of the quarter of it that is nearest to the time
-of the image, and of the nearest sixteenth. Long counts have little noise, but show what has changed
-since; bits that disagree with the rest are missing. Short counts show the present with much noise.
-The last image of the film, displaced along the motion, has little noise, but repeats what was wrong
-in it. So the network reads all of them:
+The gray network estimates each image of a film from the counts of a whole window. A film network
+improves this estimate with what it does not know: the quarter of the window that is nearest to the
+time of the image, the nearest sixteenth, and the last image of the film. Long counts have little
+noise, but show what has changed since; bits that disagree with the rest are missing. Short counts
+show the present with much noise. The last image, displaced along the motion, has little noise, but
+repeats what was wrong in it. For each pixel, the planes state
 
-- z = arcsin √(L/K) of the window, and this smoothed, which is where the network starts;
-- by how much z of the shorter counts and of the last image deviates from it;
-- the root of the number of readings behind each, relative to the usual number of the window, and
-  whether the last image shows the pixel. A pixel without readings has zeros.
+- by how much z = arcsin √(L/K) of each of the counts deviates from z of the estimate, in three
+  planes, and the root of their numbers of readings, relative to the usual one of the window, in
+  three planes. A pixel without readings has zeros;
+- by how much z of the last image deviates from the estimate, and whether it shows the pixel;
+- z of the estimate.
 
 The noise of z has the standard deviation 1/(2 √K) at every exposure.
 """
@@ -20,27 +22,19 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.trial_levels import fill_from_nearest
-
 Image = npt.NDArray[np.float32]
 
 PLANES = 9
 """Number of planes."""
 
-LENGTHS = 3
-"""Number of counts of different lengths."""
-
 START = 8
-"""Index of the plane at which the network starts."""
+"""Index of the plane of the estimate, at which the network starts."""
 
 CENTER = np.pi / 4
-"""The middle of the range of z, which is subtracted from it."""
+"""The middle of the range of z, which is subtracted from the estimate."""
 
 _MAX_SHARE = 2.0
 """The largest root of a number of readings, relative to the usual one."""
-
-_SMOOTH = 0.8
-"""Standard deviation of the filter that smooths the start, in pixels."""
 
 
 class Counts(NamedTuple):
@@ -58,11 +52,13 @@ def usual_trials(window: Counts) -> float:
     return float(np.median(known)) if len(known) else 1.0
 
 
-def film_planes(counts: Sequence[Counts], usual: float, last: Image | None) -> Image:
+def film_planes(start: Image, counts: Sequence[Counts], usual: float, last: Image | None) -> Image:
     """Return the planes of an image, (9, H, W).
 
     Parameters
     ----------
+    start : ndarray of float32, shape (H, W)
+        P(b = 1) of the estimate.
     counts : sequence of Counts
         Those of the window, of a quarter of it, and of a sixteenth.
     usual : float
@@ -75,34 +71,30 @@ def film_planes(counts: Sequence[Counts], usual: float, last: Image | None) -> I
     --------
     >>> fraction, trials = np.full((2, 4, 6), 0.5, np.float32), np.full((2, 4, 6), 16.0, np.float32)
     >>> same = Counts(fraction[0], trials[0])
-    >>> film_planes([same] * 3, 16.0, None)[:, 0, 0].tolist()
+    >>> film_planes(fraction[1], [same] * 3, 16.0, None)[:, 0, 0].tolist()
     [0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0]
     """
-    window = counts[0]
-    known = window.trials > 0
-    fraction = fill_from_nearest(window.fraction, known) if known.any() else window.fraction
-    present = _arcsin_root(fraction)
-    planes = np.zeros((PLANES, *present.shape), np.float32)
-    planes[0] = present - np.float32(CENTER)
+    estimate = arcsin_root(start)
+    planes = np.zeros((PLANES, *start.shape), np.float32)
     for index, each in enumerate(counts):
-        share = np.minimum(np.sqrt(each.trials / np.float32(usual)), np.float32(_MAX_SHARE))
-        planes[2 * index + 1] = share
-        if index:
-            deviation = _arcsin_root(each.fraction) - present
-            planes[2 * index] = np.where(each.trials > 0, deviation, 0)
+        deviation = arcsin_root(each.fraction) - estimate
+        planes[2 * index] = np.where(each.trials > 0, deviation, 0)
+        share = np.sqrt(each.trials / np.float32(usual))
+        planes[2 * index + 1] = np.minimum(share, np.float32(_MAX_SHARE))
     if last is not None:
         shown = np.isfinite(last)
-        planes[6] = np.where(shown, last - present, 0)
+        planes[6] = np.where(shown, last - estimate, 0)
         planes[7] = shown
-    planes[START] = _smooth(planes[0])
+    planes[START] = estimate - np.float32(CENTER)
     return planes
 
 
-def _smooth(values: Image) -> Image:
-    from scipy.ndimage import gaussian_filter
+def arcsin_root(fraction: Image) -> Image:
+    """Return z = arcsin √p.
 
-    return np.asarray(gaussian_filter(values, _SMOOTH, mode="mirror", truncate=4.0))
-
-
-def _arcsin_root(fraction: Image) -> Image:
+    Examples
+    --------
+    >>> arcsin_root(np.float32([0, 1])).round(3).tolist()
+    [0.0, 1.5709999799728394]
+    """
     return np.asarray(np.arcsin(np.sqrt(np.clip(fraction, 0, 1))), np.float32)

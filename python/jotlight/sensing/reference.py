@@ -1,12 +1,18 @@
 """Numbers that represent a whole sensor: its median jot, and its saturation intensity."""
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.maps import LIMITS
 from jotlight.sensing.multibit import ReadingLikelihood
-from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.response import (
+    Array,
+    detection_probability,
+    inverse_detection_probability,
+)
 from jotlight.sensing.sensor import Sensor
 
 Jot = tuple[float, float]
@@ -88,3 +94,20 @@ def saturation_intensity(sensor: Sensor) -> float:
 def _of_live_jots(map_: npt.NDArray[np.float32], sensor: Sensor) -> npt.NDArray[np.float32]:
     """Return the values of the live jots. If all jots are dead, return all values."""
     return map_ if sensor.mask is None or sensor.mask.all() else map_[~sensor.mask]
+
+
+def response_of(sensor: Sensor) -> Callable[[Array], Array]:
+    """Return the function from intensities to P(b = 1) of the reference jot.
+
+    Examples
+    --------
+    >>> response_of(Sensor(dark_counts=0.1))(np.array([0.0, 1.0])).round(4).tolist()
+    [0.0952, 0.6671]
+    """
+    efficiency, dark_counts = reference_jot(sensor)
+
+    def to_probability(intensity: Array) -> Array:
+        rate = efficiency * sensor.light_per_intensity * np.maximum(intensity, 0) + dark_counts
+        return detection_probability(sensor.threshold, rate)
+
+    return to_probability

@@ -2,9 +2,27 @@
 
 import numpy as np
 import torch
+from torch import Tensor
 
+from jotlight.networks.film_planes import CENTER, START
+from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import Batch, PatchLoader
 from jotlight.training.film_patches import FilmPatches
+
+_MIN_ERROR = 0.02
+"""Smallest error of the estimates to which errors are relative."""
+
+
+class FilmBatch(Batch):
+    """N patches of films, whose errors are relative to those of the estimates they improve.
+
+    Otherwise, scenes that no motion explains would have nearly all of the error.
+    """
+
+    def squared_errors(self, module: TorchNetwork) -> Tensor:
+        """Return the mean square error of each patch, relative to that of the estimate, (N,)."""
+        start = self.errors_of(self.data[:, START, None] + CENTER)
+        return super().squared_errors(module) / start.clamp(min=_MIN_ERROR)
 
 
 class FilmPatchLoader(PatchLoader):
@@ -38,7 +56,7 @@ class FilmPatchLoader(PatchLoader):
         trials = float(np.exp(np.mean([np.log(each.trials) for each in drawn])))
         drawn = drawn[shard]
         light = np.array([each.light_per_intensity for each in drawn], np.float32)
-        return Batch(
+        return FilmBatch(
             torch.from_numpy(np.stack([each.planes for each in drawn])),
             torch.from_numpy(np.stack([each.truth for each in drawn])[:, None]),
             max(1, round(trials)),

@@ -95,6 +95,14 @@ class Batch:
         if self.trials is None:
             squares: Tensor = (module.run_layers(self.data) - self.truth) ** 2
             return squares.mean((1, 2, 3))
+        return self.errors_of(module.last_sums(self.data, self.trials))
+
+    def errors_of(self, z: Tensor) -> Tensor:
+        """Return the mean square error of estimates z = arcsin √p of a K-conditioned network, (N,).
+
+        It is that of :meth:`squared_errors`.
+        """
+        assert self.trials is not None
         assert self.light_per_intensity is not None
         assert self.dark_counts is not None
         slope, dark = (
@@ -105,7 +113,7 @@ class Batch:
         # dc/dz = 2 √(exp(s) - 1) / slope
         mean_weight = torch.expm1((_MEAN_INTENSITY * slope + dark).clamp(max=_MAX_RATE))
         weights = torch.expm1(rates).minimum(_MAX_RELATIVE_VARIANCE * mean_weight)
-        errors = weights * (module.last_sums(self.data, self.trials) - target) ** 2
+        errors = weights * (z - target) ** 2
         scale = slope**2 * (mean_weight / (self.trials * slope**2)) ** _ERROR_EXPONENT
         relative: Tensor = 4 * errors / scale
         return relative.mean((1, 2, 3))
