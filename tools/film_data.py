@@ -143,7 +143,7 @@ def scene_images(
             values[f"{name}_fraction"] = part.ones / np.maximum(trials, 1)
         displacement = np.full((2, SIDE, SIDE), np.nan, np.float32)
         if before is not None and before >= image.start:
-            displacement = image.motion.at(before - image.start)
+            displacement = image.motion.at(before - image.start) * (not image.is_rejected)
         before = time
         scale = np.full(1, bits.sensor.light_per_intensity)
         yield {

@@ -151,11 +151,10 @@ class ColorFilmState:
         around = settings.more_frames(first, first + len(data), start)
         stack = self._colors.squares(data, first, around)
         found = self._of_squares.next_image(stack, around.start, start)
-        is_lost = found.merged.flags is not None and bool(found.merged.flags.all())
-        merged, motion = self._colors.merge(part, found.motion, start, is_lost=is_lost)
+        merged, motion = self._colors.merge(part, found.motion, start, is_lost=found.is_rejected)
         if motion.model == "none":
             return FilmImage(merged, motion, start, found.is_carried, part)
-        if not is_lost:
+        if not found.is_rejected:
             return FilmImage(merged, motion, start, found.is_carried, merged)
         length = self._colors.frames_of(found.merged)
         low = min(max(0, round(motion.reference) - length // 2), len(part) - length)

@@ -96,7 +96,10 @@ class FilmEstimates:
         if self._last is None or time < 0 or self._last.shape != image.merged.shape:
             return None
         side = image.merged.sensor.oversampling
-        return displaced(self._last, image.motion.at(time), side)
+        displacement = image.motion.at(time)
+        if image.is_rejected:
+            displacement = np.zeros_like(displacement)
+        return displaced(self._last, displacement, side)
 
 
 def displaced(last: Image, displacement: npt.NDArray[np.floating], side: int = 1) -> Image:

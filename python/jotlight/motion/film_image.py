@@ -2,6 +2,8 @@
 
 import dataclasses
 
+import numpy as np
+
 from jotlight.motion.blocks import Sums
 from jotlight.motion.memory import Memory, remembers
 from jotlight.motion.merged_pixels import count_pixels_of
@@ -36,7 +38,13 @@ class FilmImage:
     nearest: tuple[Merged, ...] = dataclasses.field(default=(), repr=False)
     """The counts of the quarter and of the sixteenth of the window that are nearest to the time of
     the image, along the motion, whether or not they agree with it: what the film network reads
-    besides `merged`. Empty for colors and for a finer grid."""
+    besides `merged`. They stand still where merging has rejected the motion. Empty for colors and
+    for a finer grid."""
+
+    @property
+    def is_rejected(self) -> bool:
+        """Whether merging has rejected the motion, so that all pixels are flagged."""
+        return self.merged.flags is not None and bool(self.merged.flags.all())
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -73,8 +81,14 @@ class FilmSettings:
         return range(max(first, start - before), min(stop, start + self.window + after))
 
 
-def count_nearest(paths: Paths, sensor: Sensor) -> tuple[Merged, ...]:
-    """Return the counts along paths of the parts of a window nearest to their reference time."""
+def count_nearest(paths: Paths, sensor: Sensor, *, is_still: bool) -> tuple[Merged, ...]:
+    """Return the counts along paths of the parts of a window nearest to their reference time.
+
+    If it `is_still`, the counts are those of the pixels themselves.
+    """
+    if is_still:
+        track = dataclasses.replace(paths.tracks[0], nodes=np.zeros_like(paths.tracks[0].nodes))
+        paths = Paths([track], np.zeros_like(paths.labels))
     order = [int(block) for block in from_center(paths)]
     parts = (order[: max(1, len(order) // part)] for part in _PARTS)
     sums = (Sums.total(map(paths.sums, part)) for part in parts)

@@ -206,9 +206,10 @@ class FilmState:
         memory = copy.copy(self._memory)
         with record_warnings() as texts:
             merged = self._merging.merge(paths, shown, start, memory)
-        has_nearest = self._settings.upsample == 1 and paths.blocks.burst.channels == 1
-        nearest = count_nearest(paths, self.sensor) if has_nearest else ()
-        image = FilmImage(merged, shown, start, is_carried, merged, nearest)
+        image = FilmImage(merged, shown, start, is_carried, merged)
+        if self._settings.upsample == 1 and paths.blocks.burst.channels == 1:
+            nearest = count_nearest(paths, self.sensor, is_still=image.is_rejected)
+            image = dataclasses.replace(image, nearest=nearest)
         return _Candidate(image, motion, paths, memory, texts)
 
 
