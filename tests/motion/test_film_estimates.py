@@ -128,6 +128,7 @@ def test_jots_that_differ_and_larger_pixels_are_read():
     assert abs(found[0] - plain).mean() < 0.1
 
 
+@pytest.mark.slow
 def test_the_shipped_network_is_better_where_motion_is_unknown():
     scene, bits = burst("layers", frames=160, photons=0.2, shape=(96, 128))
     images = list(film(bits, window=64, step=16, model="affine", causal=True))

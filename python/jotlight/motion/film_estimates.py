@@ -21,8 +21,9 @@ Image = npt.NDArray[np.float32]
 class FilmEstimates:
     """The images of a film by a film network, one after the other.
 
-    The network improves the estimate of the gray network "medium" with the counts of a window and
-    of the parts of it that are nearest to the time of the image, and with its own last image.
+    The network improves the estimate of the gray network "medium". It reads the counts of a window,
+    those of the quarter and the sixteenth of its frames that are nearest to the time of the image,
+    and its own last image.
 
     Parameters
     ----------

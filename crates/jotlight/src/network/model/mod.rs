@@ -55,13 +55,6 @@ pub struct LayerParameters {
 }
 
 impl LayerParameters {
-    /// Return the number of output channels of each set of filters.
-    fn channels(&self) -> usize {
-        let axis = self.filters.ndim().saturating_sub(4);
-        let outputs = self.filters.shape().get(axis).copied().unwrap_or(0);
-        outputs / self.wiring.upsampling.saturating_pow(2).max(1)
-    }
-
     /// Return the layer, if it has a single set of parameters.
     fn into_layer(self) -> Result<Layer<f32>> {
         let shape = self.filters.shape().to_vec();
