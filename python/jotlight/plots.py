@@ -13,9 +13,9 @@ import numpy.typing as npt
 
 from jotlight.drawing import INK, MARK, QUIET
 from jotlight.files import atomic_write
-from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.figure import draw_layers
 from jotlight.networks.network import Network
+from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.training.history import History
@@ -136,7 +136,7 @@ def bits_panel(bits: Bits, oversampling: int) -> Panel:
     )
 
 
-def training(network: Network | ColorNetwork, history: History) -> "Figure":
+def training(network: Network | PlanesNetwork, history: History) -> "Figure":
     """Return a figure of a training run: curves in the top row, splines and filters below."""
     from jotlight.figures import Figure
 

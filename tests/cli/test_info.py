@@ -190,9 +190,16 @@ def test_results_name_the_mosaic_by_its_letters(run, tmp_path):
     assert "mosaic=Mosaic('GRBG')" in " ".join(output.split())
 
 
-def test_color_networks_are_described(run, tmp_path):
-    jl.ColorNetwork.initial("small", rng=0).save(tmp_path / "color.safetensors")
-    status, output = run("info", "color.safetensors")
+@pytest.mark.parametrize(
+    ("network", "kind", "start"),
+    [
+        (jl.ColorNetwork, "color network", "starts at classical colors"),
+        (jl.FilmNetwork, "film network", "starts at the gray network"),
+    ],
+)
+def test_networks_of_other_kinds_are_described(run, tmp_path, network, kind, start):
+    network.initial("small", rng=0).save(tmp_path / "network.safetensors")
+    status, output = run("info", "network.safetensors")
     assert status == 0
-    assert "color network" in output
-    assert "starts at classical colors" in output
+    assert kind in output
+    assert start in output

@@ -27,13 +27,20 @@ from jotlight.formats.labels import COUNTS, parse_label
 from jotlight.formats.locations import is_url
 from jotlight.formats.verification import verify_capture
 from jotlight.images.io import read_image
-from jotlight.networks.color_network import AnyNetwork, ColorNetwork, load_network
+from jotlight.networks.color_network import ColorNetwork, load_network
+from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
+from jotlight.networks.network import Network
+from jotlight.networks.network_files import count_planes
+from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import stored_format
 from jotlight.training import History
+
+_KINDS: dict[type, str] = {ColorNetwork: "color network", FilmNetwork: "film network"}
+"""Kinds of networks. All others are plain networks."""
 
 
 def info(
@@ -71,7 +78,7 @@ def info(
         _draw(path, plot)
     out.print(_table([*_facts(path, capture), *verified]))
     if path.suffix.lower() == ".safetensors" and stored_format(path) != CALIBRATION:
-        out.print(_layers(load_network(path).layers))
+        out.print(_layers(_load(path).layers))
 
 
 def _table(rows: list[tuple[str, str]]) -> Table:
@@ -108,7 +115,7 @@ def _draw(file: Path, plot: Path) -> None:
         refuse_overwrite(plot, [file])
         plots.save_figure(Calibration.load(file).plot(), plot)
         return
-    network = load_network(file)
+    network = _load(file)
     runs = _training_runs(file, network)
     if not runs:
         raise ValueError(f"{file}: this network has no history of a training run to draw")
@@ -122,7 +129,7 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
     if ending == ".safetensors":
         if stored_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
-        return _network_facts(file, load_network(file))
+        return _network_facts(file, _load(file))
     if file.is_dir() and (video := video_facts(file)):
         return video
     return [*_content_facts(file, capture), *origin_facts(file)]
@@ -212,7 +219,14 @@ def _calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
     return [("kind", "calibration"), *captures, *facts(calibration)]
 
 
-def _network_facts(file: Path, network: AnyNetwork) -> list[tuple[str, str]]:
+def _load(file: Path) -> Network | PlanesNetwork:
+    """Return the network in a file, of any kind."""
+    if count_planes(file) == FilmNetwork.planes:
+        return FilmNetwork.load(file)
+    return load_network(file)
+
+
+def _network_facts(file: Path, network: Network | PlanesNetwork) -> list[tuple[str, str]]:
     layers, history = network.layers, network.history
     if network.trials_range is None:
         sensor = repr(network.sensor)
@@ -224,7 +238,7 @@ def _network_facts(file: Path, network: AnyNetwork) -> list[tuple[str, str]]:
         )
     flops = network.rotations * flops_per_pixel(layers)
     facts = [
-        ("kind", "color network" if isinstance(network, ColorNetwork) else "network"),
+        ("kind", _KINDS.get(type(network), "network")),
         ("sensor", sensor),
         ("parameters", f"{sum(layer.parameter_count for layer in layers):,}"),
         ("work", f"{flops / 1000:.3g} kFLOP per pixel"),
@@ -238,7 +252,9 @@ def _network_facts(file: Path, network: AnyNetwork) -> list[tuple[str, str]]:
     return facts
 
 
-def _training_runs(file: Path, network: AnyNetwork) -> list[tuple[str, dict[str, Any], History]]:
+def _training_runs(
+    file: Path, network: Network | PlanesNetwork
+) -> list[tuple[str, dict[str, Any], History]]:
     """Return the verb, the settings, and the records of each training run in a network's history.
 
     Raises
