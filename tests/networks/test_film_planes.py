@@ -35,7 +35,7 @@ def test_planes_are_those_of_a_loop_over_pixels(seed):
         estimate = z_of(start[place])
         expected[8][place] = estimate - math.pi / 4
         for index, each in enumerate(counts):
-            expected[2 * index + 1][place] = min(2, math.sqrt(each.trials[place] / usual))
+            expected[2 * index + 1][place] = min(1.5, math.sqrt(each.trials[place] / usual))
             if each.trials[place] > 0:
                 expected[2 * index][place] = z_of(each.fraction[place]) - estimate
         if np.isfinite(last[place]):

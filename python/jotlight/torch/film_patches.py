@@ -9,7 +9,7 @@ from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import Batch, PatchLoader
 from jotlight.training.film_patches import FilmPatches
 
-_MIN_ERROR = 0.02
+_MIN_ERROR = 0.003
 """Smallest error of the estimates to which errors are relative."""
 
 
