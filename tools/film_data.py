@@ -134,22 +134,21 @@ def scene_images(
         causal=recipe.causal,
         threads=1,
     ):
-        time = image.start + image.motion.reference
         values = {}
         parts = image.merged, *image.nearest
         for name, part in zip(("long", "middle", "short"), parts, strict=True):
             trials = np.broadcast_to(part.trials, part.ones.shape).astype(np.float32)
             values[f"{name}_trials"] = trials
             values[f"{name}_fraction"] = part.ones / np.maximum(trials, 1)
-        displacement = np.full((2, SIDE, SIDE), np.nan, np.float32)
-        if before is not None and before >= image.start:
-            displacement = image.motion.at(before - image.start) * (not image.is_rejected)
-        before = time
+        displacement = None if before is None else image.displacement_from(before)
+        if displacement is None:
+            displacement = np.full((2, SIDE, SIDE), np.nan, np.float32)
+        before = image.time
         scale = np.full(1, bits.sensor.light_per_intensity)
         yield {
             **values,
             "displacement": displacement,
-            "truth": truth(round(time)),
+            "truth": truth(round(image.time)),
             "light_per_intensity": scale,
         }
 

@@ -48,7 +48,7 @@ Image = npt.NDArray[np.float32]
 def start_from_gray() -> FilmNetwork:
     """Return a film network whose inner layers are those of the gray network."""
     network = FilmNetwork.initial("medium", rng=0)
-    gray = jl.Network.load(FOLDER / "medium.safetensors")
+    gray = jl.Network.load(FOLDER / f"{FILM_START}.safetensors")
     layers = [*network.layers[:2]]
     for layer, of_gray in zip(network.layers[2:], gray.layers[FIRST_GRAY:], strict=True):
         layers.append(_of_gray(layer, of_gray, gray.trials_range, network.trials_range))

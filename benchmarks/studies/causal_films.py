@@ -15,8 +15,8 @@ chosen with the true image. "no memory" is the causal film without the bits from
 Measures the time and the memory of a live film of 256 x 512 jots: a shaking camera, whose frames
 are repeated forward and backward. Each line is for an equal part of the images. Times are those of
 the processor, on two threads: merging, the network for the merged counts, the film network, and the
-network alone, for counts with the same number of trials everywhere. A ratio is that of an image by
-one of the first two to the last one.
+network alone, for counts with the same number of trials everywhere. A ratio is the time
+of merging and of a network, divided by that of the network alone.
 """
 
 import argparse

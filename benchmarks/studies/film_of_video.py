@@ -14,7 +14,7 @@ Three more columns show what limits the film: the PSNR of pixels without flags; 
 the film and all windows in each tile of 16 pixels, chosen with the true image; and that of a still
 image of the same number of binary frames, which all see the frame of the video. The network
 "medium" estimates all images. With --output, comparisons are written to a folder: the video, the
-best window, the film, the film with flags in red, the film, and that by the film network.
+best window; the film, also with flags in red; the film and that by the film network.
 """
 
 import argparse

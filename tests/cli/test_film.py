@@ -155,7 +155,7 @@ def test_the_film_network_reads_each_last_image(run, moving, tmp_path):
         np.testing.assert_array_equal(image, other)
     status, output = run(*arguments, "-o", "film.npy", "-m", "mle")
     assert status == 1
-    assert "recurrent: is a method of its own; leave out --method" in output
+    assert "recurrent: the film network is a method of its own; leave out --method" in output
 
 
 @pytest.mark.slow

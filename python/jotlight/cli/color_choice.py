@@ -19,7 +19,7 @@ def takes_color_network(captured: Captured) -> bool:
 
 def has_colors(captured: Captured) -> bool:
     """Return whether a capture has a mosaic or channels."""
-    return captured.sensor.mosaic is not None or len(_frame_shape(captured)) > 2
+    return captured.sensor.mosaic is not None or _frame_shape(captured)[2:] not in ((), (1,))
 
 
 def _frame_shape(captured: Captured) -> tuple[int, ...]:

@@ -137,11 +137,11 @@ def _by_film_network(job: Reconstruction) -> Reconstruction:
     """Return a reconstruction whose title is that of the film network."""
     if job.choice.reason == "requested" or job.settings:
         raise ValueError(
-            "recurrent: is a method of its own; leave out --method, --quality, --model, and their "
-            "options"
+            "recurrent: the film network is a method of its own; leave out --method, --quality, "
+            "--model, and their options"
         )
     if has_colors(job.captured):
-        raise ValueError("recurrent: is for gray films; leave it out for colors")
+        raise ValueError("recurrent: the film network is for gray films; leave it out for colors")
     FilmNetwork.check_sensor(job.captured.sensor)
     return dataclasses.replace(job, choice=dataclasses.replace(job.choice, method=FILM_NETWORK))
 

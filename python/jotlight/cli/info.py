@@ -27,12 +27,12 @@ from jotlight.formats.labels import COUNTS, parse_label
 from jotlight.formats.locations import is_url
 from jotlight.formats.verification import verify_capture
 from jotlight.images.io import read_image
-from jotlight.networks.color_network import ColorNetwork, load_network
+from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
+from jotlight.networks.loading import load_network
 from jotlight.networks.network import Network
-from jotlight.networks.network_files import count_planes
 from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
@@ -78,7 +78,7 @@ def info(
         _draw(path, plot)
     out.print(_table([*_facts(path, capture), *verified]))
     if path.suffix.lower() == ".safetensors" and stored_format(path) != CALIBRATION:
-        out.print(_layers(_load(path).layers))
+        out.print(_layers(load_network(path).layers))
 
 
 def _table(rows: list[tuple[str, str]]) -> Table:
@@ -115,7 +115,7 @@ def _draw(file: Path, plot: Path) -> None:
         refuse_overwrite(plot, [file])
         plots.save_figure(Calibration.load(file).plot(), plot)
         return
-    network = _load(file)
+    network = load_network(file)
     runs = _training_runs(file, network)
     if not runs:
         raise ValueError(f"{file}: this network has no history of a training run to draw")
@@ -129,7 +129,7 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
     if ending == ".safetensors":
         if stored_format(file) == CALIBRATION:
             return _calibration_facts(Calibration.load(file))
-        return _network_facts(file, _load(file))
+        return _network_facts(file, load_network(file))
     if file.is_dir() and (video := video_facts(file)):
         return video
     return [*_content_facts(file, capture), *origin_facts(file)]
@@ -217,13 +217,6 @@ def _calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
 
     captures = [(name, str(capture)) for name, capture in calibration.provenance.items()]
     return [("kind", "calibration"), *captures, *facts(calibration)]
-
-
-def _load(file: Path) -> Network | PlanesNetwork:
-    """Return the network in a file, of any kind."""
-    if count_planes(file) == FilmNetwork.planes:
-        return FilmNetwork.load(file)
-    return load_network(file)
 
 
 def _network_facts(file: Path, network: Network | PlanesNetwork) -> list[tuple[str, str]]:

@@ -98,7 +98,8 @@ class FilmMotionOptions(MotionOptions):
     recurrent: Annotated[
         bool,
         Parameter(
-            help="Estimate gray images with the film network, which also reads the last image."
+            help="Estimate gray images with the film network. It also reads the last image, if "
+            "--step is at most half of --window, or less than --window with --causal."
         ),
     ] = False
 

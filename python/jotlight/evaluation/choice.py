@@ -105,7 +105,8 @@ class Choice:
     """The method for some data, and the range of its estimate."""
 
     method: str
-    """Key of :data:`METHODS`, :data:`OWN_NETWORK`, or :data:`COLOR_NETWORK`."""
+    """Key of :data:`METHODS`, :data:`OWN_NETWORK`, :data:`COLOR_NETWORK`, or
+    :data:`FILM_NETWORK`."""
     quality: str | None
     """Size of the shipped network to load, or None for other methods."""
     max_intensity: float

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from jotlight.evaluation.choice import COLOR_NETWORK
+from jotlight.evaluation.choice import COLOR_NETWORK, FILM_NETWORK
 from jotlight.evaluation.methods import LARGE_METHOD
 from jotlight.formats.checksums import file_checksum
 from jotlight.networks.mosaic_planes import plane_sensors
@@ -10,6 +10,8 @@ from jotlight.networks.pretrained import (
     CHANNELS_FILE,
     COLOR_START,
     CONDITIONAL_SIZE,
+    FILM_FILE,
+    FILM_START,
     MOSAIC_FILE,
     pretrained_file,
 )
@@ -42,7 +44,8 @@ def weights_sha256(
     -------
     str or list of str or None
         64 hexadecimal digits, a sorted list of them for several files, or None without a network.
-        The color network has two files: its own, and that of the gray network at which it starts.
+        The color network and the film network have two files: their own, and that of the gray
+        network at which they start.
 
     Raises
     ------
@@ -54,6 +57,8 @@ def weights_sha256(
     >>> sensor = Sensor(frames=16, mosaic="RGGB")
     >>> len(weights_sha256(sensor, "network-color", None))
     2
+    >>> len(weights_sha256(Sensor(), "network-film", None))
+    2
     >>> weights_sha256(sensor, "mle", None) is None
     True
     """
@@ -61,6 +66,8 @@ def weights_sha256(
     if method == COLOR_NETWORK:
         own = CHANNELS_FILE if sensor.mosaic is None else MOSAIC_FILE
         files = {own, pretrained_file(sensor, COLOR_START, is_conditional=True)}
+    elif method == FILM_NETWORK:
+        files = {FILM_FILE, pretrained_file(sensor, FILM_START, is_conditional=True)}
     elif size is None:
         files = set() if model is None else {model}
     else:

@@ -19,11 +19,13 @@ Image = npt.NDArray[np.float32]
 
 
 class FilmEstimates:
-    """The images of a film by a film network, one after the other.
+    """The images of one film by a film network, one after the other.
 
     The network improves the estimate of the gray network "medium". It reads the counts of a window,
     those of the quarter and the sixteenth of its frames that are nearest to the time of the image,
-    and its own last image.
+    and its own last image. It reads the last image only if the window contains its time: if the
+    step is at most half of the window, or shorter than the window in a causal film. The network
+    that comes with jotlight was trained for windows of 64 to 256 frames.
 
     Parameters
     ----------
@@ -64,7 +66,7 @@ class FilmEstimates:
         found = self.network.estimate_probability(planes, trials, threads=self._threads)[0]
         probability = np.clip(found, 0, 1)
         self._last = arcsin_root(probability)
-        self._time = image.start + image.motion.reference
+        self._time = image.time
         return intensity_from_probability(probability, image.merged.sensor, self._threads)
 
     def planes_of(self, image: FilmImage) -> tuple[Image, float]:
@@ -90,17 +92,12 @@ class FilmEstimates:
     def _displaced(self, image: FilmImage) -> Image | None:
         """Return z of the last image at the places where it showed the present points.
 
-        It is NaN where it did not show them. A motion states nothing about the time before its
-        window.
+        It is NaN outside of the last image. Points that something hid there count as shown.
         """
-        time = self._time - image.start
-        if self._last is None or time < 0 or self._last.shape != image.merged.shape:
+        displacement = image.displacement_from(self._time)
+        if self._last is None or displacement is None or self._last.shape != image.merged.shape:
             return None
-        side = image.merged.sensor.oversampling
-        displacement = image.motion.at(time)
-        if image.is_rejected:
-            displacement = np.zeros_like(displacement)
-        return displaced(self._last, displacement, side)
+        return displaced(self._last, displacement, image.merged.sensor.oversampling)
 
 
 def displaced(last: Image, displacement: npt.NDArray[np.floating], side: int = 1) -> Image:

@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import numpy.typing as npt
 
 from jotlight.motion.blocks import Sums
 from jotlight.motion.memory import Memory, remembers
@@ -17,7 +18,7 @@ KEPT_WINDOWS = 4
 """Number of windows whose frames together show the motion of a scene if one is not enough."""
 
 _PARTS = 4, 16
-"""A quarter and a sixteenth of the blocks of a window are nearest to the time of its image."""
+"""About a quarter and a sixteenth of the blocks of a window count as nearest to its image."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,10 +37,32 @@ class FilmImage:
     mosaic: those of the window if the scene stands still, and those of fewer frames if no motion
     explains it. The flags of `merged` then say nothing about the image."""
     nearest: tuple[Merged, ...] = dataclasses.field(default=(), repr=False)
-    """The counts of the quarter and of the sixteenth of the window that are nearest to the time of
-    the image, along the motion, whether or not they agree with it: what the film network reads
-    besides `merged`. They stand still where merging has rejected the motion. Empty for colors and
-    for a finer grid."""
+    """The counts of about a quarter and a sixteenth of the window along the motion: whole blocks of
+    frames, nearest to the time of the image, whether or not they agree with the motion. The film
+    network reads them besides `merged`. They stand still where merging has rejected the
+    motion. Empty for colors and for a finer grid."""
+
+    def displacement_from(self, time: float) -> npt.NDArray[np.float32] | None:
+        """Return where an earlier image showed the points of this one, (2, H, W), in jots.
+
+        Where merging has rejected the motion, the points stand still. A motion states nothing about
+        the time before its window, so the result is None for an image that shows such a time.
+
+        Parameters
+        ----------
+        time : float
+            The time that the earlier image shows, in frames of the film.
+        """
+        time -= self.start
+        if not 0 <= time <= self.motion.reference:
+            return None
+        displacement = self.motion.at(time)
+        return np.zeros_like(displacement) if self.is_rejected else displacement
+
+    @property
+    def time(self) -> float:
+        """The time that the image shows, in frames of the film."""
+        return self.start + self.motion.reference
 
     @property
     def is_rejected(self) -> bool:

@@ -1,6 +1,5 @@
 """A network that improves classical colors with the bits of all filters or channels."""
 
-import os
 from typing import Self
 
 import numpy as np
@@ -8,7 +7,6 @@ import numpy as np
 from jotlight.networks.color_layers import COLORS, build_color
 from jotlight.networks.color_planes import PLANES
 from jotlight.networks.network import Network
-from jotlight.networks.network_files import count_planes
 from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.sensing.sensor import Sensor
 
@@ -73,11 +71,3 @@ class ColorNetwork(PlanesNetwork):
 
 AnyNetwork = Network | ColorNetwork
 """A network for gray images, or for colors."""
-
-
-def load_network(path: str | os.PathLike[str]) -> AnyNetwork:
-    """Return the network in a file, for gray images or for colors.
-
-    The errors are those of :meth:`jotlight.Network.load`.
-    """
-    return (ColorNetwork if count_planes(path) == PLANES else Network).load(path)

@@ -10,7 +10,7 @@ repeats what was wrong in it. For each pixel, the planes state
 - by how much z = arcsin √(L/K) of each of the counts deviates from z of the estimate, in three
   planes, and the root of their numbers of readings, relative to the usual one of the window, in
   three planes. A pixel without readings has zeros;
-- by how much z of the last image deviates from the estimate, and whether it shows the pixel;
+- by how much z of the last image deviates from the estimate, and whether the pixel lies inside it;
 - z of the estimate.
 
 The noise of z has the standard deviation 1/(2 √K) at every exposure.
@@ -34,8 +34,8 @@ CENTER = np.pi / 4
 """The middle of the range of z, which is subtracted from the estimate."""
 
 _MAX_SHARE = 1.5
-"""The largest root of a number of readings, relative to the usual one. The engine bounds all values
-of a network for planes from −π/2 to π/2."""
+"""The largest root of a number of readings, relative to the usual one. The engine's check
+against overflow assumes planes from −π/2 to π/2, so larger values are cut."""
 
 
 class Counts(NamedTuple):

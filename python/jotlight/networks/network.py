@@ -314,7 +314,7 @@ class Network(EngineBacked, TorchHints):
         ------
         OSError, ValueError
             When the file does not exist, is no network file, or holds a color network, which
-            :meth:`jotlight.ColorNetwork.load` reads.
+            :meth:`jotlight.ColorNetwork.load` or :meth:`jotlight.FilmNetwork.load` reads.
         """
         return read_network(path, cls, planes=0)
 

@@ -41,7 +41,7 @@ FILM_START = "medium"
 """Size of the gray network whose estimates the film network improves."""
 
 COLOR_START = "large"
-"""Size of the gray network whose estimates both improve."""
+"""Size of the gray network whose estimates both color networks improve."""
 
 FILM_FILE = FOLDER / "film.safetensors"
 """The recurrent network for the images of films."""

@@ -5,6 +5,7 @@ from typing import cast
 from torch import Tensor
 
 from jotlight.networks.layer import Layer
+from jotlight.networks.loading import load_network
 from jotlight.networks.planes_network import PlanesNetwork as EnginePlanesNetwork
 from jotlight.torch.network import Network
 
@@ -16,8 +17,8 @@ class PlanesNetwork(Network):
 
     Parameters
     ----------
-    source : jotlight.networks.planes_network.PlanesNetwork
-        The network to start from.
+    source : jotlight.networks.planes_network.PlanesNetwork or path
+        The network to start from, or its file.
     device : torch.device, str, or int, optional
         Device of the parameters. Default: the CPU.
 
@@ -29,6 +30,8 @@ class PlanesNetwork(Network):
     >>> network(torch.zeros(1, 11, 8, 8), trials=16).shape
     torch.Size([1, 3, 8, 8])
     """
+
+    load_network = staticmethod(load_network)  # type: ignore[assignment]
 
     def forward(self, data: Tensor, trials: int) -> Tensor:  # type: ignore[override]
         """Return P(b = 1) of each output, (N, C, H, W), for planes and K = `trials`."""

@@ -91,8 +91,10 @@ class FilmPatches(PatchSource):
     def draw_similar(self, rng: np.random.Generator, side: int, number: int) -> list[FilmExample]:
         """Return random patches of images whose pixels have similar numbers of trials."""
         among = min(_SIMILAR * number, len(self.examples))
-        first = int(rng.integers(len(self.examples) - among + 1))
-        chosen = first + rng.integers(among, size=number)
+        middle = int(rng.integers(len(self.examples)))
+        # Runs at the ends are cut, so images with the fewest trials are as frequent as others.
+        nearby = middle + rng.integers(-(among // 2), among // 2 + 1, size=number)
+        chosen = np.clip(nearby, 0, len(self.examples) - 1)
         return [self.examples[index].cut(rng, side) for index in chosen]
 
     def fingerprint(self) -> str:
@@ -100,5 +102,7 @@ class FilmPatches(PatchSource):
         digest = hashlib.sha256()
         for each in self.examples:
             digest.update(np.array([each.trials, each.light_per_intensity]).tobytes())
-            digest.update(np.ascontiguousarray(each.planes).tobytes())
+            digest.update(str(each.truth.shape).encode())
+            for image in (each.planes, each.truth):
+                digest.update(np.ascontiguousarray(image).tobytes())
         return digest.hexdigest()

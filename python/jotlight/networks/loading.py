@@ -1,0 +1,24 @@
+"""The network in a file, of any kind."""
+
+import os
+
+from jotlight.networks.color_network import ColorNetwork
+from jotlight.networks.film_network import FilmNetwork
+from jotlight.networks.network import Network
+from jotlight.networks.network_files import count_planes
+from jotlight.networks.planes_network import PlanesNetwork
+
+
+def load_network(path: str | os.PathLike[str]) -> Network | PlanesNetwork:
+    """Return the network in a file: for gray images, for colors, or for films.
+
+    The errors are those of :meth:`jotlight.Network.load`.
+
+    Examples
+    --------
+    >>> from jotlight.networks.pretrained import FILM_FILE
+    >>> type(load_network(FILM_FILE)).__name__
+    'FilmNetwork'
+    """
+    kinds = {kind.planes: kind for kind in (ColorNetwork, FilmNetwork)}
+    return kinds.get(count_planes(path), Network).load(path)
