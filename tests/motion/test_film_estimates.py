@@ -166,6 +166,13 @@ def test_another_film_does_not_read_the_last_image_of_the_first():
     np.testing.assert_array_equal(again, FilmEstimates(RANDOM).add(images[0]))
 
 
+def test_the_estimate_of_a_scene_that_stands_still_is_that_of_the_gray_network():
+    _, bits = burst("static")
+    for image in film(bits, window=64, step=16, model="none", causal=True):
+        found = FilmEstimates(RANDOM).add(image)
+        np.testing.assert_allclose(found, jl.reconstruct(image.data), atol=1e-4)
+
+
 def test_stacks_of_counts_have_films():
     _, bits = burst("shake")
     counts = np.stack([bits[k : k + 4].counts() for k in range(0, 96, 4)]).astype(np.uint8)

@@ -8,7 +8,14 @@ import numpy.typing as npt
 from jotlight.estimators.inverse_response import equivalent_fractions, intensity_from_probability
 from jotlight.motion.film_image import FilmImage
 from jotlight.networks.film_network import FilmNetwork
-from jotlight.networks.film_planes import Counts, arcsin_root, film_planes, usual_trials
+from jotlight.networks.film_planes import (
+    CENTER,
+    START,
+    Counts,
+    arcsin_root,
+    film_planes,
+    usual_trials,
+)
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import FILM_START, FOLDER, pretrained_film
 from jotlight.sensing.merged import Merged
@@ -21,11 +28,11 @@ Image = npt.NDArray[np.float32]
 class FilmEstimates:
     """The images of one film by a film network, one after the other.
 
-    The network improves the estimate of the gray network "medium". It reads the counts of a window,
-    those of the quarter and the sixteenth of its frames that are nearest to the time of the image,
-    and its own last image. It reads the last image only if the window contains its time: if the
-    step is at most half of the window, or shorter than the window in a causal film. The network
-    that comes with jotlight was trained for windows of 64 to 256 frames.
+    The network corrects the estimates of the gray network "medium" where a scene moves. It reads
+    the counts of a window, those of the quarter and the sixteenth of its frames that are nearest to
+    the time of the image, and its own last image. It reads the last image only if the window
+    contains its time: if the step is at most half of the window, or shorter than the window in a
+    causal film. The network that comes with jotlight was trained for windows of 64 to 256 frames.
 
     Parameters
     ----------
@@ -63,7 +70,11 @@ class FilmEstimates:
             sensor has a smooth kernel.
         """
         planes, trials = self.planes_of(image)
-        found = self.network.estimate_probability(planes, trials, threads=self._threads)[0]
+        if image.motion.model == "none":
+            # Sums of a scene that stands still need no correction.
+            found = np.sin(planes[START] + np.float32(CENTER)) ** 2
+        else:
+            found = self.network.estimate_probability(planes, trials, threads=self._threads)[0]
         probability = np.clip(found, 0, 1)
         self._last = arcsin_root(probability)
         self._time = image.time
