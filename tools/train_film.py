@@ -1,8 +1,11 @@
 """Train the film network that comes with jotlight, and write its model card.
 
-    python tools/film_data.py DATA SCENES --scenes 500
-    python tools/film_data.py DATA VALIDATION --scenes 24 --validation
-    python tools/train_film.py SCENES VALIDATION [--rounds 2] [--steps 5000] [--from FILE]
+    python tools/film_data.py DATA SCENES --scenes 540
+    python tools/film_data.py DATA VALIDATION --first 100000 --scenes 34 --validation
+    python tools/train_film.py SCENES VALIDATION [--rounds 4] [--steps 6000] [--from FILE]
+
+The network that comes with jotlight was trained in several runs, while scenes were added: its card
+lists them.
 
 Without `--from`, the inner layers start at the parameters of the gray network "medium", whose
 estimate the network improves. The last image that the network reads is its own: each round begins
