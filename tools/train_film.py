@@ -4,8 +4,8 @@
     python tools/film_data.py DATA VALIDATION --first 100000 --scenes 34 --validation
     python tools/train_film.py SCENES VALIDATION [--rounds 4] [--steps 6000] [--from FILE]
 
-The network that comes with jotlight was trained in several runs, while scenes were added: its card
-lists them.
+The network that comes with jotlight was trained in several runs, while scenes were added. Its card
+lists them, and decision 48 states how its scenes differ from those of these commands.
 
 Without `--from`, the inner layers start at the parameters of the gray network "medium", whose
 estimate the network improves. The last image that the network reads is its own: each round begins
@@ -29,9 +29,10 @@ from jotlight.metrics import psnr
 from jotlight.motion.film_estimates import displaced
 from jotlight.networks.conditioning import conditioning_weights
 from jotlight.networks.film_network import FilmNetwork
-from jotlight.networks.film_planes import START, Counts, arcsin_root, film_planes, usual_trials
+from jotlight.networks.film_planes import START, Counts, film_planes, usual_trials
 from jotlight.networks.graph import flops_per_pixel
 from jotlight.networks.layer import Layer
+from jotlight.networks.planes_layers import arcsin_root
 from jotlight.networks.pretrained import FILM_FILE, FILM_START, FOLDER
 from jotlight.sensing.reference import response_of
 from jotlight.training.film_patches import FilmExample, FilmPatches

@@ -65,5 +65,5 @@ def test_other_layers_and_kernels_are_refused(tmp_path):
         ColorNetwork(gray.layers, trials_range=(1, 4))
     with pytest.raises(ValueError, match="layers: expected at least one"):
         ColorNetwork([], trials_range=(1, 4))
-    with pytest.raises(ValueError, match="expected the box kernel for colors, got cubic"):
+    with pytest.raises(ValueError, match="expected the box kernel, got cubic"):
         ColorNetwork.initial("small", rng=0).check_sensor(jl.Sensor(kernel="cubic"))

@@ -37,7 +37,7 @@ from jotlight.files import atomic_write_together, refuse_overwrite
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.networks.color_network import AnyNetwork
-from jotlight.networks.loading import load_network
+from jotlight.networks.loading import load_image_network
 from jotlight.networks.pretrained import pretrained
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
@@ -127,7 +127,7 @@ class Inputs:
         if self.motion.factor > 1:
             request = request or DEFAULT_METHOD
         may_be_color &= self.method.demosaicing in (None, JOINT) and not self.method.fallback
-        network = None if self.method.model is None else _load(self.method.model)
+        network = None if self.method.model is None else load_image_network(self.method.model)
         sensor_kwargs = self.sensor.to_kwargs()
         calibration = None
         if self.sensor.calibration is not None:
@@ -183,17 +183,6 @@ class Inputs:
                 "the capture"
             )
         return of_window(captured, window)
-
-
-def _load(path: Path) -> AnyNetwork:
-    """Return the network of the user in a file."""
-    network = load_network(path)
-    if not isinstance(network, AnyNetwork):
-        raise ValueError(
-            f"{path}: expected a network for images, got a film network; `jotlight film --motion "
-            "--recurrent` uses the one that comes with jotlight"
-        )
-    return network
 
 
 def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:

@@ -8,15 +8,9 @@ import numpy.typing as npt
 from jotlight.estimators.inverse_response import equivalent_fractions, intensity_from_probability
 from jotlight.motion.film_image import FilmImage
 from jotlight.networks.film_network import FilmNetwork
-from jotlight.networks.film_planes import (
-    CENTER,
-    START,
-    Counts,
-    arcsin_root,
-    film_planes,
-    usual_trials,
-)
+from jotlight.networks.film_planes import Counts, film_planes, usual_trials
 from jotlight.networks.network import Network
+from jotlight.networks.planes_layers import arcsin_root
 from jotlight.networks.pretrained import FILM_START, FOLDER, pretrained_film
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import count_pixels
@@ -69,11 +63,11 @@ class FilmEstimates:
             When the image has colors or a finer grid, which the network does not read, or when its
             sensor has a smooth kernel.
         """
-        planes, trials = self.planes_of(image)
         if image.motion.model == "none":
             # Sums of a scene that stands still need no correction.
-            found = np.sin(planes[START] + np.float32(CENTER)) ** 2
+            found = self._start(image)
         else:
+            planes, trials = self.planes_of(image)
             found = self.network.estimate_probability(planes, trials, threads=self._threads)[0]
         probability = np.clip(found, 0, 1)
         self._last = arcsin_root(probability)
@@ -82,18 +76,22 @@ class FilmEstimates:
 
     def planes_of(self, image: FilmImage) -> tuple[Image, float]:
         """Return what the network reads of the next image, and its usual number of trials."""
+        start = self._start(image)
+        counts = [self._counts(part) for part in (image.merged, *image.nearest)]
+        usual = usual_trials(counts[0])
+        return film_planes(start, counts, usual, self._displaced(image)), usual
+
+    def _start(self, image: FilmImage) -> Image:
+        """Return P(b = 1) by the gray network."""
         if not image.nearest:
             raise ValueError(
                 "image: expected gray counts on the grid of the sensor, got colors or a finer "
                 "grid; jotlight.reconstruct(image.data) estimates them"
             )
-        merged = image.merged
-        self.network.check_sensor(merged.sensor)
-        estimate = self._gray.reconstruct(merged, threads=self._threads)
-        start = response_of(merged.sensor)(estimate.astype(np.float64)).astype(np.float32)
-        counts = [self._counts(part) for part in (merged, *image.nearest)]
-        usual = usual_trials(counts[0])
-        return film_planes(start, counts, usual, self._displaced(image)), usual
+        sensor = image.merged.sensor
+        self.network.check_sensor(sensor)
+        estimate = self._gray.reconstruct(image.merged, threads=self._threads)
+        return response_of(sensor)(estimate.astype(np.float64)).astype(np.float32)
 
     def _counts(self, merged: Merged) -> Counts:
         counted = count_pixels(merged, merged.sensor, self._threads)

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from jotlight.motion.blocks import Sums
 from jotlight.motion.memory import Memory, remembers
-from jotlight.motion.merged_pixels import count_pixels_of
+from jotlight.motion.merged_pixels import as_pixels
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.track import Paths, from_center
 from jotlight.sensing.bits import Bits
@@ -115,4 +115,4 @@ def count_nearest(paths: Paths, sensor: Sensor, *, is_still: bool) -> tuple[Merg
     order = [int(block) for block in from_center(paths)]
     parts = (order[: max(1, len(order) // part)] for part in _PARTS)
     sums = (Sums.total(map(paths.sums, part)) for part in parts)
-    return tuple(count_pixels_of(each, sensor) for each in sums)
+    return tuple(as_pixels([each], sensor) for each in sums)

@@ -29,8 +29,20 @@ def as_merged(
     sensor: Sensor,
 ) -> Merged:
     """Return sums over jots as the merged counts of pixels."""
-    side, color = sensor.oversampling, len(channels) > 1
+    side = sensor.oversampling
     each_jot = np.ones(channels[0].trials.shape)
+    return as_pixels(
+        channels,
+        sensor,
+        acceptance=_mean_of_pixels(accepted, each_jot, side).astype(np.float32),
+        posterior_error=_mean_of_pixels(posterior_error(motion), each_jot, side).astype(np.float32),
+        flags=_mean_of_pixels(flags.astype(np.float32), each_jot, side) >= _MIN_FLAGGED,
+    )
+
+
+def as_pixels(channels: list[Sums], sensor: Sensor, **maps: Any) -> Merged:
+    """Return sums over jots as the counts of pixels, with further maps of :class:`Merged`."""
+    side, color = sensor.oversampling, len(channels) > 1
     efficiency, dark_counts = _seen_jots(channels[0], sensor, side)
     efficiency = np.minimum(efficiency, 1)  # means of numbers up to 1, but for rounding errors
     return Merged(
@@ -41,20 +53,9 @@ def as_merged(
         sensor,
         dark_counts,
         efficiency,
-        _mean_of_pixels(accepted, each_jot, side).astype(np.float32),
-        _mean_of_pixels(posterior_error(motion), each_jot, side).astype(np.float32),
-        _mean_of_pixels(flags.astype(np.float32), each_jot, side) >= _MIN_FLAGGED,
         channel_axis=-1 if color else None,
+        **maps,
     )
-
-
-def count_pixels_of(sums: Sums, sensor: Sensor) -> Merged:
-    """Return sums over jots as the counts of pixels, without what is known about the motion."""
-    side = sensor.oversampling
-    efficiency, dark_counts = _seen_jots(sums, sensor, side)
-    trials = _sum_pixels(sums.trials, side).astype(np.float64)
-    efficiency = np.minimum(efficiency, 1)  # means of numbers up to 1, but for rounding errors
-    return Merged(_sum_pixels(sums.ones, side), trials, sensor, dark_counts, efficiency)
 
 
 def as_fine(

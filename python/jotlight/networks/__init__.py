@@ -12,10 +12,10 @@ kernels and maps of trials), `finer_grid` (the same on a grid of half pixels), `
 file format), `onnx_export` (a network as an ONNX model), and `pretrained` (the trained networks in
 `weights/`, each with a model card).
 
-Color: `color_network` (a network that improves classical colors) with `color_layers`,
+Color: `color_network` (a network that improves classical colors),
 `color_starts` (the classical colors) with `mosaic_planes`, `color_planes` (what the network reads),
 and `color_inference` (how it computes colors).
 
 Films: `film_network` (a network that also reads the last image) and `film_planes` (what it reads).
-`planes_network` is the class of networks for planes, of colors and of films.
+`planes_network` and `planes_layers` are the class and the layers of both.
 """

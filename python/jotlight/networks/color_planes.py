@@ -17,6 +17,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.networks.planes_layers import CENTER, arcsin_root
+
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
 
@@ -25,9 +27,6 @@ PLANES = 11
 
 START = slice(8, 11)
 """The planes of the classical estimate."""
-
-CENTER = np.pi / 4
-"""The middle of the range of z, which is subtracted from the classical estimate."""
 
 
 class Filtered(NamedTuple):
@@ -72,12 +71,12 @@ def color_planes(
     colors = np.asarray(start, np.float64)
     for transmission, fraction, weight in filters:
         expected = to_probability(np.tensordot(transmission, colors, 1))
-        deviation = weight * (_arcsin_root(fraction) - _arcsin_root(expected))
+        deviation = weight * (arcsin_root(fraction) - arcsin_root(expected))
         for plane, share in enumerate(_shares(transmission)):
             if share:
                 planes[plane] += share * deviation
                 planes[4 + plane] += share * weight
-    planes[START] = _arcsin_root(to_probability(colors)) - CENTER
+    planes[START] = arcsin_root(to_probability(colors)) - CENTER
     return planes
 
 
@@ -88,7 +87,3 @@ def _shares(transmission: Array) -> Array:
     """
     white = transmission.min()
     return np.append(transmission - white, white)
-
-
-def _arcsin_root(fraction: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
-    return np.asarray(np.arcsin(np.sqrt(np.clip(fraction, 0, 1))))

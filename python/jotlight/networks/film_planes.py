@@ -22,6 +22,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.networks.planes_layers import CENTER, arcsin_root
+
 Image = npt.NDArray[np.float32]
 
 PLANES = 9
@@ -29,9 +31,6 @@ PLANES = 9
 
 START = 8
 """Index of the plane of the estimate, at which the network starts."""
-
-CENTER = np.pi / 4
-"""The middle of the range of z, which is subtracted from the estimate."""
 
 _MAX_SHARE = 1.5
 """The largest root of a number of readings, relative to the usual one. The engine's check
@@ -88,14 +87,3 @@ def film_planes(start: Image, counts: Sequence[Counts], usual: float, last: Imag
         planes[7] = shown
     planes[START] = estimate - np.float32(CENTER)
     return planes
-
-
-def arcsin_root(fraction: Image) -> Image:
-    """Return z = arcsin √p.
-
-    Examples
-    --------
-    >>> arcsin_root(np.float32([0, 1])).round(3).tolist()
-    [0.0, 1.5709999799728394]
-    """
-    return np.asarray(np.arcsin(np.sqrt(np.clip(fraction, 0, 1))), np.float32)

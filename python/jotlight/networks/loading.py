@@ -2,7 +2,7 @@
 
 import os
 
-from jotlight.networks.color_network import ColorNetwork
+from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.network_files import count_planes
@@ -22,3 +22,23 @@ def load_network(path: str | os.PathLike[str]) -> Network | PlanesNetwork:
     """
     kinds = {kind.planes: kind for kind in (ColorNetwork, FilmNetwork)}
     return kinds.get(count_planes(path), Network).load(path)
+
+
+def load_image_network(path: str | os.PathLike[str]) -> AnyNetwork:
+    """Return the network in a file, for gray images or for colors.
+
+    The errors are those of :meth:`jotlight.Network.load`.
+
+    Examples
+    --------
+    >>> from jotlight.networks.pretrained import MOSAIC_FILE
+    >>> type(load_image_network(MOSAIC_FILE)).__name__
+    'ColorNetwork'
+    """
+    network = load_network(path)
+    if not isinstance(network, AnyNetwork):
+        raise ValueError(
+            f"{path}: expected a network for images, got a film network; `jotlight film --motion "
+            "--recurrent` uses the one that comes with jotlight"
+        )
+    return network

@@ -313,8 +313,8 @@ class Network(EngineBacked, TorchHints):
         Raises
         ------
         OSError, ValueError
-            When the file does not exist, is no network file, or holds a color network, which
-            :meth:`jotlight.ColorNetwork.load` or :meth:`jotlight.FilmNetwork.load` reads.
+            When the file does not exist, is no network file, or holds a network of colors or films,
+            which :meth:`jotlight.ColorNetwork.load` or :meth:`jotlight.FilmNetwork.load` reads.
         """
         return read_network(path, cls, planes=0)
 

@@ -13,6 +13,7 @@ from jotlight.networks.engine_backed import EngineBacked
 from jotlight.networks.graph import size_divisor
 from jotlight.networks.layer import Layer
 from jotlight.networks.network_files import read_network, write_network
+from jotlight.networks.planes_layers import build_correction
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -36,8 +37,12 @@ class PlanesNetwork(EngineBacked):
         When the layers do not fit each other or the planes.
     """
 
-    outputs: ClassVar[int]
-    """Number of its outputs."""
+    start: ClassVar[tuple[int, ...]]
+    """The planes of the estimate that the network corrects, one for each output."""
+    estimate: ClassVar[str]
+    """What this estimate is."""
+    usual_range: ClassVar[tuple[int, int]]
+    """Smallest and largest K of an untrained network."""
 
     def __init__(
         self,
@@ -58,16 +63,46 @@ class PlanesNetwork(EngineBacked):
         self._check_layers()
         _ = self.engine_network  # It refuses layers whose values could overflow.
 
+    @classmethod
+    def initial(
+        cls,
+        architecture: str = "medium",
+        *,
+        trials_range: tuple[int, int] | None = None,
+        rng: int | None = None,
+    ) -> Self:
+        """Return an untrained network, whose output is the estimate that it corrects.
+
+        Parameters
+        ----------
+        architecture : {"small", "medium", "large"}
+            Layers and channels: :data:`jotlight.networks.architectures.ARCHITECTURES`.
+        trials_range : (int, int), optional
+            Smallest and largest K, the number of trials per pixel. Default: 1 to 256 for colors,
+            and 4 to 1,024 for films.
+        rng : int, optional
+            Seed of the filters. Default: a fresh one.
+        """
+        layers = build_correction(architecture, cls.planes, cls.start, np.random.default_rng(rng))
+        history = {"start": f"{architecture}, starts at {cls.estimate}"}
+        return cls(layers, history, trials_range=trials_range or cls.usual_range)
+
+    @staticmethod
+    def check_sensor(sensor: Sensor) -> None:
+        """Raise ValueError for a sensor whose kernel spreads the light of a point over pixels."""
+        if sensor.kernel != "box":
+            raise ValueError(f"sensor: expected the box kernel, got {sensor.kernel}")
+
     def _check_layers(self) -> None:
         layers = self.layers
         if not layers:
             raise ValueError("layers: expected at least one, got none")
         size_divisor(layers)
-        first, last = layers[0].channels, layers[-1].channels
-        if (first, last) != (self.planes, self.outputs) or layers[0].shape[1:] != (1, 1, 1):
+        first, last, outputs = layers[0].channels, layers[-1].channels, len(self.start)
+        if (first, last) != (self.planes, outputs) or layers[0].shape[1:] != (1, 1, 1):
             raise ValueError(
-                f"layers: expected {self.planes} channels of the first layer and {self.outputs} of "
-                f"the last one, got {first} and {last}"
+                f"layers: expected {self.planes} channels of the first layer and {outputs} of the "
+                f"last one, got {first} and {last}"
             )
         count_sets(layers)
 
