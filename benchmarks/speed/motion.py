@@ -47,10 +47,10 @@ def main() -> None:
     for frames, bits in bursts.items():
         run = partial(lambda bits: reconstruct(jl.merge(bits, threads=threads)), bits)
         seconds = best(run, options.rounds, clock)
-        print(f"| {frames:,} frames | {seconds:.3f} | {seconds / of_network:.0f} |", flush=True)
+        print(f"| {frames:,} frames | {seconds:.3f} | {seconds / of_network:.1f} |", flush=True)
     images = film(first[: WINDOW + FILM_IMAGES * STEP], window=WINDOW, step=STEP, threads=threads)
     seconds = time_of_film(images, reconstruct, clock)
-    print(f"| image of a film | {seconds:.3f} | {seconds / of_network:.0f} |")
+    print(f"| image of a film | {seconds:.3f} | {seconds / of_network:.1f} |")
 
 
 def record(frames: int) -> jl.Bits:

@@ -258,6 +258,7 @@ def smooth_curve(
     estimates: npt.NDArray[np.float64],
     information: npt.NDArray[np.float64],
     ratios: npt.NDArray[np.float64],
+    threads: int | None,
 ) -> npt.NDArray[np.float64]: ...
 def cost_of_curve(
     estimates: npt.NDArray[np.float64],

@@ -218,12 +218,13 @@ def test_the_window_is_required(run, capture):
     assert "--window requires an argument" in output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("motion", "frames", "model"),
     [
         ("shake", 36, "affine"),
-        pytest.param("shake", 48, "auto", marks=pytest.mark.slow),
-        pytest.param("static", 48, "auto", marks=pytest.mark.slow),
+        ("shake", 48, "auto"),
+        ("static", 48, "auto"),
     ],
 )
 def test_a_film_behind_a_mosaic_has_colors(run, tmp_path, motion, frames, model):

@@ -53,6 +53,7 @@ def test_a_map_of_real_trials_with_zeros_works(run):
     assert np.sqrt(np.mean((estimate - IMAGE)[right] ** 2)) < 0.25
 
 
+@pytest.mark.slow
 def test_the_channels_of_merged_counts_are_estimated_one_by_one(run):
     trials = 16 + np.arange(32.0) * np.ones(IMAGE.shape)
     color = np.stack([draw(trials, seed) for seed in range(3)], -1)

@@ -49,6 +49,7 @@ def by_bits_results(gains_at_9, gains_at_100, learned=(15.0, 20.0), data=None):
         ((1.7, 1.7), (1.8, 1.8), "not reproduced"),
     ],
 )
+@pytest.mark.slow
 def test_the_largest_gain_has_to_be_the_papers_and_at_its_k(at_9, at_100, verdict):
     section = fig6a.section(by_bits_results(at_9, at_100))
     claim = claims_of(section, "largest gain is 1.7 dB")

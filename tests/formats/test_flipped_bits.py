@@ -69,6 +69,7 @@ def check_flips(folder, case, sample=None):
 
 
 @pytest.mark.parametrize("case", CASES)
+@pytest.mark.slow
 def test_some_flips_are_refused(tmp_path, case):
     check_flips(tmp_path, case, SAMPLE)
 

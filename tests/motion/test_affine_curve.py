@@ -65,7 +65,7 @@ def test_weights_are_those_that_make_the_estimates_most_probable(number):
     def cost(weights):
         return engine.cost_of_curve(estimates, information, ratios, list(weights))
 
-    curve = engine.smooth_curve(estimates, information, ratios)
+    curve = engine.smooth_curve(estimates, information, ratios, None)
     found = minimize(lambda w: cost(np.clip(w, -16, 16))[0], np.zeros(4), method="Nelder-Mead")
     near = np.clip(np.rint(2 * found.x) / 2, -16, 16)
     candidates = [near + 0.5 * np.array(step) for step in np.ndindex(3, 3, 3, 3)]
@@ -88,7 +88,7 @@ def test_weights_are_those_that_make_the_estimates_most_probable(number):
 )
 def test_bad_input_is_refused(estimates, information, ratios, message):
     with pytest.raises(ValueError, match=message):
-        engine.smooth_curve(estimates, information, ratios)
+        engine.smooth_curve(estimates, information, ratios, None)
 
 
 def test_modes_are_translations_zoom_rotation_and_shears():

@@ -48,11 +48,12 @@ def test_each_image_is_as_good_as_with_a_fresh_alignment(causal):
         assert quality(image.data, truth) > quality(part[at - 4 : at + 5], truth) + 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frames", "window", "step", "model", "shape"),
     [
         (48, 32, 8, "affine", (48, 56)),
-        pytest.param(FRAMES, WINDOW, STEP, "auto", SIZE, marks=pytest.mark.slow),
+        (FRAMES, WINDOW, STEP, "auto", SIZE),
     ],
 )
 def test_live_images_are_those_of_a_causal_film(frames, window, step, model, shape):
@@ -93,12 +94,13 @@ def test_a_still_window_keeps_its_bits(causal):
         np.testing.assert_array_equal(jl.reconstruct(image.data), jl.reconstruct(part))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mosaic", "step"),
     [
         ("RGGB", 5),
         ("RGGB", 16),
-        pytest.param("RGGB", 40, marks=pytest.mark.slow),
+        ("RGGB", 40),
         ("RGB", 16),
         (Mosaic([[0, 1, 1, 2], [1, 0, 2, 1]], "RGB"), 16),
     ],

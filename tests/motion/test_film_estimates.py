@@ -117,6 +117,7 @@ def test_each_image_reads_the_one_before():
     assert trials == pytest.approx(np.median(images[1].merged.trials), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_films_and_live_films_have_the_same_images():
     scene, bits = burst("shake")
     images = list(film(bits, window=64, step=16, causal=True))
@@ -135,6 +136,7 @@ def test_films_and_live_films_have_the_same_images():
     assert abs(FilmEstimates(RANDOM).add(others) - of_film[0]).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_jots_that_differ_and_larger_pixels_are_read():
     rng = np.random.default_rng(1)
     efficiency = rng.uniform(0.5, 1, (96, 128))
@@ -173,6 +175,7 @@ def test_the_estimate_of_a_scene_that_stands_still_is_that_of_the_gray_network()
         np.testing.assert_allclose(found, jl.reconstruct(image.data), atol=1e-4)
 
 
+@pytest.mark.slow
 def test_stacks_of_counts_have_films():
     _, bits = burst("shake")
     counts = np.stack([bits[k : k + 4].counts() for k in range(0, 96, 4)]).astype(np.uint8)

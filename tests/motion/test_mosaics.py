@@ -96,12 +96,13 @@ def test_an_affine_motion_is_enlarged_exactly(side):
     np.testing.assert_allclose(found.information, 1 / side**2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "mosaic",
     [
         pytest.param("RGGB", id="RGGB"),
-        pytest.param("RRGG/RRGG/GGBB/GGBB", id="quad", marks=pytest.mark.slow),
-        pytest.param(RANDOM, id="random", marks=pytest.mark.slow),
+        pytest.param("RRGG/RRGG/GGBB/GGBB", id="quad"),
+        pytest.param(RANDOM, id="random"),
     ],
 )
 def test_the_motion_is_found(mosaic):

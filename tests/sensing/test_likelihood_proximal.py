@@ -77,6 +77,7 @@ def test_the_derivative_changes_its_sign_at_the_proximal_map(threshold, penalty)
 
 
 @pytest.mark.parametrize("threshold", [1, 2, 5])
+@pytest.mark.slow
 def test_the_proximal_map_minimizes_the_cost(threshold):
     for penalty in PENALTIES:
         found = proximal(threshold, penalty)

@@ -130,8 +130,7 @@ def thread_section(run: dict[str, Any]) -> Section:
         "multiply-adds in registers, reading from memory, and as many multiply-adds as take one "
         "thread the time of the task. The system may run two threads on the same core for some "
         "milliseconds, above all on a virtual machine; the measurement moves all threads between "
-        "cores, which makes this frequent. If no other program needs the cores, set the "
-        "environment variable `JOTLIGHT_BIND=1`, which binds each thread to its own core.",
+        "cores, which makes this frequent.",
         tables=[thread_table(run)],
         curves=thread_curves(run),
     )

@@ -21,7 +21,7 @@ mod vst;
 use std::cell::Cell;
 
 use jotlight::error::Error;
-use jotlight::threads::install_interruptible;
+use jotlight::threads::{install_alone, install_interruptible};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 
@@ -129,7 +129,19 @@ fn run<R: Send>(
 ) -> PyResult<R> {
     // A negative number becomes 0, which the engine refuses.
     let threads = threads.map(|threads| threads.max(0).cast_unsigned());
-    let result = py.detach(|| install_interruptible(threads, is_interrupted, work));
+    to_exception(py.detach(|| install_interruptible(threads, is_interrupted, work)))
+}
+
+/// Run `work`, which uses no other thread, as [`run`] does.
+fn run_alone<R: Send>(
+    py: Python<'_>,
+    work: impl FnOnce() -> jotlight::error::Result<R> + Send,
+) -> PyResult<R> {
+    to_exception(py.detach(|| install_alone(is_interrupted, work)))
+}
+
+/// Return the result of a call, or the exception of a signal handler.
+fn to_exception<R>(result: jotlight::error::Result<R>) -> PyResult<R> {
     match EXCEPTION.take() {
         Some(exception) => Err(exception),
         None => result.map_err(to_python),

@@ -11,7 +11,7 @@ use numpy::{PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
-use crate::{run, to_python};
+use crate::{run, run_alone, to_python};
 
 /// Counts of pixels: whole numbers of bits, or the real numbers of an equivalent sensor.
 #[derive(FromPyObject)]
@@ -288,7 +288,7 @@ pub fn solve_field<'py>(
         to_affine,
         outline,
     };
-    let field = run(py, Some(1), || {
+    let field = run_alone(py, || {
         motion::solve_field(equations, start, basis, smoothness)
     })?;
     Ok(field.into_pyarray(py))

@@ -7,7 +7,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
 use crate::motion::{PyCounts, for_counts};
-use crate::run;
+use crate::{run, run_alone};
 
 /// Add images of counts to `out`.
 #[pyfunction]
@@ -149,18 +149,17 @@ pub fn mark_covered(
 
 /// Return the most probable curve of a motion, (n, 6).
 #[pyfunction]
-#[pyo3(signature = (estimates, information, ratios))]
+#[pyo3(signature = (estimates, information, ratios, threads))]
 pub fn smooth_curve<'py>(
     py: Python<'py>,
     estimates: PyReadonlyArray2<'_, f64>,
     information: PyReadonlyArray3<'_, f64>,
     ratios: PyReadonlyArray1<'_, f64>,
+    threads: Option<isize>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (estimates, information) = (estimates.as_array(), information.as_array());
     let ratios = ratios.as_slice()?;
-    let curve = run(py, Some(1), || {
-        Curve::new(estimates, information, ratios)?.smooth()
-    })?;
+    let curve = run_alone(py, || Curve::new(estimates, information, ratios)?.smooth())?;
     Ok(curve.into_pyarray(py))
 }
 
@@ -177,7 +176,7 @@ pub fn cost_of_curve<'py>(
 ) -> PyResult<(f64, Bound<'py, PyArray2<f64>>)> {
     let (estimates, information) = (estimates.as_array(), information.as_array());
     let ratios = ratios.as_slice()?;
-    let (cost, curve) = run(py, Some(1), || {
+    let (cost, curve) = run_alone(py, || {
         Curve::new(estimates, information, ratios)?.cost(&weights)
     })?;
     Ok((cost, curve.into_pyarray(py)))

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::arguments::{PyImage, PyImages, PyPerJot, check_length, to_engine_images};
-use crate::{run, to_python};
+use crate::{run, run_alone, to_python};
 
 /// A sensor, as a dictionary.
 #[derive(FromPyObject)]
@@ -96,7 +96,7 @@ pub fn draw_counts(
     mut out: PyReadwriteArray2<'_, i32>,
 ) -> PyResult<()> {
     let (sensor, image, out) = (sensor.to_engine()?, image.to_engine(), out.as_array_mut());
-    run(py, Some(1), || {
+    run_alone(py, || {
         sensing::draw_counts(&sensor, frames, image, seed, index, out)
     })
 }

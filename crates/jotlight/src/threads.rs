@@ -1,7 +1,8 @@
 //! The threads on which calls run.
 //!
-//! With one thread, the calling thread does the work itself. With more, a pool does, and the calling
-//! thread waits. Later calls reuse the pools.
+//! The calling thread works itself, as a member of a pool of its own. The pool has as many threads as
+//! the first call of this thread asks for. Calls with other numbers of threads, and those of threads
+//! without a pool of their own, wait for a shared pool. Later calls reuse all pools.
 
 use std::cell::OnceCell;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -13,7 +14,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::error::{Error, Result};
 use crate::interrupt::{Flag, OwnWork, TIME_BETWEEN_QUESTIONS};
 
-/// The pools that wait for another call, in the order of their last use. They are kept because
+/// The shared pools that wait for another call, in the order of their last use. They are kept because
 /// starting threads takes longer than the work on a small image.
 static IDLE_POOLS: Mutex<Vec<Pool>> = Mutex::new(Vec::new());
 
@@ -22,37 +23,53 @@ const MAX_IDLE_POOLS: usize = 4;
 /// The maximum number of threads of a pool. It exceeds the number of cores of any processor.
 const MAX_THREADS: usize = 1024;
 
-/// The maximum number of threads that may work for their own calls. Memory of about 3 KiB remains
-/// allocated for each of them when it ends. The calls of further threads use pools of one thread.
-const MAX_OWN_WORKERS: usize = 64;
+/// The maximum numbers of calling threads with a pool of one thread, and with a pool of several
+/// threads. Some memory remains allocated for each of them when it ends: about 3 KiB per thread of
+/// its pool. The calls of further threads use shared pools.
+const MAX_OWN_POOLS: [usize; 2] = [64, 4];
 
-/// The number of threads that may work for their own calls.
-static OWN_WORKERS: AtomicUsize = AtomicUsize::new(0);
+/// The numbers of calling threads that have had pools of one and of several threads.
+static OWN_POOLS: [AtomicUsize; 2] = [AtomicUsize::new(0), AtomicUsize::new(0)];
 
 thread_local! {
-    /// What the thread needs to work for its own calls. None if too many other threads do.
-    static OWN_WORKER: OnceCell<Option<OwnWorker>> = const { OnceCell::new() };
+    /// The pool to which a calling thread belongs. A thread cannot leave its pool.
+    static OWN_POOL: OnceCell<OwnPool> = const { OnceCell::new() };
 }
 
-/// A thread that works for its own calls, as the only thread of a pool.
-struct OwnWorker {
-    pool: ThreadPool,
+/// A pool to which the calling thread belongs.
+struct OwnPool {
+    process: u32,
+    threads: usize,
+    workers: Arc<ThreadPool>,
     interrupt: Flag,
 }
 
-impl OwnWorker {
-    /// Return the current thread as a worker.
-    fn new() -> Option<Self> {
-        let is_left = |workers| (workers < MAX_OWN_WORKERS).then_some(workers + 1);
-        OWN_WORKERS
+impl OwnPool {
+    /// Return a pool of the current thread and of `threads - 1` others.
+    fn new(threads: usize) -> Option<Self> {
+        let kind = usize::from(threads > 1);
+        let is_left = |pools| (pools < MAX_OWN_POOLS[kind]).then_some(pools + 1);
+        OWN_POOLS[kind]
             .fetch_update(Ordering::Relaxed, Ordering::Relaxed, is_left)
             .ok()?;
-        let builder = ThreadPoolBuilder::new().num_threads(1);
-        // A thread of another pool of the program cannot belong to this one.
-        let pool = builder.use_current_thread().build().ok()?;
         let interrupt = Flag::default();
+        let builder = pool_builder(threads, &interrupt).use_current_thread();
+        // A thread of another pool of the program cannot belong to this one.
+        let workers = Arc::new(builder.build().ok()?);
         interrupt.attach();
-        Some(Self { pool, interrupt })
+        Some(Self {
+            process: std::process::id(),
+            threads,
+            workers,
+            interrupt,
+        })
+    }
+
+    /// Return whether calls with this number of threads can use the pool.
+    ///
+    /// A fork does not copy threads, so in a child process the pool lacks all but one.
+    fn serves(&self, threads: usize) -> bool {
+        self.threads == threads && (threads == 1 || self.process == std::process::id())
     }
 
     fn run<R: Send>(
@@ -61,12 +78,21 @@ impl OwnWorker {
         work: impl FnOnce() -> Result<R> + Send,
     ) -> Result<R> {
         let own_work = OwnWork::begin(is_interrupted);
-        let result = self.pool.install(work);
+        let result = self.workers.install(work);
         drop(own_work);
         if self.interrupt.lower() {
             return Err(Error::Interrupted);
         }
         result
+    }
+}
+
+impl Drop for OwnPool {
+    fn drop(&mut self) {
+        if self.process != std::process::id() {
+            // In a forked child, the pool has no threads that could end.
+            std::mem::forget(Arc::clone(&self.workers));
+        }
     }
 }
 
@@ -79,49 +105,6 @@ struct Pool {
     workers: ThreadPool,
     /// The flag that interrupts the work of these threads.
     interrupt: Flag,
-    #[cfg(target_os = "linux")]
-    ids: Vec<rustix::thread::Pid>,
-}
-
-#[cfg(target_os = "linux")]
-impl Pool {
-    /// Restrict each thread to its own part of the caller's cores, if the environment variable
-    /// `JOTLIGHT_BIND` is 1.
-    ///
-    /// The number of parts is the number of threads or the number of cores, whichever is smaller.
-    /// Without this restriction, two threads that wake at the same time may share a core. On a
-    /// virtual machine, idle cores may look busy, and many calls end before the operating system
-    /// moves one of the threads to another core. But it takes system calls, and it is harmful if
-    /// other programs use the same cores.
-    fn pin_to_cores(&self) {
-        use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
-
-        static BIND: OnceLock<bool> = OnceLock::new();
-        if !BIND.get_or_init(|| std::env::var_os("JOTLIGHT_BIND").is_some_and(|bind| bind == "1")) {
-            return;
-        }
-        // The caller's cores may have changed since the last call.
-        let Ok(allowed) = sched_getaffinity(None) else {
-            return;
-        };
-        let cores = (0..CpuSet::MAX_CPU).filter(|&core| allowed.is_set(core));
-        let mut cores: Vec<_> = cores.collect();
-        let parts = self.threads.min(cores.len()).max(1);
-        // If there is little to do, the first thread works alone. It receives the core of the
-        // caller, because the caller sleeps during the call. Concurrent callers run on different
-        // cores, so their first threads do too.
-        let caller_core = sched_getcpu();
-        let caller_index = cores.iter().position(|&core| core == caller_core);
-        cores.rotate_left(caller_index.unwrap_or(0));
-        for (index, &id) in self.ids.iter().enumerate() {
-            let mut part = CpuSet::new();
-            for &core in cores.iter().skip(index % parts).step_by(parts) {
-                part.set(core);
-            }
-            // If the system forbids the restriction, the threads run without it.
-            let _ = sched_setaffinity(Some(id), &part);
-        }
-    }
 }
 
 /// Run `work` on `threads` threads and return its result. `None` means one thread for each core that
@@ -149,21 +132,48 @@ pub fn install_interruptible<R: Send>(
     is_interrupted: fn() -> bool,
     work: impl FnOnce() -> Result<R> + Send,
 ) -> Result<R> {
-    // The question to the system takes longer than the work on a small image.
-    static CORES: OnceLock<usize> = OnceLock::new();
-    let cores = || *CORES.get_or_init(|| available_parallelism().map_or(1, usize::from));
     let threads = threads.unwrap_or_else(cores);
     if !(1..=MAX_THREADS).contains(&threads) {
         let expected = format!("at least 1 and at most {MAX_THREADS}");
         return Err(Error::range("threads", expected, threads));
     }
-    if threads > 1 {
-        return run_in_pool(threads, is_interrupted, work);
-    }
-    OWN_WORKER.with(|worker| match worker.get_or_init(OwnWorker::new) {
-        Some(worker) => worker.run(is_interrupted, work),
+    OWN_POOL.with(|own| match own_pool(own, threads) {
+        Some(pool) => pool.run(is_interrupted, work),
         None => run_in_pool(threads, is_interrupted, work),
     })
+}
+
+/// Run `work`, which uses no other thread, as [`install_interruptible`] does.
+///
+/// # Errors
+/// Those of [`install_interruptible`].
+pub fn install_alone<R: Send>(
+    is_interrupted: fn() -> bool,
+    work: impl FnOnce() -> Result<R> + Send,
+) -> Result<R> {
+    OWN_POOL.with(|own| {
+        if let Some(pool) = own.get() {
+            return pool.run(is_interrupted, work);
+        }
+        run_in_pool(1, is_interrupted, work)
+    })
+}
+
+/// Return the number of cores that the process had at its first call.
+fn cores() -> usize {
+    // The question to the system takes longer than the work on a small image.
+    static CORES: OnceLock<usize> = OnceLock::new();
+    *CORES.get_or_init(|| available_parallelism().map_or(1, usize::from))
+}
+
+/// Return the pool of the calling thread if it has this number of threads. It begins with the first
+/// call.
+fn own_pool(own: &OnceCell<OwnPool>, threads: usize) -> Option<&OwnPool> {
+    if own.get().is_none() {
+        // This is the only thread that sets the cell, so it is still empty.
+        let _ = own.set(OwnPool::new(threads)?);
+    }
+    own.get().filter(|pool| pool.serves(threads))
 }
 
 fn run_in_pool<R: Send>(
@@ -175,8 +185,6 @@ fn run_in_pool<R: Send>(
         Some(pool) => pool,
         None => start_pool(threads)?,
     };
-    #[cfg(target_os = "linux")]
-    pool.pin_to_cores();
     let result = pool.run(is_interrupted, work);
     // Another call may hold the lock, and after a fork the child may never get it. In both cases
     // the pool is dropped, and its threads end.
@@ -250,21 +258,24 @@ fn take_idle_pool(threads: usize) -> Option<Pool> {
 
 fn start_pool(threads: usize) -> Result<Pool> {
     let interrupt = Flag::default();
-    let flag = interrupt.clone();
-    let workers = ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .start_handler(move |_| flag.attach())
+    let workers = pool_builder(threads, &interrupt)
         .build()
         .map_err(|reason| Error::Threads {
             threads,
             reason: reason.to_string(),
         })?;
     Ok(Pool {
-        #[cfg(target_os = "linux")]
-        ids: workers.broadcast(|_| rustix::thread::gettid()),
         process: std::process::id(),
         threads,
         workers,
         interrupt,
     })
+}
+
+/// Return a builder of a pool whose new threads have a flag.
+fn pool_builder(threads: usize, interrupt: &Flag) -> ThreadPoolBuilder {
+    let flag = interrupt.clone();
+    ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .start_handler(move |_| flag.attach())
 }

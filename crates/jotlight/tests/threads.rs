@@ -1,56 +1,75 @@
-//! The threads of calls, and the distribution of the caller's cores over the threads of a pool.
-#![cfg(target_os = "linux")]
+//! The threads of calls.
 
-use std::error::Error;
-use std::process::Command;
+use std::thread::{self, ThreadId, current};
 
 use jotlight::threads;
-use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
 
-type Result<T> = std::result::Result<T, Box<dyn Error>>;
+type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
-/// Return the cores that each of `number` threads may use.
-fn cores_of_threads(number: usize) -> Result<Vec<CpuSet>> {
-    let sets = threads::install(Some(number), || {
-        rayon::broadcast(|_| sched_getaffinity(None))
-    })?;
-    Ok(sets.into_iter().collect::<rustix::io::Result<_>>()?)
+/// Return the threads of a call.
+fn workers(number: usize) -> Result<Vec<ThreadId>> {
+    Ok(threads::install(Some(number), || {
+        rayon::broadcast(|_| current().id())
+    })?)
 }
 
 #[test]
-fn bound_threads_use_their_own_cores() -> Result<()> {
-    let mut command = Command::new(std::env::current_exe()?);
-    let command = command.args(["--ignored", "--test-threads", "1"]);
-    assert!(command.env("JOTLIGHT_BIND", "1").status()?.success());
+fn calls_use_the_calling_thread_and_others() -> Result<()> {
+    callers_belong_to_pools_as_large_as_those_of_their_first_calls()?;
+    work_that_uses_no_other_thread_runs_in_the_calling_thread()?;
+    // Only a few callers may have a pool of several threads, so this comes last.
+    concurrent_calls_have_threads_of_their_own()
+}
+
+fn callers_belong_to_pools_as_large_as_those_of_their_first_calls() -> Result<()> {
+    for (first, other) in [(1, 2), (2, 1), (3, 2)] {
+        let of_calls = thread::spawn(move || {
+            let caller = current().id();
+            for _ in 0..3 {
+                let own = workers(first).map_err(|error| error.to_string())?;
+                assert_eq!(own.len(), first);
+                assert!(own.contains(&caller), "{first} threads");
+                let shared = workers(other).map_err(|error| error.to_string())?;
+                assert_eq!(shared.len(), other);
+                assert!(!shared.contains(&caller), "{other} threads after {first}");
+            }
+            Ok::<_, String>(())
+        });
+        of_calls.join().map_err(|_| "the thread panicked")??;
+    }
     Ok(())
 }
 
-#[test]
-fn threads_are_not_bound_unless_the_user_asks_for_it() -> Result<()> {
-    let allowed = cores(&sched_getaffinity(None)?);
-    for threads in [1, 2, 3] {
-        for part in cores_of_threads(threads)? {
-            assert_eq!(cores(&part), allowed);
-        }
+fn work_that_uses_no_other_thread_runs_in_the_calling_thread() -> Result<()> {
+    for threads in [1, 2] {
+        let of_calls = thread::spawn(move || {
+            threads::install(Some(threads), || ()).map_err(|error| error.to_string())?;
+            let worker = threads::install_alone(|| false, || Ok(current().id()));
+            assert_eq!(worker.map_err(|error| error.to_string())?, current().id());
+            Ok::<_, String>(())
+        });
+        of_calls.join().map_err(|_| "the thread panicked")??;
+    }
+    // Threads without a pool of their own wait for a shared one.
+    let of_others = thread::spawn(|| threads::install_alone(|| false, || Ok(7)));
+    assert_eq!(of_others.join().map_err(|_| "the thread panicked")??, 7);
+    Ok(())
+}
+
+fn concurrent_calls_have_threads_of_their_own() -> Result<()> {
+    let call = || workers(2).map_err(|error| error.to_string());
+    let callers: Vec<_> = (0..8)
+        .map(|_| thread::spawn(move || (call(), call())))
+        .collect();
+    for caller in callers {
+        let (first, second) = caller.join().map_err(|_| "the thread panicked")?;
+        assert_eq!((first?.len(), second?.len()), (2, 2));
     }
     Ok(())
 }
 
 #[test]
-fn a_single_thread_is_the_calling_thread() -> Result<()> {
-    let caller = std::thread::current().id();
-    for _ in 0..3 {
-        let worker = threads::install(Some(1), || std::thread::current().id())?;
-        assert_eq!(worker, caller);
-        let workers = threads::install(Some(2), || {
-            rayon::broadcast(|_| std::thread::current().id())
-        })?;
-        assert!(workers.len() == 2 && !workers.contains(&caller));
-    }
-    Ok(())
-}
-
-#[test]
+#[cfg(target_os = "linux")]
 fn pools_do_not_accumulate() -> Result<()> {
     let number = || Ok::<_, std::io::Error>(std::fs::read_dir("/proc/self/task")?.count());
     for threads in 2..40 {
@@ -72,81 +91,4 @@ fn many_threads_can_call() {
         let result = std::thread::spawn(|| threads::install(Some(1), || 7)).join();
         assert!(matches!(result, Ok(Ok(7))));
     }
-}
-
-fn cores(set: &CpuSet) -> Vec<usize> {
-    let all = 0..CpuSet::MAX_CPU;
-    all.filter(|&core| set.is_set(core)).collect()
-}
-
-#[test]
-#[ignore = "`bound_threads_use_their_own_cores` runs it with JOTLIGHT_BIND=1"]
-fn threads_divide_the_cores_evenly() -> Result<()> {
-    let allowed = cores(&sched_getaffinity(None)?);
-    let numbers = [2, 3, allowed.len()];
-    for number in numbers
-        .into_iter()
-        .filter(|&n| (2..=allowed.len()).contains(&n))
-    {
-        let mut parts: Vec<_> = cores_of_threads(number)?.iter().map(cores).collect();
-        let sizes = parts.iter().map(Vec::len);
-        assert!(sizes.clone().max() <= sizes.min().map(|min| min + 1));
-        parts.sort();
-        let mut union = parts.concat();
-        union.sort_unstable();
-        assert_eq!(union, allowed, "{number} threads");
-    }
-    // With twice as many threads as cores, each core belongs to two threads.
-    let parts = cores_of_threads(2 * allowed.len())?;
-    for &core in &allowed {
-        let threads = parts.iter().filter(|part| part.is_set(core));
-        assert_eq!(threads.count(), 2, "core {core}");
-    }
-    Ok(())
-}
-
-#[test]
-#[ignore = "`bound_threads_use_their_own_cores` runs it with JOTLIGHT_BIND=1"]
-fn the_first_thread_receives_the_callers_core() -> Result<()> {
-    let allowed = sched_getaffinity(None)?;
-    let Some(&second) = cores(&allowed).get(1) else {
-        return Ok(());
-    };
-    let mut one = CpuSet::new();
-    one.set(second);
-    let mut stayed = 0;
-    let mut received = 0;
-    for _ in 0..200 {
-        // The caller moves to the second core, and mostly stays there.
-        sched_setaffinity(None, &one)?;
-        sched_setaffinity(None, &allowed)?;
-        let core = sched_getcpu();
-        let parts = cores_of_threads(2)?;
-        // A caller that has moved may have done so before the pool read its core.
-        if core == second && core == sched_getcpu() {
-            stayed += 1;
-            received += usize::from(parts[0].is_set(core));
-        }
-    }
-    assert!(stayed > 0);
-    assert!(received * 10 >= stayed * 9, "{received} of {stayed}");
-    Ok(())
-}
-
-#[test]
-#[ignore = "`bound_threads_use_their_own_cores` runs it with JOTLIGHT_BIND=1"]
-fn threads_stay_within_the_cores_of_the_caller() -> Result<()> {
-    let before = sched_getaffinity(None)?;
-    let mut one = CpuSet::new();
-    one.set(sched_getcpu());
-    // All calls reuse the same idle threads.
-    for allowed in [before, one, before] {
-        sched_setaffinity(None, &allowed)?;
-        for part in cores_of_threads(2)? {
-            let part = cores(&part);
-            assert!(!part.is_empty());
-            assert!(part.iter().all(|&core| allowed.is_set(core)));
-        }
-    }
-    Ok(())
 }

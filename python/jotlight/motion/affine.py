@@ -9,7 +9,14 @@ from jotlight.motion.affine_curve import smooth_affine
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import chi_squared
 from jotlight.motion.regularize import Equations, fit_affine
-from jotlight.motion.scoring import FAST, PRECISE, Template, make_template, normal_equations
+from jotlight.motion.scoring import (
+    FAST,
+    PRECISE,
+    Template,
+    make_template,
+    normal_equations,
+    sample_trials,
+)
 from jotlight.motion.segments import Segment, limit_length
 from jotlight.motion.shrinkage import shrink_field
 from jotlight.motion.smoothing import cubic_weights, interpolation_bias
@@ -167,10 +174,10 @@ def improve_together(
     Without a template, a network of a size makes that of all known blocks. Return the
     root-mean-square length of the steps.
     """
-    number = len(track.nodes)
+    number, threads = len(track.nodes), track.blocks.threads
     groups = sums_of_groups(track)
     if template is None:
-        template = make_template(Sums.total(groups), track.blocks.threads, size)
+        template = make_template(Sums.total(groups, threads), threads, size)
     weights = weights * agreement(groups, template)
     shape = tile_counts(track.blocks.size)
     basis, to_parameters = affine_basis(shape), affine_inverse(shape)
@@ -182,7 +189,7 @@ def improve_together(
         nodes = (track.nodes[block] - step).reshape(2, -1)
         parameters[block] = (nodes @ to_parameters.T).ravel()
     at_reference = weights_at(track.reference, track.blocks)
-    smooth = smooth_affine(parameters, matrices)
+    smooth = smooth_affine(parameters, matrices, threads)
     smooth -= at_reference @ smooth
     covariances = _covariances(matrices)
     covariances = covariances + np.tensordot(at_reference**2, covariances, axes=1)
@@ -213,7 +220,7 @@ def against_others(equations: Equations, sums: Sums, template: Template) -> Equa
 
     The block itself is a share of the template, which makes its apparent error smaller.
     """
-    share = float(sums.trials.mean() / max(template.mean_trials, 1e-9))
+    share = sample_trials(sums.trials) / max(template.sampled_trials, 1e-9)
     right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
     return Equations(equations.information, right)
 
@@ -222,7 +229,7 @@ def sums_of_groups(track: Track) -> list[Sums]:
     """Return the sums of groups of successive blocks that are known."""
     groups = np.array_split(np.flatnonzero(track.known), _GROUPS)
     return [
-        Sums.total(track.nearby_sums(int(block)) for block in group)
+        Sums.total((track.nearby_sums(int(block)) for block in group), track.blocks.threads)
         for group in groups
         if len(group)
     ]
@@ -241,8 +248,9 @@ def agreement(groups: list[Sums], template: Template) -> Array:
 
 def template_of(track: Track, size: str = FAST) -> Template:
     """Return the template of the blocks that are known, by a network of a size."""
-    known = Sums.total(track.nearby_sums(int(block)) for block in np.flatnonzero(track.known))
-    return make_template(known, track.blocks.threads, size)
+    threads = track.blocks.threads
+    parts = (track.nearby_sums(int(block)) for block in np.flatnonzero(track.known))
+    return make_template(Sums.total(parts, threads), threads, size)
 
 
 def weights_at(time: float, blocks: Blocks) -> Array:

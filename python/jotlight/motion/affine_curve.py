@@ -35,7 +35,7 @@ _MIN_BLOCKS = 5
 """Fewer blocks are not smoothed."""
 
 
-def smooth_affine(estimates: Array, information: Array) -> Array:
+def smooth_affine(estimates: Array, information: Array, threads: int | None = None) -> Array:
     """Return the most probable curve of affine motions, (n, 6).
 
     A camera moves smoothly: the third differences of its translation are small, and its rotation
@@ -49,6 +49,8 @@ def smooth_affine(estimates: Array, information: Array) -> Array:
         for rows and then for columns.
     information : ndarray of float, shape (n, 6, 6)
         Information about them.
+    threads : int, optional
+        Number of threads. Default: all.
     """
     if len(estimates) < _MIN_BLOCKS:
         return estimates.copy()
@@ -56,7 +58,7 @@ def smooth_affine(estimates: Array, information: Array) -> Array:
     unit = max(float(np.trace(information, axis1=1, axis2=2).mean()) / 6, 1e-30) ** -0.5
     matrices = unit**2 * (_MODES @ information @ _MODES.T) + _MIN_INFORMATION * np.eye(6)
     curve = engine.smooth_curve(
-        estimates @ _MODES.T / unit, matrices, ratios_of_differences(len(estimates))
+        estimates @ _MODES.T / unit, matrices, ratios_of_differences(len(estimates)), threads
     )
     return np.asarray(unit * curve @ _MODES)
 

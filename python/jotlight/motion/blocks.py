@@ -67,10 +67,10 @@ class Sums:
         return cls(np.zeros(size, np.int32), np.zeros(size, np.int32), remainders, 0)
 
     @classmethod
-    def total(cls, parts: Iterable["Sums"]) -> "Sums":
+    def total(cls, parts: Iterable["Sums"], threads: int | None = None) -> "Sums":
         """Return the sum of one or more sums.
 
-        A generator of them holds only a few at a time.
+        A generator of them holds only a few at a time. `threads` threads add them. Default: all.
         """
         parts = iter(parts)
         first = next(parts)
@@ -78,8 +78,8 @@ class Sums:
         number = max(1, _BYTES_AT_ONCE // max(1, first.ones.nbytes + first.trials.nbytes))
         parts = itertools.chain([first], parts)
         while few := list(itertools.islice(parts, number)):
-            engine.add_counts([part.ones for part in few], total.ones, 1)
-            engine.add_counts([part.trials for part in few], total.trials, 1)
+            engine.add_counts([part.ones for part in few], total.ones, threads)
+            engine.add_counts([part.trials for part in few], total.trials, threads)
             for part in few:
                 total.remainders += part.remainders
                 total.frames += part.frames

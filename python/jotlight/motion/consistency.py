@@ -63,10 +63,11 @@ def chi_squared(sums: Sums, template: Template) -> Image:
     """
     out = np.empty(sums.ones.shape, np.float32)
     probability, threads = template.probability, template.threads
-    if sums.trials.max() > _FEW_TRIALS:
+    largest = int(sums.trials.max())
+    if largest > _FEW_TRIALS:
         moved = dataclasses.replace(sums, remainders=-sums.remainders)
         probability = without_shift(probability, moved, threads).probability
-    sums = equivalent_sums(_limit_trials(sums), probability)
+    sums = equivalent_sums(_limit_trials(sums, largest), probability)
     engine.chi_squared(sums.ones, sums.trials, probability, template.trials, out, threads)
     return out
 
@@ -80,7 +81,7 @@ def disagreement(first: Sums, second: Sums, threads: int | None = None) -> Image
     """
     height, width = first.ones.shape
     squares = np.empty((2, -(-height // _SQUARE), -(-width // _SQUARE)), np.float32)
-    first, second = _limit_trials(first), _limit_trials(second)
+    first, second = (_limit_trials(each, int(each.trials.max())) for each in (first, second))
     if first.jots is not None or second.jots is not None:
         probability = estimate_probability(first + second)
         # One of them may have no bits, and so no jots.
@@ -92,9 +93,8 @@ def disagreement(first: Sums, second: Sums, threads: int | None = None) -> Image
     return np.asarray(pixels[:height, :width])
 
 
-def _limit_trials(sums: Sums) -> Sums:
-    """Return sums with at most :data:`_MAX_TRIALS` trials per pixel."""
-    largest = int(sums.trials.max())
+def _limit_trials(sums: Sums, largest: int) -> Sums:
+    """Return sums with at most :data:`_MAX_TRIALS` trials per pixel, given their largest number."""
     if largest <= _MAX_TRIALS:
         return sums
     factor = np.float32(_MAX_TRIALS / largest)
@@ -157,7 +157,7 @@ def find_consistent(
     order = [int(block) for block in from_center(motion)]
     is_after = motion.blocks.centers > motion.reference
     size, threads = motion.blocks.size, motion.blocks.threads
-    masks = np.packbits(np.ones((len(order), *size), bool), axis=2)
+    masks = np.tile(np.packbits(np.ones(size, bool), axis=1), (len(order), 1, 1))
     sides = [Sums.zeros(size), Sums.zeros(size)]
     available = np.zeros(size, np.int32)
     for block in order[:_FIRST_RING]:
@@ -200,4 +200,4 @@ def _pool(
             if 0 <= other < len(on_side) and on_side[other]
         ]
         counted = {other: counted.get(other) or motion.sums(other) for other in near}
-        yield block, counted[block], Sums.total(counted.values())
+        yield block, counted[block], Sums.total(counted.values(), motion.blocks.threads)

@@ -7,6 +7,7 @@ what is behind it. Both are known from other blocks.
 """
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -174,7 +175,8 @@ class ComparedBits:
         if visible is not None:
             seen = [each.masked(pixels) for each, pixels in zip(sums, visible, strict=True)]
         threads = paths.blocks.threads
-        even, odd = (_Predicted.of(Sums.total(seen[1 - half :: 2]), threads) for half in (0, 1))
+        total = functools.partial(Sums.total, threads=threads)
+        even, odd = (_Predicted.of(total(seen[1 - half :: 2]), threads) for half in (0, 1))
         return ComparedBits(paths, [*self.sums, sums], [*self.templates, (even, odd)])
 
     def gain(self, segment: int, within: float = np.inf) -> Gain:

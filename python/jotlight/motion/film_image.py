@@ -114,5 +114,5 @@ def count_nearest(paths: Paths, sensor: Sensor, *, is_still: bool) -> tuple[Merg
         paths = Paths([track], np.zeros_like(paths.labels))
     order = [int(block) for block in from_center(paths)]
     parts = (order[: max(1, len(order) // part)] for part in _PARTS)
-    sums = (Sums.total(map(paths.sums, part)) for part in parts)
+    sums = (Sums.total(map(paths.sums, part), paths.blocks.threads) for part in parts)
     return tuple(as_pixels([each], sensor) for each in sums)

@@ -200,8 +200,9 @@ def _follow(blocks: Blocks, reference: int, segments: list[Segment]) -> list[Tra
 def _energy_along(track: Track, half: int) -> Array:
     """Return the energy along a track of the frames that are up to `half` frames away."""
     central = np.flatnonzero(abs(track.blocks.centers - track.reference) < half)
-    sums = Sums.total(track.sums(int(block)) for block in central)
-    return energy_of(sums, track.blocks.threads)
+    threads = track.blocks.threads
+    sums = Sums.total((track.sums(int(block)) for block in central), threads)
+    return energy_of(sums, threads)
 
 
 def _gain_over_rest(paths: Paths) -> tuple[float, bool]:

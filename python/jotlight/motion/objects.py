@@ -171,15 +171,19 @@ def _residuals(paths: Paths) -> tuple[npt.NDArray[np.int32], float]:
     Where objects cover it, nothing remains.
     """
     track, number = paths.tracks[0], len(paths.blocks.centers)
+    threads = paths.blocks.threads
     length = -(-number // _MAX_BLOCKS)
     groups = [
         Sums.total(
-            track.sums(block).masked(~paths.covered(0, block))
-            for block in range(first, first + length)
+            (
+                track.sums(block).masked(~paths.covered(0, block))
+                for block in range(first, first + length)
+            ),
+            threads,
         )
         for first in range(0, number - length + 1, length)
     ]
-    probability = make_template(Sums.total(groups), paths.blocks.threads).probability
+    probability = make_template(Sums.total(groups, threads), threads).probability
     deviation = np.sqrt(probability * (1 - probability))
     residuals = []
     for group in groups:

@@ -1,6 +1,6 @@
 """Outlines: which of several motions each pixel follows."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -60,9 +60,12 @@ def _cost(track: Track) -> npt.NDArray[np.float32]:
     number = len(track.nodes)
     order = track.from_center()
     central = max(2, number // _CENTRAL_FRACTION)
-    template = make_template(
-        Sums.total(track.sums(int(block)) for block in order[:central]), track.blocks.threads
-    )
+    threads = track.blocks.threads
+
+    def total(blocks: Iterable[int]) -> Sums:
+        return Sums.total((track.sums(int(block)) for block in blocks), threads)
+
+    template = make_template(total(order[:central]), threads)
     length = max(1, number // _GROUPS)
     sides = []
     for is_later in (False, True):
@@ -74,12 +77,7 @@ def _cost(track: Track) -> npt.NDArray[np.float32]:
         groups = [blocks[first : first + length] for first in range(0, len(blocks), length)]
         if not groups:
             continue
-        costs = [
-            np.minimum(
-                chi_squared(Sums.total(track.sums(block) for block in group), template), _MAX_COST
-            )
-            for group in groups
-        ]
+        costs = [np.minimum(chi_squared(total(group), template), _MAX_COST) for group in groups]
         sides.append(np.mean(costs, axis=0))
     low, high = np.min(sides, axis=0), np.max(sides, axis=0)
     return np.asarray((1 - _OTHER_SIDE) * low + _OTHER_SIDE * high, np.float32)

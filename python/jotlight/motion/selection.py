@@ -48,7 +48,7 @@ def likelihood_gain(moving: Counted, make: Make = make_template) -> float:
     if blocks.jots is not None:
         for sums in unmoved:
             sums.jots = blocks.jots.at_rest(sums.trials)
-    every = equivalent_sums(Sums.total(unmoved))
+    every = equivalent_sums(Sums.total(unmoved, blocks.threads))
     mean = float(np.clip(every.ones.sum() / max(float(every.trials.sum()), 1), 1e-9, 1 - 1e-9))
     gain, kept = _log_likelihood(own, None, mean, make, blocks.threads)
     shares = [

@@ -1,6 +1,7 @@
 //! The most probable curve of an affine motion in time, from noisy estimates of single blocks.
 
 use ndarray::{Array2, ArrayView2, ArrayView3};
+use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::interrupt;
@@ -123,11 +124,14 @@ impl Curve {
                 if interrupt::is_requested() {
                     return Err(Error::Interrupted);
                 }
-                let (mut nearby, mut lowest) = (best, f64::INFINITY);
-                for (index, sign) in (0..WEIGHTS).flat_map(|index| [(index, 1.0), (index, -1.0)]) {
+                let others = (0..2 * WEIGHTS).into_par_iter().map(|neighbor| {
+                    let (index, sign) = (neighbor / 2, [1.0, -1.0][neighbor % 2]);
                     let mut weights = best;
                     weights[index] = (best[index] + sign * step).clamp(LIMITS.0, LIMITS.1);
-                    let other = self.cost(&weights)?.0;
+                    Ok((weights, self.cost(&weights)?.0))
+                });
+                let (mut nearby, mut lowest) = (best, f64::INFINITY);
+                for (weights, other) in others.collect::<Result<Vec<_>>>()? {
                     if other < lowest {
                         (nearby, lowest) = (weights, other);
                     }
