@@ -47,6 +47,10 @@ struct OwnPool {
 impl OwnPool {
     /// Return a pool of the current thread and of `threads - 1` others.
     fn new(threads: usize) -> Option<Self> {
+        if rayon::current_thread_index().is_some() {
+            // A thread of another pool of the program cannot belong to this one.
+            return None;
+        }
         let kind = usize::from(threads > 1);
         let is_left = |pools| (pools < MAX_OWN_POOLS[kind]).then_some(pools + 1);
         OWN_POOLS[kind]
@@ -54,7 +58,6 @@ impl OwnPool {
             .ok()?;
         let interrupt = Flag::default();
         let builder = pool_builder(threads, &interrupt).use_current_thread();
-        // A thread of another pool of the program cannot belong to this one.
         let workers = Arc::new(builder.build().ok()?);
         interrupt.attach();
         Some(Self {

@@ -92,3 +92,17 @@ fn many_threads_can_call() {
         assert!(matches!(result, Ok(Ok(7))));
     }
 }
+
+#[test]
+fn threads_of_other_pools_can_call() -> Result<()> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build()?;
+    for _ in 0..100 {
+        let result = pool.install(|| threads::install(Some(2), || rayon::broadcast(|_| 7)));
+        assert_eq!(result?, [7, 7]);
+    }
+    // They have not taken the places of threads that can have a pool of their own.
+    let own = thread::spawn(|| (current().id(), workers(1).map_err(|error| error.to_string())));
+    let (caller, workers) = own.join().map_err(|_| "the thread panicked")?;
+    assert_eq!(workers?, [caller]);
+    Ok(())
+}

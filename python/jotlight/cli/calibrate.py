@@ -1,6 +1,7 @@
 """``jotlight calibrate``: the calibration of a sensor from a dark and a flat capture."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -100,25 +101,8 @@ def calibrate(
     if flat is not None:
         flat_frames = _flat_frames(captures, flat, options)
     with atomic_write(output) as temporary, progress(1) as begin:
-        update = begin("calibrating")
-        data = [opened.sum() if isinstance(opened, CountStack) else opened for opened in captures]
-        calibration = estimate_calibration(
-            data[0],
-            data[1] if flat is not None else None,
-            frames=dark_frames,
-            flat_frames=flat_frames,
-            threshold=options.threshold,
-            false_positive_rate=options.false_positive_rate,
-            max_dark=options.max_dark,
-            mosaic=None if options.mosaic is None else read_mosaic(options.mosaic),
-            threads=threads,
-            progress=update,
-            provenance={
-                name: opened.provenance
-                for name, opened in zip(("dark", "flat"), captures, strict=False)
-                if opened.provenance is not None
-            },
-        )
+        frames = dark_frames, flat_frames
+        calibration = _estimate(captures, options, frames, begin("calibrating"), threads)
         calibration.save(temporary)
         if plot is not None:
             _draw(calibration, plot)
@@ -128,6 +112,37 @@ def calibrate(
 
     report(*(f"{name}: {value}" for name, value in facts(calibration)))
     report(f"{output}: for jotlight reconstruct --calibration")
+
+
+def _estimate(
+    captures: list[Capture],
+    options: CalibrationOptions,
+    frames: tuple[int | None, int | None],
+    update: Callable[[float], None],
+    threads: int | None,
+) -> Calibration:
+    """Return the calibration from a dark capture, and from a flat one if there is one.
+
+    `frames` are the numbers of frames that their counts are out of.
+    """
+    dark, *flat = (each.sum() if isinstance(each, CountStack) else each for each in captures)
+    return estimate_calibration(
+        dark,
+        flat[0] if flat else None,
+        frames=frames[0],
+        flat_frames=frames[1],
+        threshold=options.threshold,
+        false_positive_rate=options.false_positive_rate,
+        max_dark=options.max_dark,
+        mosaic=None if options.mosaic is None else read_mosaic(options.mosaic),
+        threads=threads,
+        progress=update,
+        provenance={
+            name: each.provenance
+            for name, each in zip(("dark", "flat"), captures, strict=False)
+            if each.provenance is not None
+        },
+    )
 
 
 def _check_outputs(captures: list[Path], output: Path, plot: Path | None) -> None:

@@ -99,11 +99,21 @@ def fine_tune(
         provenance={"fine-tuned on": str(data)},
     )
     _report(training, history, seconds, kind)
+    _report_next(data, training, capture, sensor)
+    if kind.startswith(("a two-layer", "a small")):
+        report(f"--quality {CONDITIONAL_SIZE}, the default, starts from a better network.")
+
+
+def _report_next(
+    data: Path,
+    training: FineTuningOptions,
+    capture: CaptureOptions,
+    sensor: CapturedSensorOptions,
+) -> None:
+    """Print the command that uses the network."""
     argv = ["jotlight", "reconstruct", str(data), *capture.to_argv(), *sensor.to_argv()]
     argv += ["--model", str(training.output), "-o", "image.png"]
     report(f"Reconstruct with it: {shlex.join(argv)}")
-    if kind.startswith(("a two-layer", "a small")):
-        report(f"--quality {CONDITIONAL_SIZE}, the default, starts from a better network.")
 
 
 def _check_outputs(data: Path, training: FineTuningOptions, sensor: CapturedSensorOptions) -> None:

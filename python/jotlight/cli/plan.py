@@ -1,5 +1,6 @@
 """``jotlight plan``: the number of frames that a quality takes."""
 
+import dataclasses
 import re
 from pathlib import Path
 from typing import Annotated
@@ -21,6 +22,50 @@ _ROWS = 13
 """Maximum number of rows. Each row has twice the frames of the row above."""
 
 
+@Parameter(name="*")
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PlanOptions:
+    """What to predict."""
+
+    frame_rate: Annotated[
+        float | None,
+        Parameter(
+            help="Frames per second. The light is then per second. Default: it is per frame."
+        ),
+    ] = None
+    target: Annotated[
+        float | None,
+        Parameter(help="A PSNR in dB. The last line states the frames it takes. Default: none."),
+    ] = None
+    size: Annotated[
+        str,
+        Parameter(help="Height and width in jots, for the cost of --motion and for --speed."),
+    ] = "256x512"
+    speed: Annotated[
+        float | None,
+        Parameter(
+            help="Speed of the scene in pixels per frame (per second with --frame-rate). The last "
+            "lines state how many frames help. Default: none."
+        ),
+    ] = None
+    plot: Annotated[
+        Path | None, Parameter(help="A figure, .png, .pdf, .svg or .jpg. Default: none.")
+    ] = None
+
+    def check(self, sensor: PlannedSensorOptions) -> None:
+        """Raise ValueError or OSError for options that do not belong together."""
+        rate = self.frame_rate
+        if rate is not None and not 0 < rate < float("inf"):
+            raise ValueError(f"frame-rate: expected frames per second above 0, got {rate}")
+        if sensor.exposure_time is not None:
+            raise ValueError("exposure-time: for light per second, state --frame-rate instead")
+        if self.plot is not None:
+            from jotlight.plots import check_figure
+
+            check_figure(self.plot)
+            refuse_overwrite(self.plot, [sensor.calibration, *sensor.map_files()])
+
+
 def plan(
     light: Annotated[
         str,
@@ -31,30 +76,7 @@ def plan(
     ],
     /,
     *,
-    frame_rate: Annotated[
-        float | None,
-        Parameter(
-            help="Frames per second. The light is then per second. Default: it is per frame."
-        ),
-    ] = None,
-    target: Annotated[
-        float | None,
-        Parameter(help="A PSNR in dB. The last line states the frames it takes. Default: none."),
-    ] = None,
-    size: Annotated[
-        str,
-        Parameter(help="Height and width in jots, for the cost of --motion and for --speed."),
-    ] = "256x512",
-    speed: Annotated[
-        float | None,
-        Parameter(
-            help="Speed of the scene in pixels per frame (per second with --frame-rate). The last "
-            "lines state how many frames help. Default: none."
-        ),
-    ] = None,
-    plot: Annotated[
-        Path | None, Parameter(help="A figure, .png, .pdf, .svg or .jpg. Default: none.")
-    ] = None,
+    options: PlanOptions = PlanOptions(),
     sensor: PlannedSensorOptions = PlannedSensorOptions(),
 ) -> None:
     """Predict the quality of maximum likelihood by the number of frames, and the cost of motion.
@@ -65,46 +87,42 @@ def plan(
     With --speed, the scene is a typical photograph that is denoised, rather than pixels by
     themselves.
     """
-    sensor_kwargs = sensor.to_kwargs()
-    if frame_rate is not None and not 0 < frame_rate < float("inf"):
-        raise ValueError(f"frame-rate: expected frames per second above 0, got {frame_rate}")
-    if sensor.exposure_time is not None:
-        raise ValueError("exposure-time: for light per second, state --frame-rate instead")
+    options.check(sensor)
     minimum, maximum = _light_range(light)
-    height, width = _size(size)
-    if plot is not None:
-        from jotlight.plots import check_figure
-
-        check_figure(plot)
-        refuse_overwrite(plot, [sensor.calibration, *sensor.map_files()])
-    if speed is not None and frame_rate is not None:
-        speed /= frame_rate
-    max_intensity = sensor_kwargs.pop("max_intensity", None)
-    last = sensor_kwargs.get("frames", 2 ** (_ROWS - 1))
-    if sensor.calibration is None:
-        planned = Sensor(**sensor_kwargs)
-    else:
-        # The efficiency of a calibration is relative to the median jot, and so is the light.
-        calibration = Calibration.load(sensor.calibration)
-        planned = calibration.sensor(**{"efficiency": 1.0, **sensor_kwargs})
+    height, width = _size(options.size)
+    # The predictions are about frames.
+    rate = options.frame_rate or 1
+    planned, last = _planned_sensor(sensor)
     predicted = predict(
         planned,
-        (minimum / (frame_rate or 1), maximum / (frame_rate or 1)),
+        (minimum / rate, maximum / rate),
         frames=_frame_numbers(last),
-        target_psnr=target,
-        max_intensity=max_intensity,
-        speed=speed,
+        target_psnr=options.target,
+        max_intensity=sensor.max_intensity,
+        speed=None if options.speed is None else options.speed / rate,
         size=(max(1, height // planned.oversampling), max(1, width // planned.oversampling)),
     )
-    out.print(_table(predicted, frame_rate))
-    report(*_explanation(predicted, frame_rate), _motion_line(last, (height, width)))
+    out.print(_table(predicted, options.frame_rate))
+    report(*_explanation(predicted, options.frame_rate), _motion_line(last, (height, width)))
     if predicted.motion is not None:
         report(*_motion_lines(predicted.motion))
-    if plot is not None:
+    if options.plot is not None:
         from jotlight.plots import save_figure
 
-        save_figure(predicted.plot(), plot, dpi=150)
-        report(f"Figure: {plot}")
+        save_figure(predicted.plot(), options.plot, dpi=150)
+        report(f"Figure: {options.plot}")
+
+
+def _planned_sensor(options: PlannedSensorOptions) -> tuple[Sensor, int]:
+    """Return the sensor, and the largest number of frames."""
+    parameters = options.to_kwargs()
+    parameters.pop("max_intensity", None)
+    last = parameters.get("frames", 2 ** (_ROWS - 1))
+    if options.calibration is None:
+        return Sensor(**parameters), last
+    # The efficiency of a calibration is relative to the median jot, and so is the light.
+    calibration = Calibration.load(options.calibration)
+    return calibration.sensor(**{"efficiency": 1.0, **parameters}), last
 
 
 def _light_range(text: str) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 """``jotlight reproduce``: the paper's experiments, as tables, figures and one page."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -87,22 +88,13 @@ def reproduce(
         with progress(2 * len(needs)) as begin:
             material.load(needs, begin)
     folder.results.mkdir(parents=True, exist_ok=True)
+    prepare = partial(
+        runner.prepare, quick=quick, restart=restart, data=material, threads=threads, own=own
+    )
     work = []
     for experiment in experiments:
-        context = runner.prepare(
-            experiment,
-            folder,
-            quick=quick,
-            restart=restart,
-            data=material,
-            threads=threads,
-            own=own,
-        )
-        parts = experiment.parts(context)
-        left = [part for part in parts if not folder.part_file(experiment, part).exists()]
-        if len(left) < len(parts):
-            err.print(f"{experiment.name}: {len(parts) - len(left)} of {len(parts)} parts are done")
-        work.append((experiment, context, left))
+        context = prepare(experiment, folder)
+        work.append((experiment, context, _parts_left(experiment, context, folder)))
     facts = _run(work, folder)
     tables.write_facts(folder.results / "run.csv", facts)
     written = write_report(folder)
@@ -122,6 +114,17 @@ def _own_methods(values: list[str] | None, experiments: "list[Experiment]") -> l
     for name in own:
         import_method(name)
     return own
+
+
+def _parts_left(
+    experiment: "Experiment", context: "RunContext", folder: "runner.Folder"
+) -> "list[Part]":
+    """Return the parts of an experiment that earlier runs have not finished."""
+    parts = experiment.parts(context)
+    left = [part for part in parts if not folder.part_file(experiment, part).exists()]
+    if len(left) < len(parts):
+        err.print(f"{experiment.name}: {len(parts) - len(left)} of {len(parts)} parts are done")
+    return left
 
 
 def _run(

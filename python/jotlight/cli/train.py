@@ -107,18 +107,17 @@ def train(
     learner = _learner(training, network, start)
     if learner.is_first:
         prepare_run(training)
+    if target is not None and training.steps is None and seconds is None:
+        seconds = None if is_deep(network.quality, None) else TRAINING_SECONDS
     with silenced(not learner.is_first):
         scale = 1.0
         if target is not None:
             exposed, scale = read_training_sensor(target, capture, sensor, training.threads)
-            if training.steps is None and seconds is None and not is_deep(network.quality, None):
-                seconds = TRAINING_SECONDS
         elif start is not None:
             exposed = start.sensor.replace(**sensor.to_kwargs(), **jots)
         else:
             exposed = Sensor(**{"oversampling": 4, **sensor.to_kwargs(), **jots})
-        if start is None:
-            start = _initial_network(exposed, network, training.seed)
+        start = start or _initial_network(exposed, network, training.seed)
         kind = describe_kind(start, network.quality)
         steps = learner.steps if training.steps is None else training.steps
         scenes, tests = read_training_images(images, data, training.seed)
