@@ -100,11 +100,13 @@ def work() -> None:
     callers: dict[str, ThreadPoolExecutor] = {}
     for line in sys.stdin:
         case, calls = line.split()
+        # The first call of a thread sets the size of its pool, so each number has its own thread.
+        threads = case.split(":")[-1]
+        if threads not in callers:
+            callers[threads] = ThreadPoolExecutor(1)
         if case not in known:
             known[case] = prepare(*case.split(":"))
-        # The engine serves a thread best if its calls ask for the same number of threads.
-        caller = callers.setdefault(case.split(":")[-1], ThreadPoolExecutor(1))
-        times = caller.submit(measure, known[case], int(calls)).result()
+        times = callers[threads].submit(measure, known[case], int(calls)).result()
         print(json.dumps(times), flush=True)
 
 

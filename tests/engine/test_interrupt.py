@@ -1,6 +1,7 @@
 """Ctrl-C interrupts long calls within a second."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -178,22 +179,68 @@ def test_ctrl_c_interrupts_a_long_call(name, child):
     assert processor_seconds < MAX_SECONDS
 
 
-def long_call():
-    """Return the sum of bits that the engine draws in about half a second."""
-    return jl.Sensor(frames=2000).expose(np.full((256, 256), 0.5), rng=0, threads=1).counts().sum()
+def long_call(threads=1, frames=2000):
+    """Return the sum of bits that the engine draws, 2000 frames in about half a second."""
+    image = np.full((256, 256), 0.5)
+    return jl.Sensor(frames=frames).expose(image, rng=0, threads=threads).counts().sum()
 
 
-def test_handlers_run_during_a_call_and_do_not_change_its_result():
+@pytest.fixture
+def on_alarm():
+    """Return a function that sets the handler of an alarm, and starts the clock."""
+    previous = signal.getsignal(signal.SIGALRM)
+
+    def start(handler, *times):
+        signal.signal(signal.SIGALRM, handler)
+        signal.setitimer(signal.ITIMER_REAL, *times)
+
+    yield start
+    signal.setitimer(signal.ITIMER_REAL, 0)
+    signal.signal(signal.SIGALRM, previous)
+
+
+def interrupt_later(seconds):
+    """Send Ctrl-C after some time."""
+    threading.Timer(seconds, os.kill, [os.getpid(), signal.SIGINT]).start()
+
+
+def test_handlers_run_during_a_call_and_do_not_change_its_result(on_alarm):
     expected, calls = long_call(), []
-    previous = signal.signal(signal.SIGALRM, lambda *_: calls.append(1))
-    try:
-        signal.setitimer(signal.ITIMER_REAL, 0.02, 0.02)
-        assert long_call() == expected
-        during = len(calls)
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, previous)
-    assert during > 0
+    on_alarm(lambda *_: calls.append(1), 0.02, 0.02)
+    assert long_call() == expected
+    assert calls
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_call_in_a_handler_is_interrupted_alone(threads, on_alarm):
+    expected, ends = long_call(threads), []
+
+    def handler(*_):
+        interrupt_later(0.1)
+        try:
+            long_call(threads, 20_000)
+        except KeyboardInterrupt:
+            ends.append("interrupted")
+
+    on_alarm(handler, 0.02)
+    assert long_call(threads) == expected
+    assert ends == ["interrupted"]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_ctrl_c_interrupts_a_call_after_a_handler_has_made_another(threads, on_alarm):
+    long_call(threads, 1)
+    starts = []
+
+    def handler(*_):
+        long_call(threads, 1)
+        starts.append(time.process_time())
+        interrupt_later(0.1)
+
+    on_alarm(handler, 0.02)
+    with pytest.raises(KeyboardInterrupt):
+        long_call(threads, 20_000)
+    assert time.process_time() - starts[0] < MAX_SECONDS
 
 
 def test_ctrl_c_does_not_interrupt_calls_of_other_threads():

@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 from suite.threads import limited
 
@@ -37,6 +38,8 @@ Times = dict[str, dict[str, list[float]]]
 def race(runs: Mapping[str, Run], threads: Sequence[int], effort: Effort) -> Times:
     """Return the seconds of each program in each round, by number of threads."""
     times: Times = {str(number): {name: [] for name in runs} for number in threads}
+    # The first call of a thread sets the size of its pool, so each number has a thread of its own.
+    callers = {number: ThreadPoolExecutor(1) for number in threads}
     for _ in range(effort.rounds):
         for number in threads:
             with limited(number):
@@ -44,7 +47,10 @@ def race(runs: Mapping[str, Run], threads: Sequence[int], effort: Effort) -> Tim
                     done = times[str(number)][name]
                     if len(done) < effort.slow_rounds or done[-1] < SLOW:
                         time.sleep(effort.pause)
-                        done.append(turn(run, number, effort.min_seconds))
+                        call = callers[number].submit(turn, run, number, effort.min_seconds)
+                        done.append(call.result())
+    for caller in callers.values():
+        caller.shutdown()
     return times
 
 

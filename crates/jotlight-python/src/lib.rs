@@ -129,14 +129,16 @@ fn run<R: Send>(
 ) -> PyResult<R> {
     // A negative number becomes 0, which the engine refuses.
     let threads = threads.map(|threads| threads.max(0).cast_unsigned());
+    EXCEPTION.set(None);
     to_exception(py.detach(|| install_interruptible(threads, is_interrupted, work)))
 }
 
-/// Run `work`, which uses no other thread, as [`run`] does.
+/// Run `work` on the calling thread as [`run`] does. It must not use rayon.
 fn run_alone<R: Send>(
     py: Python<'_>,
     work: impl FnOnce() -> jotlight::error::Result<R> + Send,
 ) -> PyResult<R> {
+    EXCEPTION.set(None);
     to_exception(py.detach(|| install_alone(is_interrupted, work)))
 }
 

@@ -159,7 +159,9 @@ pub fn smooth_curve<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let (estimates, information) = (estimates.as_array(), information.as_array());
     let ratios = ratios.as_slice()?;
-    let curve = run_alone(py, || Curve::new(estimates, information, ratios)?.smooth())?;
+    let curve = run(py, threads, || {
+        Curve::new(estimates, information, ratios)?.smooth()
+    })?;
     Ok(curve.into_pyarray(py))
 }
 

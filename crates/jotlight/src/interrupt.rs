@@ -2,13 +2,15 @@
 //!
 //! Each pool of threads has a flag. Long loops ask [`is_requested`] and skip the rest of their work
 //! if the flag of their pool is raised. The call then returns [`crate::error::Error::Interrupted`],
-//! so that nobody uses the incomplete result. If the calling thread works itself, these questions
-//! also reach the function that knows of interruptions.
+//! so that nobody uses the incomplete result. If the calling thread works itself, its loops also ask
+//! the function that knows of interruptions.
 
 use std::cell::{Cell, OnceCell};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
+
+use crate::error::{Error, Result};
 
 /// The time between two questions whether a call should be interrupted.
 pub(crate) const TIME_BETWEEN_QUESTIONS: Duration = Duration::from_millis(50);
@@ -41,11 +43,16 @@ struct Question {
 }
 
 /// The time during which the current thread works itself for a call.
-pub(crate) struct OwnWork(());
+pub(crate) struct OwnWork(Flag);
 
 impl OwnWork {
-    /// Begin to call `ask` from time to time.
-    pub fn begin(ask: fn() -> bool) -> Self {
+    /// Begin to call `ask` from time to time, or return None if the thread works for a call already.
+    ///
+    /// `ask` may make such a call, for example in a signal handler of Python.
+    pub fn begin(ask: fn() -> bool) -> Option<Self> {
+        if QUESTION.get().is_some() {
+            return None;
+        }
         let last = Instant::now();
         QUESTION.set(Some(Question {
             ask,
@@ -54,7 +61,15 @@ impl OwnWork {
             skipped: 0,
         }));
         CAUSES.fetch_add(1, Ordering::Relaxed);
-        Self(())
+        Some(Self(Flag::of_thread()))
+    }
+
+    /// End the work, and return its result unless the call was interrupted.
+    pub fn end<R>(self, result: Result<R>) -> Result<R> {
+        if self.0.lower() {
+            return Err(Error::Interrupted);
+        }
+        result
     }
 }
 
@@ -62,6 +77,8 @@ impl Drop for OwnWork {
     fn drop(&mut self) {
         CAUSES.fetch_sub(1, Ordering::Relaxed);
         QUESTION.set(None);
+        // After a panic, nobody has lowered it.
+        self.0.lower();
     }
 }
 
@@ -70,6 +87,11 @@ impl Drop for OwnWork {
 pub(crate) struct Flag(Arc<AtomicBool>);
 
 impl Flag {
+    /// Return the flag of the current thread, which receives a new one if it has none.
+    pub fn of_thread() -> Self {
+        FLAG.with(|flag| Self(Arc::clone(flag.get_or_init(Arc::default))))
+    }
+
     /// Make this the flag of the current thread.
     pub fn attach(&self) {
         // A thread belongs to one pool, so its flag is set only once.

@@ -1,12 +1,12 @@
 //! The threads on which calls run.
 //!
-//! The calling thread works itself, as a member of a pool of its own. The pool has as many threads as
-//! the first call of this thread asks for. Calls with other numbers of threads, and those of threads
-//! without a pool of their own, wait for a shared pool. Later calls reuse all pools.
+//! A thread that calls takes part in the work. Its first call makes a pool of as many threads as it
+//! asks for, and the caller is one of them. If a call asks for another number, or its thread has no
+//! pool, a shared pool works, and the caller waits. Later calls reuse all pools.
 
 use std::cell::OnceCell;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, Mutex};
 use std::thread::{Thread, available_parallelism, current, park_timeout};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -23,13 +23,15 @@ const MAX_IDLE_POOLS: usize = 4;
 /// The maximum number of threads of a pool. It exceeds the number of cores of any processor.
 const MAX_THREADS: usize = 1024;
 
-/// The maximum numbers of calling threads with a pool of one thread, and with a pool of several
-/// threads. Some memory remains allocated for each of them when it ends: about 3 KiB per thread of
-/// its pool. The calls of further threads use shared pools.
+/// At most this many calling threads receive a pool of one thread, and a pool of several threads. When
+/// a calling thread ends, about 3 KiB per thread of its pool remain allocated.
 const MAX_OWN_POOLS: [usize; 2] = [64, 4];
 
-/// The numbers of calling threads that have had pools of one and of several threads.
+/// The numbers of calling threads that have received pools of one and of several threads.
 static OWN_POOLS: [AtomicUsize; 2] = [AtomicUsize::new(0), AtomicUsize::new(0)];
+
+/// The number of cores that the process had at its first call, or 0 before it.
+static CORES: AtomicUsize = AtomicUsize::new(0);
 
 thread_local! {
     /// The pool to which a calling thread belongs. A thread cannot leave its pool.
@@ -40,8 +42,8 @@ thread_local! {
 struct OwnPool {
     process: u32,
     threads: usize,
-    workers: Arc<ThreadPool>,
-    interrupt: Flag,
+    /// None while the pool is dropped.
+    workers: Option<ThreadPool>,
 }
 
 impl OwnPool {
@@ -56,45 +58,31 @@ impl OwnPool {
         OWN_POOLS[kind]
             .fetch_update(Ordering::Relaxed, Ordering::Relaxed, is_left)
             .ok()?;
-        let interrupt = Flag::default();
-        let builder = pool_builder(threads, &interrupt).use_current_thread();
-        let workers = Arc::new(builder.build().ok()?);
-        interrupt.attach();
+        let builder = pool_builder(threads, &Flag::of_thread()).use_current_thread();
         Some(Self {
             process: std::process::id(),
             threads,
-            workers,
-            interrupt,
+            workers: Some(builder.build().ok()?),
         })
     }
 
-    /// Return whether calls with this number of threads can use the pool.
+    /// Return the pool if calls with this number of threads can use it.
     ///
-    /// A fork does not copy threads, so in a child process the pool lacks all but one.
-    fn serves(&self, threads: usize) -> bool {
-        self.threads == threads && (threads == 1 || self.process == std::process::id())
-    }
-
-    fn run<R: Send>(
-        &self,
-        is_interrupted: fn() -> bool,
-        work: impl FnOnce() -> Result<R> + Send,
-    ) -> Result<R> {
-        let own_work = OwnWork::begin(is_interrupted);
-        let result = self.workers.install(work);
-        drop(own_work);
-        if self.interrupt.lower() {
-            return Err(Error::Interrupted);
-        }
-        result
+    /// A fork does not copy threads, so in a child process only the caller remains of the pool.
+    fn for_threads(&self, threads: usize) -> Option<&ThreadPool> {
+        let serves = threads == 1 || self.process == std::process::id();
+        self.workers
+            .as_ref()
+            .filter(|_| self.threads == threads && serves)
     }
 }
 
 impl Drop for OwnPool {
     fn drop(&mut self) {
         if self.process != std::process::id() {
-            // In a forked child, the pool has no threads that could end.
-            std::mem::forget(Arc::clone(&self.workers));
+            // The threads are missing in a forked child, and may have held locks. So the pool is not
+            // ended.
+            std::mem::forget(self.workers.take());
         }
     }
 }
@@ -113,7 +101,8 @@ struct Pool {
 /// Run `work` on `threads` threads and return its result. `None` means one thread for each core that
 /// the process had at its first call.
 ///
-/// Concurrent calls use separate threads. `work` must not call this function.
+/// Concurrent calls use separate threads. `work` must not call this function. The calling thread may
+/// become a member of a pool of rayon for the rest of its life, so its own parallel iterators run there.
 ///
 /// # Errors
 /// [`Error::Range`] for a number of threads that is not 1 to 1024, [`Error::Threads`] if the system
@@ -124,8 +113,9 @@ pub fn install<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send)
 
 /// Run `work` as [`install`] does, until `is_interrupted` returns true.
 ///
-/// The calling thread asks `is_interrupted` every 50 ms, while it works or waits. If it returns
-/// true, the functions of this crate end early. `work` should consist of calls of such functions.
+/// The calling thread asks `is_interrupted` every 50 ms, while it works or waits for a shared pool. If
+/// it returns true, the functions of this crate end early. `work` should consist of calls of such
+/// functions.
 ///
 /// # Errors
 /// [`Error::Interrupted`] if `is_interrupted` returned true, else the errors of [`install`] and of
@@ -140,13 +130,18 @@ pub fn install_interruptible<R: Send>(
         let expected = format!("at least 1 and at most {MAX_THREADS}");
         return Err(Error::range("threads", expected, threads));
     }
-    OWN_POOL.with(|own| match own_pool(own, threads) {
-        Some(pool) => pool.run(is_interrupted, work),
-        None => run_in_pool(threads, is_interrupted, work),
+    OWN_POOL.with(|own| {
+        if let Some(pool) = own_pool(own, threads)
+            && let Some(own_work) = OwnWork::begin(is_interrupted)
+        {
+            let result = pool.install(work);
+            return own_work.end(result);
+        }
+        run_in_pool(threads, is_interrupted, work)
     })
 }
 
-/// Run `work`, which uses no other thread, as [`install_interruptible`] does.
+/// Run `work` on the calling thread as [`install_interruptible`] does. It must not use rayon.
 ///
 /// # Errors
 /// Those of [`install_interruptible`].
@@ -154,29 +149,32 @@ pub fn install_alone<R: Send>(
     is_interrupted: fn() -> bool,
     work: impl FnOnce() -> Result<R> + Send,
 ) -> Result<R> {
-    OWN_POOL.with(|own| {
-        if let Some(pool) = own.get() {
-            return pool.run(is_interrupted, work);
-        }
-        run_in_pool(1, is_interrupted, work)
-    })
+    let Some(own_work) = OwnWork::begin(is_interrupted) else {
+        return run_in_pool(1, is_interrupted, work);
+    };
+    let result = work();
+    own_work.end(result)
 }
 
 /// Return the number of cores that the process had at its first call.
 fn cores() -> usize {
     // The question to the system takes longer than the work on a small image.
-    static CORES: OnceLock<usize> = OnceLock::new();
-    *CORES.get_or_init(|| available_parallelism().map_or(1, usize::from))
+    let known = CORES.load(Ordering::Relaxed);
+    if known > 0 {
+        return known;
+    }
+    let cores = available_parallelism().map_or(1, usize::from);
+    CORES.store(cores, Ordering::Relaxed);
+    cores
 }
 
-/// Return the pool of the calling thread if it has this number of threads. It begins with the first
-/// call.
-fn own_pool(own: &OnceCell<OwnPool>, threads: usize) -> Option<&OwnPool> {
+/// Return the pool of the calling thread if it has this number of threads. The first call makes it.
+fn own_pool(own: &OnceCell<OwnPool>, threads: usize) -> Option<&ThreadPool> {
     if own.get().is_none() {
         // This is the only thread that sets the cell, so it is still empty.
         let _ = own.set(OwnPool::new(threads)?);
     }
-    own.get().filter(|pool| pool.serves(threads))
+    own.get()?.for_threads(threads)
 }
 
 fn run_in_pool<R: Send>(

@@ -13,12 +13,18 @@ fn workers(number: usize) -> Result<Vec<ThreadId>> {
     })?)
 }
 
+/// Few threads receive pools of their own, so the order of the tests matters.
 #[test]
 fn calls_use_the_calling_thread_and_others() -> Result<()> {
     callers_belong_to_pools_as_large_as_those_of_their_first_calls()?;
     work_that_uses_no_other_thread_runs_in_the_calling_thread()?;
-    // Only a few callers may have a pool of several threads, so this comes last.
-    concurrent_calls_have_threads_of_their_own()
+    threads_of_other_pools_can_call()?;
+    // These use up the pools.
+    concurrent_calls_have_threads_of_their_own()?;
+    many_threads_can_call();
+    #[cfg(target_os = "linux")]
+    pools_do_not_accumulate()?;
+    Ok(())
 }
 
 fn callers_belong_to_pools_as_large_as_those_of_their_first_calls() -> Result<()> {
@@ -41,18 +47,15 @@ fn callers_belong_to_pools_as_large_as_those_of_their_first_calls() -> Result<()
 }
 
 fn work_that_uses_no_other_thread_runs_in_the_calling_thread() -> Result<()> {
-    for threads in [1, 2] {
-        let of_calls = thread::spawn(move || {
-            threads::install(Some(threads), || ()).map_err(|error| error.to_string())?;
+    let of_calls = thread::spawn(|| {
+        for _ in 0..2 {
             let worker = threads::install_alone(|| false, || Ok(current().id()));
             assert_eq!(worker.map_err(|error| error.to_string())?, current().id());
-            Ok::<_, String>(())
-        });
-        of_calls.join().map_err(|_| "the thread panicked")??;
-    }
-    // Threads without a pool of their own wait for a shared one.
-    let of_others = thread::spawn(|| threads::install_alone(|| false, || Ok(7)));
-    assert_eq!(of_others.join().map_err(|_| "the thread panicked")??, 7);
+            workers(1).map_err(|error| error.to_string())?;
+        }
+        Ok::<_, String>(())
+    });
+    of_calls.join().map_err(|_| "the thread panicked")??;
     Ok(())
 }
 
@@ -68,7 +71,6 @@ fn concurrent_calls_have_threads_of_their_own() -> Result<()> {
     Ok(())
 }
 
-#[test]
 #[cfg(target_os = "linux")]
 fn pools_do_not_accumulate() -> Result<()> {
     let number = || Ok::<_, std::io::Error>(std::fs::read_dir("/proc/self/task")?.count());
@@ -85,7 +87,6 @@ fn pools_do_not_accumulate() -> Result<()> {
     Err(format!("{} threads", number()?).into())
 }
 
-#[test]
 fn many_threads_can_call() {
     for _ in 0..200 {
         let result = std::thread::spawn(|| threads::install(Some(1), || 7)).join();
@@ -93,7 +94,6 @@ fn many_threads_can_call() {
     }
 }
 
-#[test]
 fn threads_of_other_pools_can_call() -> Result<()> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build()?;
     for _ in 0..100 {
@@ -101,7 +101,12 @@ fn threads_of_other_pools_can_call() -> Result<()> {
         assert_eq!(result?, [7, 7]);
     }
     // They have not taken the places of threads that can have a pool of their own.
-    let own = thread::spawn(|| (current().id(), workers(1).map_err(|error| error.to_string())));
+    let own = thread::spawn(|| {
+        (
+            current().id(),
+            workers(1).map_err(|error| error.to_string()),
+        )
+    });
     let (caller, workers) = own.join().map_err(|_| "the thread panicked")?;
     assert_eq!(workers?, [caller]);
     Ok(())

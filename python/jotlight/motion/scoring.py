@@ -65,7 +65,7 @@ class Template:
 
 
 def sample_trials(trials: Counts) -> float:
-    """Return the mean of trials (H, W) in every fourth row. That of all takes more time."""
+    """Return the mean of trials (H, W) in every fourth row. The mean of all takes longer."""
     return float(trials[::4].mean())
 
 

@@ -28,7 +28,8 @@ impl<F: Real> Splines<F> {
 
     /// Apply the spline of each channel to planes `(N, C, P)`, and return the results.
     ///
-    /// Only a thread of a pool ([`crate::threads::install`]) shares the work with other threads.
+    /// Only a thread of a pool shares the work with other threads, as one that has called
+    /// [`crate::threads::install`] may be.
     ///
     /// # Errors
     /// [`Error::Shape`] if the number of channels is not the number of splines.
