@@ -94,7 +94,10 @@ def disagreement(first: Sums, second: Sums, threads: int | None = None) -> Image
 
 
 def _limit_trials(sums: Sums, largest: int) -> Sums:
-    """Return sums with at most :data:`_MAX_TRIALS` trials per pixel. Now they have up to `largest`."""
+    """Return sums with at most :data:`_MAX_TRIALS` trials per pixel.
+
+    `largest` is the largest number now.
+    """
     if largest <= _MAX_TRIALS:
         return sums
     factor = np.float32(_MAX_TRIALS / largest)
