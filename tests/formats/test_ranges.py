@@ -230,7 +230,6 @@ def test_a_png_of_a_folder_is_read_with_its_frame(tmp_path):
         ("stored.npz", write_npz, {"key": "first"}),
     ],
 )
-@pytest.mark.slow
 def test_a_server_that_fails_later_is_not_taken_for_damage(tmp_path, name, write, options):
     write(tmp_path)
     with http_server(tmp_path) as server:
