@@ -91,6 +91,19 @@ def test_bad_input_is_refused(estimates, information, ratios, message):
         engine.smooth_curve(estimates, information, ratios, None)
 
 
+def test_the_curve_is_the_same_for_any_number_of_threads():
+    rng = np.random.default_rng(0)
+    estimates, information = rng.normal(size=(9, 6)), 4 * matrices(rng, 9)
+    ratios = ratios_of_differences(9)
+    one, *others = (
+        engine.smooth_curve(estimates, information, ratios, threads) for threads in (1, 2, 3)
+    )
+    for other in others:
+        np.testing.assert_array_equal(other, one)
+    with pytest.raises(ValueError, match="threads: expected at least 1"):
+        engine.smooth_curve(estimates, information, ratios, 0)
+
+
 def test_modes_are_translations_zoom_rotation_and_shears():
     np.testing.assert_allclose(_MODES @ _MODES.T, np.eye(6), atol=1e-12)
     rows, columns = np.indices((5, 5)) - 2.0

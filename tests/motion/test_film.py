@@ -34,8 +34,6 @@ def quality(merged, truth):
     return jl.metrics.psnr(estimate[inner], truth[inner], data_range=1.0)
 
 
-# Between two segments, a few pixels may have no bits.
-@pytest.mark.filterwarnings("ignore:.* have no valid bit")
 @pytest.mark.parametrize(
     ("motion", "window", "step"),
     [

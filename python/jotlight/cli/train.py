@@ -117,7 +117,8 @@ def train(
             exposed = start.sensor.replace(**sensor.to_kwargs(), **jots)
         else:
             exposed = Sensor(**{"oversampling": 4, **sensor.to_kwargs(), **jots})
-        start = start or _initial_network(exposed, network, training.seed)
+        if start is None:
+            start = _initial_network(exposed, network, training.seed)
         kind = describe_kind(start, network.quality)
         steps = learner.steps if training.steps is None else training.steps
         scenes, tests = read_training_images(images, data, training.seed)

@@ -9,14 +9,7 @@ from jotlight.motion.affine_curve import smooth_affine
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import chi_squared
 from jotlight.motion.regularize import Equations, fit_affine
-from jotlight.motion.scoring import (
-    FAST,
-    PRECISE,
-    Template,
-    make_template,
-    normal_equations,
-    sample_trials,
-)
+from jotlight.motion.scoring import FAST, PRECISE, Template, make_template, normal_equations
 from jotlight.motion.segments import Segment, limit_length
 from jotlight.motion.shrinkage import shrink_field
 from jotlight.motion.smoothing import cubic_weights, interpolation_bias
@@ -220,7 +213,7 @@ def against_others(equations: Equations, sums: Sums, template: Template) -> Equa
 
     The block itself is a share of the template, which makes its apparent error smaller.
     """
-    share = sample_trials(sums.trials) / max(template.sampled_trials, 1e-9)
+    share = float(sums.trials.mean() / max(template.mean_trials, 1e-9))
     right = equations.right / max(1 - share, _MIN_SHARE_OF_OTHERS)
     return Equations(equations.information, right)
 

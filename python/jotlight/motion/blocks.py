@@ -70,8 +70,8 @@ class Sums:
     def total(cls, parts: Iterable["Sums"], threads: int | None = None) -> "Sums":
         """Return the sum of one or more sums.
 
-        A generator of them holds only a few at a time. They are added on `threads` threads, or on
-        all.
+        A generator of them holds only a few at a time. `threads` is the number of threads, by
+        default all.
         """
         parts = iter(parts)
         first = next(parts)

@@ -63,11 +63,10 @@ def chi_squared(sums: Sums, template: Template) -> Image:
     """
     out = np.empty(sums.ones.shape, np.float32)
     probability, threads = template.probability, template.threads
-    largest = int(sums.trials.max())
-    if largest > _FEW_TRIALS:
+    if sums.trials.max() > _FEW_TRIALS:
         moved = dataclasses.replace(sums, remainders=-sums.remainders)
         probability = without_shift(probability, moved, threads).probability
-    sums = equivalent_sums(_limit_trials(sums, largest), probability)
+    sums = equivalent_sums(_limit_trials(sums), probability)
     engine.chi_squared(sums.ones, sums.trials, probability, template.trials, out, threads)
     return out
 
@@ -81,7 +80,7 @@ def disagreement(first: Sums, second: Sums, threads: int | None = None) -> Image
     """
     height, width = first.ones.shape
     squares = np.empty((2, -(-height // _SQUARE), -(-width // _SQUARE)), np.float32)
-    first, second = (_limit_trials(each, int(each.trials.max())) for each in (first, second))
+    first, second = _limit_trials(first), _limit_trials(second)
     if first.jots is not None or second.jots is not None:
         probability = estimate_probability(first + second)
         # One of them may have no bits, and so no jots.
@@ -93,11 +92,9 @@ def disagreement(first: Sums, second: Sums, threads: int | None = None) -> Image
     return np.asarray(pixels[:height, :width])
 
 
-def _limit_trials(sums: Sums, largest: int) -> Sums:
-    """Return sums with at most :data:`_MAX_TRIALS` trials per pixel.
-
-    `largest` is the largest number now.
-    """
+def _limit_trials(sums: Sums) -> Sums:
+    """Return sums with at most :data:`_MAX_TRIALS` trials per pixel."""
+    largest = int(sums.trials.max())
     if largest <= _MAX_TRIALS:
         return sums
     factor = np.float32(_MAX_TRIALS / largest)

@@ -51,9 +51,9 @@ class Template:
     )
 
     @functools.cached_property
-    def sampled_trials(self) -> float:
-        """The mean of D_R in some rows."""
-        return sample_trials(self.trials)
+    def mean_trials(self) -> float:
+        """The mean of D_R."""
+        return float(self.trials.mean())
 
     def filtered(self, sigma: float) -> engine.FilteredTemplate:
         """Return the template after a Gaussian filter. Each width is computed only once."""
@@ -62,11 +62,6 @@ class Template:
                 self.probability, self.trials, sigma, self.threads
             )
         return self._filtered[sigma]
-
-
-def sample_trials(trials: Counts) -> float:
-    """Return the mean of trials (H, W) in every fourth row. The mean of all takes longer."""
-    return float(trials[::4].mean())
 
 
 def blur(images: npt.NDArray[np.floating], sigma: float, threads: int | None = None) -> Image:

@@ -27,7 +27,10 @@ def load_network(path: str | os.PathLike[str]) -> Network | PlanesNetwork:
 def load_image_network(path: str | os.PathLike[str]) -> AnyNetwork:
     """Return the network in a file, for gray images or for colors.
 
-    The errors are those of :meth:`jotlight.Network.load`.
+    Raises
+    ------
+    ValueError
+        When it is a network for films. The other errors are those of :meth:`jotlight.Network.load`.
 
     Examples
     --------
