@@ -25,16 +25,16 @@ Image = npt.NDArray[np.float32]
 
 MOTIONS = {
     "static": 1.0,
-    "shake": 4.0,
+    "shake": 3.0,
     "rotate": 2.0,
     "fast": 1.0,
     "layers": 4.0,
     "two": 2.0,
     "three": 1.0,
     "small": 1.0,
-    "person": 2.0,
+    "person": 4.0,
     "parallax": 1.5,
-    "sheet": 1.0,
+    "sheet": 2.0,
     "appear": 0.5,
     "stop": 1.0,
 }
@@ -55,7 +55,7 @@ WINDOWS = {256: 0.6, 128: 0.25, 64: 0.15}
 STEPS = 4, 8, 8, 16
 """A window has this number of steps."""
 
-AUTO = 0.15
+AUTO = 0.25
 """Fraction of the scenes whose model of the motion is chosen by the bits. All others have an affine
 motion, which is found faster, so the bits of objects disagree with it."""
 

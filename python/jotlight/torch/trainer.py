@@ -1,4 +1,4 @@
-"""The training loop: steps of Adam, their records, and checkpoints."""
+"""The training loop: steps of an optimizer, their records, and checkpoints."""
 
 import math
 import os
@@ -10,6 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from jotlight.torch.distributed import ProcessGroup
+from jotlight.torch.muon import BETAS
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
 from jotlight.training.history import History, Record, RecordCallback
@@ -30,7 +31,7 @@ _TESTS = 20
 
 
 class Trainer:
-    """A run of Adam: the parameters, the state of the optimizer, and the records so far.
+    """A run of an optimizer: the parameters, the state of the optimizer, and the records so far.
 
     A subclass defines the cost, :meth:`loss`, and what each step records, :meth:`record`.
 
@@ -59,10 +60,14 @@ class Trainer:
         self.module, self.settings = module, settings
         self.learning_rate, self.group = learning_rate, group
         self.parameters = [p for p in module.parameters() if p.requires_grad]
-        self.optimizer = torch.optim.Adam(self.parameters, lr=learning_rate, betas=(0.9, 0.99))
+        self.optimizer = self.make_optimizer()
         self.history = History()
         # True while parameters and records do not match; an interrupt may come in between.
         self._is_updating = False
+
+    def make_optimizer(self) -> torch.optim.Adam:
+        """Return the optimizer; a subclass can override it."""
+        return torch.optim.Adam(self.parameters, lr=self.learning_rate, betas=BETAS)
 
     def loss(self, step: int) -> Tensor:
         """Return this process's part of the cost; the cost is the sum over the processes."""

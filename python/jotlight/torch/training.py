@@ -20,6 +20,7 @@ from jotlight.torch.ahead import AheadLoader
 from jotlight.torch.color_patches import ColorPatchLoader
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
 from jotlight.torch.film_patches import FilmPatchLoader
+from jotlight.torch.muon import Muon
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import PatchLoader
 from jotlight.torch.planes_network import PlanesNetwork as TorchPlanesNetwork
@@ -74,7 +75,7 @@ def train(
     device: str | torch.device | None = None,
     threads: int | None = None,
 ) -> tuple[Network, History]:
-    """Return a network with the smallest mean square error for a sensor and images, by Adam.
+    """Return a network with the smallest mean square error for a sensor and images, by Muon.
 
     Each step draws new patches, randomly rotated and mirrored, and new bits. The learning rate
     rises over the first tenth of the steps and then falls to 0. The result is an exponential moving
@@ -220,6 +221,10 @@ class ImageTrainer(Trainer):
         self.ahead, self.loader, self.tests = ahead, ahead.loader, tests
         self.averages = [parameter.detach().clone() for parameter in self.parameters]
 
+    def make_optimizer(self) -> torch.optim.Adam:
+        """Return Muon."""
+        return Muon(self.parameters, self.learning_rate)
+
     def loss(self, step: int) -> Tensor:
         """Return this process's part of the mean square error over the patches of a step."""
         batch = self.ahead.batch(step, torch.get_num_threads())
@@ -334,7 +339,7 @@ def _settings(
         "sensor": loader.sensor.scalars(),
         "images": loader.source.fingerprint(),
         "test": None if tests is None else fingerprint_images(tests),
-        "optimizer": f"Adam(learning_rate={learning_rate})",
+        "optimizer": f"Muon(learning_rate={learning_rate})",
         "steps": steps,
         "batch": loader.batch_size,
         "patch": loader.side,
