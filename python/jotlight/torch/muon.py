@@ -1,0 +1,112 @@
+"""Muon: steps of Adam in which the filter banks change by orthogonal matrices."""
+
+from collections.abc import Iterable
+
+import torch
+from torch import Tensor, nn
+
+MIN_CHANNELS = 5
+"""Smallest number of input and of output channels of a filter bank that takes Muon's steps."""
+
+_MOMENTUM = 0.95
+
+BETAS = (0.9, 0.99)
+"""Decays of the means of gradients and of their squares, of Adam."""
+
+_ADAM_RMS = 0.2
+"""Usual root mean square of a change of Adam, relative to the learning rate."""
+
+_ITERATIONS, _NEWTON_SCHULZ = 5, (3.4445, -4.7750, 2.0315)
+"""Number of steps, and coefficients of x, x³, and x⁵, that bring singular values close to 1."""
+
+
+class Muon(torch.optim.Adam):
+    """An optimizer for networks of filter banks.
+
+    A bank of filters is a matrix with a row for each output channel. Adam changes each number by
+    itself, so a few directions dominate. Muon replaces the mean gradient by the orthogonal matrix
+    that is closest to it, so all directions change equally. Each parameter set of a K-conditioned
+    network is a matrix of its own. All other parameters take the steps of Adam: those of splines,
+    and of banks with few channels. The size of the steps is that of Adam, too, so one learning rate
+    serves both.
+
+    Source: K. Jordan et al., "Muon: an optimizer for hidden layers in neural networks", 2024. The
+    size of the steps is that of J. Liu et al., "Muon is scalable for LLM training", 2025.
+
+    Parameters
+    ----------
+    parameters : iterable of nn.Parameter
+        Parameters of a network.
+    learning_rate : float
+        About the largest change of a number per step.
+
+    Examples
+    --------
+    >>> bank = nn.Parameter(torch.zeros(8, 8, 3, 3))
+    >>> optimizer = Muon([bank], learning_rate=0.01)
+    >>> (bank * torch.randn(8, 8, 3, 3)).sum().backward()
+    >>> optimizer.step()
+    >>> round(float(bank.square().mean().sqrt()), 3)
+    0.002
+    """
+
+    def __init__(self, parameters: Iterable[nn.Parameter], learning_rate: float) -> None:
+        super().__init__(parameters, lr=learning_rate, betas=BETAS)
+
+    @torch.no_grad()
+    def step(self) -> None:  # type: ignore[override]
+        """Change all parameters."""
+        gradients = {}
+        for group in self.param_groups:
+            for parameter in filter(is_bank, group["params"]):
+                if parameter.grad is not None:
+                    self._step_bank(parameter, group["lr"])
+                    gradients[parameter], parameter.grad = parameter.grad, None
+        super().step()
+        for parameter, gradient in gradients.items():
+            parameter.grad = gradient
+
+    def _step_bank(self, bank: Tensor, learning_rate: float) -> None:
+        """Change a filter bank."""
+        state = self.state[bank]
+        if not state:
+            # Checkpoints hold the same vectors for all parameters.
+            state["step"] = torch.zeros(())
+            state["exp_avg"], state["exp_avg_sq"] = (torch.zeros_like(bank) for _ in range(2))
+        state["step"] += 1
+        mean = state["exp_avg"]
+        mean.mul_(_MOMENTUM).add_(bank.grad)
+        matrices = (bank.grad + _MOMENTUM * mean).flatten(-3)
+        size = _ADAM_RMS * max(matrices.shape[-2:]) ** 0.5
+        bank.add_(orthogonalize(matrices).view_as(bank), alpha=-learning_rate * size)
+
+
+def is_bank(parameter: Tensor) -> bool:
+    """Return whether a parameter is a filter bank with enough channels, with or without sets."""
+    return parameter.dim() >= 4 and min(parameter.shape[-4:-2]) >= MIN_CHANNELS
+
+
+def orthogonalize(matrices: Tensor) -> Tensor:
+    """Return matrices with nearly the same singular vectors, and singular values from 0.7 to 1.2.
+
+    A matrix of zeros remains one.
+
+    Parameters
+    ----------
+    matrices : Tensor, shape (…, M, N)
+        Matrices.
+
+    Examples
+    --------
+    >>> found = orthogonalize(torch.diag(torch.tensor([3.0, -1.0])))
+    >>> bool((found.diagonal().abs() - 1).abs().max() < 0.35)
+    True
+    """
+    is_tall = matrices.shape[-2] > matrices.shape[-1]
+    x = matrices.mT if is_tall else matrices
+    x = x / x.norm(dim=(-2, -1), keepdim=True).clamp(min=1e-20)
+    a, b, c = _NEWTON_SCHULZ
+    for _ in range(_ITERATIONS):
+        products = x @ x.mT
+        x = a * x + (b * products + c * products @ products) @ x
+    return x.mT if is_tall else x
