@@ -43,7 +43,7 @@ def test_banks_take_the_steps_of_pytorchs_muon(shape):
         pytest.skip("this version of PyTorch has no Muon")
     start, gradients = random(*shape), [random(*shape, seed=seed) for seed in (1, 2, 3)]
     own = torch.nn.Parameter(start.clone())
-    after_steps(own, Muon([own], RATE), gradients)
+    after_steps(own, Muon([own], lr=RATE), gradients)
     other = torch.nn.Parameter(start.flatten(1).clone())
     rival = torch.optim.Muon(
         [other], lr=RATE, weight_decay=0.0, momentum=0.95, adjust_lr_fn="match_rms_adamw"
@@ -58,10 +58,10 @@ def test_banks_take_the_steps_of_pytorchs_muon(shape):
 def test_each_parameter_set_is_a_matrix_of_its_own():
     start, gradients = random(4, 6, 5, 3, 3), [random(4, 6, 5, 3, 3, seed=1 + i) for i in range(2)]
     together = torch.nn.Parameter(start.clone())
-    after_steps(together, Muon([together], RATE), gradients)
+    after_steps(together, Muon([together], lr=RATE), gradients)
     for number in range(4):
         alone = torch.nn.Parameter(start[number].clone())
-        after_steps(alone, Muon([alone], RATE), [gradient[number] for gradient in gradients])
+        after_steps(alone, Muon([alone], lr=RATE), [gradient[number] for gradient in gradients])
         assert torch.allclose(together[number], alone, atol=1e-6)
 
 
@@ -71,7 +71,7 @@ def test_the_size_of_gradients_does_not_matter_to_banks(factor):
     found = []
     for scale in (1.0, factor):
         bank = torch.nn.Parameter(torch.zeros(6, 5, 3, 3))
-        found.append(after_steps(bank, Muon([bank], RATE), [scale * each for each in gradients]))
+        found.append(after_steps(bank, Muon([bank], lr=RATE), [scale * each for each in gradients]))
     assert torch.allclose(*found, rtol=1e-3, atol=1e-6)
 
 
@@ -81,7 +81,7 @@ def test_other_parameters_take_the_steps_of_adam(shape):
     start, gradients = random(*shape), [random(*shape, seed=seed) for seed in (1, 2, 3)]
     own, other = (torch.nn.Parameter(start.clone()) for _ in range(2))
     bank = torch.nn.Parameter(random(MIN_CHANNELS, MIN_CHANNELS, 3, 3))
-    optimizer = Muon([own, bank], RATE)
+    optimizer = Muon([own, bank], lr=RATE)
     bank.grad = torch.ones_like(bank)
     after_steps(own, optimizer, gradients)
     after_steps(other, torch.optim.Adam([other], lr=RATE, betas=(0.9, 0.99)), gradients)
@@ -90,7 +90,7 @@ def test_other_parameters_take_the_steps_of_adam(shape):
 
 def test_gradients_remain_after_a_step():
     bank, other = (torch.nn.Parameter(random(*shape)) for shape in ((6, 6, 3, 3), (4,)))
-    optimizer = Muon([bank, other], RATE)
+    optimizer = Muon([bank, other], lr=RATE)
     bank.grad, other.grad = (torch.ones_like(each) for each in (bank, other))
     optimizer.step()
     assert bool((bank.grad == 1).all())
@@ -99,5 +99,5 @@ def test_gradients_remain_after_a_step():
 
 def test_parameters_without_a_gradient_do_not_change():
     bank = torch.nn.Parameter(torch.ones(6, 6, 3, 3))
-    Muon([bank], RATE).step()
+    Muon([bank], lr=RATE).step()
     assert bool((bank == 1).all())

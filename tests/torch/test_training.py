@@ -8,6 +8,7 @@ import jotlight as jl
 torch = pytest.importorskip("torch")
 from jotlight.tensors import read_tensors  # noqa: E402
 from jotlight.torch import Network, fastest_precision, train  # noqa: E402
+from jotlight.torch.muon import MIN_CHANNELS  # noqa: E402
 from jotlight.torch.trainer import flatten  # noqa: E402
 from jotlight.training import parameter_vector  # noqa: E402
 from jotlight.training.checkpoint import CheckpointWriter  # noqa: E402
@@ -70,10 +71,24 @@ def test_only_trainable_parameters_change(start):
         assert before.metadata() == after.metadata()
 
 
-def test_training_lowers_the_cost():
-    _, history = train_small(images=smooth_scenes, steps=200, batch=8)
+@pytest.mark.parametrize("optimizer", ["muon", "adam"])
+def test_training_lowers_the_cost(optimizer):
+    _, history = train_small(images=smooth_scenes, steps=200, batch=8, optimizer=optimizer)
     costs = [record.loss for record in history.records]
     assert np.mean(costs[-40:]) < 0.8 * np.mean(costs[:40])
+
+
+def test_muon_and_adam_differ_in_filter_banks_alone():
+    trained = jl.pretrained(jl.Sensor(frames=20), "small")  # untrained ones have gradients of 0
+    by_muon, by_adam = (
+        train_small(trained, steps=1, optimizer=optimizer)[0]
+        for optimizer in ("muon", "adam")
+    )
+    for layer, other in zip(by_muon.layers, by_adam.layers, strict=True):
+        is_bank = min(layer.filters.shape[-4:-2]) >= MIN_CHANNELS
+        assert np.array_equal(layer.filters, other.filters) == (not is_bank)
+        if layer.coefficients is not None:
+            np.testing.assert_array_equal(layer.coefficients, other.coefficients)
 
 
 @pytest.mark.parametrize("step", [0, 2, STEPS - 1])
@@ -135,7 +150,8 @@ def test_a_run_stops_at_its_time_limit():
 
 def test_a_checkpoint_of_another_run_is_refused(tmp_path):
     train_small(checkpoint=tmp_path / "run")
-    for change in ({"rng": 4}, {"learning_rate": 1e-4}, {"network": STARTS["conditional"]}):
+    changes = {"rng": 4}, {"learning_rate": 1e-4}, {"optimizer": "adam"}
+    for change in (*changes, {"network": STARTS["conditional"]}):
         with pytest.raises(ValueError, match="checkpoint"):
             train_small(**change, checkpoint=tmp_path / "run", resume=True)
     with pytest.raises(ValueError, match="resume: expected a checkpoint"):
@@ -168,6 +184,7 @@ def test_divergence_is_an_error_that_says_what_to_change():
             "learning_rate: expected a finite number above 0, got nan",
         ),
         ({"seconds": -1.0}, "seconds: expected a number above 0, got -1.0"),
+        ({"optimizer": "sgd"}, "optimizer: expected one of muon, adam, got 'sgd'"),
         ({"precision": "float16"}, "precision: expected one of float32, bfloat16, got 'float16'"),
         ({"rng": -1}, "rng: expected at least 0, got -1"),
         ({"threads": 0}, "threads: expected at least 1, got 0"),

@@ -1,6 +1,7 @@
 """Muon: steps of Adam in which the filter banks change by orthogonal matrices."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -35,27 +36,33 @@ class Muon(torch.optim.Adam):
 
     Parameters
     ----------
-    parameters : iterable of nn.Parameter
-        Parameters of a network.
-    learning_rate : float
-        About the largest change of a number per step.
+    params : iterable of nn.Parameter or dict
+        Parameters of a network, or groups of them, as for ``torch.optim.Adam``.
+    lr : float
+        Learning rate: about the largest change of a number per step.
 
     Examples
     --------
     >>> bank = nn.Parameter(torch.zeros(8, 8, 3, 3))
-    >>> optimizer = Muon([bank], learning_rate=0.01)
+    >>> optimizer = Muon([bank], lr=0.01)
     >>> (bank * torch.randn(8, 8, 3, 3)).sum().backward()
     >>> optimizer.step()
     >>> round(float(bank.square().mean().sqrt()), 3)
     0.002
     """
 
-    def __init__(self, parameters: Iterable[nn.Parameter], learning_rate: float) -> None:
-        super().__init__(parameters, lr=learning_rate, betas=BETAS)
+    def __init__(
+        self, params: Iterable[nn.Parameter] | Iterable[dict[str, Any]], lr: float = 3e-3
+    ) -> None:
+        super().__init__(params, lr=lr, betas=BETAS)
 
     @torch.no_grad()
-    def step(self) -> None:  # type: ignore[override]
-        """Change all parameters."""
+    def step(self, closure: Callable[[], float] | None = None) -> float | None:  # type: ignore[override]
+        """Change all parameters, and return the loss of the closure, if there is one."""
+        loss = None
+        if closure is not None:
+            with torch.enable_grad():
+                loss = closure()
         gradients = {}
         for group in self.param_groups:
             for parameter in filter(is_bank, group["params"]):
@@ -65,6 +72,7 @@ class Muon(torch.optim.Adam):
         super().step()
         for parameter, gradient in gradients.items():
             parameter.grad = gradient
+        return loss
 
     def _step_bank(self, bank: Tensor, learning_rate: float) -> None:
         """Change a filter bank."""
@@ -110,3 +118,12 @@ def orthogonalize(matrices: Tensor) -> Tensor:
         products = x @ x.mT
         x = a * x + (b * products + c * products @ products) @ x
     return x.mT if is_tall else x
+
+
+def adam(params: Iterable[nn.Parameter], lr: float) -> torch.optim.Adam:
+    """Return Adam with the decays of :class:`Muon`."""
+    return torch.optim.Adam(params, lr=lr, betas=BETAS)
+
+
+OPTIMIZERS: dict[str, Callable[..., torch.optim.Adam]] = {"muon": Muon, "adam": adam}
+"""Optimizers by name, functions of the parameters and of the learning rate."""

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from jotlight.torch.distributed import ProcessGroup
-from jotlight.torch.muon import BETAS
+from jotlight.torch.muon import adam
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
 from jotlight.training.history import History, Record, RecordCallback
@@ -67,7 +67,7 @@ class Trainer:
 
     def make_optimizer(self) -> torch.optim.Adam:
         """Return the optimizer; a subclass can override it."""
-        return torch.optim.Adam(self.parameters, lr=self.learning_rate, betas=BETAS)
+        return adam(self.parameters, lr=self.learning_rate)
 
     def loss(self, step: int) -> Tensor:
         """Return this process's part of the cost; the cost is the sum over the processes."""

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 import torch
-from torch import Tensor
 
 from jotlight.checks import positive_number, whole_number
-from jotlight.metrics import psnr
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.network import Network
@@ -18,18 +16,16 @@ from jotlight.progress import Progress
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.ahead import AheadLoader
 from jotlight.torch.color_patches import ColorPatchLoader
-from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
+from jotlight.torch.distributed import choose_device, process_group, thread_limit
 from jotlight.torch.film_patches import FilmPatchLoader
-from jotlight.torch.muon import Muon
+from jotlight.torch.image_trainer import ImageTrainer
+from jotlight.torch.muon import OPTIMIZERS
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import PatchLoader
 from jotlight.torch.planes_network import PlanesNetwork as TorchPlanesNetwork
 from jotlight.torch.precision import check_precision
-from jotlight.torch.trainer import Trainer, flatten
-from jotlight.training.checkpoint import Checkpoint
-from jotlight.training.history import History, Record, RecordCallback
+from jotlight.training.history import History, RecordCallback
 from jotlight.training.images import Images, TrainingImages, check_images, fingerprint_images
-from jotlight.training.optimizer import State
 from jotlight.training.parameters import fingerprint_network
 from jotlight.training.patch_sources import PatchSource, as_patch_source
 from jotlight.training.patches import patch_sensor
@@ -47,12 +43,6 @@ PATCH = 48
 LEARNING_RATE = 3e-3
 """Default learning rate."""
 
-_AVERAGE_DECAY = 0.999
-"""Decay rate of the moving average of the parameters: it spans about 1,000 steps."""
-
-_TEST_STEP = 2**32 - 1
-"""Step number whose random bits belong to the test images."""
-
 
 # A run has many settings, each of them documented; all but the first three are keyword-only.
 def train(
@@ -65,6 +55,7 @@ def train(
     batch: int | None = None,
     patch: int | None = None,
     learning_rate: float = LEARNING_RATE,
+    optimizer: str = "muon",
     precision: str = "float32",
     rng: int | None = None,
     test: npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | None = None,
@@ -75,7 +66,7 @@ def train(
     device: str | torch.device | None = None,
     threads: int | None = None,
 ) -> tuple[Network, History]:
-    """Return a network with the smallest mean square error for a sensor and images, by Muon.
+    """Return a network with the smallest mean square error for a sensor and images.
 
     Each step draws new patches, randomly rotated and mirrored, and new bits. The learning rate
     rises over the first tenth of the steps and then falls to 0. The result is an exponential moving
@@ -105,6 +96,9 @@ def train(
         Height and width of a patch. Default: 48, or the side of the smallest image.
     learning_rate : float
         Largest learning rate: about the largest change of a parameter per step.
+    optimizer : str
+        ``"muon"``: :class:`~jotlight.torch.Muon`, which needs a fraction of the steps of Adam, or
+        ``"adam"``.
     precision : str
         ``"float32"``, or ``"bfloat16"`` for products of filter banks in bfloat16, which some
         processors compute faster; :func:`~jotlight.torch.fastest_precision` measures it.
@@ -165,6 +159,8 @@ def train(
     batch = whole_number("batch", BATCH if batch is None else batch, 1)
     positive_number("learning_rate", learning_rate)
     filter_dtype = check_precision(precision)
+    if optimizer not in OPTIMIZERS:
+        raise ValueError(f"optimizer: expected one of {', '.join(OPTIMIZERS)}, got {optimizer!r}")
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
     source = as_patch_source(images)
@@ -177,13 +173,17 @@ def train(
         _check_batch(batch, group.world_size)
         network, seed = group.shared_network(network), group.shared_seed(rng)
         loader = _loader_of(network)(source, network, patch_sensor(sensor), seed, batch, side)
-        settings = {**_settings(loader, tests, learning_rate, steps), "precision": precision}
+        settings = {
+            **_settings(loader, tests, steps),
+            "optimizer": f"{optimizer}(lr={learning_rate})",
+            "precision": precision,
+        }
         with thread_limit(threads), AheadLoader(loader, group.shard, steps) as ahead:
             reads_planes = isinstance(network, PlanesNetwork)
             module = (TorchPlanesNetwork if reads_planes else TorchNetwork)(network)
             module.to(chosen_device)
             module.filter_dtype = filter_dtype
-            trainer = ImageTrainer(module, ahead, settings, learning_rate, tests, group)
+            trainer = ImageTrainer(module, ahead, settings, learning_rate, tests, group, optimizer)
             trainer.begin(checkpoint, resume)
             trainer.run(steps, checkpoint, report, seconds)
             last = trainer.finish()
@@ -191,87 +191,6 @@ def train(
                 report(last)
     history = History([*trainer.history.records, last])
     return _trained(module, network, sensor, settings, history), history
-
-
-class ImageTrainer(Trainer):
-    """A run on patches of images, with a moving average of the parameters.
-
-    Parameters
-    ----------
-    module, settings, learning_rate, group
-        See :class:`Trainer`.
-    ahead : AheadLoader
-        Source of the patches.
-    tests : Images, optional
-        Images whose PSNR is measured.
-    """
-
-    state_names = (*Trainer.state_names, "average")
-
-    def __init__(
-        self,
-        module: TorchNetwork,
-        ahead: AheadLoader,
-        settings: dict[str, object],
-        learning_rate: float,
-        tests: Images | None,
-        group: ProcessGroup,
-    ) -> None:
-        super().__init__(module, settings, learning_rate, group)
-        self.ahead, self.loader, self.tests = ahead, ahead.loader, tests
-        self.averages = [parameter.detach().clone() for parameter in self.parameters]
-
-    def make_optimizer(self) -> torch.optim.Adam:
-        """Return Muon."""
-        return Muon(self.parameters, self.learning_rate)
-
-    def loss(self, step: int) -> Tensor:
-        """Return this process's part of the mean square error over the patches of a step."""
-        batch = self.ahead.batch(step, torch.get_num_threads())
-        batch = batch.to(self.parameters[0].device)
-        return batch.squared_errors(self.module).sum() / self.loader.batch_size
-
-    def record(self, step: int, loss: float, gradient_norm: float, *, is_test: bool) -> Record:
-        """Return the record of a step, with the cost ε of a whole patch."""
-        test_psnr = self._test_psnr() if is_test and self.tests is not None else None
-        return Record(step, 0.5 * self.loader.side**2 * loss, gradient_norm, test_psnr)
-
-    def update(self) -> None:
-        """Change the parameters by one step, and update their averages."""
-        super().update()
-        taken = len(self.history) + 1
-        # The first averages span only as many steps as there are.
-        decay = min(_AVERAGE_DECAY, taken / (taken + 9))
-        with torch.no_grad():
-            for average, parameter in zip(self.averages, self.parameters, strict=True):
-                average.lerp_(parameter, 1 - decay)
-
-    def finish(self) -> Record:
-        """Set the parameters to their averages, and return the record of the result."""
-        with torch.no_grad():
-            for average, parameter in zip(self.averages, self.parameters, strict=True):
-                parameter.copy_(average)
-        return self.measure(len(self.history), is_test=True)
-
-    def state(self) -> State:
-        """Return what the next step needs besides parameters and records."""
-        return {**super().state(), "average": flatten(self.averages)}
-
-    def restore(self, checkpoint: Checkpoint, path: str | os.PathLike[str]) -> None:
-        """Continue from a checkpoint; see :meth:`Trainer.restore`."""
-        super().restore(checkpoint, path)
-        self.averages = self.split(checkpoint.state["average"])
-
-    def _test_psnr(self) -> float:
-        """Return the mean PSNR of the test images in dB, for a peak of 1."""
-        assert self.tests is not None
-        network, sensor = self.module.to_network(), self.loader.sensor
-        values = []
-        for number, image in enumerate(self.tests):
-            seed = np.random.SeedSequence(self.loader.seed, spawn_key=(_TEST_STEP, number))
-            estimate = network.reconstruct(sensor.expose(image, seed), sensor)
-            values.append(psnr(estimate, image, data_range=1.0))
-        return float(np.mean(values))
 
 
 def _loader_of(network: object) -> type[PatchLoader]:
@@ -330,16 +249,13 @@ def _patch_side(source: PatchSource, patch: int | None) -> int:
     return side
 
 
-def _settings(
-    loader: PatchLoader, tests: Images | None, learning_rate: float, steps: int
-) -> dict[str, object]:
+def _settings(loader: PatchLoader, tests: Images | None, steps: int) -> dict[str, object]:
     """Return what identifies a run in a checkpoint and in the network's history."""
     return {
         "network": fingerprint_network(loader.network),
         "sensor": loader.sensor.scalars(),
         "images": loader.source.fingerprint(),
         "test": None if tests is None else fingerprint_images(tests),
-        "optimizer": f"Muon(learning_rate={learning_rate})",
         "steps": steps,
         "batch": loader.batch_size,
         "patch": loader.side,
