@@ -20,6 +20,7 @@ import training_data
 
 import jotlight as jl
 from jotlight.motion.film import film
+from jotlight.networks.film_planes import NEIGHBORS
 
 Image = npt.NDArray[np.float32]
 
@@ -65,6 +66,9 @@ PHOTONS = 0.03, 1.0
 VIDEO, PER_FRAME, SPEEDS = 0.6, 16, (1, 2, 3, 4)
 """Fraction of the scenes that stand still for the frames of a video, the number of binary frames of
 each, and factors of their speed."""
+
+PARTS = "long", "middle", "short", *(f"neighbor{number}" for number in range(1, NEIGHBORS + 1))
+"""Names of the counts in a file: those of the window, and the parts of `FilmImage.nearest`."""
 
 CAUSAL = 0.75
 """Fraction of the films that show the last frame of a window."""
@@ -136,7 +140,7 @@ def scene_images(
     ):
         values = {}
         parts = image.merged, *image.nearest
-        for name, part in zip(("long", "middle", "short"), parts, strict=True):
+        for name, part in zip(PARTS, parts, strict=True):
             trials = np.broadcast_to(part.trials, part.ones.shape).astype(np.float32)
             values[f"{name}_trials"] = trials
             values[f"{name}_fraction"] = part.ones / np.maximum(trials, 1)

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from film_data import PARTS
 from model_cards import wrap
 from rounding import round_layers
 
@@ -41,8 +42,6 @@ BATCH, PATCH = 16, 64
 
 FIRST_GRAY = 3
 """Number of the first layer of the U-Net of the gray network. Here, it has the number 2."""
-
-LENGTHS = "long", "middle", "short"
 
 TEMPLATE = Path(__file__).with_name("film_card.md")
 
@@ -111,7 +110,7 @@ class Scene:
         """Return the counts that the network reads of an image."""
         return [
             Counts(self._image(f"{name}_fraction", number), self._image(f"{name}_trials", number))
-            for name in LENGTHS
+            for name in PARTS
         ]
 
     def truth(self, number: int) -> Image:

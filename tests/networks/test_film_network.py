@@ -16,7 +16,7 @@ def planes_of(shape, trials=64.0):
     rng = np.random.default_rng(0)
     counts = [
         Counts(rng.random(shape, np.float32), np.full(shape, trials / part, np.float32))
-        for part in (1, 4, 16)
+        for part in (1, 4, *[16] * 5)
     ]
     start, last = rng.random((2, *shape), np.float32)
     return film_planes(start, counts, trials, last)
@@ -36,7 +36,7 @@ def test_files_keep_a_network(tmp_path):
     network.save(tmp_path / "f.safetensors")
     loaded = FilmNetwork.load(tmp_path / "f.safetensors")
     assert loaded.trials_range == (8, 32)
-    assert count_planes(tmp_path / "f.safetensors") == 9
+    assert count_planes(tmp_path / "f.safetensors") == 13
     planes = planes_of((8, 8))
     found, expected = (
         each.estimate_probability(planes, 1000)  # the nearest K is used
@@ -50,7 +50,7 @@ def test_other_kinds_of_networks_are_refused(tmp_path):
         jl.Network.load(FILM_FILE)
     with pytest.raises(ValueError, match=r"expected a film network, got a color network"):
         FilmNetwork.load(MOSAIC_FILE)
-    with pytest.raises(ValueError, match="expected 9 channels of the first layer and 1 of"):
+    with pytest.raises(ValueError, match="expected 13 channels of the first layer and 1 of"):
         FilmNetwork(jl.Network.conditional("small", rng=0).layers, trials_range=(1, 4))
     with pytest.raises(ValueError, match="expected the box kernel, got cubic"):
         FilmNetwork.initial("small", rng=0).check_sensor(jl.Sensor(kernel="cubic"))

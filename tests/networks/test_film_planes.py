@@ -23,7 +23,7 @@ def z_of(fraction):
 @pytest.mark.parametrize("seed", range(4))
 def test_planes_are_those_of_a_loop_over_pixels(seed):
     rng = np.random.default_rng(seed)
-    counts = [random_counts(rng, most) for most in (40, 10, 3)]
+    counts = [random_counts(rng, most) for most in (40, 10, 3, 3, 3, 4, 2)]
     start = rng.random(SHAPE).astype(np.float32)
     last = rng.random(SHAPE).astype(np.float32)
     last[rng.random(SHAPE) < 0.3] = np.nan
@@ -35,9 +35,11 @@ def test_planes_are_those_of_a_loop_over_pixels(seed):
         estimate = z_of(start[place])
         expected[8][place] = estimate - math.pi / 4
         for index, each in enumerate(counts):
-            expected[2 * index + 1][place] = min(1.5, math.sqrt(each.trials[place] / usual))
+            if index < 3:
+                expected[2 * index + 1][place] = min(1.5, math.sqrt(each.trials[place] / usual))
             if each.trials[place] > 0:
-                expected[2 * index][place] = z_of(each.fraction[place]) - estimate
+                plane = 2 * index if index < 3 else 6 + index
+                expected[plane][place] = z_of(each.fraction[place]) - estimate
         if np.isfinite(last[place]):
             expected[6][place], expected[7][place] = last[place] - estimate, 1
     np.testing.assert_allclose(found, expected, atol=1e-5)
@@ -46,10 +48,10 @@ def test_planes_are_those_of_a_loop_over_pixels(seed):
 
 def test_the_first_image_has_no_last_one():
     rng = np.random.default_rng(0)
-    counts = [random_counts(rng, 9)] * 3
+    counts = [random_counts(rng, 9)] * 7
     planes = film_planes(np.full(SHAPE, 0.5, np.float32), counts, 9.0, None)
     assert not planes[6:8].any()
-    assert planes[:6].any()
+    assert planes[[*range(6), *range(9, PLANES)]].any(axis=(1, 2)).all()
 
 
 def test_the_usual_trials_are_those_of_pixels_with_readings():
@@ -57,4 +59,4 @@ def test_the_usual_trials_are_those_of_pixels_with_readings():
     assert usual_trials(Counts(fraction, np.float32([[0, 0, 0, 4, 8]]))) == 6
     nothing = Counts(fraction, np.zeros((1, 5), np.float32))
     assert usual_trials(nothing) == 1
-    assert np.isfinite(film_planes(fraction, [nothing] * 3, 1.0, None)).all()
+    assert np.isfinite(film_planes(fraction, [nothing] * 7, 1.0, None)).all()

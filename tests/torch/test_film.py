@@ -25,7 +25,7 @@ def example(seed, trials=64):
     p = 1 - np.exp(-truth)
     counts = [
         Counts((rng.binomial(n, p) / n).astype(np.float32), np.full(p.shape, n, np.float32))
-        for n in (trials, trials // 4, trials // 16)
+        for n in (trials, trials // 4, *[trials // 16] * 5)
     ]
     return FilmExample(
         film_planes(counts[0].fraction, counts, float(trials), np.arcsin(np.sqrt(p))),
@@ -53,7 +53,7 @@ def test_batches_depend_on_the_step_alone_and_have_the_trials_of_their_images():
     source = FilmPatches([example(seed, trials) for seed, trials in enumerate([16, 64, 256, 256])])
     loader = FilmPatchLoader(source, START, jl.Sensor(), seed=0, batch_size=3, side=16)
     batch = loader.batch(0, slice(None), 1)
-    assert batch.data.shape == (3, 9, 16, 16)
+    assert batch.data.shape == (3, 13, 16, 16)
     assert batch.truth.shape == (3, 1, 16, 16)
     assert 16 <= batch.trials <= 256
     part = loader.batch(0, slice(1, 3), 1)
@@ -65,13 +65,13 @@ def test_batches_depend_on_the_step_alone_and_have_the_trials_of_their_images():
 def test_training_lowers_the_error():
     loader = FilmPatchLoader(SOURCE, START, jl.Sensor(), seed=5, batch_size=8, side=32)
     batch = loader.batch(0, slice(None), 1)
-    trained, _ = train(START, SOURCE, **{**OPTIONS, "steps": 40, "patch": 32})
+    trained, _ = train(START, SOURCE, **{**OPTIONS, "steps": 150, "patch": 32})
 
     def error(network):
         with torch.no_grad():
             return float(batch.squared_errors(PlanesNetwork(network)).mean())
 
-    assert error(trained) < 0.95 * error(START)
+    assert error(trained) < 0.93 * error(START)
 
 
 def test_other_sources_and_tests_are_refused():

@@ -81,8 +81,7 @@ def test_training_lowers_the_cost(optimizer):
 def test_muon_and_adam_differ_in_filter_banks_alone():
     trained = jl.pretrained(jl.Sensor(frames=20), "small")  # untrained ones have gradients of 0
     by_muon, by_adam = (
-        train_small(trained, steps=1, optimizer=optimizer)[0]
-        for optimizer in ("muon", "adam")
+        train_small(trained, steps=1, optimizer=optimizer)[0] for optimizer in ("muon", "adam")
     )
     for layer, other in zip(by_muon.layers, by_adam.layers, strict=True):
         is_bank = min(layer.filters.shape[-4:-2]) >= MIN_CHANNELS

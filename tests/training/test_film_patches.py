@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from jotlight.networks.film_planes import PLANES
 from jotlight.training.film_patches import FilmExample, FilmPatches
 
 
 def numbered(trials, shape=(12, 15)):
     """Return an image whose planes and truth state the place of each pixel."""
     truth = np.arange(np.prod(shape), dtype=np.float32).reshape(shape)
-    planes = np.stack([truth + 1000 * index for index in range(9)])
+    planes = np.stack([truth + 1000 * index for index in range(PLANES)])
     return FilmExample(planes, truth, trials, 0.25)
 
 
@@ -19,7 +20,7 @@ def test_planes_and_truth_are_cut_and_turned_alike():
     for _ in range(60):
         part = example.cut(rng, 5)
         np.testing.assert_array_equal(
-            part.planes - 1000 * np.arange(9)[:, None, None], [part.truth] * 9
+            part.planes - 1000 * np.arange(PLANES)[:, None, None], [part.truth] * PLANES
         )
         assert len(np.unique(part.truth)) == 25
         steps = part.truth[0, 1] - part.truth[0, 0], part.truth[1, 0] - part.truth[0, 0]
@@ -54,5 +55,5 @@ def test_fingerprints_differ_and_bad_input_is_refused():
     assert FilmPatches([one]).fingerprint() != FilmPatches([other]).fingerprint()
     with pytest.raises(ValueError, match="examples: expected at least one"):
         FilmPatches([])
-    with pytest.raises(ValueError, match=r"planes: expected shape \(9, 4, 5\), got \(8, 4, 5\)"):
+    with pytest.raises(ValueError, match=r"planes: expected shape \(13, 4, 5\), got \(8, 4, 5\)"):
         FilmExample(np.zeros((8, 4, 5)), np.zeros((4, 5)), 4.0, 1.0)

@@ -10,6 +10,7 @@ from jotlight.motion.memory import Memory, remembers
 from jotlight.motion.merged_pixels import as_pixels
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.track import Paths, from_center
+from jotlight.networks.film_planes import NEIGHBORS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
@@ -38,9 +39,10 @@ class FilmImage:
     explains it. The flags of `merged` then say nothing about the image."""
     nearest: tuple[Merged, ...] = dataclasses.field(default=(), repr=False)
     """The counts of about a quarter and a sixteenth of the window along the motion: whole blocks of
-    frames, nearest to the time of the image, whether or not they agree with the motion. The film
-    network reads them besides `merged`. They stand still where merging has rejected the
-    motion. Empty for colors and for a finer grid."""
+    frames, nearest to the time of the image, whether or not they agree with the motion. Then those
+    of the four sixteenths that come next, in the order of their distance in time. The film network
+    reads them besides `merged`. They stand still where merging has rejected the motion. Empty for
+    colors and for a finer grid."""
 
     def displacement_from(self, time: float) -> npt.NDArray[np.float32] | None:
         """Return where an earlier image showed the points of this one, (2, H, W), in jots.
@@ -105,14 +107,38 @@ class FilmSettings:
 
 
 def count_nearest(paths: Paths, sensor: Sensor, *, is_still: bool) -> tuple[Merged, ...]:
-    """Return the counts along paths of the parts of a window nearest to their reference time.
+    """Return the counts along paths that :attr:`FilmImage.nearest` lists.
 
     If it `is_still`, the counts are those of the pixels themselves.
     """
     if is_still:
         track = dataclasses.replace(paths.tracks[0], nodes=np.zeros_like(paths.tracks[0].nodes))
         paths = Paths([track], np.zeros_like(paths.labels))
+    return tuple(as_pixels([_total(paths, part)], sensor) for part in find_parts(paths))
+
+
+def _total(paths: Paths, blocks: list[int]) -> Sums:
+    """Return the sum of some blocks along paths, which is 0 for none."""
+    if not blocks:
+        return Sums.zeros(paths.blocks.size)
+    return Sums.total(map(paths.sums, blocks), paths.blocks.threads)
+
+
+def find_parts(paths: Paths) -> list[list[int]]:
+    """Return the blocks of the parts of a window that :attr:`FilmImage.nearest` lists.
+
+    A window of few frames has fewer neighbors, so the last parts have no blocks.
+    """
     order = [int(block) for block in from_center(paths)]
-    parts = (order[: max(1, len(order) // part)] for part in _PARTS)
-    sums = (Sums.total(map(paths.sums, part), paths.blocks.threads) for part in parts)
-    return tuple(as_pixels([each], sensor) for each in sums)
+    quarter, nearest = (order[: max(1, len(order) // part)] for part in _PARTS)
+    length = len(nearest)
+    before = range(min(nearest) - 1, -1, -1)
+    after = range(max(nearest) + 1, len(order))
+    neighbors = [
+        list(side[first : first + length])
+        for side in (before, after)
+        for first in range(0, len(side) - length + 1, length)
+    ]
+    neighbors.sort(key=lambda part: min(map(order.index, part)))
+    neighbors = [*neighbors, *[[]] * NEIGHBORS][:NEIGHBORS]
+    return [quarter, nearest, *neighbors]

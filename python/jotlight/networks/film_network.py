@@ -7,8 +7,8 @@ from jotlight.networks.planes_network import PlanesNetwork
 class FilmNetwork(PlanesNetwork):
     """A K-conditioned recurrent network for the images of a film.
 
-    It improves the estimates of the gray network with counts of three lengths along the motion, and
-    with the last image of the film.
+    It improves the estimates of the gray network with counts of three lengths along the motion,
+    those of neighboring moments, and the last image of the film.
     :class:`jotlight.motion.film_estimates.FilmEstimates` uses it.
 
     Parameters

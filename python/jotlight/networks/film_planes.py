@@ -2,16 +2,19 @@
 
 The gray network estimates each image of a film from the counts of a whole window. A film network
 improves this estimate with what it does not know: the quarter of the window that is nearest to the
-time of the image, the nearest sixteenth, and the last image of the film. Long counts have little
-noise, but show what has changed since; bits that disagree with the rest are missing. Short counts
-show the present with much noise. The last image, displaced along the motion, has little noise, but
-repeats what was wrong in it. For each pixel, the planes state
+time of the image, the nearest sixteenth and its four neighbors, and the last image of the film.
+Long counts have little noise, but show what has changed since; bits that disagree with the rest are
+missing. Short counts show one moment with much noise, and neighboring moments show what has moved.
+The last image, displaced along the motion, has little noise, but repeats what was wrong in it. For
+each pixel, the planes state
 
-- by how much z = arcsin √(L/K) of each of the counts deviates from z of the estimate, in three
-  planes, and the root of their numbers of readings, relative to the usual one of the window, in
-  three planes. A pixel without readings has zeros;
+- by how much z = arcsin √(L/K) of the counts of the window, of the quarter, and of the sixteenth
+  deviates from z of the estimate, in three planes, and the root of their numbers of readings,
+  relative to the usual one of the window, in three planes. A pixel without readings has zeros;
 - by how much z of the last image deviates from the estimate, and whether the pixel lies inside it;
-- z of the estimate.
+- z of the estimate;
+- by how much z of each neighbor of the sixteenth deviates from the estimate, in four planes. They
+  have about as many readings as the sixteenth itself.
 
 The noise of z has the standard deviation 1/(2 √K) at every exposure.
 """
@@ -26,11 +29,17 @@ from jotlight.networks.planes_layers import CENTER, arcsin_root
 
 Image = npt.NDArray[np.float32]
 
-PLANES = 9
+NEIGHBORS = 4
+"""Number of the sixteenths of a window that are next to the nearest one in time."""
+
+PLANES = 9 + NEIGHBORS
 """Number of planes."""
 
 START = 8
 """Index of the plane of the estimate, at which the network starts."""
+
+_LENGTHS, _SHARES = 3, 6
+"""Number of lengths of counts, and of the planes with their deviations and readings."""
 
 _MAX_SHARE = 1.5
 """The largest root of a number of readings, relative to the usual one. The engine's check
@@ -53,14 +62,15 @@ def usual_trials(window: Counts) -> float:
 
 
 def film_planes(start: Image, counts: Sequence[Counts], usual: float, last: Image | None) -> Image:
-    """Return the planes of an image, (9, H, W).
+    """Return the planes of an image, (13, H, W).
 
     Parameters
     ----------
     start : ndarray of float32, shape (H, W)
         P(b = 1) of the estimate.
     counts : sequence of Counts
-        Those of the window, of a quarter of it, and of a sixteenth.
+        Those of the window, of a quarter of it, of a sixteenth, and of the neighbors of this
+        sixteenth, in the order of their distance in time.
     usual : float
         The usual number of readings of the window: :func:`usual_trials`.
     last : ndarray of float32, shape (H, W), optional
@@ -71,14 +81,15 @@ def film_planes(start: Image, counts: Sequence[Counts], usual: float, last: Imag
     --------
     >>> fraction, trials = np.full((2, 4, 6), 0.5, np.float32), np.full((2, 4, 6), 16.0, np.float32)
     >>> same = Counts(fraction[0], trials[0])
-    >>> film_planes(fraction[1], [same] * 3, 16.0, None)[1:8:2, 0, 0].tolist()
+    >>> film_planes(fraction[1], [same] * 7, 16.0, None)[1:8:2, 0, 0].tolist()
     [1.0, 1.0, 1.0, 0.0]
     """
     estimate = arcsin_root(start)
     planes = np.zeros((PLANES, *start.shape), np.float32)
-    for index, each in enumerate(counts):
-        deviation = arcsin_root(each.fraction) - estimate
-        planes[2 * index] = np.where(each.trials > 0, deviation, 0)
+    deviations = [np.where(n > 0, arcsin_root(fraction) - estimate, 0) for fraction, n in counts]
+    planes[:_SHARES:2] = deviations[:_LENGTHS]
+    planes[START + 1 :] = deviations[_LENGTHS:]
+    for index, each in enumerate(counts[:_LENGTHS]):
         share = np.sqrt(each.trials / np.float32(usual))
         planes[2 * index + 1] = np.minimum(share, np.float32(_MAX_SHARE))
     if last is not None:
