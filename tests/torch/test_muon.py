@@ -101,3 +101,23 @@ def test_parameters_without_a_gradient_do_not_change():
     bank = torch.nn.Parameter(torch.ones(6, 6, 3, 3))
     Muon([bank], lr=RATE).step()
     assert bool((bank == 1).all())
+
+
+def test_closures_and_schedules_of_pytorch_work():
+    bank = torch.nn.Parameter(random(6, 6, 3, 3))
+    optimizer = Muon([bank], lr=RATE)
+    schedule = torch.optim.lr_scheduler.StepLR(optimizer, 1, gamma=0.5)
+
+    def closure():
+        optimizer.zero_grad()
+        loss = bank.square().sum()
+        loss.backward()
+        return loss
+
+    before, changes = bank.detach().clone(), []
+    for _ in range(2):
+        assert float(optimizer.step(closure).detach()) == pytest.approx(float(before.square().sum()))
+        schedule.step()
+        changes.append(float((bank.detach() - before).norm()))
+        before = bank.detach().clone()
+    assert changes[1] == pytest.approx(changes[0] / 2, rel=0.2)

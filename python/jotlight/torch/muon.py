@@ -111,13 +111,13 @@ def orthogonalize(matrices: Tensor) -> Tensor:
     True
     """
     is_tall = matrices.shape[-2] > matrices.shape[-1]
-    x = matrices.mT if is_tall else matrices
+    x: Tensor = matrices.mT if is_tall else matrices
     x = x / x.norm(dim=(-2, -1), keepdim=True).clamp(min=1e-20)
     a, b, c = _NEWTON_SCHULZ
     for _ in range(_ITERATIONS):
         products = x @ x.mT
         x = a * x + (b * products + c * products @ products) @ x
-    return x.mT if is_tall else x
+    return x.transpose(-2, -1) if is_tall else x
 
 
 def adam(params: Iterable[nn.Parameter], lr: float) -> torch.optim.Adam:
