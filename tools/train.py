@@ -46,6 +46,8 @@ class Stage:
     ``mixture``: those of `training_data`."""
     share: float = 1.0
     """The parameters are start + share × (found - start)."""
+    optimizer: str = "adam"
+    """The optimizer of `jotlight.torch.train`."""
 
 
 def bsds300_stages(*stages: tuple[int, float]) -> tuple[Stage, ...]:
@@ -75,8 +77,8 @@ STAGES: dict[str, tuple[Stage, ...]] = {
 OTHER_SMALL_STAGES = bsds300_stages((8_000, 1.5e-3))
 """Stages of the other small networks, after the first stage of `small-k16`."""
 
-CONTINUATION = Stage(20_000, 1.5e-3, batch=32, patch=64, images="mixture")
-"""The stage after `--from`, if the last stage of the network trained on BSDS300 alone."""
+CONTINUATION = Stage(20_000, 1.5e-3, batch=32, patch=64, images="mixture", optimizer="muon")
+"""The stage after `--from`, unless the last stage of the network has other settings for it."""
 
 NOTES = {
     "small": "The alignment of moving scenes denoises its templates with this network.",
@@ -228,7 +230,7 @@ def train_deep(name: str, options: argparse.Namespace) -> tuple[jl.Network, str]
         numbered = list(enumerate(stages, 1))
     else:
         network = jl.Network.load(options.start)
-        last = stages[-1] if stages[-1].images != "bsds300" else CONTINUATION
+        last = stages[-1] if stages[-1].optimizer == "muon" else CONTINUATION
         chosen = {"steps": options.steps, "learning_rate": options.learning_rate}
         chosen = {name: value for name, value in chosen.items() if value is not None}
         last = dataclasses.replace(last, **chosen)
@@ -252,8 +254,9 @@ def train_stage(
     if path.exists():
         finished = jl.Network.load(path)
         run = finished.history["run"]
-        # Repeat a stage whose number of steps or start has changed.
-        if (run["steps"], run["network"]) == (stage.steps, fingerprint_network(start)):
+        # Repeat a stage whose number of steps, start, or optimizer has changed.
+        is_same = (run["steps"], run["network"]) == (stage.steps, fingerprint_network(start))
+        if is_same and run["optimizer"].lower().startswith(stage.optimizer):
             return finished
     settings = {"batch": stage.batch, "patch": stage.patch, "threads": options.threads}
     checkpoint = options.scratch / f"{name}.{seed}.checkpoint.safetensors"
@@ -262,6 +265,7 @@ def train_stage(
         IMAGES[stage.images](options.data),
         steps=stage.steps,
         learning_rate=stage.learning_rate,
+        optimizer=stage.optimizer,
         precision=options.precision or fastest_precision(start, device="cpu", **settings),
         rng=seed,
         checkpoint=checkpoint,
@@ -303,6 +307,8 @@ def describe(name: str, stages: tuple[Stage, ...]) -> str:
         if (stage.batch, stage.patch) != (Stage.batch, Stage.patch):
             text += f" with {stage.batch} patches of {stage.patch} × {stage.patch} pixels"
         text += f" of {NAMES[stage.images]}"
+        if stage.optimizer == "muon":
+            text += " by Muon"
         if stage.share < 1:
             text += f", of whose changes the network has {stage.share:.0%}"
         texts.append(text)

@@ -165,6 +165,7 @@ def main() -> None:
         batch=BATCH,
         patch=PATCH,
         learning_rate=options.learning_rate,
+        optimizer="adam",  # the learning rate was chosen for it
         rng=options.seed,
         checkpoint=checkpoint,
         resume=checkpoint.exists(),

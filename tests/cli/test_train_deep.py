@@ -77,7 +77,7 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
     assert files(tmp_path) == [NETWORK, "photos", "run.png"]
     assert (tmp_path / "run.png").stat().st_size > 10_000
     assert run("info", NETWORK, "--plot", "later.png")[0] == 0
-    assert "3 steps of Adam(learning_rate=0.002)" in run("info", NETWORK)[1]
+    assert "3 steps of Muon(learning_rate=0.002)" in run("info", NETWORK)[1]
 
 
 def test_a_conditional_network_is_trained_and_improved(run, photo_folder, tmp_path):

@@ -36,7 +36,7 @@ def test_files_keep_a_network(tmp_path):
     network.save(tmp_path / "f.safetensors")
     loaded = FilmNetwork.load(tmp_path / "f.safetensors")
     assert loaded.trials_range == (8, 32)
-    assert count_planes(tmp_path / "f.safetensors") == 13
+    assert count_planes(tmp_path / "f.safetensors") == 14
     planes = planes_of((8, 8))
     found, expected = (
         each.estimate_probability(planes, 1000)  # the nearest K is used
@@ -50,7 +50,7 @@ def test_other_kinds_of_networks_are_refused(tmp_path):
         jl.Network.load(FILM_FILE)
     with pytest.raises(ValueError, match=r"expected a film network, got a color network"):
         FilmNetwork.load(MOSAIC_FILE)
-    with pytest.raises(ValueError, match="expected 13 channels of the first layer and 1 of"):
+    with pytest.raises(ValueError, match="expected 14 channels of the first layer and 1 of"):
         FilmNetwork(jl.Network.conditional("small", rng=0).layers, trials_range=(1, 4))
     with pytest.raises(ValueError, match="expected the box kernel, got cubic"):
         FilmNetwork.initial("small", rng=0).check_sensor(jl.Sensor(kernel="cubic"))

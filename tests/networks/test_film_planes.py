@@ -40,6 +40,8 @@ def test_planes_are_those_of_a_loop_over_pixels(seed):
             if each.trials[place] > 0:
                 plane = 2 * index if index < 3 else 6 + index
                 expected[plane][place] = z_of(each.fraction[place]) - estimate
+        mean = np.mean([each.trials[place] for each in counts[3:]])
+        expected[13][place] = min(1.5, math.sqrt(mean / usual))
         if np.isfinite(last[place]):
             expected[6][place], expected[7][place] = last[place] - estimate, 1
     np.testing.assert_allclose(found, expected, atol=1e-5)

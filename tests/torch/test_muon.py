@@ -56,13 +56,52 @@ def test_banks_take_the_steps_of_pytorchs_muon(shape):
 
 
 def test_each_parameter_set_is_a_matrix_of_its_own():
-    start, gradients = random(4, 6, 5, 3, 3), [random(4, 6, 5, 3, 3, seed=1 + i) for i in range(2)]
+    start, gradient = random(4, 6, 5, 3, 3), random(4, 6, 5, 3, 3, seed=1)
+    gradient[1] *= 0.25
     together = torch.nn.Parameter(start.clone())
-    after_steps(together, Muon([together], lr=RATE), gradients)
+    after_steps(together, Muon([together], lr=RATE), [gradient])
+    norms = gradient.flatten(1).norm(dim=1)
     for number in range(4):
         alone = torch.nn.Parameter(start[number].clone())
-        after_steps(alone, Muon([alone], lr=RATE), [gradient[number] for gradient in gradients])
-        assert torch.allclose(together[number], alone, atol=1e-6)
+        after_steps(alone, Muon([alone], lr=RATE), [gradient[number]])
+        expected = (alone - start[number]) * (norms[number] / norms.max()).sqrt()
+        assert torch.allclose(together[number] - start[number], expected, atol=1e-6)
+
+
+def test_a_parameter_set_that_is_drawn_once_stops():
+    bank = torch.nn.Parameter(torch.zeros(2, 6, 6, 3, 3))
+    optimizer, places = Muon([bank], lr=RATE), []
+    for step in range(400):
+        bank.grad = random(2, 6, 6, 3, 3, seed=step)
+        if step:
+            bank.grad[1] = 0
+        optimizer.step()
+        places.append(bank.detach()[1].clone())
+    assert float((places[-1] - places[200]).norm()) < 0.01 * float(places[200].norm())
+    assert float(places[-1].square().mean().sqrt()) < 50 * 0.2 * RATE
+
+
+def test_a_loaded_state_continues_the_steps():
+    gradients = [random(6, 5, 3, 3, seed=seed) for seed in range(4)]
+    whole = torch.nn.Parameter(torch.zeros(6, 5, 3, 3))
+    after_steps(whole, Muon([whole], lr=RATE), gradients)
+    part = torch.nn.Parameter(torch.zeros(6, 5, 3, 3))
+    first, second = Muon([part], lr=RATE), Muon([part], lr=0.5)
+    after_steps(part, first, gradients[:2])
+    second.load_state_dict(first.state_dict())
+    after_steps(part, second, gradients[2:])
+    assert torch.equal(part, whole)
+
+
+def test_groups_may_differ_in_their_learning_rates_alone():
+    banks = [torch.nn.Parameter(torch.zeros(6, 6, 3, 3)) for _ in range(2)]
+    optimizer = Muon([{"params": [banks[0]], "lr": RATE}, {"params": [banks[1]], "lr": 2 * RATE}])
+    for bank in banks:
+        bank.grad = random(6, 6, 3, 3)
+    optimizer.step()
+    assert torch.allclose(banks[1], 2 * banks[0])
+    with pytest.raises(ValueError, match=r"weight_decay: expected groups that differ in lr alone"):
+        Muon([{"params": banks, "weight_decay": 0.5}])
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e6])
@@ -116,7 +155,8 @@ def test_closures_and_schedules_of_pytorch_work():
 
     before, changes = bank.detach().clone(), []
     for _ in range(2):
-        assert float(optimizer.step(closure).detach()) == pytest.approx(float(before.square().sum()))
+        loss = optimizer.step(closure).detach()
+        assert float(loss) == pytest.approx(float(before.square().sum()))
         schedule.step()
         changes.append(float((bank.detach() - before).norm()))
         before = bank.detach().clone()

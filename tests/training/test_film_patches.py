@@ -55,5 +55,5 @@ def test_fingerprints_differ_and_bad_input_is_refused():
     assert FilmPatches([one]).fingerprint() != FilmPatches([other]).fingerprint()
     with pytest.raises(ValueError, match="examples: expected at least one"):
         FilmPatches([])
-    with pytest.raises(ValueError, match=r"planes: expected shape \(13, 4, 5\), got \(8, 4, 5\)"):
+    with pytest.raises(ValueError, match=r"planes: expected shape \(14, 4, 5\), got \(8, 4, 5\)"):
         FilmExample(np.zeros((8, 4, 5)), np.zeros((4, 5)), 4.0, 1.0)

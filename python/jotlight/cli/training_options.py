@@ -129,7 +129,7 @@ class NetworkOptions:
         str | None,
         Parameter(
             help=f"Optimizer of the two-layer network: one of {', '.join(OPTIMIZERS)}. Default: "
-            f"{DEFAULT_OPTIMIZER}. Deep networks use Adam."
+            f"{DEFAULT_OPTIMIZER}. Deep networks use Muon."
         ),
     ] = None
     damping: Annotated[

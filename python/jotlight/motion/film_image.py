@@ -39,10 +39,11 @@ class FilmImage:
     explains it. The flags of `merged` then say nothing about the image."""
     nearest: tuple[Merged, ...] = dataclasses.field(default=(), repr=False)
     """The counts of about a quarter and a sixteenth of the window along the motion: whole blocks of
-    frames, nearest to the time of the image, whether or not they agree with the motion. Then those
-    of the four sixteenths that come next, in the order of their distance in time. The film network
-    reads them besides `merged`. They stand still where merging has rejected the motion. Empty for
-    colors and for a finer grid."""
+    frames, nearest to the time of the image, whether or not they agree with the motion. They are
+    followed by those of the four sixteenths next to this sixteenth, in the order of their distance
+    in time; the earlier one of two with the same distance is first. The film network reads them
+    besides `merged`. They stand still where merging has rejected the motion. Empty for colors and
+    for a finer grid."""
 
     def displacement_from(self, time: float) -> npt.NDArray[np.float32] | None:
         """Return where an earlier image showed the points of this one, (2, H, W), in jots.
@@ -139,6 +140,11 @@ def find_parts(paths: Paths) -> list[list[int]]:
         for side in (before, after)
         for first in range(0, len(side) - length + 1, length)
     ]
-    neighbors.sort(key=lambda part: min(map(order.index, part)))
+    centers = paths.blocks.centers
+
+    def distance(part: list[int]) -> tuple[float, int]:
+        return abs(float(np.mean(centers[part])) - paths.reference), part[0]
+
+    neighbors.sort(key=distance)
     neighbors = [*neighbors, *[[]] * NEIGHBORS][:NEIGHBORS]
     return [quarter, nearest, *neighbors]

@@ -1,4 +1,4 @@
-"""The planes that a film network reads: an estimate, counts of three lengths, and the last image.
+"""The planes that a film network reads: an estimate, counts of parts of a window, the last image.
 
 The gray network estimates each image of a film from the counts of a whole window. A film network
 improves this estimate with what it does not know: the quarter of the window that is nearest to the
@@ -13,8 +13,8 @@ each pixel, the planes state
   relative to the usual one of the window, in three planes. A pixel without readings has zeros;
 - by how much z of the last image deviates from the estimate, and whether the pixel lies inside it;
 - z of the estimate;
-- by how much z of each neighbor of the sixteenth deviates from the estimate, in four planes. They
-  have about as many readings as the sixteenth itself.
+- by how much z of each neighbor of the sixteenth deviates from the estimate, in four planes, and
+  the root of their mean number of readings, relative to the usual one, in one plane.
 
 The noise of z has the standard deviation 1/(2 √K) at every exposure.
 """
@@ -32,7 +32,7 @@ Image = npt.NDArray[np.float32]
 NEIGHBORS = 4
 """Number of the sixteenths of a window that are next to the nearest one in time."""
 
-PLANES = 9 + NEIGHBORS
+PLANES = 9 + NEIGHBORS + 1
 """Number of planes."""
 
 START = 8
@@ -62,7 +62,7 @@ def usual_trials(window: Counts) -> float:
 
 
 def film_planes(start: Image, counts: Sequence[Counts], usual: float, last: Image | None) -> Image:
-    """Return the planes of an image, (13, H, W).
+    """Return the planes of an image, (14, H, W).
 
     Parameters
     ----------
@@ -88,10 +88,11 @@ def film_planes(start: Image, counts: Sequence[Counts], usual: float, last: Imag
     planes = np.zeros((PLANES, *start.shape), np.float32)
     deviations = [np.where(n > 0, arcsin_root(fraction) - estimate, 0) for fraction, n in counts]
     planes[:_SHARES:2] = deviations[:_LENGTHS]
-    planes[START + 1 :] = deviations[_LENGTHS:]
-    for index, each in enumerate(counts[:_LENGTHS]):
-        share = np.sqrt(each.trials / np.float32(usual))
-        planes[2 * index + 1] = np.minimum(share, np.float32(_MAX_SHARE))
+    planes[START + 1 : -1] = deviations[_LENGTHS:]
+    readings = [each.trials for each in counts]
+    shares = [*readings[:_LENGTHS], sum(readings[_LENGTHS:]) / np.float32(NEIGHBORS)]
+    for index, each in zip((1, 3, 5, -1), shares, strict=True):
+        planes[index] = np.minimum(np.sqrt(each / np.float32(usual)), np.float32(_MAX_SHARE))
     if last is not None:
         shown = np.isfinite(last)
         planes[6] = np.where(shown, last - estimate, 0)

@@ -164,7 +164,7 @@ def pretrained_film() -> FilmNetwork:
     Examples
     --------
     >>> pretrained_film().planes
-    9
+    14
     """
     return FilmNetwork.load(FILM_FILE)
 

@@ -1,11 +1,11 @@
 """PyTorch versions of the networks and of the sensor, and their training (extra `torch`).
 
 In reading order: `network` (a network as a module), `splines` and `padding` (its parts), `sensing`
-and `response` (the sensor as a differentiable layer), `training`, `patches`, `precision`, and
-`muon` (training on images), `planes_network`, `color_patches`, and `film_patches` (networks of
-colors and of films), `fine_tuning`, `bit_splitting`, and `blind_spots` (training on a capture),
-`trainer`, `image_trainer`, `ahead`, and `distributed` (the loop of all), and `deepinv` (adapters
-for that library, extra `deepinv`).
+and `response` (the sensor as a differentiable layer), `training`, `image_trainer`, `patches`,
+`precision`, and `muon` (training on images), `planes_network`, `color_patches`, and `film_patches`
+(networks of colors and of films), `fine_tuning`, `bit_splitting`, and `blind_spots` (training on a
+capture), `trainer`, `ahead`, and `distributed` (the loop of all), and `deepinv` (adapters for that
+library, extra `deepinv`).
 
 Examples
 --------

@@ -82,9 +82,14 @@ class ImageTrainer(Trainer):
                 average.lerp_(parameter, 1 - decay)
 
     def finish(self) -> Record:
-        """Set the parameters to their averages, and return the record of the result."""
+        """Set the parameters to their averages, and return the record of the result.
+
+        All processes get those of the main one: products of matrices may differ in their last
+        digits between machines.
+        """
         with torch.no_grad():
             for average, parameter in zip(self.averages, self.parameters, strict=True):
+                self.group.broadcast(average)
                 parameter.copy_(average)
         return self.measure(len(self.history), is_test=True)
 

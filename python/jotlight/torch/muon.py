@@ -1,4 +1,4 @@
-"""Muon: steps of Adam in which the filter banks change by orthogonal matrices."""
+"""Muon: an optimizer that changes filter banks by orthogonal matrices, and the rest by Adam."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -10,6 +10,7 @@ MIN_CHANNELS = 5
 """Smallest number of input and of output channels of a filter bank that takes Muon's steps."""
 
 _MOMENTUM = 0.95
+"""Decay of the sum of the gradients of filter banks."""
 
 BETAS = (0.9, 0.99)
 """Decays of the means of gradients and of their squares, of Adam."""
@@ -25,11 +26,14 @@ class Muon(torch.optim.Adam):
     """An optimizer for networks of filter banks.
 
     A bank of filters is a matrix with a row for each output channel. Adam changes each number by
-    itself, so a few directions dominate. Muon replaces the mean gradient by the orthogonal matrix
-    that is closest to it, so all directions change equally. Each parameter set of a K-conditioned
-    network is a matrix of its own. All other parameters take the steps of Adam: those of splines,
-    and of banks with few channels. The size of the steps is that of Adam, too, so one learning rate
-    serves both.
+    itself, so the strongest directions of the gradient dominate. Muon adds up the gradients with
+    decaying weights, and changes the bank by the orthogonal matrix that is closest to this sum. So
+    all directions change equally. Banks with fewer than five input or output channels, splines, and
+    all other parameters take the steps of Adam. Both kinds of steps have about the same size, so
+    one learning rate serves both.
+
+    A parameter with five axes holds a bank for each parameter set of a K-conditioned network. Sets
+    with smaller gradients than others take smaller steps: in proportion to the root of the norm.
 
     Source: K. Jordan et al., "Muon: an optimizer for hidden layers in neural networks", 2024. The
     size of the steps is that of J. Liu et al., "Muon is scalable for LLM training", 2025.
@@ -37,9 +41,14 @@ class Muon(torch.optim.Adam):
     Parameters
     ----------
     params : iterable of nn.Parameter or dict
-        Parameters of a network, or groups of them, as for ``torch.optim.Adam``.
+        Parameters of a network, or groups of them that differ in `lr`.
     lr : float
         Learning rate: about the largest change of a number per step.
+
+    Raises
+    ------
+    ValueError
+        When a group has other options, which banks would ignore.
 
     Examples
     --------
@@ -55,23 +64,31 @@ class Muon(torch.optim.Adam):
         self, params: Iterable[nn.Parameter] | Iterable[dict[str, Any]], lr: float = 3e-3
     ) -> None:
         super().__init__(params, lr=lr, betas=BETAS)
+        for group in self.param_groups:
+            for name, value in self.defaults.items():
+                if name != "lr" and group[name] != value:
+                    raise ValueError(
+                        f"{name}: expected groups that differ in lr alone, got {group[name]}"
+                    )
 
     @torch.no_grad()
     def step(self, closure: Callable[[], float] | None = None) -> float | None:  # type: ignore[override]
-        """Change all parameters, and return the loss of the closure, if there is one."""
+        """Return the loss of the closure, if there is one, after a change of all parameters."""
         loss = None
         if closure is not None:
             with torch.enable_grad():
                 loss = closure()
         gradients = {}
-        for group in self.param_groups:
-            for parameter in filter(is_bank, group["params"]):
-                if parameter.grad is not None:
-                    self._step_bank(parameter, group["lr"])
-                    gradients[parameter], parameter.grad = parameter.grad, None
-        super().step()
-        for parameter, gradient in gradients.items():
-            parameter.grad = gradient
+        try:
+            for group in self.param_groups:
+                for parameter in filter(is_bank, group["params"]):
+                    if parameter.grad is not None:
+                        self._step_bank(parameter, group["lr"])
+                        gradients[parameter], parameter.grad = parameter.grad, None
+            super().step()
+        finally:
+            for parameter, gradient in gradients.items():
+                parameter.grad = gradient
         return loss
 
     def _step_bank(self, bank: Tensor, learning_rate: float) -> None:
@@ -82,11 +99,12 @@ class Muon(torch.optim.Adam):
             state["step"] = torch.zeros(())
             state["exp_avg"], state["exp_avg_sq"] = (torch.zeros_like(bank) for _ in range(2))
         state["step"] += 1
-        mean = state["exp_avg"]
-        mean.mul_(_MOMENTUM).add_(bank.grad)
-        matrices = (bank.grad + _MOMENTUM * mean).flatten(-3)
+        total = state["exp_avg"]
+        total.mul_(_MOMENTUM).add_(bank.grad)
+        matrices = (bank.grad + _MOMENTUM * total).flatten(-3)
         size = _ADAM_RMS * max(matrices.shape[-2:]) ** 0.5
-        bank.add_(orthogonalize(matrices).view_as(bank), alpha=-learning_rate * size)
+        change = orthogonalize(matrices) * _relative_sizes(matrices)
+        bank.add_(change.view_as(bank), alpha=-learning_rate * size)
 
 
 def is_bank(parameter: Tensor) -> bool:
@@ -94,10 +112,20 @@ def is_bank(parameter: Tensor) -> bool:
     return parameter.dim() >= 4 and min(parameter.shape[-4:-2]) >= MIN_CHANNELS
 
 
-def orthogonalize(matrices: Tensor) -> Tensor:
-    """Return matrices with nearly the same singular vectors, and singular values from 0.7 to 1.2.
+def _relative_sizes(matrices: Tensor) -> Tensor:
+    """Return the root of the norm of each matrix, relative to the largest one, (…, 1, 1).
 
-    A matrix of zeros remains one.
+    Without it, a parameter set whose K is no longer drawn would move on along its last gradients.
+    """
+    norms = matrices.norm(dim=(-2, -1), keepdim=True)
+    return (norms / norms.max().clamp(min=1e-30)).sqrt()
+
+
+def orthogonalize(matrices: Tensor) -> Tensor:
+    """Return matrices with nearly the same singular vectors, and other singular values.
+
+    Most of the values become 0.7 to 1.2. Those that are far below the largest one remain smaller,
+    and a matrix of zeros remains one.
 
     Parameters
     ----------
@@ -112,7 +140,7 @@ def orthogonalize(matrices: Tensor) -> Tensor:
     """
     is_tall = matrices.shape[-2] > matrices.shape[-1]
     x: Tensor = matrices.mT if is_tall else matrices
-    x = x / x.norm(dim=(-2, -1), keepdim=True).clamp(min=1e-20)
+    x = x / x.norm(dim=(-2, -1), keepdim=True).clamp(min=1e-30)
     a, b, c = _NEWTON_SCHULZ
     for _ in range(_ITERATIONS):
         products = x @ x.mT
@@ -127,3 +155,6 @@ def adam(params: Iterable[nn.Parameter], lr: float) -> torch.optim.Adam:
 
 OPTIMIZERS: dict[str, Callable[..., torch.optim.Adam]] = {"muon": Muon, "adam": adam}
 """Optimizers by name, functions of the parameters and of the learning rate."""
+
+TITLES = {"muon": "Muon", "adam": "Adam"}
+"""Their names in records of a training."""

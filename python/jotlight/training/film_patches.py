@@ -26,7 +26,7 @@ class FilmExample:
     """
 
     planes: npt.NDArray[np.floating]
-    """The planes of :mod:`jotlight.networks.film_planes`, (13, H, W)."""
+    """The planes of :mod:`jotlight.networks.film_planes`, (14, H, W)."""
     truth: npt.NDArray[np.floating]
     """The true intensities, (H, W)."""
     trials: float
@@ -71,10 +71,10 @@ class FilmPatches(PatchSource):
 
     Examples
     --------
-    >>> example = FilmExample(np.zeros((13, 20, 30)), np.full((20, 30), 0.5), 256.0, 0.4)
+    >>> example = FilmExample(np.zeros((14, 20, 30)), np.full((20, 30), 0.5), 256.0, 0.4)
     >>> source = FilmPatches([example])
     >>> [each.planes.shape for each in source.draw_similar(np.random.default_rng(0), 8, 2)]
-    [(13, 8, 8), (13, 8, 8)]
+    [(14, 8, 8), (14, 8, 8)]
     """
 
     def __init__(self, examples: Sequence[FilmExample]) -> None:
