@@ -183,6 +183,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--steps", type=int, default=5000)
     parser.add_argument("--learning-rate", type=float, default=2e-3)
+    parser.add_argument("--optimizer", choices=["muon", "adam"], default="muon")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--threads", type=int)
     options = parser.parse_args()
@@ -206,14 +207,15 @@ def main() -> None:
             batch=BATCH,
             patch=PATCH,
             learning_rate=options.learning_rate,
+            optimizer=options.optimizer,
             rng=options.seed + number,
             callback=report,
             device="cpu",
             threads=options.threads,
         )
         stages.append(
-            f"{options.steps:,} steps at a learning rate of {options.learning_rate:g} on the "
-            f"images of {len(scenes)} scenes"
+            f"{options.steps:,} steps by {options.optimizer.capitalize()} at a learning rate of "
+            f"{options.learning_rate:g} on the images of {len(scenes)} scenes"
         )
         network = ship(network, stages, validation)
 

@@ -1,5 +1,7 @@
 """Film networks in PyTorch: agreement with the engine, batches, and training."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -75,6 +77,13 @@ def test_training_lowers_the_error(optimizer, most):
             return float(batch.squared_errors(PlanesNetwork(network)).mean())
 
     assert error(trained) < most * error(START)
+
+
+@pytest.mark.parametrize(("trials", "expected"), [(2, 4), (5000, 1024)])
+def test_trials_beyond_the_range_of_the_network_count_as_its_ends(trials, expected):
+    images = [dataclasses.replace(example(0), trials=float(trials))]
+    loader = FilmPatchLoader(FilmPatches(images), START, jl.Sensor(), seed=0, batch_size=2, side=16)
+    assert loader.batch(0, slice(None), 1).trials == expected
 
 
 def test_other_sources_and_tests_are_refused():

@@ -56,11 +56,12 @@ class FilmPatchLoader(PatchLoader):
         drawn = self.source.draw_similar(rng, self.side, self.batch_size)
         trials = float(np.exp(np.mean([np.log(each.trials) for each in drawn])))
         drawn = drawn[shard]
+        assert self.network.trials_range is not None
         light = np.array([each.light_per_intensity for each in drawn], np.float32)
         return FilmBatch(
             torch.from_numpy(np.stack([each.planes for each in drawn])),
             torch.from_numpy(np.stack([each.truth for each in drawn])[:, None]),
-            max(1, round(trials)),
+            round(float(np.clip(trials, *self.network.trials_range))),
             torch.from_numpy(light),
             torch.zeros(len(drawn)),
         )
