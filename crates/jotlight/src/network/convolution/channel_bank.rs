@@ -195,6 +195,9 @@ impl<F: Real> BankCorrelation<'_, '_, F> {
                     1 => self.tile::<S, O, 1>(simd, taps, first, row, column),
                     2 => self.tile::<S, O, 2>(simd, taps, first, row, column),
                     3 => self.tile::<S, O, 3>(simd, taps, first, row, column),
+                    // A wide tile would read planes beyond their end.
+                    4 if C > 4 => self.tile::<S, O, 4>(simd, taps, first, row, column),
+                    5 if C > 5 => self.tile::<S, O, 5>(simd, taps, first, row, column),
                     _ => self.tile::<S, O, C>(simd, taps, first, row, column),
                 };
         }
