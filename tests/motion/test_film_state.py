@@ -71,7 +71,7 @@ def test_a_doubtful_motion_is_estimated_from_more_frames(
     monkeypatch, attempts, causal, is_better, model
 ):
     """The better image is shown, and the film goes on with its motion and its memory."""
-    shape = (48, 48) if model == "affine" else (96, 96)
+    shape = (64, 64) if model == "affine" else (96, 96)
     _, bits = record("shake", frames=96, shape=shape, photons=1.0)
     starts = attempts(is_better)
     options = {"window": 32, "step": 8, "causal": causal, "model": model}

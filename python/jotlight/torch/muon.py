@@ -56,7 +56,7 @@ class Muon(torch.optim.Adam):
     >>> optimizer = Muon([bank], lr=0.01)
     >>> (bank * torch.randn(8, 8, 3, 3)).sum().backward()
     >>> optimizer.step()
-    >>> round(float(bank.square().mean().sqrt()), 3)
+    >>> round(float(bank.detach().square().mean().sqrt()), 3)
     0.002
     """
 
