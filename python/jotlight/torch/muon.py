@@ -118,7 +118,8 @@ def _relative_sizes(matrices: Tensor) -> Tensor:
     Without it, a parameter set whose K is no longer drawn would move on along its last gradients.
     """
     norms = matrices.norm(dim=(-2, -1), keepdim=True)
-    return (norms / norms.max().clamp(min=1e-30)).sqrt()
+    sizes: Tensor = (norms / norms.max().clamp(min=1e-30)).sqrt()
+    return sizes
 
 
 def orthogonalize(matrices: Tensor) -> Tensor:
@@ -139,13 +140,14 @@ def orthogonalize(matrices: Tensor) -> Tensor:
     True
     """
     is_tall = matrices.shape[-2] > matrices.shape[-1]
-    x: Tensor = matrices.mT if is_tall else matrices
+    x = matrices.mT if is_tall else matrices
     x = x / x.norm(dim=(-2, -1), keepdim=True).clamp(min=1e-30)
     a, b, c = _NEWTON_SCHULZ
     for _ in range(_ITERATIONS):
         products = x @ x.mT
         x = a * x + (b * products + c * products @ products) @ x
-    return x.transpose(-2, -1) if is_tall else x
+    found: Tensor = x.mT if is_tall else x
+    return found
 
 
 def adam(params: Iterable[nn.Parameter], lr: float) -> torch.optim.Adam:
