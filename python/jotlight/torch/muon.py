@@ -72,7 +72,7 @@ class Muon(torch.optim.Adam):
                     )
 
     @torch.no_grad()
-    def step(self, closure: Callable[[], float] | None = None) -> float | None:  # type: ignore[override]
+    def step(self, closure: Any = None) -> Any:
         """Return the loss of the closure, if there is one, after a change of all parameters."""
         loss = None
         if closure is not None:
@@ -109,7 +109,7 @@ class Muon(torch.optim.Adam):
 
 def is_bank(parameter: Tensor) -> bool:
     """Return whether a parameter is a filter bank with enough channels, with or without sets."""
-    return parameter.dim() >= 4 and min(parameter.shape[-4:-2]) >= MIN_CHANNELS
+    return bool(parameter.dim() >= 4 and min(parameter.shape[-4:-2]) >= MIN_CHANNELS)
 
 
 def _relative_sizes(matrices: Tensor) -> Tensor:
