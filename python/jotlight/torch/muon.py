@@ -71,13 +71,18 @@ class Muon(torch.optim.Adam):
                         f"{name}: expected groups that differ in lr alone, got {group[name]}"
                     )
 
-    @torch.no_grad()
     def step(self, closure: Any = None) -> Any:
         """Return the loss of the closure, if there is one, after a change of all parameters."""
         loss = None
         if closure is not None:
             with torch.enable_grad():
                 loss = closure()
+        with torch.no_grad():
+            self._step_all()
+        return loss
+
+    def _step_all(self) -> None:
+        """Change all parameters."""
         gradients = {}
         try:
             for group in self.param_groups:
@@ -89,7 +94,6 @@ class Muon(torch.optim.Adam):
         finally:
             for parameter, gradient in gradients.items():
                 parameter.grad = gradient
-        return loss
 
     def _step_bank(self, bank: Tensor, learning_rate: float) -> None:
         """Change a filter bank."""
