@@ -8,8 +8,8 @@ scores. Networks and cards go to ``python/jotlight/networks/weights``.
 
 The eight two-layer networks for one K take about ten minutes on two cores. The other networks need
 the extra `torch`, and the deep ones take days. A run consists of stages, and an interrupted run
-resumes from the last checkpoint in `--scratch`. `--from` skips all stages but the last, which
-starts from the weights in a file. The other small networks start from the first stage of
+resumes from the last checkpoint in `--scratch`. `--from` skips all stages. One more stage
+by Muon starts from the weights in a file. The other small networks start from the first stage of
 `small-k16`, so train `small-k16` first. `medium-k16`, for K = 16 only, is a comparison and goes to
 `--scratch`.
 """
@@ -83,7 +83,7 @@ OTHER_SMALL_STAGES = bsds300_stages((8_000, 1.5e-3))
 """Stages of the other small networks, after the first stage of `small-k16`."""
 
 CONTINUATION = Stage(20_000, 1.5e-3, batch=32, patch=64, images="mixture", optimizer="muon")
-"""The stage after `--from`, unless the last stage of the network has other settings for it."""
+"""The stage after `--from`. If the last stage of a network is by Muon, that one is repeated."""
 
 NOTES = {
     "small": "The alignment of moving scenes denoises its templates with this network.",

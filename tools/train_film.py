@@ -98,6 +98,11 @@ class Scene:
     def __init__(self, path: Path) -> None:
         with np.load(path, allow_pickle=False) as arrays:
             self._arrays = dict(arrays)
+        if missing := {f"{name}_trials" for name in PARTS} - set(self._arrays):
+            raise ValueError(
+                f"{path}: expected the arrays of film_data.py, got none named "
+                f"{', '.join(sorted(missing))}; make the scenes again"
+            )
         gray = jl.Network.load(FOLDER / f"{FILM_START}.safetensors")
         found = [gray.reconstruct(self._merged(number)) for number in range(len(self))]
         self.of_gray = np.stack(found).astype(np.float16)

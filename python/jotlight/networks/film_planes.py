@@ -38,8 +38,11 @@ PLANES = 9 + NEIGHBORS + 1
 START = 8
 """Index of the plane of the estimate, at which the network starts."""
 
-_LENGTHS, _SHARES = 3, 6
-"""Number of lengths of counts, and of the planes with their deviations and readings."""
+_DEVIATIONS = 0, 2, 4, *range(START + 1, PLANES - 1)
+"""Planes of the deviations: of the window, the quarter, the sixteenth, and its neighbors."""
+
+_READINGS = 1, 3, 5, PLANES - 1
+"""Planes of the readings: of the window, the quarter, the sixteenth, and the mean neighbor."""
 
 _MAX_SHARE = 1.5
 """The largest root of a number of readings, relative to the usual one. The engine's check
@@ -47,7 +50,7 @@ against overflow assumes planes from −π/2 to π/2, so larger values are cut."
 
 
 class Counts(NamedTuple):
-    """Counts of one length."""
+    """Counts of a part of a window."""
 
     fraction: Image
     """L/K, (H, W)."""
@@ -86,12 +89,11 @@ def film_planes(start: Image, counts: Sequence[Counts], usual: float, last: Imag
     """
     estimate = arcsin_root(start)
     planes = np.zeros((PLANES, *start.shape), np.float32)
-    deviations = [np.where(n > 0, arcsin_root(fraction) - estimate, 0) for fraction, n in counts]
-    planes[:_SHARES:2] = deviations[:_LENGTHS]
-    planes[START + 1 : -1] = deviations[_LENGTHS:]
+    for index, (fraction, trials) in zip(_DEVIATIONS, counts, strict=True):
+        planes[index] = np.where(trials > 0, arcsin_root(fraction) - estimate, 0)
     readings = [each.trials for each in counts]
-    shares = [*readings[:_LENGTHS], sum(readings[_LENGTHS:]) / np.float32(NEIGHBORS)]
-    for index, each in zip((1, 3, 5, -1), shares, strict=True):
+    mean_neighbor = np.mean(readings[-NEIGHBORS:], axis=0)
+    for index, each in zip(_READINGS, [*readings[:-NEIGHBORS], mean_neighbor], strict=True):
         planes[index] = np.minimum(np.sqrt(each / np.float32(usual)), np.float32(_MAX_SHARE))
     if last is not None:
         shown = np.isfinite(last)

@@ -9,7 +9,6 @@ from torch import Tensor
 from jotlight.metrics import psnr
 from jotlight.torch.ahead import AheadLoader
 from jotlight.torch.distributed import ProcessGroup
-from jotlight.torch.muon import OPTIMIZERS
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.trainer import Trainer, flatten
 from jotlight.training.checkpoint import Checkpoint
@@ -29,14 +28,12 @@ class ImageTrainer(Trainer):
 
     Parameters
     ----------
-    module, settings, learning_rate, group
+    module, settings, learning_rate, group, optimizer
         See :class:`Trainer`.
     ahead : AheadLoader
         Source of the patches.
     tests : Images, optional
         Images whose PSNR is measured.
-    optimizer : str
-        A name in `OPTIMIZERS`.
     """
 
     state_names = (*Trainer.state_names, "average")
@@ -51,14 +48,9 @@ class ImageTrainer(Trainer):
         group: ProcessGroup,
         optimizer: str,
     ) -> None:
-        self._optimizer = optimizer
-        super().__init__(module, settings, learning_rate, group)
+        super().__init__(module, settings, learning_rate, group, optimizer)
         self.ahead, self.loader, self.tests = ahead, ahead.loader, tests
         self.averages = [parameter.detach().clone() for parameter in self.parameters]
-
-    def make_optimizer(self) -> torch.optim.Adam:
-        """Return the optimizer of the run."""
-        return OPTIMIZERS[self._optimizer](self.parameters, lr=self.learning_rate)
 
     def loss(self, step: int) -> Tensor:
         """Return this process's part of the mean square error over the patches of a step."""

@@ -1,6 +1,7 @@
 """Muon: an optimizer that changes filter banks by orthogonal matrices, and the rest by Adam."""
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import torch
@@ -154,13 +155,8 @@ def orthogonalize(matrices: Tensor) -> Tensor:
     return found
 
 
-def adam(params: Iterable[nn.Parameter], lr: float) -> torch.optim.Adam:
-    """Return Adam with the decays of :class:`Muon`."""
-    return torch.optim.Adam(params, lr=lr, betas=BETAS)
-
-
-OPTIMIZERS: dict[str, Callable[..., torch.optim.Adam]] = {"muon": Muon, "adam": adam}
+OPTIMIZERS: dict[str, Callable[..., torch.optim.Adam]] = {
+    "muon": Muon,
+    "adam": partial(torch.optim.Adam, betas=BETAS),
+}
 """Optimizers by name, functions of the parameters and of the learning rate."""
-
-TITLES = {"muon": "Muon", "adam": "Adam"}
-"""Their names in records of a training."""

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from jotlight.torch.distributed import ProcessGroup
-from jotlight.torch.muon import adam
+from jotlight.torch.muon import OPTIMIZERS
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
 from jotlight.training.history import History, Record, RecordCallback
@@ -45,6 +45,8 @@ class Trainer:
         Largest learning rate: about the largest change of a parameter per step.
     group : ProcessGroup
         Processes that train together.
+    optimizer : str
+        A name in :data:`jotlight.torch.muon.OPTIMIZERS`.
     """
 
     state_names: tuple[str, ...] = ("exp_avg", "exp_avg_sq")
@@ -56,18 +58,15 @@ class Trainer:
         settings: dict[str, object],
         learning_rate: float,
         group: ProcessGroup,
+        optimizer: str = "adam",
     ) -> None:
         self.module, self.settings = module, settings
         self.learning_rate, self.group = learning_rate, group
         self.parameters = [p for p in module.parameters() if p.requires_grad]
-        self.optimizer = self.make_optimizer()
+        self.optimizer = OPTIMIZERS[optimizer](self.parameters, lr=learning_rate)
         self.history = History()
         # True while parameters and records do not match; an interrupt may come in between.
         self._is_updating = False
-
-    def make_optimizer(self) -> torch.optim.Adam:
-        """Return the optimizer; a subclass can override it."""
-        return adam(self.parameters, lr=self.learning_rate)
 
     def loss(self, step: int) -> Tensor:
         """Return this process's part of the cost; the cost is the sum over the processes."""

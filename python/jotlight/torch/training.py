@@ -19,7 +19,7 @@ from jotlight.torch.color_patches import ColorPatchLoader
 from jotlight.torch.distributed import choose_device, process_group, thread_limit
 from jotlight.torch.film_patches import FilmPatchLoader
 from jotlight.torch.image_trainer import ImageTrainer
-from jotlight.torch.muon import OPTIMIZERS, TITLES
+from jotlight.torch.muon import OPTIMIZERS
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import PatchLoader
 from jotlight.torch.planes_network import PlanesNetwork as TorchPlanesNetwork
@@ -175,7 +175,7 @@ def train(
         loader = _loader_of(network)(source, network, patch_sensor(sensor), seed, batch, side)
         settings = {
             **_settings(loader, tests, steps),
-            "optimizer": f"{TITLES[optimizer]}(learning_rate={learning_rate})",
+            "optimizer": f"{optimizer.capitalize()}(learning_rate={learning_rate})",
             "precision": precision,
         }
         with thread_limit(threads), AheadLoader(loader, group.shard, steps) as ahead:
