@@ -40,7 +40,7 @@ GRAY_WEIGHTS = dict.fromkeys(range(3), 0.6) | {3: 0.8} | dict.fromkeys((8, 9, 10
 NOISE = 0.15
 """Factor of the random filters that are added to them."""
 
-DRAWINGS = 3.0
+DRAWINGS = 6.0
 """Weight of the drawings, where that of all photographs is 9."""
 
 TEMPLATE = Path(__file__).with_name("color_card.md")
@@ -147,6 +147,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=20_000)
     parser.add_argument("--learning-rate", type=float, default=2e-3)
     parser.add_argument("--seed", type=int, default=3)
+    parser.add_argument("--precision", default="float32")
     parser.add_argument("--threads", type=int)
     parser.add_argument("--scratch", type=Path, default=Path("target/models"))
     options = parser.parse_args()
@@ -165,7 +166,7 @@ def main() -> None:
         batch=BATCH,
         patch=PATCH,
         learning_rate=options.learning_rate,
-        optimizer="adam",  # the learning rate was chosen for it
+        precision=options.precision,
         rng=options.seed,
         checkpoint=checkpoint,
         resume=checkpoint.exists(),
@@ -173,6 +174,7 @@ def main() -> None:
         device="cpu",
         threads=options.threads,
     )
+    network.save(options.scratch / f"{options.kind}.{options.seed}.safetensors")
     stage = (
         f"`python tools/train_color.py DATA {options.kind}` with {options.steps:,} steps at a "
         f"learning rate of {options.learning_rate:g}"

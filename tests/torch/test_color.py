@@ -74,7 +74,7 @@ def test_training_lowers_the_error(mosaics, monkeypatch):
         with torch.no_grad():
             return float(batch.squared_errors(PlanesNetwork(network)).mean())
 
-    assert error(trained) < 0.95 * error(START)
+    assert error(trained) < 0.98 * error(START)
 
 
 def test_gray_patches_and_tests_are_refused():

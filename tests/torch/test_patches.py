@@ -6,8 +6,8 @@ from scipy.stats import binom
 
 import jotlight as jl
 
-pytest.importorskip("torch")
-from jotlight.torch.patches import PatchLoader
+torch = pytest.importorskip("torch")
+from jotlight.torch.patches import Batch, PatchLoader
 from jotlight.training.patch_sources import ImagePatches
 
 NUMBER = 400
@@ -81,3 +81,47 @@ def test_most_patches_for_conditional_networks_have_a_usual_light():
     assert light.min() < 0.05
     assert light.max() > 2
     assert (batch.dark_counts.numpy() == 0).mean() == pytest.approx(0.5, abs=0.15)
+
+
+def batch_of(truth, light=1.0, dark_counts=0.0, trials=16):
+    """Return a batch of one row of intensities, without data."""
+    values = torch.tensor(truth, dtype=torch.float32).reshape(1, 1, 1, -1)
+    light, dark_counts = torch.tensor([light]), torch.tensor([dark_counts])
+    return Batch(torch.zeros_like(values), values, trials, light, dark_counts)
+
+
+def z_of(intensities, light=1.0, dark_counts=0.0):
+    """Return arcsin √p of intensities as a batch of one row."""
+    rates = np.asarray(intensities, float) * light + dark_counts
+    z = np.arcsin(np.sqrt(-np.expm1(-rates)))
+    return torch.tensor(z, dtype=torch.float32).reshape(1, 1, 1, -1)
+
+
+@pytest.mark.parametrize(("light", "dark_counts"), [(1.0, 0.0), (0.3, 0.1)])
+def test_errors_are_those_of_intensities(light, dark_counts):
+    rng = np.random.default_rng(0)
+    truth = rng.random(50)
+    batch = batch_of(truth, light, dark_counts)
+    estimates = truth + rng.normal(0, [[0.01], [0.1]], (2, 50)).clip(-truth, 1 - truth)
+    ratios = [
+        float(batch.errors_of(z_of(estimate, light, dark_counts))[0]) / np.mean(square)
+        for estimate, square in zip(estimates, (estimates - truth) ** 2, strict=True)
+    ]
+    assert ratios[0] == pytest.approx(ratios[1], rel=1e-3)
+
+
+def test_the_best_estimate_is_the_mean_intensity():
+    # The mean of arcsin √p belongs to an intensity of 0.39.
+    truth, intensities = [0.0, 1.0], np.linspace(0.01, 1, 100)
+    errors = [float(batch_of(truth).errors_of(z_of([value] * 2))[0]) for value in intensities]
+    assert intensities[np.argmin(errors)] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("light", [0.02, 1.0, 50.0])
+def test_errors_have_gradients_everywhere(light):
+    z = torch.linspace(-3, 3, 61).reshape(1, 1, 1, -1).requires_grad_()
+    batch = batch_of(np.linspace(0, 30, 61), light)
+    batch.errors_of(z).sum().backward()
+    assert torch.isfinite(z.grad).all()
+    is_right = abs(z - z_of(np.linspace(0, 30, 61), light)) < 0.01
+    assert ((z.grad != 0) | (abs(z) < 1e-6) | is_right).all()

@@ -88,9 +88,9 @@ class Batch:
     def squared_errors(self, module: TorchNetwork) -> Tensor:
         """Return the mean square error of each patch over its pixels, (N,).
 
-        For K-conditioned networks, the error of the intensity is linearized in z = arcsin √p, the
-        input of the last spline. The weight of bright pixels is bounded. The result is relative to
-        an error that is easy to reach with the same number of bits and the same light.
+        For K-conditioned networks, it is relative to an error that is easy to reach with the same
+        number of bits and the same light. The intensities of bright pixels are compressed, because
+        their noise would outweigh that of all others.
         """
         if self.trials is None:
             squares: Tensor = (module.run_layers(self.data) - self.truth) ** 2
@@ -110,13 +110,27 @@ class Batch:
         )
         rates = (self.truth * slope + dark).clamp(max=_MAX_RATE)
         target = torch.asin(torch.sqrt(response.detection_probability(1, rates)))
-        # dc/dz = 2 √(exp(s) - 1) / slope
         mean_weight = torch.expm1((_MEAN_INTENSITY * slope + dark).clamp(max=_MAX_RATE))
-        weights = torch.expm1(rates).minimum(_MAX_RELATIVE_VARIANCE * mean_weight)
-        errors = weights * (z - target) ** 2
+        steepest = torch.sqrt(_MAX_RELATIVE_VARIANCE * mean_weight)
+        errors = (_compressed_rates(z, steepest) - _compressed_rates(target, steepest)) ** 2
         scale = slope**2 * (mean_weight / (self.trials * slope**2)) ** _ERROR_EXPONENT
-        relative: Tensor = 4 * errors / scale
+        relative: Tensor = errors / scale
         return relative.mean((1, 2, 3))
+
+
+def _compressed_rates(z: Tensor, steepest: Tensor) -> Tensor:
+    """Return the rates s with z = arcsin √(1 - exp(-s)), as straight lines where they are steep.
+
+    The slope ds/dz = 2 √(exp(s) - 1) = 2 tan z grows up to 2 `steepest`. The function is odd, so
+    that the error of a negative z has a gradient.
+
+    The network must minimize the error of s, as the PSNR measures it. The mean of z given the bits
+    is not the z of the mean of s. So an error in z costs 0.35 dB at K = 1, and 0.15 dB at K = 16.
+    """
+    magnitude = z.abs()
+    curved = magnitude.minimum(torch.atan(steepest))
+    rates = 2 * steepest * (magnitude - curved) - 2 * torch.log(torch.cos(curved))
+    return torch.sign(z) * rates
 
 
 class Exposures(NamedTuple):

@@ -13,10 +13,14 @@ _GRAY = 3 / 4
 """Fraction of the drawings that stay gray. Fine gray stripes teach that they are not colors."""
 
 
+_FINE = 1 / 2
+"""Fraction of fine drawings."""
+
+
 class ColorDrawings(PatchSource):
     """Random drawings as those of :class:`SyntheticPatches`, with two colors for 0 and 1.
 
-    Three of four stay gray.
+    Three of four stay gray, and half are fine drawings.
 
     Parameters
     ----------
@@ -34,7 +38,7 @@ class ColorDrawings(PatchSource):
         self, mosaics: Callable[[np.random.Generator, int], Mosaic] | None = random_mosaic
     ) -> None:
         self.mosaics = mosaics
-        self._gray = SyntheticPatches()
+        self._gray = SyntheticPatches(fine=_FINE)
         self.max_side = self._gray.max_side
 
     def draw(self, rng: np.random.Generator, side: int) -> Patch:
@@ -50,4 +54,4 @@ class ColorDrawings(PatchSource):
     def fingerprint(self) -> str:
         """Return the name of the class and that of the mosaics."""
         name = getattr(self.mosaics, "__name__", type(self.mosaics).__name__)
-        return f"{type(self).__name__} {name}"
+        return f"{type(self).__name__} {name} {self._gray.fingerprint()}"

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import number_in_range
 from jotlight.training.patch_sources import Patch, PatchSource
 
 _IMAGE_MEAN = 0.5
@@ -29,6 +30,13 @@ class SyntheticPatches(PatchSource):
     One patch in seven each shows a flat region or a gradient, a grating, rings, overlapping disks,
     overlapping rectangles, lines, and text.
 
+    Parameters
+    ----------
+    fine : float, optional
+        Fraction of fine drawings, in [0, 1]: rings, gratings with a period of 2 to 3.5 pixels, and
+        small text whose strokes follow the pixels. They teach a color network that fine gray
+        structure is not colored. Default: 0.
+
     Examples
     --------
     >>> patch = SyntheticPatches().draw(np.random.default_rng(0), 48)
@@ -38,22 +46,34 @@ class SyntheticPatches(PatchSource):
 
     max_side = _MAX_SIDE
 
+    def __init__(self, *, fine: float = 0.0) -> None:
+        self.fine = number_in_range("fine", fine, 0, 1)
+
     def draw(self, rng: np.random.Generator, side: int) -> Patch:
         """Return a random drawing."""
-        drawing = _DRAWINGS[rng.integers(len(_DRAWINGS))]
+        drawings = _FINE_DRAWINGS if self.fine and rng.random() < self.fine else _DRAWINGS
+        drawing = drawings[rng.integers(len(drawings))]
         canvas = drawing(rng, side * _SUPERSAMPLING)
         blocks = canvas.reshape(side, _SUPERSAMPLING, side, _SUPERSAMPLING)
         return Patch(blocks.mean((1, 3), dtype=np.float32), _IMAGE_MEAN)
 
     def fingerprint(self) -> str:
-        """Return the name of the class."""
-        return type(self).__name__
+        """Return the name of the class, and the fraction of fine drawings."""
+        return f"{type(self).__name__} {self.fine}"
 
 
 def _level(rng: np.random.Generator) -> float:
     if rng.random() < _EXTREME_LEVELS:
         return float(rng.integers(2))
     return float(rng.random())
+
+
+def _two_levels(rng: np.random.Generator) -> tuple[float, float]:
+    """Return two levels, which are black and white in half of the drawings."""
+    if rng.random() < 1 / 2:
+        black = float(rng.integers(2))
+        return black, 1 - black
+    return _level(rng), _level(rng)
 
 
 def _projection(rng: np.random.Generator, side: int) -> _Canvas:
@@ -72,10 +92,10 @@ def _draw_gradient(rng: np.random.Generator, side: int) -> _Canvas:
     return np.asarray(first + (last - first) * fraction, np.float32)
 
 
-def _draw_grating(rng: np.random.Generator, side: int) -> _Canvas:
-    """Return a sine or square wave with a period of 2 to 32 pixels."""
-    first, last = _level(rng), _level(rng)
-    period = _SUPERSAMPLING * 2 ** rng.uniform(1, 5)
+def _draw_grating(rng: np.random.Generator, side: int, longest: float = 32) -> _Canvas:
+    """Return a sine or square wave with a period of 2 pixels to the longest, here 32 pixels."""
+    first, last = _two_levels(rng)
+    period = _SUPERSAMPLING * 2 ** rng.uniform(1, math.log2(longest))
     phase = 2 * math.pi * (_projection(rng, side) / period + rng.random())
     wave = np.sin(phase)
     if rng.random() < 1 / 2:
@@ -88,7 +108,7 @@ def _draw_rings(rng: np.random.Generator, side: int) -> _Canvas:
 
     The frequency in the middle of the patch is uniform, so fine rings are as likely as coarse ones.
     """
-    first, last = _level(rng), _level(rng)
+    first, last = _two_levels(rng)
     # The frequency rises by this number with each point from the center of the rings.
     slope = 2 ** rng.uniform(-10, -6) / _SUPERSAMPLING**2
     distance = rng.uniform(0, 0.6) / _SUPERSAMPLING / slope
@@ -156,6 +176,31 @@ def _draw_text(rng: np.random.Generator, side: int) -> _Canvas:
     return np.rot90(np.asarray(image, np.float32) / np.float32(255), int(rng.integers(4)))
 
 
+def _draw_fine_grating(rng: np.random.Generator, side: int) -> _Canvas:
+    """Return a sine or square wave with a period of 2 to 3.5 pixels."""
+    return _draw_grating(rng, side, 3.5)
+
+
+def _draw_small_text(rng: np.random.Generator, side: int) -> _Canvas:
+    """Return random words in letters of 8 to 16 pixels, whose strokes follow the pixels."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    pixels = side // _SUPERSAMPLING
+    font = ImageFont.load_default(int(rng.integers(8, 17)))
+    alphabet = list(string.ascii_letters + string.digits + "    ")
+    paper, ink = (round(255 * level) for level in _two_levels(rng))
+    image = Image.new("L", (pixels, pixels), paper)
+    draw = ImageDraw.Draw(image)
+    draw.fontmode = "L" if rng.random() < 1 / 2 else "1"  # gray or sharp edges
+    row = -int(rng.integers(0, 16))
+    while row < pixels:
+        line = "".join(rng.choice(alphabet, pixels // 2))
+        draw.text((-int(rng.integers(0, 16)), row), line, fill=ink, font=font)
+        row += int(rng.integers(font.size, 2 * font.size))
+    small = np.rot90(np.asarray(image, np.float32) / np.float32(255), int(rng.integers(4)))
+    return small.repeat(_SUPERSAMPLING, 0).repeat(_SUPERSAMPLING, 1)
+
+
 _DRAWINGS: tuple[Callable[[np.random.Generator, int], _Canvas], ...] = (
     _draw_gradient,
     _draw_grating,
@@ -165,3 +210,5 @@ _DRAWINGS: tuple[Callable[[np.random.Generator, int], _Canvas], ...] = (
     _draw_lines,
     _draw_text,
 )
+
+_FINE_DRAWINGS = _draw_rings, _draw_fine_grating, _draw_small_text
