@@ -104,3 +104,11 @@ def test_the_lazy_calibration_is_that_of_one_machine():
         np.testing.assert_array_equal(lazy.compute().efficiency, expected.efficiency)
     with pytest.raises(ValueError, match="mosaic: is for a flat capture"):
         jl.dask.calibrate(dark, mosaic="RGGB")
+
+
+def test_an_undeclared_mosaic_is_reported():
+    rng = np.random.default_rng(8)
+    ones = counts(rng, np.full(SHAPE, 0.01), 400)
+    flat = counts(rng, np.array([0.8, 0.4, 0.2])[Mosaic("RGGB").full(*SHAPE)], 400)
+    with pytest.warns(jl.errors.PeriodicRatesWarning, match="as in RGGB or BGGR"):
+        jl.calibrate(ones, flat, frames=400)

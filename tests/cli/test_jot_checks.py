@@ -58,7 +58,7 @@ def test_periodic_rates_are_reported(run, bayer):
         assert status == 0, output
         text = " ".join(output.split())
         assert text.count("the rates repeat every 2 x 2 jots") == 1
-        assert "--mosaic RGGB" in text
+        assert "for example --mosaic RGGB for pixels of one jot" in text
         assert "look hot" not in text
 
 

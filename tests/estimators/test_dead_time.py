@@ -134,3 +134,76 @@ def test_corrected_counts_have_little_bias_where_uncorrected_ones_are_far_off():
 def test_bad_input_is_refused(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+COUNTING = [
+    jl.FreeRunning(dead_time=0.01),
+    jl.FreeRunning(dead_time=0.05, efficiency=0.5, dark_counts=2.0),
+    jl.FreeRunning(dead_time=1e-4, efficiency=0.8),
+]
+
+
+@pytest.mark.parametrize("pixel", COUNTING)
+def test_the_most_likely_intensity_is_that_of_the_count(pixel):
+    counts = np.arange(min(pixel.max_count, 120))[None]
+    merged = pixel.merge(counts, light=60.0)
+    expected = np.clip(pixel.mle(counts) / 60, 0, 1)
+    np.testing.assert_allclose(jl.mle(merged), expected, atol=2e-6, rtol=1e-5)
+
+
+@pytest.mark.parametrize("pixel", COUNTING)
+def test_the_information_is_that_of_the_count(pixel):
+    counts = np.arange(10, min(pixel.max_count - 1, 40))[None]
+    light = 2 * float(pixel.mle(counts.max()))
+    merged = pixel.merge(counts, light)
+    intensity = pixel.mle(counts) / light
+    slope = pixel.efficiency * light / merged.sensor.frames
+    rate = slope * intensity + pixel.dark_counts / merged.sensor.frames
+    information = merged.trials * slope**2 / np.expm1(rate)
+    # Whole numbers of ones scale the trials.
+    tolerance = 0.5 / merged.ones.min()
+    expected = light**2 * pixel.information(light * intensity)
+    np.testing.assert_allclose(information, expected, rtol=1.01 * tolerance)
+
+
+@pytest.mark.parametrize("pixel", COUNTING)
+def test_the_score_is_the_derivative_of_the_logarithm(pixel):
+    counts, light, step = np.arange(min(pixel.max_count, 15) + 1), 8.0, 1e-5
+    logarithms = [np.log(pixel.probability(counts, light + sign * step)) for sign in (-1, 1)]
+    numeric = (logarithms[1] - logarithms[0]) / (2 * step)
+    np.testing.assert_allclose(pixel.score(counts, light), numeric, rtol=1e-4, atol=1e-5)
+    # Far too many counts for so little light.
+    assert np.isfinite(pixel.score(pixel.max_count, 1e-9))
+
+
+def test_dark_and_saturated_pixels_are_at_the_ends():
+    pixel = jl.FreeRunning(dead_time=0.1)
+    merged = pixel.merge([[0, 10]], light=20.0, max_intensity=2.0)
+    assert merged.ones[0, 0] == 0
+    assert merged.trials[0, 0] == pytest.approx(merged.sensor.frames)
+    assert merged.ones[0, 1] == merged.trials[0, 1] > 0
+    assert jl.mle(merged).tolist() == [[0.0, 2.0]]
+
+
+def test_networks_and_intervals_take_them():
+    scene = jl.datasets.photograph("camera")[::4, ::4].astype(float)
+    pixel = jl.FreeRunning(dead_time=0.02)
+    merged = pixel.merge(pixel.draw(30 * scene, rng=0), light=30.0)
+    estimate = jl.reconstruct(merged)
+    assert jl.metrics.psnr(estimate, scene) > jl.metrics.psnr(jl.mle(merged), scene) + 5
+    found = jl.uncertainty(merged)
+    assert 0.8 < ((found.low <= scene) & (scene <= found.high)).mean() <= 1
+
+
+@pytest.mark.parametrize(
+    ("counts", "options", "message"),
+    [
+        ([[101]], {"light": 1.0}, "expected whole numbers from 0 to 100"),
+        ([[3]], {"light": 0.0}, "light: expected"),
+        ([[3]], {"light": 1.0, "max_intensity": -1}, "max_intensity: expected"),
+        ([3], {"light": 1.0}, "expected"),
+    ],
+)
+def test_bad_counts_are_refused(counts, options, message):
+    with pytest.raises(ValueError, match=message):
+        COUNTING[0].merge(counts, **options)

@@ -85,6 +85,15 @@ def test_bad_input_is_refused(call, message):
         call()
 
 
+def test_trials_may_belong_to_gates():
+    counts = np.array([[[3, 1]], [[2, 5]]])
+    found = jl.gates.gate_detections(counts, [10, 20])
+    expected = jl.gates.gate_detections(counts, np.array([10, 20])[:, None, None])
+    np.testing.assert_array_equal(found, expected)
+    with pytest.raises(ValueError, match="one for each of the 2 gates"):
+        jl.gates.gate_detections(counts, [10, 20, 30])
+
+
 def test_data_sets_hold_all_results():
     pytest.importorskip("xarray")
     counts = np.random.default_rng(0).binomial(1000, -np.expm1(-decay(0.9)), (12, 5, 6))
@@ -96,7 +105,7 @@ def test_data_sets_hold_all_results():
     assert stack.detections.dims == ("H", "Y", "X")
     np.testing.assert_array_equal(stack.H, TIMES)
     assert stack.attrs == {"frequency": 80.0}
-    with pytest.raises(ValueError, match="expected 12 times that rise"):
+    with pytest.raises(ValueError, match="expected times that rise"):
         jl.gates.gate_dataset(counts, 1000, gate_times=TIMES[::-1])
     with pytest.raises(ValueError, match=r"expected shape \(G, H, W\)"):
         jl.gates.gate_dataset(counts[0], 1000, gate_times=TIMES)

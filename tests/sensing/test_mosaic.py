@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.images.io import image_writer
 from jotlight.sensing.mosaic import Mosaic
 
 IMAGE = np.random.default_rng(0).random((12, 10, 3))
@@ -144,6 +145,22 @@ def test_colors_invert_the_transmission_and_apply_the_white_balance():
     np.testing.assert_allclose(found.mean(axis=1), seen[:, 3], rtol=1e-6)
 
 
+@pytest.mark.parametrize("pattern", ["RGGB", ["RG", "GB"], [["R", "G"], ["G", "B"]]])
+def test_json_may_hold_letters(pattern):
+    assert Mosaic.of(json.loads(json.dumps({"pattern": pattern, "filters": "RGB"}))) == Mosaic(
+        "RGGB"
+    )
+    with pytest.raises(ValueError, match=r"the letters R, G, B, .* got X"):
+        Mosaic.of({"pattern": "RGXB"})
+
+
+def test_a_map_in_the_note_of_a_tiff_leaves_it_readable(tmp_path):
+    image = np.arange(12, dtype=np.float32).reshape(3, 4) / 12
+    note = {"sensor": {"mosaic": MAP.to_json()}}
+    image_writer(tmp_path / "a.tif", note=note)(tmp_path / "a.tif", image)
+    np.testing.assert_array_equal(jl.read_image(tmp_path / "a.tif"), image)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -172,9 +189,9 @@ def test_bad_mosaics_are_refused(arguments, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"pattern": {"shape": [20, 20], "zlib": "AAAA"}}, "the map is damaged"),
-        ({"pattern": {"shape": [2**20, 2**20], "zlib": ""}}, "expected 1 to"),
-        ({"pattern": {"shape": [30, 20], "zlib": MAP.to_json()["pattern"]["zlib"]}}, "600 pixels"),
+        ({"pattern": {"size": [20, 20], "zlib": "AAAA"}}, "the map is damaged"),
+        ({"pattern": {"size": [2**20, 2**20], "zlib": ""}}, "expected 1 to"),
+        ({"pattern": {"size": [30, 20], "zlib": MAP.to_json()["pattern"]["zlib"]}}, "600 pixels"),
         ({"other": 1}, "expected an object with pattern"),
     ],
 )

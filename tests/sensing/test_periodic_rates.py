@@ -132,7 +132,7 @@ def test_the_advice_returns_the_intensities_of_each_color(side):
     levels = mosaic((128 * side, 128 * side), side, [2.0, 4.0, 1.0])
     bits = jl.Bits(sensor.expose(levels, rng=0).packed, 128 * side, sensor)
     advice = find_periodic_rates(bits).describe()
-    assert "Two of four filters are alike, as in RGGB or BGGR" in advice
+    assert "Two of four filters see about the same light, as in RGGB or BGGR" in advice
     call = re.search(r"jotlight\.(reconstruct\(.*?\)\))", advice)[1]
     call = f'{call[:-1]}, demosaicing="differences")'
     color = eval(call, {"reconstruct": jl.reconstruct, "bits": bits, "sensor": bits.sensor})
@@ -153,3 +153,11 @@ def test_the_advice_names_an_order_that_fits():
     assert "--mosaic GRBG" in advice
     advice = PeriodicRates(4, 0.1, 9.0, 2, "as in GRBG or GBRG").describe()
     assert "--mosaic GGRR/GGRR/BBGG/BBGG" in advice
+
+
+def test_readings_of_several_bits_are_tested():
+    light = np.tile([[0.9, 0.5], [0.5, 0.2]], (80, 80))
+    readings = jl.Sensor(frames=8, bit_depth=4, gain=16).expose(light, rng=0)
+    assert find_periodic_rates(readings).period == 2
+    with pytest.warns(jl.errors.PeriodicRatesWarning, match="as in RGGB or BGGR"):
+        jl.mle(readings)

@@ -187,3 +187,11 @@ def test_what_needs_single_bits_says_so():
         several_bits().expose(IMAGE, out=np.zeros((5, 60, 5), np.uint8))
     with pytest.raises(ValueError, match="a sum of frames does not say which"):
         jl.mle(np.ones((30, 20), int), several_bits())
+
+
+@pytest.mark.parametrize("method", [jl.reconstruct, jl.uncertainty, jl.mle, jl.noniterative])
+def test_a_sensor_with_another_number_of_bits_is_refused(method):
+    readings = jl.Sensor(frames=4, bit_depth=2).expose(np.full((8, 8), 0.5), rng=0)
+    for bit_depth in (1, 3):
+        with pytest.raises(ValueError, match=f"expected bit_depth=2, .* got bit_depth={bit_depth}"):
+            method(readings, jl.Sensor(frames=4, bit_depth=bit_depth))

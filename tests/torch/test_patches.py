@@ -7,8 +7,8 @@ from scipy.stats import binom
 import jotlight as jl
 
 torch = pytest.importorskip("torch")
-from jotlight.torch.patches import Batch, PatchLoader
-from jotlight.training.patch_sources import ImagePatches
+from jotlight.torch.patches import Batch, PatchLoader  # noqa: E402
+from jotlight.training.patch_sources import ImagePatches  # noqa: E402
 
 NUMBER = 400
 SENSOR = jl.Sensor(oversampling=4, max_intensity=0.8)

@@ -15,6 +15,7 @@ from jotlight.checks import Counts, as_counts
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import Mosaic, Pattern
+from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -89,6 +90,8 @@ def calibrate(
     JotlightWarning
         If frames are correlated, if the rates change over time, and if there are too few frames to
         distinguish hot jots from ordinary ones at the false-positive rate.
+    PeriodicRatesWarning
+        If the rates of the flat capture repeat, as under color filters, and no `mosaic` is stated.
 
     Notes
     -----
@@ -201,6 +204,8 @@ def calibrate_sums(
         raise ValueError(
             f"dark: expected {_MIN_JOTS} jots or more to find the ordinary ones, got {ones.size}"
         )
+    if flat is not None and flat.filters is None:
+        warn_about_periods([flat.ones[None]])
     bulk = fit_bulk(ones, number)
     hot_threshold = bulk.threshold(false_positive_rate)
     dark_counts = detections(ones, number, threshold)

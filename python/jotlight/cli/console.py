@@ -51,8 +51,8 @@ err = console
 
 shown_warnings: set[str] = set()
 
-_PYTHON_ADVICE = re.compile(r"[\w.]+[=\[(]\S* \((--[^()]+)\)")
-"""Advice of the library, such as ``counts=True (--counts)``."""
+_PYTHON_ADVICE = re.compile(r"(?:jotlight\.\w+\(.*\)|[\w.]+[=\[(]\S*) \((--[^()]+)\)")
+"""Advice of the library, such as ``counts=True (--counts)``, or a whole call of jotlight."""
 
 
 def _with_options_only(message: str) -> str:

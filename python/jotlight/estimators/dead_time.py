@@ -5,10 +5,17 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range
+from jotlight.checks import as_counts, number_in_range, positive_number
+from jotlight.estimators.merge_readings import round_ones
 from jotlight.interrupts import interruptible
 from jotlight.seeds import SeedLike, seed_bytes
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.response import Array
+from jotlight.sensing.sensor import Sensor
+
+_MAX_RATE = 0.25
+"""Expected detections per reading of the equivalent sensor at the largest intensity. In dim light,
+the number of trials depends little on the estimate, which is noisy itself."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -174,18 +181,12 @@ class FreeRunning:
         >>> FreeRunning(dead_time=1e-4).information(10.0).round(4).tolist()  # 1/10 without τ
         0.0999
         """
-        from scipy.special import gammaln, xlogy
-
         levels = np.asarray(light, np.float64)
         rate = self._rate(levels)
         information = np.zeros(levels.shape)
         before = np.zeros(levels.shape)  # the derivative of P(N ≥ 0)
         for count in range(self.max_count + 1):
-            rest = self._rest(count + 1)
-            after = np.zeros(levels.shape)
-            if rest > 0:
-                # The derivative of P(n + 1, r w) is w times a Poisson probability.
-                after = rest * np.exp(xlogy(count, rate * rest) - rate * rest - gammaln(count + 1))
+            after = self._slope(np.asarray(count + 1), rate)
             if count > rate.max(initial=0) and not (before.any() or after.any()):
                 break  # probabilities of more detections are too small for a number, too
             probability = self.probability(count, levels)
@@ -195,6 +196,108 @@ class FreeRunning:
             )
             before = after
         return information
+
+    def score(self, counts: npt.ArrayLike, light: npt.ArrayLike) -> Array:
+        """Return the derivative of log P(N = n) by the light.
+
+        Examples
+        --------
+        >>> FreeRunning(dead_time=0.01).score([0, 50], [1.0, 90.0]).round(3).tolist()
+        [-1.0, 0.053]
+        """
+        n, rate = np.broadcast_arrays(self._checked(counts), self._rate(light))
+        slope = self._slope(n, rate) - self._slope(n + 1, rate)
+        probability = self.at_least(n, light) - self.at_least(n + 1, light)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # Where the probability is too small for a number, the rate hardly changes the last gap.
+            steep = n / rate - self._rest(n + 1)
+            exact = slope / probability
+        return np.asarray(self.efficiency * np.where(probability > 1e-280, exact, steep))
+
+    def _slope(self, count: npt.NDArray[np.integer], rate: Array) -> Array:
+        """Return the derivative of P(N ≥ n) by the rate: u(n) times a Poisson probability."""
+        from scipy.special import gammaln, xlogy
+
+        rest, earlier = self._rest(count), np.maximum(count - 1, 0)
+        logarithm = xlogy(earlier, rate * rest) - rate * rest - gammaln(earlier + 1)
+        return np.asarray(np.where((count > 0) & (rest > 0), rest * np.exp(logarithm), 0.0))
+
+    def merge(self, counts: npt.ArrayLike, light: float, *, max_intensity: float = 1.0) -> Merged:
+        """Return counts of one-bit readings that say the same about each pixel.
+
+        The likelihood of a pixel has the same maximum as that of its own count, and the same
+        information there. All methods and K-conditioned networks take the result.
+
+        Parameters
+        ----------
+        counts : array_like of int, shape (H, W)
+            The counts.
+        light : float
+            Photons per exposure at intensity 1, above 0.
+        max_intensity : float
+            S: the largest intensity, above 0. Estimates lie in [0, S].
+
+        Returns
+        -------
+        Merged
+            Ones and trials (H, W). Their sensor divides the exposure into readings of one bit that
+            are short enough for at most 1/4 detection each.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When a count or a number is out of range, or the counts are not those of one image.
+
+        Notes
+        -----
+        The formulas are those of :func:`jotlight.merge_readings`.
+
+        Examples
+        --------
+        >>> pixel, counts = FreeRunning(dead_time=0.01), [[0, 20, 50]]
+        >>> merged = pixel.merge(counts, light=200.0)
+        >>> (merged.ones / merged.trials).round(3).tolist()  # p = 1 - exp(-s) of the readings
+        [[0.0, 0.031, 0.117]]
+        """
+        light = positive_number("light", light)
+        largest = positive_number("max_intensity", max_intensity)
+        image = as_counts(counts)
+        if image.ndim != 2:
+            raise ValueError(f"counts: expected those of one image (H, W), got {image.shape}")
+        rate = self.efficiency * light * largest + self.dark_counts
+        frames = max(1, int(np.ceil(rate / _MAX_RATE)))
+        sensor = Sensor(
+            frames=frames,
+            gain=light,
+            efficiency=self.efficiency,
+            dark_counts=self.dark_counts / frames,
+            max_intensity=largest,
+        )
+        # Few counts differ, and each needs a sum over all possible counts.
+        distinct, places = np.unique(image, return_inverse=True)
+        ones, trials = self._equivalent(distinct, light, sensor)
+        places = places.reshape(image.shape)
+        return Merged(*round_ones(ones[places], trials[places]), sensor)
+
+    def _equivalent(
+        self, counts: npt.NDArray[np.integer], light: float, sensor: Sensor
+    ) -> tuple[Array, Array]:
+        """Return real numbers of ones and of trials of a sensor, for each of some counts."""
+        likely = self.mle(counts) / light
+        intensity = np.clip(likely, 0, sensor.max_intensity)
+        is_inside = (likely > 0) & (likely < sensor.max_intensity)
+        gradient = np.where(is_inside, 0.0, light * self.score(counts, light * intensity))
+        information = light**2 * self.information(light * intensity)
+        slope = self.efficiency * sensor.light_per_intensity
+        rate = slope * intensity + self.dark_counts / sensor.frames
+        one, zero = -np.expm1(-rate), np.exp(-rate)
+        trials = information * np.expm1(rate) / slope**2
+        ones = trials * one + gradient * one / slope
+        is_dark, is_full = counts == 0, counts == self.max_count
+        trials = np.where(is_dark, -gradient / slope, trials)
+        trials = np.where(is_full, np.maximum(gradient, 0) * one / (slope * zero), trials)
+        ones = np.where(is_dark, 0.0, np.where(is_full, trials, ones))
+        return np.clip(ones, 0, trials), trials
 
     def _rate(self, light: npt.ArrayLike) -> Array:
         levels = np.asarray(light, np.float64)

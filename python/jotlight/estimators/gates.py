@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range, positive_number
+from jotlight.checks import number_in_range, positive_number, shown
 from jotlight.errors import import_extra
 from jotlight.sensing.response import Array
 from jotlight.sensing.values import numbers_from_zero
@@ -27,7 +27,7 @@ def gate_detections(
     ----------
     counts : array_like of int, shape (G, ...)
         L: the number of ones of each gate, and of each pixel.
-    trials : int or array_like of int
+    trials : int or array_like of int, shape (G,) or that of the counts
         n: the number of readings of each gate; or of cycles, with `first_photon`.
     first_photon : bool
         Whether each cycle of the laser passes all gates in order, and only its first photon is
@@ -58,7 +58,7 @@ def gate_detections(
     ones = numbers_from_zero("counts", counts)
     if ones.ndim < 1 or (ones != np.floor(ones)).any():
         raise ValueError(f"counts: expected whole numbers (G, ...), got shape {ones.shape}")
-    readings = np.broadcast_to(numbers_from_zero("trials", trials), ones.shape).copy()
+    readings = _of_each_count(numbers_from_zero("trials", trials), ones.shape)
     if first_photon:
         # The cycles without a photon in an earlier gate.
         readings[1:] -= ones.cumsum(axis=0)[:-1]
@@ -71,6 +71,19 @@ def gate_detections(
         detections = -np.log1p(-fraction)
         error = np.sqrt(fraction / (1 - fraction) / readings)
     return np.maximum(detections - dark, 0), error
+
+
+def _of_each_count(trials: Array, shape: tuple[int, ...]) -> Array:
+    """Return the readings behind each count, from one number, one for each gate, or all of them."""
+    if trials.shape == shape[:1]:
+        trials = trials.reshape(-1, *[1] * (len(shape) - 1))
+    try:
+        return np.broadcast_to(trials, shape).copy()
+    except ValueError:
+        raise ValueError(
+            f"trials: expected a number, one for each of the {shape[0]} gates, or one for each "
+            f"count of shape {shape}, got shape {trials.shape}"
+        ) from None
 
 
 def decay_lifetime(detections: npt.ArrayLike, gate_times: npt.ArrayLike) -> Array:
@@ -160,10 +173,13 @@ def gate_dataset(
     times = np.asarray(gate_times, np.float64)
     if ones.ndim != 3:
         raise ValueError(f"counts: expected shape (G, H, W), got {ones.shape}")
-    if times.shape != ones.shape[:1] or not (np.diff(times) > 0).all():
+    if times.shape != ones.shape[:1]:
         raise ValueError(
-            f"gate_times: expected {len(ones)} times that rise, one for each gate, got shape "
-            f"{times.shape}"
+            f"gate_times: expected {len(ones)} times, one for each gate, got shape {times.shape}"
+        )
+    if not (np.diff(times) > 0).all():
+        raise ValueError(
+            f"gate_times: expected times that rise, got {shown(times)}; sort the gates by time"
         )
     detections, error = gate_detections(
         ones, trials, first_photon=first_photon, dark_counts=dark_counts

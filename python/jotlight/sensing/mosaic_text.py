@@ -113,15 +113,18 @@ def letters_of(pattern: Pattern, filters: str) -> str:
 
 
 def pattern_to_json(pattern: Pattern, max_side: int) -> list[list[int]] | dict[str, Any]:
-    """Return the places of the filters as lists, or a large map as compressed text."""
+    """Return the places of the filters as lists, or a large map as compressed text.
+
+    The size has this name because tifffile takes a TIFF description with "shape" for its own.
+    """
     if max(pattern.shape) <= max_side:
         return pattern.tolist()  # type: ignore[no-any-return]
     text = base64.b64encode(zlib.compress(pattern.tobytes(), 9)).decode()
-    return {"shape": list(pattern.shape), "zlib": text}
+    return {"size": list(pattern.shape), "zlib": text}
 
 
-def pattern_of_json(value: dict[str, Any]) -> Pattern:
-    """Return the pattern in the JSON of a mosaic.
+def pattern_of_json(value: dict[str, Any]) -> Any:
+    """Return the pattern in the JSON of a mosaic: letters, or the places of the filters.
 
     Raises
     ------
@@ -130,13 +133,13 @@ def pattern_of_json(value: dict[str, Any]) -> Pattern:
 
     Examples
     --------
-    >>> pattern_of_json({"pattern": [[0, 1], [1, 2]]}).shape
-    (2, 2)
+    >>> pattern_of_json({"pattern": [[0, 1], [1, 2]]})
+    [[0, 1], [1, 2]]
     """
     pattern = value["pattern"]
     if not isinstance(pattern, dict):
-        return np.asarray(pattern)
-    height, width = pattern["shape"]
+        return pattern
+    height, width = pattern["size"]
     size = int(height) * int(width)
     if not 0 < size <= _MAX_PIXELS:
         raise ValueError(f"mosaic: expected 1 to {_MAX_PIXELS} pixels, got {height} x {width}")

@@ -12,6 +12,7 @@ from jotlight.checks import Counts, as_counts
 from jotlight.errors import PeriodicRatesWarning, warn
 from jotlight.layout import image_channels
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.photon_readings import Readings
 
 THRESHOLD = 6.0
 """Score, in standard deviations, above which rates are periodic.
@@ -86,7 +87,9 @@ class PeriodicRates:
         order = (
             letters if is_known else f"the letters of the filters, with / after each {self.period}"
         )
-        alike = "" if self.greens is None else f". Two of four filters are alike, {self.greens}"
+        alike = ""
+        if self.greens is not None:
+            alike = f". Two of four filters see about the same light, {self.greens}"
         return (
             f"the rates repeat every {self.period} x {self.period} jots, {cause}; the estimate "
             f"mixes the jots{alike}. For colors, state your filters from the top left, for example "
@@ -96,7 +99,7 @@ class PeriodicRates:
 
 
 def find_periodic_rates(
-    data: Bits | npt.ArrayLike,
+    data: Bits | Readings | npt.ArrayLike,
     *,
     channel_axis: int | None = None,
     threads: int | None = None,
@@ -112,8 +115,8 @@ def find_periodic_rates(
 
     Parameters
     ----------
-    data : Bits (T, H, W), or array_like of int, shape (H, W)
-        Bits, or counts of single jots. Data with color channels are not tested: None.
+    data : Bits or Readings (T, H, W), or array_like of int, shape (H, W)
+        Bits, readings, or counts of single jots. Data with color channels are not tested: None.
     channel_axis : int, optional
         Axis of counts that holds color channels. Default: none.
     threads : int, optional
@@ -148,10 +151,13 @@ def find_periodic_rates(
     >>> find_periodic_rates(Bits.from_array(noise < 0.2)) is None
     True
     """
-    if isinstance(data, Bits):
+    if isinstance(data, Bits | Readings):
         if len(data.shape) > 3:
             return None
-        counts = data.counts(1, threads=threads, progress=progress)
+        if isinstance(data, Readings):
+            counts = data.sum()
+        else:
+            counts = data.counts(1, threads=threads, progress=progress)
     else:
         channels = image_channels("counts", as_counts(data), channel_axis)
         if channel_axis is not None:
@@ -194,16 +200,18 @@ def warn_about_periods(data: Iterable[object]) -> None:
 
     Parameters
     ----------
-    data : iterable of Bits, or ndarray of int32 (N, H, W)
-        Bits, or counts of single jots, whose first image is tested. Other data are ignored.
+    data : iterable of Bits, Readings, or ndarray of int32 (N, H, W)
+        Bits, readings, or counts of single jots, whose first image is tested. Other data are
+        ignored.
     """
-    found = (_find_in_middle(each) for each in data if isinstance(each, Bits | np.ndarray))
+    tested = Bits | Readings | np.ndarray
+    found = (_find_in_middle(each) for each in data if isinstance(each, tested))
     periodic = next(filter(None, found), None)
     if periodic is not None:
         warn(periodic.describe(), PeriodicRatesWarning)
 
 
-def _find_in_middle(data: Bits | Counts) -> PeriodicRates | None:
+def _find_in_middle(data: Bits | Readings | Counts) -> PeriodicRates | None:
     """Return periodic rates of jots in the middle, or None, also for bits that were tested."""
     height, width = data.shape[1:3]
     if min(height, width) < _MIN_SIDE or len(data.shape) > 3:
@@ -214,6 +222,9 @@ def _find_in_middle(data: Bits | Counts) -> PeriodicRates | None:
         data.tested_for_periods = True
         frame_bytes = max(1, data.packed.nbytes // len(data))
         counts = data[: max(1, _MAX_BYTES // frame_bytes)].counts(1)
+    elif isinstance(data, Readings):
+        frame_bytes = 2 * height * width
+        counts = data[: max(1, _MAX_BYTES // frame_bytes)].sum()
     else:
         counts = data[0]
     top, left = (max(0, (side - _MAX_SIDE) // 2) for side in (height, width))

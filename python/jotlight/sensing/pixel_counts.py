@@ -227,6 +227,9 @@ def prepare_data(
     # The rates follow a map of thresholds or a mosaic.
     may_repeat = has_mosaic or np.ndim(sensor.threshold) == 2
     several = _list_of_data(data)
+    for each in (data, *several):
+        if isinstance(each, Readings):
+            each.check_sensor(sensor)
     if isinstance(data, Bits | Readings | Merged | GrayImages) or several:
         if not may_repeat:
             warn_about_periods([data, *several])
