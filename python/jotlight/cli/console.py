@@ -55,7 +55,7 @@ _PYTHON_ADVICE = re.compile(r"(?:jotlight\.\w+\(.*\)|[\w.]+[=\[(]\S*) \((--[^()]
 """Advice of the library, such as ``counts=True (--counts)``, or a whole call of jotlight."""
 
 
-def _with_options_only(message: str) -> str:
+def with_options_only(message: str) -> str:
     """Return a message whose advice names the option instead of the Python parameter."""
     return _PYTHON_ADVICE.sub(r"\1", message)
 
@@ -63,18 +63,18 @@ def _with_options_only(message: str) -> str:
 def report(*lines: str) -> None:
     """Print results to the standard output."""
     for line in lines:
-        out.print(_with_options_only(line), soft_wrap=True, markup=False)
+        out.print(with_options_only(line), soft_wrap=True, markup=False)
 
 
 def caution(label: str, message: str) -> None:
     """Print a remark with a highlighted label to the standard error."""
-    text = escape(_with_options_only(message))
+    text = escape(with_options_only(message))
     err.print(f"[yellow]{escape(label)}:[/] {text}", soft_wrap=True)
 
 
 def error(message: str) -> None:
     """Print an error in one line."""
-    err.print(f"[bold red]error:[/] {escape(_with_options_only(message))}", soft_wrap=True)
+    err.print(f"[bold red]error:[/] {escape(with_options_only(message))}", soft_wrap=True)
 
 
 def show_warning(

@@ -13,7 +13,7 @@ from jotlight.calibration import Calibration
 from jotlight.calibration.result import FORMAT as CALIBRATION
 from jotlight.cli.capture_facts import bits_facts, notes, readings_facts
 from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.console import out, progress
+from jotlight.cli.console import out, progress, with_options_only
 from jotlight.cli.jot_checks import jot_remarks
 from jotlight.cli.origins import origin_facts, video_facts
 from jotlight.files import refuse_overwrite
@@ -87,7 +87,7 @@ def _table(rows: list[tuple[str, str]]) -> Table:
     table.add_column(style="bold")
     table.add_column(overflow="fold")
     for name, value in rows:
-        table.add_row(name, value)
+        table.add_row(name, with_options_only(value))
     return table
 
 
