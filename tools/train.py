@@ -94,8 +94,8 @@ NOTES = {
     "medium": "In the first stage, the coarse filters had no parameter sets for K, and typical "
     "exposures of photographs were not drawn more often than others. The last six stages drew K "
     "from 9 to 100 in half of the steps. The last four stages drew most exposures from 0.08 to 1 "
-    "photon per jot and frame, the previous ones from 0.15 to 1. Before the last stage, the cost was "
-    "the error of z (decision 50).",
+    "photon per jot and frame, the previous ones from 0.15 to 1. Before the last stage, the "
+    "cost was the error of z (decision 50).",
     "large": "It started with the estimates of medium, whose channels and layers were extended. "
     "Before the last stage but one, it took 5,286 steps by Muon at a learning rate of 0.002, whose "
     "changes count as those of that stage. Before the last stage, the cost was the error of z "

@@ -40,7 +40,7 @@ GRAY_WEIGHTS = dict.fromkeys(range(3), 0.6) | {3: 0.8} | dict.fromkeys((8, 9, 10
 NOISE = 0.15
 """Factor of the random filters that are added to them."""
 
-DRAWINGS = 6.0
+DRAWINGS = 4.5
 """Weight of the drawings, where that of all photographs is 9."""
 
 TEMPLATE = Path(__file__).with_name("color_card.md")

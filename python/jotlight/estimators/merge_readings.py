@@ -122,7 +122,7 @@ def reference_sensor(sensor: Sensor) -> Sensor:
         share = half / rate
         if own.bit_depth > 1:
             brightest = own.light_per_intensity * own.max_intensity
-            share = max(share, min(1.0, _MAX_RATE / brightest))
+            share = min(1.0, _MAX_RATE / min(brightest, rate))
         per_frame.append(own.gain / own.frames * share)
     reference = sensor.replace(
         threshold=1, gain=min(per_frame) * sensor.frames, bit_depth=1, read_noise=0.0

@@ -13,6 +13,9 @@ _GRAY = 3 / 4
 """Fraction of the drawings that stay gray. Fine gray stripes teach that they are not colors."""
 
 
+_BLACK_OR_WHITE = 1 / 2
+"""Fraction of the others in which one of the two colors is black or white."""
+
 _FINE = 1 / 2
 """Fraction of fine drawings."""
 
@@ -47,6 +50,8 @@ class ColorDrawings(PatchSource):
         first, last = np.zeros(3), np.ones(3)
         if rng.random() >= _GRAY:
             first, last = rng.random((2, 3))
+            if rng.random() < _BLACK_OR_WHITE:
+                first = np.full(3, float(rng.integers(2)))
         colors = first[:, None, None] + (last - first)[:, None, None] * values
         mosaic = None if self.mosaics is None else self.mosaics(rng, side)
         return Patch(colors.astype(np.float32), mean, mosaic)
