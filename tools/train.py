@@ -77,7 +77,6 @@ STAGES: dict[str, tuple[Stage, ...]] = {
         Stage(9_000, 1.5e-3, batch=32, patch=64, images="mixture", optimizer="muon"),
     ),
     "medium-k16": bsds300_stages((25_000, 3e-3)),
-    "large-k16": bsds300_stages((24_000, 3e-3), (12_000, 1.5e-3), (5_000, 1e-3), (10_000, 1.2e-3)),
 }
 """Stages of the deep networks. The seed of a stage is its number, from 1."""
 
@@ -100,14 +99,13 @@ NOTES = {
     "Before the last stage but one, it took 5,286 steps by Muon at a learning rate of 0.002, whose "
     "changes count as those of that stage. Before the last stage, the cost was the error of z "
     "(decision 50). The parameters are rounded to float16.",
-    "large-k": "Only the last stage used patches that are strongly over- or underexposed.",
 }
 """Notes on the training of the shipped networks that the stages do not show, by name without K."""
 
 TWO_LAYER = [f"two-layer-k{bits}" for bits in TRAINED_TRIALS]
 TWO_LAYER_STEPS, TWO_LAYER_BATCH, TWO_LAYER_PATCH, TWO_LAYER_SEED = 60, 512, 64, 0
 SMALL = [f"small-k{bits}" for bits in (16, *(bits for bits in TRAINED_TRIALS if bits != 16))]
-SHIPPED = [*TWO_LAYER, *SMALL, "two-layer", "small", "medium", "large", "large-k16"]
+SHIPPED = [*TWO_LAYER, *SMALL, "two-layer", "small", "medium", "large"]
 COMPARISONS = ["medium-k16"]
 ROUNDED = ["large"]
 """Networks that are stored in float16, which costs them less than 0.002 dB."""

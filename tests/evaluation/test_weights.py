@@ -21,7 +21,7 @@ def named(name):
         (None, "mle", None, []),
         (None, "network-medium", "medium", [named("medium")]),
         (None, "network-small", "small", [named("small-k16")]),
-        (None, "network-extra-large", "extra-large", [named("large-k16")]),
+        (None, "network-extra-large", "extra-large", [LARGE]),
         (None, "held-out", None, [named("medium")]),
         (None, "network-color", None, [CHANNELS_FILE, LARGE]),
         ("RGGB", "network-color", None, [MOSAIC_FILE, LARGE]),

@@ -15,10 +15,10 @@ CONDITIONAL_SIZE = "medium"
 TRAINED_TRIALS = tuple(side**2 for side in range(3, 11))
 """Values of K for which there are "two-layer" and "small" networks for this K alone."""
 
-_TRIALS_OF_ONE = {"two-layer": TRAINED_TRIALS, "small": TRAINED_TRIALS, "large": (16,)}
-"""Values of K for which a size also has a network for this K alone.
+_FOR_ONE = "two-layer", "small"
+"""Sizes that also have networks for one K alone.
 
-It is better than the K-conditioned network of its size, but only for α = K, q = 1, S = 1.
+These are better than the K-conditioned network of their size, but only for α = K, q = 1, S = 1.
 """
 
 MAX_TRIALS = 256
@@ -71,9 +71,8 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
         thirteen of up to 52 channels; fifteen of up to 80 channels; and these fifteen with their
         output averaged over four rotations of the data. A K-conditioned network of each
         size serves every number of trials per pixel at any exposure. For ηα = K, threshold 1,
-        S = 1, the box kernel, and dark counts of at most 0.05, networks for one K alone replace it:
-        "two-layer" and "small" for K = 9, 16, 25, 36, 49, 64, 81, and 100, and "large" and
-        "extra-large" for K = 16.
+        S = 1, the box kernel, dark counts of at most 0.05, and K = 9, 16, 25, 36, 49, 64, 81, and
+        100, networks for one K alone replace "two-layer" and "small".
 
     Returns
     -------
@@ -196,7 +195,7 @@ def uses_conditional(sensor: Sensor, quality: str) -> bool:
         and sensor.max_intensity == 1
         and dark_counts <= _MAX_DARK_COUNTS
     )
-    return not (is_usual and sensor.trials in _TRIALS_OF_ONE.get(quality, ()))
+    return not (is_usual and quality in _FOR_ONE and sensor.trials in TRAINED_TRIALS)
 
 
 def check_quality(quality: str) -> None:
