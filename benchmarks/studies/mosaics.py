@@ -5,6 +5,7 @@
     python benchmarks/studies/mosaics.py dim DATA
     python benchmarks/studies/mosaics.py patterns DATA
     python benchmarks/studies/mosaics.py channels DATA
+    python benchmarks/studies/mosaics.py light DATA
     python benchmarks/studies/mosaics.py motion DATA
     python benchmarks/studies/mosaics.py images DATA FOLDER
 
@@ -120,6 +121,25 @@ def channels(data: Path) -> None:
                 values.append(psnr(method(bits), image))
             row.append(float(np.mean(values)))
         print(title, *(f"{value:.2f}" for value in row), flush=True)
+
+
+def light(data: Path) -> None:
+    """Print three counts per pixel in bright light: the color network, and medium per channel."""
+    images = list(photographs(data, "gb82", 4, 256))
+    mean = float(np.mean(images))
+    print("K = 16, detections per jot and frame: color network, medium")
+    for photons in (1, 2, 4, 8, 16):
+        sensor = jl.Sensor(frames=16, gain=16 * photons)
+        exposed = [
+            sensor.expose(image, rng=seed, channel_axis=-1) for seed, image in enumerate(images)
+        ]
+        row = []
+        for options in ({}, {"method": "network-medium"}):
+            pairs = zip(exposed, images, strict=True)
+            row.append(
+                np.mean([psnr(jl.reconstruct(bits, **options), image) for bits, image in pairs])
+            )
+        print(f"{photons * mean:.2f}:", *(f"{value:.2f}" for value in row), flush=True)
 
 
 def start_of_channels(bits: jl.Bits) -> Array:
@@ -288,7 +308,9 @@ def images(data: Path, folder: Path) -> None:
                 jl.save_image(folder / f"{name}_{mosaic}_{after}.png", both)
 
 
-MEASUREMENTS = {each.__name__: each for each in (choices, table, dim, patterns, channels, motion)}
+MEASUREMENTS = {
+    each.__name__: each for each in (choices, table, dim, patterns, channels, light, motion)
+}
 
 
 def main() -> None:
