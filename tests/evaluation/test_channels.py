@@ -90,7 +90,22 @@ def test_extreme_counts_stay_in_the_range(extreme):
         warnings.simplefilter("ignore")  # of the largest intensity, which all pixels have
         found = jl.reconstruct(counts, jl.Sensor(frames=16), channel_axis=-1)
     assert ((found >= 0) & (found <= 1)).all()
-    assert np.abs(found - extreme).max() < 0.25
+    assert np.abs(found - extreme).max() < 0.01
+
+
+def test_overexposed_pixels_are_white():
+    image = np.full((32, 48, 3), 0.4)
+    image[:, 24:] = 20.0
+    for sensor, channel_axis in (
+        (jl.Sensor(frames=16), -1),
+        (jl.Sensor(frames=16, mosaic="RGGB"), None),
+    ):
+        bits = sensor.replace(max_intensity=20.0).expose(image, rng=0, channel_axis=-1)
+        counts = bits.counts()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of the largest intensity, as above
+            found = jl.reconstruct(counts, sensor, channel_axis=channel_axis)
+        assert found[4:-4, 30:-4].min() > 0.98
 
 
 def test_other_colors_and_requests_have_gray_estimates():

@@ -157,7 +157,7 @@ def test_dim_and_bright_light(photons):
     merged = merged_of(image, 400, photons=photons)
     estimate = jl.pretrained(merged.sensor).reconstruct(merged)
     assert estimate[:, 4:20].mean() == pytest.approx(0.5, rel=0.03)
-    assert estimate[:, 28:44].mean() == pytest.approx(0.25, rel=0.03)
+    assert estimate[:, 28:44].mean() == pytest.approx(0.25, rel=0.04)
 
 
 def test_coarse_counts_are_sums():

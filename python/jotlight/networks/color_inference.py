@@ -18,6 +18,10 @@ from jotlight.sensing.sensor import Sensor
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
 
+MIN_LARGEST = 4.0
+"""Smallest limit of the classical colors. If they ended at S = 1, they would not fit the bits of
+overexposed pixels, which the network would take for another color."""
+
 
 def planes_of_mosaic(
     gray: Network, counted: PixelCounts, sensor: Sensor, mosaic: Mosaic, threads: int | None
@@ -26,7 +30,7 @@ def planes_of_mosaic(
 
     The parameters are those of :func:`estimate_mosaic`.
     """
-    seen = _seen_through(mosaic, counted, threads)
+    seen, sensor = _seen_through(mosaic, counted, threads), _with_range(sensor)
     start = start_of_mosaic(gray, counted, sensor, mosaic, threads)
     return color_planes(seen, start, response_of(sensor))
 
@@ -42,7 +46,7 @@ def planes_of_channels(
         Filtered(share, equivalent_fractions(counted, threads), _weights(counted))
         for share, counted in zip(np.eye(3), channels, strict=True)
     ]
-    response = response_of(sensor)
+    response, sensor = response_of(sensor), _with_range(sensor)
     start = start_of_channels(gray, channels, seen, sensor, response, threads)
     return color_planes(seen, start, response)
 
@@ -104,6 +108,11 @@ def estimate_channels(
     trials = float(np.median([_usual_trials(counted) for counted in channels]))
     found = network.estimate_probability(planes, trials, threads=threads)
     return intensity_from_probability(found, sensor, threads)
+
+
+def _with_range(sensor: Sensor) -> Sensor:
+    """Return a sensor whose classical colors reach the intensities of the training."""
+    return sensor.replace(max_intensity=max(sensor.max_intensity, MIN_LARGEST))
 
 
 def _seen_through(mosaic: Mosaic, counted: PixelCounts, threads: int | None) -> list[Filtered]:

@@ -5,7 +5,11 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.networks.color_inference import planes_of_channels, planes_of_mosaic
+from jotlight.networks.color_inference import (
+    MIN_LARGEST,
+    planes_of_channels,
+    planes_of_mosaic,
+)
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import COLOR_START, FOLDER
 from jotlight.sensing.pixel_counts import count_pixels
@@ -13,9 +17,6 @@ from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.patches import PatchLoader
 from jotlight.training.patch_sources import Patch
-
-_MAX_INTENSITY = 4.0
-"""The largest intensity of the classical colors."""
 
 
 class ColorPatchLoader(PatchLoader):
@@ -55,7 +56,7 @@ class ColorPatchLoader(PatchLoader):
             frames=trials,
             gain=float(slope) * trials,
             dark_counts=float(dark_counts),
-            max_intensity=_MAX_INTENSITY,
+            max_intensity=MIN_LARGEST,
         )
         light: npt.NDArray[np.floating] = patch.values.astype(np.float64)
         if patch.mosaic is not None:
