@@ -176,8 +176,8 @@ def main() -> None:
     )
     network.save(options.scratch / f"{options.kind}.{options.seed}.safetensors")
     stage = (
-        f"`python tools/train_color.py DATA {options.kind}` with {options.steps:,} steps at a "
-        f"learning rate of {options.learning_rate:g}"
+        f"`python tools/train_color.py DATA {options.kind}` with {options.steps:,} steps by Muon "
+        f"at a learning rate of {options.learning_rate:g}"
     )
     ship(network, [*start.history.get("stages", []), stage], KINDS[options.kind], options.data)
     checkpoint.unlink()
