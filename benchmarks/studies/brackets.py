@@ -6,8 +6,8 @@ The bracket has exposures of 1 : 8 : 64 in equal numbers of frames. The first ta
 the same number of frames of the longest exposure: the range in which the SNR is 9 dB or more, by
 the Cramér-Rao bound and by the exact error of maximum likelihood, which is a sum over all outcomes.
 The range is that between the first and the last such intensity, *without a dip* is the widest range
-without a lower SNR, and *dip* is the lowest SNR between the first and the last. *coverage* is the
-lowest exact coverage of the interval of 95 % in that range.
+in which the SNR stays at 9 dB or more, and *dip* is the lowest SNR between the first and the last.
+*coverage* is the lowest exact coverage of the interval of 95 % in that range.
 
 The second table is for IMAGES, a folder, whose first images in the order of their names get
 intensities that rise by a factor of 1,000 from left to right. It compares estimates from the

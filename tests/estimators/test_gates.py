@@ -105,7 +105,7 @@ def test_data_sets_hold_all_results():
     assert stack.detections.dims == ("H", "Y", "X")
     np.testing.assert_array_equal(stack.H, TIMES)
     assert stack.attrs == {"frequency": 80.0}
-    with pytest.raises(ValueError, match="expected times that rise"):
+    with pytest.raises(ValueError, match="expected increasing times"):
         jl.gates.gate_dataset(counts, 1000, gate_times=TIMES[::-1])
     with pytest.raises(ValueError, match=r"expected shape \(G, H, W\)"):
         jl.gates.gate_dataset(counts[0], 1000, gate_times=TIMES)

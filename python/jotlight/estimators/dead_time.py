@@ -14,8 +14,8 @@ from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
 _MAX_RATE = 0.25
-"""Expected detections per reading of the equivalent sensor at the largest intensity. In dim light,
-the number of trials depends little on the estimate, which is noisy itself."""
+"""Expected detections per reading of the equivalent sensor at the largest intensity. With so little
+light per reading, the number of trials hardly depends on the estimate, which is noisy itself."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -209,7 +209,7 @@ class FreeRunning:
         slope = self._slope(n, rate) - self._slope(n + 1, rate)
         probability = self.at_least(n, light) - self.at_least(n + 1, light)
         with np.errstate(divide="ignore", invalid="ignore"):
-            # Where the probability is too small for a number, the rate hardly changes the last gap.
+            # Where the probability underflows, the dead time after the last detection is neglected.
             steep = n / rate - self._rest(n + 1)
             exact = slope / probability
         return np.asarray(self.efficiency * np.where(probability > 1e-280, exact, steep))
@@ -225,7 +225,7 @@ class FreeRunning:
     def merge(self, counts: npt.ArrayLike, light: float, *, max_intensity: float = 1.0) -> Merged:
         """Return counts of one-bit readings that say the same about each pixel.
 
-        The likelihood of a pixel has the same maximum as that of its own count, and the same
+        For each pixel, they have the same most likely intensity as the count, and the same
         information there. All methods and K-conditioned networks take the result.
 
         Parameters
@@ -263,7 +263,7 @@ class FreeRunning:
         largest = positive_number("max_intensity", max_intensity)
         image = as_counts(counts)
         if image.ndim != 2:
-            raise ValueError(f"counts: expected those of one image (H, W), got {image.shape}")
+            raise ValueError(f"counts: expected one image of shape (H, W), got {image.shape}")
         rate = self.efficiency * light * largest + self.dark_counts
         frames = max(1, int(np.ceil(rate / _MAX_RATE)))
         sensor = Sensor(
@@ -273,7 +273,7 @@ class FreeRunning:
             dark_counts=self.dark_counts / frames,
             max_intensity=largest,
         )
-        # Few counts differ, and each needs a sum over all possible counts.
+        # There are few distinct counts. Each needs a sum over all possible counts.
         distinct, places = np.unique(image, return_inverse=True)
         ones, trials = self._equivalent(distinct, light, sensor)
         places = places.reshape(image.shape)
@@ -282,7 +282,7 @@ class FreeRunning:
     def _equivalent(
         self, counts: npt.NDArray[np.integer], light: float, sensor: Sensor
     ) -> tuple[Array, Array]:
-        """Return real numbers of ones and of trials of a sensor, for each of some counts."""
+        """Return the equivalent ones and trials of each count, before rounding."""
         likely = self.mle(counts) / light
         intensity = np.clip(likely, 0, sensor.max_intensity)
         is_inside = (likely > 0) & (likely < sensor.max_intensity)

@@ -81,8 +81,8 @@ def _of_each_count(trials: Array, shape: tuple[int, ...]) -> Array:
         return np.broadcast_to(trials, shape).copy()
     except ValueError:
         raise ValueError(
-            f"trials: expected a number, one for each of the {shape[0]} gates, or one for each "
-            f"count of shape {shape}, got shape {trials.shape}"
+            f"trials: expected one number, one for each of the {shape[0]} gates, or an array of "
+            f"shape {shape}, got shape {trials.shape}"
         ) from None
 
 
@@ -179,7 +179,7 @@ def gate_dataset(
         )
     if not (np.diff(times) > 0).all():
         raise ValueError(
-            f"gate_times: expected times that rise, got {shown(times)}; sort the gates by time"
+            f"gate_times: expected increasing times, got {shown(times)}; sort the gates by time"
         )
     detections, error = gate_detections(
         ones, trials, first_photon=first_photon, dark_counts=dark_counts

@@ -26,8 +26,8 @@ _MAX_TRIALS = 2.0**30
 
 _MAX_RATE = 0.25
 """Light of a jot of the reference sensor at the largest intensity, or at the light that saturates
-half of the readings, for readings of several bits. With dim light, trials depend little on the
-estimate, which is noisy itself."""
+half of the readings, for readings of several bits. With so little light, the number of trials
+hardly depends on the estimate, which is noisy itself."""
 
 
 def merge_readings(
@@ -103,8 +103,9 @@ def reference_sensor(sensor: Sensor) -> Sensor:
 
     At the light at which half of the least sensitive readings are ones, half of its bits are ones.
     So it is not saturated where the readings are not, and its trials are at least about as many as
-    those of the least sensitive readings. For readings of several bits, it has a light of at most
-    1/4 at the largest intensity or, if that is dimmer, at the light that saturates half of them.
+    those of the least sensitive readings. For readings of several bits, a jot of it gets 1/4
+    photon per frame, at the largest intensity or at the light that saturates half of the readings,
+    whichever is dimmer, but at most as much light as in the readings.
 
     Examples
     --------

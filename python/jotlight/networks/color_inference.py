@@ -19,8 +19,8 @@ Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
 
 MIN_LARGEST = 4.0
-"""Smallest limit of the classical colors. If they ended at S = 1, they would not fit the bits of
-overexposed pixels, which the network would take for another color."""
+"""The classical colors may reach this intensity, or S if it is larger. If they were clipped at 1,
+they would contradict the bits of overexposed pixels, whose colors would then be wrong."""
 
 
 def planes_of_mosaic(

@@ -116,7 +116,7 @@ def find_periodic_rates(
     Parameters
     ----------
     data : Bits or Readings (T, H, W), or array_like of int, shape (H, W)
-        Bits, readings, or counts of single jots. Data with color channels are not tested: None.
+        Bits, readings, or counts of single jots. For data with color channels, the result is None.
     channel_axis : int, optional
         Axis of counts that holds color channels. Default: none.
     threads : int, optional
@@ -154,6 +154,7 @@ def find_periodic_rates(
     if isinstance(data, Bits | Readings):
         if len(data.shape) > 3:
             return None
+        counts: npt.NDArray[np.integer]
         if isinstance(data, Readings):
             counts = data.sum()
         else:
@@ -216,6 +217,7 @@ def _find_in_middle(data: Bits | Readings | Counts) -> PeriodicRates | None:
     height, width = data.shape[1:3]
     if min(height, width) < _MIN_SIDE or len(data.shape) > 3:
         return None
+    counts: npt.NDArray[np.integer]
     if isinstance(data, Bits):
         if data.tested_for_periods:
             return None

@@ -14,7 +14,7 @@ _GRAY = 3 / 4
 
 
 _BLACK_OR_WHITE = 1 / 2
-"""Fraction of the others in which one of the two colors is black or white."""
+"""Fraction of the colored drawings in which one of the two colors is black or white."""
 
 _FINE = 1 / 2
 """Fraction of fine drawings."""
@@ -57,6 +57,6 @@ class ColorDrawings(PatchSource):
         return Patch(colors.astype(np.float32), mean, mosaic)
 
     def fingerprint(self) -> str:
-        """Return the name of the class and that of the mosaics."""
+        """Return the names of the class and of the mosaics, and the fraction of fine drawings."""
         name = getattr(self.mosaics, "__name__", type(self.mosaics).__name__)
         return f"{type(self).__name__} {name} {self._gray.fingerprint()}"

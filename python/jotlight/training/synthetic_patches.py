@@ -27,8 +27,8 @@ _Canvas = npt.NDArray[np.float32]
 class SyntheticPatches(PatchSource):
     """Random drawings with intensities in [0, 1], which teach a network structure.
 
-    One patch in seven each shows a flat region or a gradient, a grating, rings, overlapping disks,
-    overlapping rectangles, lines, and text.
+    A part of them are fine drawings. Of the others, one in seven each shows a flat region or a
+    gradient, a grating, rings, overlapping disks, overlapping rectangles, lines, and text.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def _draw_gradient(rng: np.random.Generator, side: int) -> _Canvas:
 
 
 def _draw_grating(rng: np.random.Generator, side: int, longest: float = 32) -> _Canvas:
-    """Return a sine or square wave with a period of 2 pixels to the longest, here 32 pixels."""
+    """Return a sine or square wave with a period from 2 to `longest` pixels."""
     first, last = _two_levels(rng)
     period = _SUPERSAMPLING * 2 ** rng.uniform(1, math.log2(longest))
     phase = 2 * math.pi * (_projection(rng, side) / period + rng.random())
@@ -186,7 +186,8 @@ def _draw_small_text(rng: np.random.Generator, side: int) -> _Canvas:
     from PIL import Image, ImageDraw, ImageFont
 
     pixels = side // _SUPERSAMPLING
-    font = ImageFont.load_default(int(rng.integers(8, 17)))
+    height = int(rng.integers(8, 17))
+    font = ImageFont.load_default(height)
     alphabet = list(string.ascii_letters + string.digits + "    ")
     paper, ink = (round(255 * level) for level in _two_levels(rng))
     image = Image.new("L", (pixels, pixels), paper)
@@ -196,7 +197,7 @@ def _draw_small_text(rng: np.random.Generator, side: int) -> _Canvas:
     while row < pixels:
         line = "".join(rng.choice(alphabet, pixels // 2))
         draw.text((-int(rng.integers(0, 16)), row), line, fill=ink, font=font)
-        row += int(rng.integers(font.size, 2 * font.size))
+        row += int(rng.integers(height, 2 * height))
     small = np.rot90(np.asarray(image, np.float32) / np.float32(255), int(rng.integers(4)))
     return small.repeat(_SUPERSAMPLING, 0).repeat(_SUPERSAMPLING, 1)
 
