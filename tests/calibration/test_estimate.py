@@ -196,6 +196,7 @@ def test_a_flat_capture_that_is_short_brings_little_noise():
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jotlight.errors.PeriodicRatesWarning")  # every tenth jot
 @pytest.mark.parametrize("clear", [3.5, 2, 0.5, 0.3])
 def test_a_clear_outlier_keeps_the_response_that_was_counted(clear):
     rng = np.random.default_rng(8)
