@@ -6,16 +6,15 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_counts, number_in_range, positive_number
-from jotlight.estimators.merge_readings import round_ones
+from jotlight.estimators.merge_readings import MAX_RATE, bits_that_say, round_ones
 from jotlight.interrupts import interruptible
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
-_MAX_RATE = 0.25
-"""Expected detections per reading of the equivalent sensor at the largest intensity. With so little
-light per reading, the number of trials hardly depends on the estimate, which is noisy itself."""
+_TINY = 1e-290
+"""Smaller probabilities underflow, or have few digits."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -75,12 +74,19 @@ class FreeRunning:
 
     def at_least(self, count: npt.ArrayLike, light: npt.ArrayLike) -> Array:
         """Return P(N ≥ n), the probability of a number of detections or more."""
-        from scipy.special import gammainc
+        return self._tails(self._checked(count, 1), light)[0]
 
-        n, rate = np.broadcast_arrays(self._checked(count, 1), self._rate(light))
-        argument = rate * np.maximum(self._rest(n), 0)
-        probability = interruptible(gammainc)(np.maximum(n, 1), argument)
-        return np.asarray(np.where(n == 0, 1.0, np.where(self._rest(n) > 0, probability, 0.0)))
+    def _tails(self, count: npt.NDArray[np.integer], light: npt.ArrayLike) -> tuple[Array, Array]:
+        """Return P(N ≥ n) and P(N < n), each with all its digits."""
+        from scipy.special import gammainc, gammaincc
+
+        n, rate = np.broadcast_arrays(count, self._rate(light))
+        argument, rest = rate * self._rest(n), self._rest(n)
+        tails = (interruptible(each)(np.maximum(n, 1), argument) for each in (gammainc, gammaincc))
+        more, fewer = (
+            np.where(rest > 0, tail, end) for tail, end in zip(tails, (0.0, 1.0), strict=True)
+        )
+        return np.where(n == 0, 1.0, more), np.where(n == 0, 0.0, fewer)
 
     def probability(self, count: npt.ArrayLike, light: npt.ArrayLike) -> Array:
         """Return P(N = n), the probability of a number of detections.
@@ -92,7 +98,9 @@ class FreeRunning:
         [0.1353, 0.4565, 0.3607, 0.0474, 0.0001]
         """
         n = self._checked(count)
-        return self.at_least(n, light) - self.at_least(n + 1, light)
+        (more, fewer), (more_next, fewer_next) = (self._tails(each, light) for each in (n, n + 1))
+        # The difference of two numbers close to 1 would lose digits.
+        return np.where(more_next > 0.5, fewer_next - fewer, more - more_next)
 
     def mean(self, light: npt.ArrayLike) -> Array:
         """Return the expected number of detections, the sum of P(N ≥ n)."""
@@ -116,13 +124,12 @@ class FreeRunning:
         levels = np.asarray(light, np.float64)
         seed = np.frombuffer(seed_bytes(rng), np.uint32)
         uniform = np.random.default_rng(seed).random(levels.shape)
-        counts = np.zeros(levels.shape, np.int64)
-        for count in range(1, self.max_count + 1):
-            more = uniform < self.at_least(count, levels)
-            counts += more
-            if not more.any():
-                break
-        return counts
+        low, high = np.zeros(levels.shape, np.int64), np.full(levels.shape, self.max_count)
+        while (low < high).any():
+            middle = (low + high + 1) // 2
+            is_more = uniform < self.at_least(middle, levels)
+            low, high = np.where(is_more, middle, low), np.where(is_more, high, middle - 1)
+        return low
 
     def mle(self, counts: npt.ArrayLike) -> Array:
         """Return the most likely light of each count.
@@ -207,12 +214,13 @@ class FreeRunning:
         """
         n, rate = np.broadcast_arrays(self._checked(counts), self._rate(light))
         slope = self._slope(n, rate) - self._slope(n + 1, rate)
-        probability = self.at_least(n, light) - self.at_least(n + 1, light)
+        probability = self.probability(counts, light)
         with np.errstate(divide="ignore", invalid="ignore"):
-            # Where the probability underflows, the dead time after the last detection is neglected.
+            # Where the probability underflows, take that of n detections and a last dead time that
+            # ends within the exposure.
             steep = n / rate - self._rest(n + 1)
             exact = slope / probability
-        return np.asarray(self.efficiency * np.where(probability > 1e-280, exact, steep))
+        return np.asarray(self.efficiency * np.where(probability > _TINY, exact, steep))
 
     def _slope(self, count: npt.NDArray[np.integer], rate: Array) -> Array:
         """Return the derivative of P(N ≥ n) by the rate: u(n) times a Poisson probability."""
@@ -265,7 +273,7 @@ class FreeRunning:
         if image.ndim != 2:
             raise ValueError(f"counts: expected one image of shape (H, W), got {image.shape}")
         rate = self.efficiency * light * largest + self.dark_counts
-        frames = max(1, int(np.ceil(rate / _MAX_RATE)))
+        frames = max(1, int(np.ceil(rate / MAX_RATE)))
         sensor = Sensor(
             frames=frames,
             gain=light,
@@ -290,14 +298,8 @@ class FreeRunning:
         information = light**2 * self.information(light * intensity)
         slope = self.efficiency * sensor.light_per_intensity
         rate = slope * intensity + self.dark_counts / sensor.frames
-        one, zero = -np.expm1(-rate), np.exp(-rate)
-        trials = information * np.expm1(rate) / slope**2
-        ones = trials * one + gradient * one / slope
-        is_dark, is_full = counts == 0, counts == self.max_count
-        trials = np.where(is_dark, -gradient / slope, trials)
-        trials = np.where(is_full, np.maximum(gradient, 0) * one / (slope * zero), trials)
-        ones = np.where(is_dark, 0.0, np.where(is_full, trials, ones))
-        return np.clip(ones, 0, trials), trials
+        ends = {"is_dark": counts == 0, "is_full": counts == self.max_count}
+        return bits_that_say(gradient, information, slope, rate, rate, **ends)
 
     def _rate(self, light: npt.ArrayLike) -> Array:
         levels = np.asarray(light, np.float64)

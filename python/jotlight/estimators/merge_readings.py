@@ -23,8 +23,7 @@ from jotlight.sensing.sensor import Sensor
 _MAX_TRIALS = 2.0**30
 """Maximum number of equivalent trials. Counts are 32-bit integers."""
 
-
-_MAX_RATE = 0.25
+MAX_RATE = 0.25
 """Light of a jot of the reference sensor at the largest intensity, or at the light that saturates
 half of the readings, for readings of several bits. With so little light, the number of trials
 hardly depends on the estimate, which is noisy itself."""
@@ -124,7 +123,7 @@ def reference_sensor(sensor: Sensor) -> Sensor:
         share = half / rate
         if own.bit_depth > 1:
             brightest = own.light_per_intensity * own.max_intensity
-            share = min(1.0, _MAX_RATE / min(brightest, rate))
+            share = min(1.0, MAX_RATE / min(brightest, rate))
         per_frame.append(own.gain / own.frames * share)
     reference = sensor.replace(
         threshold=1, gain=min(per_frame) * sensor.frames, bit_depth=1, read_noise=0.0
@@ -193,20 +192,63 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     least = np.maximum(intensity, _least_light(joint))
     information = joint.information(least)
     slope = efficiency * reference.light_per_intensity
-    rate = slope * intensity + dark_counts
+    is_known = joint.trials > 0
+    return bits_that_say(
+        np.where(is_known, gradient, 0.0),
+        np.where(is_known, information, 0.0),
+        slope,
+        slope * intensity + dark_counts,
+        slope * least + dark_counts,
+        is_dark=joint.total == 0,
+        is_full=joint.total == joint.max_total,
+    )
+
+
+def bits_that_say(
+    gradient: Array,
+    information: Array,
+    slope: float | Array,
+    rate: Array,
+    least_rate: Array,
+    *,
+    is_dark: npt.NDArray[np.bool_],
+    is_full: npt.NDArray[np.bool_],
+) -> tuple[Array, Array]:
+    """Return the numbers of ones and of trials whose likelihood is that of other readings.
+
+    The formulas are in the notes of :func:`merge_readings`.
+
+    Parameters
+    ----------
+    gradient, information : ndarray of float
+        g and I at the most likely intensities in [0, S].
+    slope : float or ndarray of float
+        The derivative of the rate s of one trial by the intensity.
+    rate, least_rate : ndarray of float
+        s at these intensities, and where I was computed.
+    is_dark, is_full : ndarray of bool
+        Where all readings are 0, and where all are the largest one.
+
+    Examples
+    --------
+    >>> flags = np.array([False]), np.array([False])
+    >>> rate = np.array([np.log(2)])  # p = 1/2, so a trial has the information 1
+    >>> ones, trials = bits_that_say(
+    ...     np.zeros(1), np.array([8.0]), 1.0, rate, rate, is_dark=flags[0], is_full=flags[1]
+    ... )
+    >>> ones.round(9).tolist(), trials.round(9).tolist()
+    ([4.0], [8.0])
+    """
     one, zero = -np.expm1(-rate), np.exp(-rate)
-    total, all_trials, largest = joint.total, joint.trials, joint.max_total
+    is_full = is_full & ~is_dark
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # p' = slope * zero, so p (1 - p) / p' = one / slope.
-        trials = information * np.expm1(slope * least + dark_counts) / slope**2
+        trials = information * np.expm1(least_rate) / slope**2
         ones = trials * one + gradient * one / slope
-        dark = total == 0
-        trials = np.where(dark, -gradient / slope, trials)
-        saturated = (total == largest) & ~dark
-        trials = np.where(saturated, gradient * one / (slope * zero), trials)
-    trials = np.where((all_trials > 0) & (trials > 0), trials, 0.0)
-    trials = np.minimum(trials, _MAX_TRIALS)
-    ones = np.where(dark, 0.0, np.where(saturated, trials, ones))
+        trials = np.where(is_dark, -gradient / slope, trials)
+        trials = np.where(is_full, gradient * one / (slope * zero), trials)
+    trials = np.minimum(np.where(trials > 0, trials, 0.0), _MAX_TRIALS)
+    ones = np.where(is_dark, 0.0, np.where(is_full, trials, ones))
     # Dark counts far above the threshold of the reference sensor leave no information.
     ones = np.where(trials > 0, ones, 0.0)
     return np.clip(ones, 0, trials), trials
