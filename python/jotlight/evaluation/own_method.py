@@ -223,7 +223,8 @@ def _prepare(
         return data, data.shape
     if isinstance(data, np.ndarray):
         return data, data.shape
-    check_fits(data.shape, sensor, bit_depth=sensor.bit_depth)
+    bit_depth = data.bit_depth if isinstance(data, Readings) else 1
+    check_fits(data.shape, sensor, bit_depth=bit_depth)
     _, height, width, *channels = data.shape
     shape = height // sensor.oversampling, width // sensor.oversampling, *channels
     if isinstance(data, Readings):

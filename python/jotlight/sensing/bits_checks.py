@@ -5,7 +5,7 @@ from jotlight.sensing.sensor_like import SensorLike
 
 def check_fits(shape: tuple[int, ...], sensor: SensorLike, *, bit_depth: int = 1) -> None:
     """Raise ValueError unless readings of this shape and bit depth fit the sensor."""
-    if (sensor.bit_depth == 1) != (bit_depth == 1):
+    if sensor.bit_depth != bit_depth:
         own = f"readings of {sensor.bit_depth} bits" if sensor.bit_depth > 1 else "single bits"
         other = "single bits" if bit_depth == 1 else f"readings of {bit_depth} bits"
         raise ValueError(

@@ -77,13 +77,10 @@ class Readings:
         if isinstance(values, np.ndarray):
             self._check_range(values)
 
-    def check_sensor(self, sensor: SensorLike) -> None:
-        """Raise ValueError unless the readings of a sensor have as many bits as these."""
-        if sensor.bit_depth != self.sensor.bit_depth:
-            raise ValueError(
-                f"sensor: expected bit_depth={self.sensor.bit_depth}, as the readings have, got "
-                f"bit_depth={sensor.bit_depth}"
-            )
+    @property
+    def bit_depth(self) -> int:
+        """Number of bits of a reading."""
+        return self.sensor.bit_depth
 
     @property
     def shape(self) -> tuple[int, ...]:

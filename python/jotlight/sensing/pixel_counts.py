@@ -227,12 +227,8 @@ def prepare_data(
     # The rates follow a map of thresholds or a mosaic.
     may_repeat = has_mosaic or np.ndim(sensor.threshold) == 2
     several = _list_of_data(data)
-    for each in (data, *several):
-        if isinstance(each, Readings):
-            each.check_sensor(sensor)
     if isinstance(data, Bits | Readings | Merged | GrayImages) or several:
-        if not may_repeat:
-            warn_about_periods([data, *several])
+        warn_about_periods([] if may_repeat else several or [data])
         for name, value in (("trials", trials), ("channel_axis", channel_axis)):
             if value is not None:
                 raise TypeError(
@@ -319,6 +315,8 @@ def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCo
         check_fits(data.shape, sensor)
         ones = count_ones([data], sensor.oversampling, sensor.mask, threads)
         return describe_pixels(ones[0], sensor)
+    if isinstance(data, Readings):
+        check_fits(data.shape, sensor, bit_depth=data.bit_depth)
     counts = as_counts(data)
     _check_jots(counts, sensor)
     if sensor.mask is not None:

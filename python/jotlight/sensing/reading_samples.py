@@ -32,7 +32,7 @@ def require_readings(data: object, sensor: Sensor) -> Readings:
         When the data are bits or sums of readings.
     """
     if isinstance(data, Readings):
-        check_fits(data.shape, sensor, bit_depth=sensor.bit_depth)
+        check_fits(data.shape, sensor, bit_depth=data.bit_depth)
         return data
     if isinstance(data, np.ndarray) and sensor.trials == 1:
         return Readings(data, sensor)
