@@ -1,5 +1,6 @@
 """The image of a network for bits or counts of gray images."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from typing import Protocol, cast
@@ -84,12 +85,29 @@ def run(
         return output.images
     pixels = images.count(sensor, threads)
     check_any_valid(pixels.trials)
+    if network.trials_range is not None:
+        pixels = _with_typical_sensor(pixels)
+        model = sensor_model(pixels.sensor)
     if pixels.uniform:
         jot = cast(Jot, (pixels.efficiency, pixels.dark_counts))
         trials = cast(float, pixels.trials)
         network.engine_network.counts(pixels.counts, trials, jot, model, places, threads)
         return output.images
     return _run_different(network, pixels, output, threads)
+
+
+def _with_typical_sensor(pixels: PixelCounts) -> PixelCounts:
+    """Return pixel counts whose sensor has the median efficiency and dark counts of the pixels.
+
+    Merged counts may have others than their sensor. Then, the counts of an equivalent sensor with
+    fewer dark counts would hide how noisy they are.
+    """
+    typical = {
+        name: float(np.median(getattr(pixels, name))) for name in ("efficiency", "dark_counts")
+    }
+    if reference_jot(pixels.sensor) == tuple(typical.values()):
+        return pixels
+    return dataclasses.replace(pixels, sensor=pixels.sensor.replace(**typical))
 
 
 def _run_different(
