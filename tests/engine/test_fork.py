@@ -31,7 +31,7 @@ def work():
         failures.append(repr(error))
 
 use()  # A fork while another thread imports a module would leave its import lock held forever.
-threads = [threading.Thread(target=work) for _ in range(4)]
+threads = [threading.Thread(target=work, daemon=True) for _ in range(4)]
 for thread in threads:
     thread.start()
 for round in range({rounds}):
@@ -55,18 +55,20 @@ os._exit(0)
 ENGINE = """
 image = np.full((40, 40), 0.5, np.float32)
 counts = np.arange(1600, dtype=np.int32).reshape(40, 40) % 17
-original = jl.pretrained(jl.Sensor(oversampling=4), "small")
+original = jl.pretrained(jl.Sensor(oversampling=4), "large")
 current = [original, 1]
 
 def renew(round):
     layers = [dataclasses.replace(layer) for layer in original.layers]
-    current[:] = jl.Network(layers, original.sensor), 1000 + round
+    network = jl.Network(layers, original.sensor, trials_range=original.trials_range)
+    current[:] = network, 1000 + round
 
 def use():
     network, threshold = current
     bits = jl.Sensor(oversampling=4, threshold=threshold).expose(image, rng=0, threads=2)
     assert bits.counts(4, threads=2).shape == image.shape
-    assert network.reconstruct(counts, threads=2).shape == counts.shape
+    sensor = jl.Sensor(frames=16)
+    assert network.reconstruct(counts, sensor, threads=2).shape == counts.shape
 """
 
 # SciPy's transforms in ADMM use a pool of threads, which a fork stops and starts again.
@@ -86,6 +88,6 @@ def use():
 def test_calls_survive_forks_in_the_parent_and_the_child(setup, rounds):
     program = PROGRAM.format(setup=setup, rounds=rounds)
     done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", program], capture_output=True, text=True
+        [sys.executable, "-W", "ignore", "-c", program], capture_output=True, text=True, timeout=300
     )
     assert done.stdout == "[]\n", done.stderr

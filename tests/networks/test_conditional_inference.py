@@ -34,12 +34,18 @@ def test_a_map_of_trials_is_denoised_at_levels():
     assert psnr(estimate) > psnr(NETWORK.reconstruct(counts, SENSOR, trials=64)) + 3
 
 
-def test_more_trials_than_the_range_are_served():
-    sensor = jl.Sensor(frames=1000)
-    counts = draw(1000)
-    estimate = NETWORK.reconstruct(counts, sensor)
-    clamped = NETWORK.denoise_probability((counts / 1000).astype(np.float32), 256)
-    assert psnr(estimate) > psnr(-np.log1p(-clamped)) + 1.2
+@pytest.mark.parametrize(("trials", "gain"), [(1000, 1.0), (4000, 4.5)])
+def test_more_trials_than_the_range_are_served(trials, gain):
+    counts = draw(trials)
+    estimate = NETWORK.reconstruct(counts, jl.Sensor(frames=trials))
+    expected = reference.denoise_map(NETWORK, counts, np.full(counts.shape, float(trials)))
+    np.testing.assert_allclose(estimate, intensity(expected), atol=1e-4)
+    clamped = NETWORK.denoise_probability((counts / trials).astype(np.float32), 256)
+    assert psnr(estimate) > psnr(intensity(clamped)) + gain
+
+
+def test_bits_beyond_the_range_are_as_good_as_counts():
+    estimate = NETWORK.reconstruct(draw(1000), jl.Sensor(frames=1000))
     bits = jl.Sensor(oversampling=2, frames=250).expose(IMAGE, rng=0)
     assert psnr(NETWORK.reconstruct(bits)) == pytest.approx(psnr(estimate), abs=1)
 
@@ -90,4 +96,15 @@ def test_dark_counts_of_the_pixels_are_subtracted():
     trials = np.full((80, 96), 100)
     counts = np.random.default_rng(1).binomial(trials, 1 - np.exp(-IMAGE - dark))
     merged = jl.Merged(counts, trials, jl.Sensor(frames=100), dark_counts=dark)
-    assert psnr(NETWORK.reconstruct(merged)) > 29.5
+    assert psnr(NETWORK.reconstruct(merged)) > 37
+
+
+def test_merged_counts_may_have_other_dark_counts_than_their_sensor():
+    counts = np.random.default_rng(1).binomial(100, 1 - np.exp(-IMAGE - 0.3))
+    sensor = jl.Sensor(frames=100, dark_counts=0.3, efficiency=0.9)
+    expected = NETWORK.reconstruct(counts, sensor)
+    for dark_counts in (0.3, np.full(IMAGE.shape, 0.3)):
+        merged = jl.Merged(
+            counts, 100.0, jl.Sensor(frames=100), dark_counts=dark_counts, efficiency=0.9
+        )
+        np.testing.assert_allclose(NETWORK.reconstruct(merged), expected, atol=1e-5)

@@ -156,8 +156,11 @@ def test_dim_and_bright_light(photons):
     image[:, 24:] = 0.25
     merged = merged_of(image, 400, photons=photons)
     estimate = jl.pretrained(merged.sensor).reconstruct(merged)
-    assert estimate[:, 4:20].mean() == pytest.approx(0.5, rel=0.03)
-    assert estimate[:, 28:44].mean() == pytest.approx(0.25, rel=0.04)
+    for columns in (slice(4, 20), slice(28, 44)):
+        # At 0.01 photons, the mean of the data has an error of 1.6 to 2.2 % itself.
+        fraction = merged.ones[:, columns].sum() / merged.trials[:, columns].sum()
+        expected = -np.log1p(-fraction) / merged.sensor.light_per_intensity
+        assert estimate[:, columns].mean() == pytest.approx(expected, rel=0.03)
 
 
 def test_coarse_counts_are_sums():

@@ -16,6 +16,7 @@ from jotlight.training import ColorPatches, ImagePatches, random_mosaic  # noqa:
 START = ColorNetwork.initial("small", rng=0)
 PHOTOGRAPH = (jl.datasets.photograph("astronaut")[::4, ::4] * 255).astype(np.uint8)
 SOURCE = ColorPatches([PHOTOGRAPH])
+LONGER = {"steps": 150, "patch": 24, "batch": 8, "learning_rate": 6e-3}
 OPTIONS = {"steps": 4, "batch": 4, "patch": 16, "rng": 3, "threads": 1, "device": "cpu"}
 
 
@@ -67,14 +68,14 @@ def test_training_lowers_the_error(mosaics, monkeypatch):
     source = ColorPatches([PHOTOGRAPH], mosaics=mosaics)
     loader = ColorPatchLoader(source, START, jl.Sensor(), seed=5, batch_size=16, side=24)
     batch = loader.batch(0, slice(None), 1)
-    trained, _ = train(START, source, **{**OPTIONS, "steps": 60, "patch": 24, "batch": 8})
+    trained, _ = train(START, source, **{**OPTIONS, **LONGER})
     color_patches._gray.cache_clear()
 
     def error(network):
         with torch.no_grad():
             return float(batch.squared_errors(PlanesNetwork(network)).mean())
 
-    assert error(trained) < 0.98 * error(START)
+    assert error(trained) < 0.95 * error(START)
 
 
 def test_gray_patches_and_tests_are_refused():
