@@ -147,7 +147,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=20_000)
     parser.add_argument("--learning-rate", type=float, default=2e-3)
     parser.add_argument("--seed", type=int, default=3)
-    parser.add_argument("--precision", default="float32")
+    parser.add_argument("--precision", choices=["float32", "bfloat16"], default="float32")
     parser.add_argument("--threads", type=int)
     parser.add_argument("--scratch", type=Path, default=Path("target/models"))
     options = parser.parse_args()
@@ -174,6 +174,7 @@ def main() -> None:
         device="cpu",
         threads=options.threads,
     )
+    # The next stage starts from these parameters, which are not rounded.
     network.save(options.scratch / f"{options.kind}.{options.seed}.safetensors")
     stage = (
         f"`python tools/train_color.py DATA {options.kind}` with {options.steps:,} steps by Muon "

@@ -11,22 +11,19 @@ at intensity 1. It needs the extra `torch`.
 """
 
 import argparse
-import sys
 from pathlib import Path
 
 import numpy as np
 import torch
+from deep_optimizers import BATCH, PATCH, quality, training_data
 
 import jotlight as jl
 from jotlight.networks.pretrained import FOLDER
 from jotlight.torch import fastest_precision, patches, train
 from jotlight.torch.response import detection_probability
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-import training_data
-
 TRIALS = 1, 4, 16, 64
-SETTINGS = {"batch": 32, "patch": 64, "device": "cpu", "threads": 1}
+SETTINGS = {"batch": BATCH, "patch": PATCH, "device": "cpu", "threads": 1}
 
 
 def main() -> None:
@@ -73,16 +70,7 @@ def errors_of_z(self: patches.Batch, z: torch.Tensor) -> torch.Tensor:
 
 def print_row(name: str, network: jl.Network, images: list[np.ndarray]) -> None:
     """Print the mean PSNR of a network in dB for each number of trials."""
-    cells = []
-    for trials in TRIALS:
-        sensor = jl.Sensor(frames=trials)
-        values = [
-            jl.metrics.psnr(
-                network.reconstruct(sensor.expose(image, rng=seed)), image, data_range=1.0
-            )
-            for seed, image in enumerate(images)
-        ]
-        cells.append(f"{np.mean(values):.2f}")
+    cells = [f"{quality(network, images, trials):.2f}" for trials in TRIALS]
     print(f"| {name} |", " | ".join(cells), "|", flush=True)
 
 

@@ -110,5 +110,6 @@ def test_an_undeclared_mosaic_is_reported():
     rng = np.random.default_rng(8)
     ones = counts(rng, np.full(SHAPE, 0.01), 400)
     flat = counts(rng, np.array([0.8, 0.4, 0.2])[Mosaic("RGGB").full(*SHAPE)], 400)
-    with pytest.warns(jl.errors.PeriodicRatesWarning, match="as in RGGB or BGGR"):
+    advice = r'flat: the rates repeat .* as in RGGB or BGGR.* mosaic="RGGB" \(--mosaic RGGB\)$'
+    with pytest.warns(jl.errors.PeriodicRatesWarning, match=advice):
         jl.calibrate(ones, flat, frames=400)

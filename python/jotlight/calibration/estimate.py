@@ -15,7 +15,7 @@ from jotlight.checks import Counts, as_counts
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import Mosaic, Pattern
-from jotlight.sensing.periodic_rates import warn_about_periods
+from jotlight.sensing.periodic_rates import PeriodicRates, warn_about_periods
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -205,7 +205,7 @@ def calibrate_sums(
             f"dark: expected {_MIN_JOTS} jots or more to find the ordinary ones, got {ones.size}"
         )
     if flat is not None and flat.filters is None:
-        warn_about_periods([flat.ones[None]])
+        warn_about_periods([flat.ones[None]], PeriodicRates.describe_flat)
     bulk = fit_bulk(ones, number)
     hot_threshold = bulk.threshold(false_positive_rate)
     dark_counts = detections(ones, number, threshold)

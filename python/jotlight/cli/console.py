@@ -51,7 +51,7 @@ err = console
 
 shown_warnings: set[str] = set()
 
-_PYTHON_ADVICE = re.compile(r"(?:jotlight\.\w+\(.*\)|[\w.]+[=\[(]\S*) \((--[^()]+)\)")
+_PYTHON_ADVICE = re.compile(r"(?:jotlight\.\w+\(.*?\)|[\w.]+[=\[(]\S*) \((--[^()]+)\)")
 """Advice of the library, such as ``counts=True (--counts)``, or a whole call of jotlight."""
 
 

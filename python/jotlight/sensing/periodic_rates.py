@@ -74,28 +74,46 @@ class PeriodicRates:
 
     def describe(self) -> str:
         """Return what periodic rates mean, and how to reconstruct the capture."""
+        order = self._order()
+        return (
+            f"{self._cause()}; the estimate mixes the jots{self._alike()}. For colors, state your "
+            "filters from the top left, for example jotlight.reconstruct(bits, "
+            f'sensor.replace(oversampling=1, mosaic="{order}")) (--mosaic {order}) for pixels of '
+            "one jot"
+        )
+
+    def describe_flat(self) -> str:
+        """Return what periodic rates mean in a flat capture, and how to calibrate with it."""
+        order = self._order()
+        return (
+            f"flat: {self._cause()}; the response mixes the jots{self._alike()}. State your "
+            f'filters from the top left, for example mosaic="{order}" (--mosaic {order})'
+        )
+
+    def _cause(self) -> str:
         side = self.side
         mosaic = {(2, 1): "a Bayer mosaic", (4, 2): "a quad Bayer mosaic"}.get(
             (self.period, side), f"a mosaic of {self.period} x {self.period} jots"
         )
-        cause = f"for example under the color filters of {mosaic}, or because rows differ"
-        letters = "GRBG" if self.greens is not None and "GRBG" in self.greens else "RGGB"
-        if side == 2:
-            rows = ["".join(2 * letter for letter in row) for row in (letters[:2], letters[2:])]
-            letters = "/".join(row for row in rows for _ in range(2))
-        is_known = (self.period, side) in ((2, 1), (4, 2))
-        order = (
-            letters if is_known else f"the letters of the filters, with / after each {self.period}"
-        )
-        alike = ""
-        if self.greens is not None:
-            alike = f". Two of four filters see about the same light, {self.greens}"
         return (
-            f"the rates repeat every {self.period} x {self.period} jots, {cause}; the estimate "
-            f"mixes the jots{alike}. For colors, state your filters from the top left, for example "
-            f'jotlight.reconstruct(bits, sensor.replace(oversampling=1, mosaic="{order}")) '
-            f"(--mosaic {order}) for pixels of one jot"
+            f"the rates repeat every {self.period} x {self.period} jots, for example under the "
+            f"color filters of {mosaic}, or because rows differ"
         )
+
+    def _alike(self) -> str:
+        if self.greens is None:
+            return ""
+        return f". Two of four filters see about the same light, {self.greens}"
+
+    def _order(self) -> str:
+        """Return an order of the filters that fits, as `mosaic` takes it."""
+        if (self.period, self.side) not in ((2, 1), (4, 2)):
+            return f"the letters of the filters, with / after each {self.period}"
+        letters = "GRBG" if self.greens is not None and "GRBG" in self.greens else "RGGB"
+        if self.side == 1:
+            return letters
+        rows = ["".join(2 * letter for letter in row) for row in (letters[:2], letters[2:])]
+        return "/".join(row for row in rows for _ in range(2))
 
 
 def find_periodic_rates(
@@ -193,7 +211,9 @@ def _greens(rates: Array, side: int) -> str | None:
     return "as in RGGB or BGGR" if other < main else "as in GRBG or GBRG"
 
 
-def warn_about_periods(data: Iterable[object]) -> None:
+def warn_about_periods(
+    data: Iterable[object], describe: Callable[[PeriodicRates], str] = PeriodicRates.describe
+) -> None:
     """Issue a PeriodicRatesWarning if the rates of the jots of any of the data repeat.
 
     Bits are tested once. Only the first frames and the middle of large images are tested, and no
@@ -204,12 +224,14 @@ def warn_about_periods(data: Iterable[object]) -> None:
     data : iterable of Bits, Readings, or ndarray of int32 (N, H, W)
         Bits, readings, or counts of single jots, whose first image is tested. Other data are
         ignored.
+    describe : callable
+        What the warning says about the rates.
     """
     tested = Bits | Readings | np.ndarray
     found = (_find_in_middle(each) for each in data if isinstance(each, tested))
     periodic = next(filter(None, found), None)
     if periodic is not None:
-        warn(periodic.describe(), PeriodicRatesWarning)
+        warn(describe(periodic), PeriodicRatesWarning)
 
 
 def _find_in_middle(data: Bits | Readings | Counts) -> PeriodicRates | None:

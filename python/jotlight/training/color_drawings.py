@@ -12,7 +12,6 @@ from jotlight.training.synthetic_patches import SyntheticPatches
 _GRAY = 3 / 4
 """Fraction of the drawings that stay gray. Fine gray stripes teach that they are not colors."""
 
-
 _BLACK_OR_WHITE = 1 / 2
 """Fraction of the colored drawings in which one of the two colors is black or white."""
 

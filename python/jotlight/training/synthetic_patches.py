@@ -51,7 +51,7 @@ class SyntheticPatches(PatchSource):
 
     def draw(self, rng: np.random.Generator, side: int) -> Patch:
         """Return a random drawing."""
-        drawings = _FINE_DRAWINGS if self.fine and rng.random() < self.fine else _DRAWINGS
+        drawings = _FINE_DRAWINGS if rng.random() < self.fine else _DRAWINGS
         drawing = drawings[rng.integers(len(drawings))]
         canvas = drawing(rng, side * _SUPERSAMPLING)
         blocks = canvas.reshape(side, _SUPERSAMPLING, side, _SUPERSAMPLING)
