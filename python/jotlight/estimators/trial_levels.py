@@ -35,9 +35,8 @@ def level_weights(trials: npt.NDArray[np.floating]) -> list[tuple[int, Image]]:
 
     The weights of a pixel belong to the largest level up to its trials, and near the next level to
     both. Their sum is 1. A level alone serves a pixel up to half of the way to the next one, by
-    logarithm. From there on, the share of the next level rises: a denoiser that expects 10 % fewer
-    trials than there are is as good as the right one, but for 10 % more trials it loses up to
-    0.6 dB.
+    logarithm. From there on, the share of the next level rises: a denoiser loses less if it expects
+    too few trials than if it expects too many.
 
     Parameters
     ----------
