@@ -201,6 +201,7 @@ def test_networks_and_intervals_take_them():
     [
         ([[101]], {"light": 1.0}, "expected whole numbers from 0 to 100"),
         ([[3]], {"light": 0.0}, "light: expected"),
+        ([[3]], {"light": 1e9}, "light: expected at most 5e.08 detections"),
         ([[3]], {"light": 1.0, "max_intensity": -1}, "max_intensity: expected"),
         ([3], {"light": 1.0}, "expected"),
     ],

@@ -13,6 +13,9 @@ from jotlight.sensing.merged import Merged
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
+_MAX_DETECTIONS = 5e8
+"""Largest number of detections whose short readings a sensor can number."""
+
 _TINY = 1e-290
 """Smaller probabilities underflow, or have few digits."""
 
@@ -273,6 +276,11 @@ class FreeRunning:
         if image.ndim != 2:
             raise ValueError(f"counts: expected one image of shape (H, W), got {image.shape}")
         rate = self.efficiency * light * largest + self.dark_counts
+        if rate > _MAX_DETECTIONS:
+            raise ValueError(
+                f"light: expected at most {_MAX_DETECTIONS:g} detections per exposure at the "
+                f"largest intensity, with dark counts, got {rate:g}"
+            )
         frames = max(1, int(np.ceil(rate / MAX_RATE)))
         sensor = Sensor(
             frames=frames,
