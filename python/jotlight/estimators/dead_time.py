@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_counts, number_in_range, positive_number
-from jotlight.estimators.merge_readings import MAX_RATE, bits_that_say, round_ones
+from jotlight.estimators.merge_readings import MAX_RATE, counts_of_equal_likelihood, round_ones
 from jotlight.interrupts import interruptible
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.merged import Merged
@@ -307,7 +307,7 @@ class FreeRunning:
         slope = self.efficiency * sensor.light_per_intensity
         rate = slope * intensity + self.dark_counts / sensor.frames
         ends = {"is_dark": counts == 0, "is_full": counts == self.max_count}
-        return bits_that_say(gradient, information, slope, rate, rate, **ends)
+        return counts_of_equal_likelihood(gradient, information, slope, rate, rate, **ends)
 
     def _rate(self, light: npt.ArrayLike) -> Array:
         levels = np.asarray(light, np.float64)

@@ -193,7 +193,7 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     information = joint.information(least)
     slope = efficiency * reference.light_per_intensity
     is_known = joint.trials > 0
-    return bits_that_say(
+    return counts_of_equal_likelihood(
         np.where(is_known, gradient, 0.0),
         np.where(is_known, information, 0.0),
         slope,
@@ -204,12 +204,12 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     )
 
 
-def bits_that_say(
+def counts_of_equal_likelihood(
     gradient: Array,
     information: Array,
     slope: float | Array,
     rate: Array,
-    least_rate: Array,
+    rate_of_information: Array,
     *,
     is_dark: npt.NDArray[np.bool_],
     is_full: npt.NDArray[np.bool_],
@@ -224,17 +224,16 @@ def bits_that_say(
         g and I at the most likely intensities in [0, S].
     slope : float or ndarray of float
         The derivative of the rate s of one trial by the intensity.
-    rate, least_rate : ndarray of float
+    rate, rate_of_information : ndarray of float
         s at these intensities, and where I was computed.
     is_dark, is_full : ndarray of bool
         Where all readings are 0, and where all are the largest one.
 
     Examples
     --------
-    >>> flags = np.array([False]), np.array([False])
-    >>> rate = np.array([np.log(2)])  # p = 1/2, so a trial has the information 1
-    >>> ones, trials = bits_that_say(
-    ...     np.zeros(1), np.array([8.0]), 1.0, rate, rate, is_dark=flags[0], is_full=flags[1]
+    >>> rate, no = np.array([np.log(2)]), np.array([False])  # a trial has the information 1
+    >>> ones, trials = counts_of_equal_likelihood(
+    ...     np.zeros(1), np.array([8.0]), 1.0, rate, rate, is_dark=no, is_full=no
     ... )
     >>> ones.round(9).tolist(), trials.round(9).tolist()
     ([4.0], [8.0])
@@ -243,7 +242,7 @@ def bits_that_say(
     is_full = is_full & ~is_dark
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # p' = slope * zero, so p (1 - p) / p' = one / slope.
-        trials = information * np.expm1(least_rate) / slope**2
+        trials = information * np.expm1(rate_of_information) / slope**2
         ones = trials * one + gradient * one / slope
         trials = np.where(is_dark, -gradient / slope, trials)
         trials = np.where(is_full, gradient * one / (slope * zero), trials)
