@@ -28,7 +28,8 @@ WEIGHTS = {
 }
 """Folders of photographs, and their weights: about ten times the share of each patch."""
 
-SYNTHETIC_WEIGHT = 0.3
+SYNTHETIC_WEIGHT, FINE = 0.8, 0.25
+"""Weight of the drawings, and the fraction of fine ones. They are for text and gratings."""
 
 COLOR = LINEAR = 0.1
 """Fractions of the photographs' patches that are color planes, and that are linear in light."""
@@ -41,7 +42,7 @@ VALIDATION_SIDE = 320
 def training_source(data: Path) -> PatchMixture:
     """Return the mixture of all photographs and synthetic patches that trains the networks."""
     sources = photograph_sources(data, color=COLOR, linear=LINEAR)
-    return PatchMixture([*sources, (SyntheticPatches(), SYNTHETIC_WEIGHT)])
+    return PatchMixture([*sources, (SyntheticPatches(fine=FINE), SYNTHETIC_WEIGHT)])
 
 
 def photograph_sources(data: Path, **settings: float) -> list[tuple[PhotographPatches, float]]:

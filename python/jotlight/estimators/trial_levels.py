@@ -58,7 +58,9 @@ def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
 
     The noise of a fraction of ones is inversely proportional to its trials. A denoiser weighs a
     pixel against its neighbors, so the mean noise around the pixel counts: the harmonic mean of the
-    trials. Where it is nearly the same everywhere, it is returned as one whole number from 1.
+    trials. Where it is nearly the same everywhere, it is returned as one whole number from 1. A
+    fraction of at least 2/3 is rounded up, because a denoiser loses less if it expects too few
+    trials than if it expects too many.
 
     Parameters
     ----------
@@ -98,7 +100,7 @@ def count_local_trials(pixels: PixelCounts) -> list[LocalTrials]:
     check_any_valid(pixels.trials)
     number = len(pixels.counts)
     if not isinstance(pixels.trials, np.ndarray):
-        return [max(1, round(pixels.trials))] * number
+        return [local_trials(np.full((1, 1), pixels.trials))] * number
     # The images of a sensor with a mask share one map.
     is_shared = pixels.trials.strides[0] == 0
     maps = pixels.trials[:1] if is_shared else pixels.trials

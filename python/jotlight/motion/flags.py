@@ -24,7 +24,7 @@ _MARGIN = 3
 _OUTLINE = 8
 """Distance in pixels at which pixels near an outline are flagged."""
 
-_UNCLEAR_MARGIN, _UNCLEAR_GROWTH = 16, 8
+_UNCLEAR_MARGIN, _UNCLEAR_GROWTH = 20, 10
 """Distances in unclear scenes: near pixels with few accepted bits, and near those that disagree."""
 
 _SPREAD = 8.0
