@@ -81,6 +81,8 @@ STAGES: dict[str, tuple[Stage, ...]] = {
         Stage(21_000, 1.5e-3, batch=32, patch=64, images="mixture"),
         Stage(9_000, 1.5e-3, batch=32, patch=64, images="mixture", share=0.7, optimizer="muon"),
         Stage(9_000, 1.5e-3, batch=32, patch=64, images="mixture", optimizer="muon"),
+        Stage(9_000, 1.5e-3, batch=32, patch=64, images="mixture", share=0.5, optimizer="muon"),
+        Stage(6_000, 1e-3, batch=32, patch=64, images="mixture", share=0.5, optimizer="muon"),
     ),
     "medium-k16": bsds300_stages((25_000, 3e-3)),
 }
@@ -105,9 +107,10 @@ NOTES = {
     "cost was the error of z (decision 50). In the last stage but one, 14 % of the patches were "
     "drawings. Of the changes of the last two stages, the network has 85 % (decision 51).",
     "large": "It started with the estimates of medium, whose channels and layers were extended. "
-    "Before the last stage but one, it took 5,286 steps by Muon at a learning rate of 0.002, whose "
-    "changes count as those of that stage. Before the last stage, the cost was the error of z "
-    "(decision 50). The parameters are rounded to float16.",
+    "Before the third stage, it took 5,286 steps by Muon at a learning rate of 0.002, whose "
+    "changes count as those of that stage. Before the last three stages, the cost was the error "
+    "of z (decision 50). In the last stage but one, 14 % of the patches were drawings (decision 51). "
+    "The parameters are rounded to float16.",
 }
 """Notes on the training of the shipped networks that the stages do not show, by name without K."""
 
