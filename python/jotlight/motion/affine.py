@@ -92,8 +92,8 @@ def _align_together(track: Track, weights: Array) -> None:
 
     def step(sigma: float) -> float:
         # Wide filters do not show the details that the larger network adds.
-        size = PRECISE if sigma <= SIGMAS[-1] else FAST
-        return improve_together(track, weights, sigma, size=size)
+        network = PRECISE if sigma <= SIGMAS[-1] else FAST
+        return improve_together(track, weights, sigma, network=network)
 
     first, *others = _JOINT_SIGMAS
     if step(first) > _LONG:
@@ -160,17 +160,17 @@ def improve_together(
     weights: Array,
     sigma: float = 1.0,
     template: Template | None = None,
-    size: str = PRECISE,
+    network: str = PRECISE,
 ) -> float:
     """Update all blocks against a template as a smooth curve in time.
 
-    Without a template, a network of a size makes that of all known blocks. Return the
+    Without a template, a network makes that of all known blocks. Return the
     root-mean-square length of the steps.
     """
     number, threads = len(track.nodes), track.blocks.threads
     groups = sums_of_groups(track)
     if template is None:
-        template = make_template(Sums.total(groups, threads), threads, size)
+        template = make_template(Sums.total(groups, threads), threads, network)
     weights = weights * agreement(groups, template)
     shape = tile_counts(track.blocks.size)
     basis, to_parameters = affine_basis(shape), affine_inverse(shape)
@@ -239,11 +239,11 @@ def agreement(groups: list[Sums], template: Template) -> Array:
     return np.asarray(1 / (1 + (np.maximum(excess, 0) / usual) ** 2))
 
 
-def template_of(track: Track, size: str = FAST) -> Template:
-    """Return the template of the blocks that are known, by a network of a size."""
+def template_of(track: Track, network: str = FAST) -> Template:
+    """Return the template of the blocks that are known, by a network."""
     threads = track.blocks.threads
     parts = (track.nearby_sums(int(block)) for block in np.flatnonzero(track.known))
-    return make_template(Sums.total(parts, threads), threads, size)
+    return make_template(Sums.total(parts, threads), threads, network)
 
 
 def weights_at(time: float, blocks: Blocks) -> Array:

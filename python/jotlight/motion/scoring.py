@@ -12,12 +12,12 @@ from jotlight.motion.blocks import Counts, Sums
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.regularize import Equations
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_TRIALS
+from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_TRIALS, TEMPLATES
 
 Image = npt.NDArray[np.float32]
 
-FAST, PRECISE = "small", CONDITIONAL_SIZE
-"""Sizes of the networks that denoise templates."""
+FAST, PRECISE = TEMPLATES, CONDITIONAL_SIZE
+"""Networks that denoise templates."""
 
 _EQUAL_TRIALS = np.float32(1024)
 """Number of trials above those that the network serves, for which its error equals the noise."""
@@ -74,12 +74,12 @@ def blur(images: npt.NDArray[np.floating], sigma: float, threads: int | None = N
 
 
 @functools.cache
-def read_network(size: str = FAST) -> Network:
+def read_network(name: str = FAST) -> Network:
     """Return a K-conditioned network. Each is read only once."""
-    return Network.load(FOLDER / f"{size}.safetensors")
+    return Network.load(FOLDER / f"{name}.safetensors")
 
 
-def make_template(sums: Sums, threads: int | None, size: str = FAST) -> Template:
+def make_template(sums: Sums, threads: int | None, network: str = FAST) -> Template:
     """Return the template of sums: the fraction of ones, denoised by a K-conditioned network.
 
     Of more trials than the network serves, the fraction itself has an increasing weight.
@@ -92,7 +92,7 @@ def make_template(sums: Sums, threads: int | None, size: str = FAST) -> Template
     trials = int(np.clip(sums.trials.sum() / max(int(known.sum()), 1), 1, MAX_TRIALS))
     if jots_differ:
         fraction = _supplement(fraction, sums, np.float32(trials))
-    probability = read_network(size).denoise_probability(fraction, trials, threads=threads)
+    probability = read_network(network).denoise_probability(fraction, trials, threads=threads)
     if sums.trials.max() > MAX_TRIALS:
         excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
         probability += excess / (excess + _EQUAL_TRIALS) * (fraction - probability)
