@@ -47,7 +47,7 @@ def main() -> None:
     drawings = [SyntheticPatches().draw(rng, 160).values for rng in generators(32)]
     # The PSNR of a flat image is so high that it would outweigh all others in the mean.
     drawings = [drawing for drawing in drawings if drawing.std() > MIN_CONTRAST]
-    start = jl.Network.load(FOLDER / "small.safetensors")
+    start = jl.Network.load(FOLDER / "templates.safetensors")
     rows: list[tuple[object, ...]] = []
 
     def measure(name: str, seed: int, network: jl.Network) -> None:

@@ -9,8 +9,9 @@ scores. Networks and cards go to ``python/jotlight/networks/weights``.
 The eight two-layer networks for one K take about ten minutes on two cores. The other networks need
 the extra `torch`, and the deep ones take days. A run consists of stages, and an interrupted run
 resumes from the last checkpoint in `--scratch`. `--from` skips all stages. One more stage
-by Muon starts from the weights in a file. The other small networks start from the first stage of
-`small-k16`, so train `small-k16` first. `medium-k16`, for K = 16 only, is a comparison and goes to
+by Muon starts from the weights in a file, and the network keeps all of its changes. `small` starts
+from `templates`, and `large` from `medium`. The small networks for one K start from the first stage
+of `small-k16`. Train these first. `medium-k16`, for K = 16 only, is a comparison and goes to
 `--scratch`.
 """
 
@@ -97,23 +98,27 @@ CONTINUATION = Stage(20_000, 1.5e-3, batch=32, patch=64, images="mixture", optim
 """The stage after `--from`. If the last stage of a network is by Muon, that one is repeated."""
 
 NOTES = {
-    "templates": "The cost was the error of z (decision 50). The alignment of moving scenes "
-    "denoises its templates with this network (decision 51).",
-    "small": "It started from templates. In the last stage but one, 14 % of the patches were "
-    "drawings (decision 51).",
+    "templates": "The cost was the error of z = arcsin √p, as for all networks for any K at that "
+    "time (decision 50). Only the alignment of moving scenes uses this network: it denoises "
+    "templates (decision 51).",
+    "small": "It started from the weights of templates. In the last stage but one, 14 % of the "
+    "patches were drawings (decision 51). The last stage had the seed 66.",
     "small-k": "Most training patches were well exposed; for other captures, medium is better. For "
     "K = 16, the fourth stage had the seed 7, and the fifth 23.",
     "medium": "In the first stage, the coarse filters had no parameter sets for K, and typical "
     "exposures of photographs were not drawn more often than others. The last eight stages drew K "
     "from 9 to 100 in half of the steps. The last six stages drew most exposures from 0.08 to 1 "
     "photon per jot and frame, the previous ones from 0.15 to 1. Before the last three stages, the "
-    "cost was the error of z (decision 50). In the last stage but one, 14 % of the patches were "
-    "drawings. Of the changes of the last two stages, the network has 85 % (decision 51).",
+    "cost was the error of z (decision 50). Before the last two stages, 3 % of the patches were "
+    "drawings; in the last stage but one, 14 % (decision 51). The last two had the seeds 61 and 64. "
+    "Finally, the parameters were set to 85 % of the way from those before these two stages to those "
+    "after them.",
     "large": "It started with the estimates of medium, whose channels and layers were extended. "
     "Before the third stage, it took 5,286 steps by Muon at a learning rate of 0.002, whose "
     "changes count as those of that stage. Before the last three stages, the cost was the error "
-    "of z (decision 50). In the last stage but one, 14 % of the patches were drawings (decision 51). "
-    "The parameters are rounded to float16.",
+    "of z (decision 50). Before the last two stages, 3 % of the patches were drawings; in the last "
+    "stage but one, 14 % (decision 51). The last two had the seeds 62 and 67. The parameters are "
+    "rounded to float16.",
 }
 """Notes on the training of the shipped networks that the stages do not show, by name without K."""
 
@@ -258,7 +263,7 @@ def train_deep(name: str, options: argparse.Namespace) -> tuple[jl.Network, str]
         last = stages[-1] if stages[-1].optimizer == "muon" else CONTINUATION
         chosen = {"steps": options.steps, "learning_rate": options.learning_rate}
         chosen = {name: value for name, value in chosen.items() if value is not None}
-        last = dataclasses.replace(last, **chosen)
+        last = dataclasses.replace(last, share=1.0, **chosen)
         numbered = [(len(stages) + 1 if options.seed is None else options.seed, last)]
         text = describe(name, (*stages, last))
     for seed, stage in numbered:
@@ -335,7 +340,7 @@ def describe(name: str, stages: tuple[Stage, ...]) -> str:
         if stage.optimizer == "muon":
             text += " by Muon"
         if stage.share < 1:
-            text += f", of whose changes the network has {stage.share:.0%}"
+            text += f" (the network keeps {stage.share:.0%} of the changes)"
         texts.append(text)
     text = ", then ".join(texts)
     if name in SMALL[1:]:

@@ -29,7 +29,8 @@ WEIGHTS = {
 """Folders of photographs, and their weights: about ten times the share of each patch."""
 
 SYNTHETIC_WEIGHT, FINE = 0.8, 0.25
-"""Weight of the drawings, and the fraction of fine ones. They are for text and gratings."""
+"""Weight of the drawings, and the fraction of them that is fine. Both improve text and gratings
+(decision 51)."""
 
 COLOR = LINEAR = 0.1
 """Fractions of the photographs' patches that are color planes, and that are linear in light."""

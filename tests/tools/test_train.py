@@ -94,7 +94,8 @@ def test_a_run_continues_from_weights_and_from_its_finished_stage(tools, data, t
     for layer, other in zip(network.layers, again.layers, strict=True):
         np.testing.assert_array_equal(layer.filters, other.filters)
     # The next run has another start, so nothing in the folder of the first one stops it.
-    options.start = tmp_path / "small.5.safetensors"
+    number = len(tools.train.STAGES["small"]) + 1
+    options.start = tmp_path / f"small.{number}.safetensors"
     options.seed, options.learning_rate = 6, 1e-4
     continued, recipe = tools.train.train_deep("small", options)
     assert continued.history["run"]["seed"] == 6

@@ -59,8 +59,8 @@ def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
     The noise of a fraction of ones is inversely proportional to its trials. A denoiser weighs a
     pixel against its neighbors, so the mean noise around the pixel counts: the harmonic mean of the
     trials. Where it is nearly the same everywhere, it is returned as one whole number from 1. A
-    fraction of at least 2/3 is rounded up, because a denoiser loses less if it expects too few
-    trials than if it expects too many.
+    fraction of at least 2/3 is rounded up, because a denoiser loses less with too few trials than
+    with too many.
 
     Parameters
     ----------

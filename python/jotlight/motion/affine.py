@@ -164,7 +164,7 @@ def improve_together(
 ) -> float:
     """Update all blocks against a template as a smooth curve in time.
 
-    Without a template, a network makes that of all known blocks. Return the
+    Without a template, a network denoises the sums of all known blocks to make one. Return the
     root-mean-square length of the steps.
     """
     number, threads = len(track.nodes), track.blocks.threads
@@ -240,7 +240,7 @@ def agreement(groups: list[Sums], template: Template) -> Array:
 
 
 def template_of(track: Track, network: str = FAST) -> Template:
-    """Return the template of the blocks that are known, by a network."""
+    """Return the template of the known blocks, denoised by a network."""
     threads = track.blocks.threads
     parts = (track.nearby_sums(int(block)) for block in np.flatnonzero(track.known))
     return make_template(Sums.total(parts, threads), threads, network)

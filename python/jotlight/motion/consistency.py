@@ -150,8 +150,8 @@ def find_consistent(
     is_still : bool
         Whether nothing moves. Then fewer pixels are rejected.
     network : str
-        Size of the network that denoises the last template, which half of the blocks are compared
-        with. A smaller one denoises the others.
+        Name of the network that denoises the last template. Half of the blocks are compared with
+        this template. The network ``templates`` denoises the others.
     """
     max_chi_squared, max_disagreement = _LIMITS_IF_STILL if is_still else _LIMITS
     order = [int(block) for block in from_center(motion)]

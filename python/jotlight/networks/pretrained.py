@@ -28,8 +28,8 @@ FOLDER = Path(__file__).parent / "weights"
 """Folder of the files: `small-k16.safetensors`, for example, with its card `small-k16.md`."""
 
 TEMPLATES = "templates"
-"""The network that denoises the templates of alignments. It has the size "small", and its cost was
-the error of z = arcsin √p. With "small" itself, objects are found less well (decision 51)."""
+"""Name of the network that denoises the templates of alignments: former weights of "small". With
+the present ones, objects are found less well (decision 51)."""
 
 MOSAIC_FILE = FOLDER / "color-mosaic.safetensors"
 """The color network for mosaics, which have one filter on each pixel."""

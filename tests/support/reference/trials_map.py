@@ -40,7 +40,7 @@ def local_trials(trials):
     """The harmonic mean in a neighborhood, or the same number everywhere if it is nearly so."""
     local = 1 / gaussian_filter(1 / trials.astype(float), 3, mode="reflect", truncate=3)
     if local.max() <= 1.2 * local.min():
-        return np.full(local.shape, float(max(1, round(1 / np.mean(1 / local)))))
+        return np.full(local.shape, float(max(1, math.floor(1 / np.mean(1 / local) + 1 / 3))))
     return local
 
 

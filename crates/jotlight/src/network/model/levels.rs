@@ -17,8 +17,8 @@ const NEIGHBORHOOD: f64 = 3.0;
 /// The ratio of the largest to the smallest local trials up to which one run serves all pixels.
 const NEAR_RATIO: f32 = 1.2;
 
-/// A number of trials is rounded up from this fraction on, because a denoiser loses about three times
-/// as much if it expects 10 % too many trials than if it expects 10 % too few.
+/// A real number of trials is rounded up if its fraction is at least this. A denoiser loses about
+/// twice as much with 10 % too many trials as with 10 % too few.
 const ROUNDED_UP: f64 = 2.0 / 3.0;
 
 /// The largest level may have this fraction of the largest number of trials, which costs nothing.
