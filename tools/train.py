@@ -8,10 +8,10 @@ scores. Networks and cards go to ``python/jotlight/networks/weights``.
 
 The eight two-layer networks for one K take about ten minutes on two cores. The other networks need
 the extra `torch`, and the deep ones take days. A run consists of stages, and an interrupted run
-resumes from the last checkpoint in `--scratch`. `--from` skips all stages. One more stage
-by Muon starts from the weights in a file, and the network keeps all of its changes. `small` starts
-from `templates`, and `large` from `medium`. The small networks for one K start from the first stage
-of `small-k16`. Train these first. `medium-k16`, for K = 16 only, is a comparison and goes to
+resumes from the last checkpoint in `--scratch`. `--from` skips all stages. One more stage by Muon
+starts from the weights in a file, and the network keeps all of its changes. `small` starts from
+`templates`, and `large` from `medium`. The small networks for one K start from the first stage of
+`small-k16`. Train these first. `medium-k16`, for K = 16 only, is a comparison and goes to
 `--scratch`.
 """
 
@@ -72,9 +72,7 @@ STAGES: dict[str, tuple[Stage, ...]] = {
         Stage(16_000, 2e-3, batch=32, patch=64, images="mixture", share=0.5, optimizer="muon"),
         Stage(12_000, 1.2e-3, batch=32, patch=64, images="mixture", share=0.5, optimizer="muon"),
     ),
-    "templates": bsds300_stages(
-        (16_000, 3e-3), (8_000, 1.2e-3), (30_000, 2.5e-3), (12_000, 1e-3)
-    ),
+    "templates": bsds300_stages((16_000, 3e-3), (8_000, 1.2e-3), (30_000, 2.5e-3), (12_000, 1e-3)),
     "small": (
         Stage(10_000, 1.5e-3, batch=32, patch=64, images="mixture", share=0.5, optimizer="muon"),
         Stage(15_000, 1e-3, batch=32, patch=64, images="mixture", share=0.6, optimizer="muon"),
@@ -110,9 +108,9 @@ NOTES = {
     "from 9 to 100 in half of the steps. The last six stages drew most exposures from 0.08 to 1 "
     "photon per jot and frame, the previous ones from 0.15 to 1. Before the last three stages, the "
     "cost was the error of z (decision 50). Before the last two stages, 3 % of the patches were "
-    "drawings; in the last stage but one, 14 % (decision 51). The last two had the seeds 61 and 64. "
-    "Finally, the parameters were set to 85 % of the way from those before these two stages to those "
-    "after them.",
+    "drawings; in the last stage but one, 14 % (decision 51). The last two had the seeds 61 and "
+    "64. Finally, the parameters were set to 85 % of the way from those before these two stages to "
+    "those after them.",
     "large": "It started with the estimates of medium, whose channels and layers were extended. "
     "Before the third stage, it took 5,286 steps by Muon at a learning rate of 0.002, whose "
     "changes count as those of that stage. Before the last three stages, the cost was the error "
@@ -239,7 +237,7 @@ def deep_start(name: str, scratch: Path) -> jl.Network:
     if name == "small":
         return jl.Network.load(FOLDER / "templates.safetensors")
     if name in ("two-layer", "templates", "medium"):
-        return jl.Network.conditional("small" if name == "templates" else name, rng=0)
+        return jl.Network.conditional(name.replace("templates", "small"), rng=0)
     sensor = jl.Sensor(frames=trials(name))
     start = jl.Network.residual(sensor, name.split("-")[0], rng=0)
     if name in STAGES:
