@@ -11,8 +11,7 @@ the extra `torch`, and the deep ones take days. A run consists of stages, and an
 resumes from the last checkpoint in `--scratch`. `--from` skips all stages. One more stage by Muon
 starts from the weights in a file, and the network keeps all of its changes. `small` starts from
 `templates`, and `large` from `medium`. The small networks for one K start from the first stage of
-`small-k16`. Train these first. `medium-k16`, for K = 16 only, is a comparison and goes to
-`--scratch`.
+`small-k16`. Train these first. `medium-k16` is a comparison and goes to `--scratch`.
 """
 
 import argparse
