@@ -99,7 +99,7 @@ NOTES = {
     "time (decision 50). Only the alignment of moving scenes uses this network: it denoises "
     "templates (decision 51).",
     "small": "It started from the weights of templates. In the last stage but one, 14 % of the "
-    "patches were drawings (decision 51). The last stage had the seed 66.",
+    "patches were drawings (decision 51). The stages had the seeds 63 and 66.",
     "small-k": "Most training patches were well exposed; for other captures, medium is better. For "
     "K = 16, the fourth stage had the seed 7, and the fifth 23.",
     "medium": "In the first stage, the coarse filters had no parameter sets for K, and typical "

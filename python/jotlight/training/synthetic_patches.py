@@ -34,8 +34,8 @@ class SyntheticPatches(PatchSource):
     ----------
     fine : float, optional
         Fraction of fine drawings, in [0, 1]: rings, gratings with a period of 2 to 3.5 pixels, and
-        small text whose strokes follow the pixels. They teach a color network that fine gray
-        structure is not colored. Default: 0.
+        small text whose strokes follow the pixels. They teach networks fine text and gratings,
+        and color networks that fine gray structure is not colored. Default: 0.
 
     Examples
     --------
