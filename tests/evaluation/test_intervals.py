@@ -56,6 +56,44 @@ def test_a_function_of_the_caller_has_wider_intervals_where_it_errs():
     assert np.median(known.high - known.low) > 1.5 * np.median(own.high - own.low)
 
 
+def test_the_object_of_a_measured_network_has_the_intervals_of_its_name():
+    for quality in ("medium", "large"):
+        known = jl.uncertainty(COUNTS, SENSOR, quality=quality)
+        same = jl.uncertainty(COUNTS, SENSOR, method=jl.pretrained(SENSOR, quality))
+        np.testing.assert_array_equal(known.low, same.low)
+        np.testing.assert_array_equal(known.high, same.high)
+
+
+def test_the_errors_of_an_own_network_are_not_taken_for_measured_ones():
+    sensor = jl.Sensor(frames=64)
+    counts = sensor.expose(CAMERA, rng=0).counts()
+    own = jl.Network.conditional("small", rng=0)
+    known = jl.uncertainty(counts, sensor, method=own, confidence_level=0.9)
+    same = jl.uncertainty(
+        counts,
+        sensor,
+        method=lambda counts, sensor: own.reconstruct(counts, sensor),
+        confidence_level=0.9,
+    )
+    np.testing.assert_array_equal(known.low, same.low)
+    assert covered(known, CAMERA) > 0.85
+
+
+@pytest.mark.parametrize(
+    ("estimate", "message"),
+    [
+        (255 * CAMERA, "expected intensities from 0 to 1, got a mean of"),
+        (-CAMERA, "expected intensities from 0 to 1, got a mean of -"),
+        (np.full(CAMERA.shape, np.nan), "expected finite intensities"),
+        (np.zeros((3, 3)), r"expected shape \(96, 96\), got \(3, 3\)"),
+    ],
+)
+@pytest.mark.parametrize("method", [None, "mle"])
+def test_an_estimate_that_does_not_fit_is_refused(estimate, message, method):
+    with pytest.raises(ValueError, match=f"estimate: {message}"):
+        jl.uncertainty(COUNTS, SENSOR, method=method, estimate=estimate)
+
+
 def test_a_known_estimate_is_not_computed_again():
     def fails(counts):
         raise AssertionError

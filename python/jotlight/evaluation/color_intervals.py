@@ -24,6 +24,7 @@ from jotlight.evaluation.error_scale import (
     error_model,
 )
 from jotlight.evaluation.intervals import MIN_TRIALS, Pixels, intensity_of, stabilize, widen
+from jotlight.evaluation.known_estimate import read_estimate
 from jotlight.evaluation.methods import LARGE_TRIALS
 from jotlight.evaluation.mosaics import count_image
 from jotlight.layout import Layout
@@ -242,7 +243,7 @@ def check_color_errors_known(trials: float) -> None:
 def mosaic_uncertainty(
     data: Data,
     sensor: Sensor,
-    estimate: Callable[[], Image],
+    estimate: Callable[[], npt.ArrayLike],
     *,
     is_own: bool,
     confidence_level: float,
@@ -279,12 +280,9 @@ def mosaic_uncertainty(
         counted, own = count_image(one, gray, threads)
         pixels.append(MosaicPixels.of(counted, own, mosaic, threads))
         check_color_errors_known(float(np.median(pixels[-1].trials)))
-    colors, expected = estimate(), (*images.layout.shape, *pixels[0].trials.shape, 3)
-    if colors.shape != expected:
-        raise ValueError(
-            f"estimate: expected shape {expected}, got {colors.shape}; pass what "
-            "jotlight.reconstruct returns for the same data"
-        )
+    expected = *images.layout.shape, *pixels[0].trials.shape, 3
+    largest = sensor.max_intensity * np.maximum(mosaic.white_balance, 1e-6)
+    colors = read_estimate(estimate(), expected, largest)
     plain = colors / np.maximum(mosaic.white_balance, 1e-6).astype(np.float32)
     results: list[Uncertainty] = []
     for each, own_colors in zip(pixels, plain.reshape(-1, *expected[-3:]), strict=True):

@@ -11,11 +11,19 @@ from jotlight.evaluation.choice import check_demosaicing, choose_method
 from jotlight.evaluation.color_intervals import check_color_errors_known, mosaic_uncertainty
 from jotlight.evaluation.different_readings import with_one_response
 from jotlight.evaluation.intervals import find_intervals
+from jotlight.evaluation.known_estimate import read_estimate
 from jotlight.evaluation.methods import find_method
 from jotlight.evaluation.mosaics import takes_colors, uses_color_network
 from jotlight.evaluation.reconstruct import Method, reconstruct
+from jotlight.networks.architectures import EXTRA_LARGE
 from jotlight.networks.network import Network
-from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained
+from jotlight.networks.pretrained import (
+    CONDITIONAL_SIZE,
+    pretrained,
+    pretrained_conditional,
+)
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import (
     Data,
     GrayImages,
@@ -28,7 +36,7 @@ from jotlight.sensing.sensor import Sensor
 EXACT_METHOD = "mle"
 """Name of the method whose intervals are exact."""
 
-_MEASURED_SIZES = CONDITIONAL_SIZE, "large", "extra-large"
+_MEASURED_SIZES = CONDITIONAL_SIZE, "large", EXTRA_LARGE
 """Sizes of shipped networks whose errors are as large as those of the error model."""
 
 
@@ -59,7 +67,8 @@ def uncertainty(
     quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
         The size of a shipped network, in place of a method.
     estimate : array_like of float, optional
-        The method's estimate in units of intensity, if it is known. Default: it is computed.
+        The method's estimate in units of intensity, if it is known. Default: it is computed. The
+        intervals of "mle" depend on the data alone.
     confidence_level : float
         The coverage of the intervals, in [0.5, 1).
     trials : float or array_like of float, optional
@@ -83,8 +92,8 @@ def uncertainty(
     Raises
     ------
     TypeError, ValueError
-        When data, sensor, and trials do not fit together, the confidence level is out of range, or
-        the kernel is smooth (except for "mle").
+        When data, sensor, trials, and estimate do not fit together, the confidence level is out of
+        range, or the kernel is smooth (except for "mle").
 
     Warns
     -----
@@ -100,11 +109,11 @@ def uncertainty(
     (:func:`jotlight.estimators.joint_uncertainty.joint_uncertainty`).
 
     For other methods, the coverage is an average over the pixels of photographs (conformal
-    prediction), and `docs/results/uncertainty.md` states it for many cases. The errors of a
-    K-conditioned network have been measured on photographs, depending on brightness, local
+    prediction), and `docs/results/uncertainty.md` states it for many cases. The errors of "medium",
+    "large", and "extra-large" have been measured on photographs, depending on brightness, local
     activity, and K. From four trials per pixel, the data correct them: the bits are divided into
-    two random halves, and the estimates from one half are compared with the other. For a method
-    that is not such a network, the squared difference from the estimate of "medium" is added.
+    two random halves, and the estimates from one half are compared with the other. For all other
+    methods and networks, the squared difference from the estimate of "medium" is added.
 
     Behind a mosaic, the errors of the color network take this place. There may be up to 1,000
     trials per pixel.
@@ -133,9 +142,9 @@ def uncertainty(
     if isinstance(stated, Sensor) and stated.mosaic is not None:
         is_default = method is None and quality is None and takes_colors(data, trials)
 
-        def colors() -> npt.NDArray[np.float32]:
+        def colors() -> npt.ArrayLike:
             if estimate is not None:
-                return np.asarray(estimate, np.float32)
+                return estimate
             return reconstruct(
                 data,
                 stated,
@@ -177,6 +186,9 @@ def _of_gray_images(
     threads: int | None,
 ) -> Uncertainty:
     """Return the uncertainty of the estimates of gray images, in units of intensity."""
+    if estimate is not None:
+        shape = images.layout.shape_of(_size(images, sensor))
+        estimate = read_estimate(estimate, shape, sensor.max_intensity)
     if not sensor.has_plain_bits and method == EXACT_METHOD:
         return joint_uncertainty(images, sensor, confidence_level, threads)
     if not sensor.has_plain_bits:
@@ -198,6 +210,14 @@ def _of_gray_images(
         confidence_level=confidence_level,
         threads=threads,
     )
+
+
+def _size(images: GrayImages, sensor: Sensor) -> tuple[int, int]:
+    """Return the height and the width of the images in pixels."""
+    first = images.data[0]
+    side = sensor.oversampling if isinstance(first, Bits | Readings) else 1
+    height, width = first.shape[-2:]
+    return height // side, width // side
 
 
 def check_errors_known(method: Method | None, sensor: Sensor) -> None:
@@ -231,10 +251,13 @@ def _reference(
     images: GrayImages,
     sensor: Sensor,
 ) -> tuple[Network, bool]:
-    """Return the K-conditioned network of the method, or "medium", and whether it is the method."""
+    """Return the network whose errors are known, and whether it is the method.
+
+    If it is not, the network is "medium".
+    """
     check_errors_known(method, sensor)
-    if isinstance(method, Network) and method.trials_range is not None:
-        return method, True
+    if isinstance(method, Network):
+        return (method, True) if _is_measured(method) else (_medium(sensor), False)
     if method is None and quality is None:
         quality = choose_method(sensor, is_color=takes_channels(images)).quality
     elif isinstance(method, str):
@@ -243,4 +266,29 @@ def _reference(
         network = pretrained(sensor, quality)
         if network.trials_range is not None:
             return network, True
-    return pretrained(sensor, CONDITIONAL_SIZE), False
+    return _medium(sensor), False
+
+
+def _medium(sensor: Sensor) -> Network:
+    return pretrained(sensor, CONDITIONAL_SIZE)
+
+
+def _is_measured(network: Network) -> bool:
+    """Return whether a network has the parameters of one whose errors were measured."""
+    if network.trials_range is None:
+        return False
+    return any(
+        _are_equal(network, pretrained_conditional(network.sensor, size))
+        for size in _MEASURED_SIZES
+    )
+
+
+def _are_equal(network: Network, other: Network) -> bool:
+    """Return whether two networks have equal parameters."""
+    if len(network.layers) != len(other.layers):
+        return False
+    return all(
+        np.array_equal(getattr(one, name), getattr(two, name))
+        for name in ("filters", "coefficients")
+        for one, two in zip(network.layers, other.layers, strict=True)
+    )

@@ -2,6 +2,7 @@
 
 import math
 
+from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
@@ -68,7 +69,8 @@ def choose_sensor(
     Raises
     ------
     ValueError
-        When there is no sensor, when the network does not serve it, or when it has maps.
+        When there is no sensor, when its readings are not plain bits, when the network does not
+        serve it, or when it has maps.
 
     Examples
     --------
@@ -83,6 +85,7 @@ def choose_sensor(
                 "number of trials per pixel, got none"
             )
         sensor = own
+    require_plain_bits(sensor)
     check_served(own, sensor, trials_range, tied=tied)
     if own.kernel != sensor.kernel:
         raise ValueError(
