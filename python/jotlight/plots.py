@@ -18,6 +18,7 @@ from jotlight.networks.network import Network
 from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.photon_readings import Readings
 from jotlight.training.history import History
 
 if TYPE_CHECKING:
@@ -120,17 +121,24 @@ def comparison(panels: list[Panel], heading: str, *, white: float = 1.0) -> "Fig
     return figure
 
 
-def bits_panel(bits: Bits, oversampling: int) -> Panel:
-    """Return a panel of the first frame: one jot per pixel, and all jots in the crop."""
-    first = bits[:1].to_array()[0].astype(np.float32)
-    frames = len(bits)
-    fraction = float(bits.counts(1).sum()) / np.prod(bits.shape)
+def bits_panel(bits: Bits | Readings, oversampling: int) -> Panel:
+    """Return a panel of the first frame: one jot per pixel, and all jots in the crop.
+
+    The largest reading of several bits is white.
+    """
+    first, frames = np.asarray(bits[0], np.float32), len(bits)
+    if isinstance(bits, Bits):
+        title, state = "bits", f"{bits.counts(1).sum() / math.prod(bits.shape):.0%} ones"
+    else:
+        first /= 2**bits.bit_depth - 1
+        mean = bits.sum().sum() / math.prod(bits.shape)
+        title, state = f"readings of {bits.bit_depth} bits", f"{mean:.3g} on average"
     jots = (
         f"{oversampling} × {oversampling} jots per pixel" if oversampling > 1 else "1 jot per pixel"
     )
     return Panel(
-        "bits",
-        f"{frames} frame{'' if frames == 1 else 's'}, {jots}, {fraction:.0%} ones",
+        title,
+        f"{frames} frame{'' if frames == 1 else 's'}, {jots}, {state}",
         first[::oversampling, ::oversampling],
         first,
     )

@@ -91,3 +91,42 @@ def test_one_method_and_lists_of_functions_are_compared():
 def test_images_that_cannot_be_shown_are_refused():
     with pytest.raises(ValueError, match="gray or RGB image"):
         jl.compare(["mle"], np.full((16, 16, 4), 0.5), SENSOR, channel_axis=-1)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"gain": [2.0, 2.0, 0.5, 0.5]},
+        {"threshold": [1, 1, 2, 2]},
+        {"threshold": 1 + np.indices((48, 40)).sum(axis=0) % 2},
+        {"read_noise": 0.2},
+        {"bit_depth": 4},
+    ],
+)
+def test_sensors_of_every_kind_are_compared(options):
+    image = jl.datasets.photograph()[100:148, 180:220]
+    sensor = jl.Sensor(frames=4, **options)
+    found = jl.compare(["mle", "network-small"], image, sensor, rng=1)
+    for result in found.results:
+        expected = jl.reconstruct(sensor.expose(image, rng=1), method=result.method)
+        np.testing.assert_array_equal(result.estimate, expected)
+    assert found.results[0].psnr < found.results[1].psnr
+    name = "readings of 4 bits" if "bit_depth" in options else "bits"
+    assert name in {text.get_text() for text in found.plot().texts}
+
+
+@pytest.mark.parametrize("mosaic", ["RGGB", None])
+def test_the_color_network_is_one_of_the_methods_for_colors(mosaic):
+    image = jl.datasets.photograph("astronaut")[100:132, 180:212]
+    found = jl.compare(None, image, jl.Sensor(frames=8, mosaic=mosaic), channel_axis=-1)
+    best = max(found.results, key=lambda result: result.psnr)
+    assert best.method == "network-color"
+    assert best.estimate.shape == image.shape
+    assert "network, color" in repr(found)
+
+
+def test_a_mosaic_of_the_size_of_the_image_is_compared():
+    image = np.full((24, 20, 3), [0.6, 0.4, 0.2])
+    pattern = np.random.default_rng(0).choice(list("RGBW"), size=(24, 20))
+    found = jl.compare(["mle"], image, jl.Sensor(frames=64, mosaic=pattern), channel_axis=-1)
+    assert found.results[0].psnr > 10

@@ -14,10 +14,10 @@ from jotlight.cli.console import out, progress, report
 from jotlight.cli.method_options import network_name, split_names
 from jotlight.cli.sensor_options import ExposureOptions
 from jotlight.evaluation.compare import select_methods
-from jotlight.evaluation.comparison import COLUMNS, Comparison
+from jotlight.evaluation.comparison import COLUMNS, AnyMethod, Comparison, default_methods
 from jotlight.evaluation.comparison import compare as compare_by_title
 from jotlight.evaluation.methods import METHODS
-from jotlight.evaluation.own_method import OwnMethod, import_method
+from jotlight.evaluation.own_method import import_method
 from jotlight.files import atomic_write, refuse_overwrite
 from jotlight.images.io import read_image
 from jotlight.networks.architectures import QUALITIES
@@ -61,8 +61,9 @@ def compare(
     """Simulate the bits of a photograph, and compare its estimates by every method."""
     exposed = Sensor(**sensor.to_kwargs())
     names = [*split_names(method), *map(network_name, split_names(quality))]
-    selected = _select(exposed, names)
+    selected: dict[str, AnyMethod] = _select(exposed, names)
     image = read_image(photo, white=white, gray=gray)
+    selected = selected or {**default_methods(exposed, is_color=image.ndim == 3)}
     output = output or Path(f"{photo.stem}-compare.png")
     refuse_overwrite(output, [photo, model, *sensor.map_files()])
     if model is not None:
@@ -72,10 +73,10 @@ def compare(
     run_comparison(image, exposed, output, selected, seed=seed, threads=threads)
 
 
-def _select(sensor: Sensor, names: list[str]) -> dict[str, str | Network | OwnMethod]:
-    """Return the methods of some names, or all that serve the sensor, by their titles."""
-    selected: dict[str, str | Network | OwnMethod] = {}
-    for name in names or select_methods(sensor):
+def _select(sensor: Sensor, names: list[str]) -> dict[str, AnyMethod]:
+    """Return the methods of some names by their titles."""
+    selected: dict[str, AnyMethod] = {}
+    for name in names:
         if ":" in name:
             selected[name] = import_method(name)
         else:
@@ -88,7 +89,7 @@ def run_comparison(
     image: npt.NDArray[np.floating],
     sensor: Sensor,
     output: Path,
-    methods: Mapping[str, str | Network | OwnMethod],
+    methods: Mapping[str, AnyMethod],
     *,
     seed: int = 0,
     threads: int | None = None,

@@ -14,7 +14,11 @@ from jotlight.estimators.convergence import IterationCallback, follow_slowest
 from jotlight.evaluation.methods import METHODS, Method, find_method
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.sensor import Sensor
+
+_CORNER = 16
+"""Side of the image on which methods first run, in pixels."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,7 +66,7 @@ def select_methods(sensor: Sensor, names: Sequence[str] | None = None) -> list[s
 
 def compare_methods(
     image: npt.NDArray[np.floating],
-    bits: Bits,
+    bits: Bits | Readings,
     sensor: Sensor,
     names: Sequence[str],
     *,
@@ -72,14 +76,14 @@ def compare_methods(
 ) -> list[MethodResult]:
     """Return the estimate, quality, and computing time of each method on the same bits.
 
-    Each method first runs on a small corner, so that its time does not include loading libraries.
+    Each method first runs on a small image, so that its time does not include loading libraries.
 
     Parameters
     ----------
     image : ndarray, shape (H, W) or (H, W, C)
         Ground truth, in units of intensity.
-    bits : Bits
-        Bits of the image.
+    bits : Bits or Readings
+        Bits of the image, or readings of several bits.
     sensor : Sensor
         Sensor of the bits.
     names : sequence of str
@@ -97,7 +101,7 @@ def compare_methods(
         method = methods[name]
         update = begin(method.title)
         if method.warms_up:
-            _warm_up(method, bits, sensor, image.shape, threads)
+            _warm_up(method, sensor, image.shape, threads)
         options: dict[str, Any] = {}
         if method.iterative and callable(update):
             options["callback"] = _report_progress(update)
@@ -115,14 +119,14 @@ def _report_progress(update: Callable[[float], object]) -> IterationCallback:
     return follow_slowest(lambda step: update(step.progress))
 
 
-def _warm_up(
-    method: Method, bits: Bits, sensor: Sensor, shape: tuple[int, ...], threads: int | None
-) -> None:
-    """Run a method on the bits of 16 x 16 pixels, if the image is that large."""
-    if min(shape[:2]) < 16:
+def _warm_up(method: Method, sensor: Sensor, shape: tuple[int, ...], threads: int | None) -> None:
+    """Run a method on a flat image of 16 x 16 pixels, if the image is that large."""
+    if min(shape[:2]) < _CORNER:
         return
-    side = sensor.oversampling
-    packed = np.ascontiguousarray(bits.packed[:, : 16 * side, : 2 * side])
-    corner = Bits(packed, sensor=sensor.without_maps())
+    small = sensor.without_maps()
+    if small.mosaic is not None:
+        small = small.replace(mosaic=small.mosaic.crop(range(_CORNER), range(_CORNER)))
+    flat = np.full((_CORNER, _CORNER, *shape[2:]), small.max_intensity / 2)
+    bits = small.expose(flat, rng=0, channel_axis=last_channel_axis(flat), threads=threads)
     with hide_warnings():
-        method.run(corner, corner.sensor, threads=threads)
+        method.run(bits, small, threads=threads)

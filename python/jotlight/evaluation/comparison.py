@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_image
+from jotlight.evaluation.choice import COLOR_NETWORK, TITLES, choose_method
 from jotlight.evaluation.compare import MethodResult, compare_methods, select_methods
 from jotlight.evaluation.methods import METHODS, Method, find_method
 from jotlight.evaluation.own_method import OwnMethod
@@ -19,13 +20,14 @@ from jotlight.notebook import card, table_of, text_table
 from jotlight.progress import Progress, equal_steps, shown_progress
 from jotlight.seeds import SeedLike
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.sensor import Sensor, require_sensor
 
 if TYPE_CHECKING:
     from jotlight.figures import Figure
 
-AnyMethod = str | Network | OwnMethod
-"""The name of a method, a network, or a function of the caller."""
+AnyMethod = str | Network | OwnMethod | None
+"""The name of a method, a network, a function of the caller, or None for the recommended method."""
 
 COLUMNS = "method", "PSNR", "SSIM", "time"
 """Titles of the columns of the table."""
@@ -37,8 +39,8 @@ class Comparison:
 
     image: npt.NDArray[np.floating]
     """The true image."""
-    bits: Bits
-    """Its bits."""
+    bits: Bits | Readings
+    """Its bits, or readings of several bits."""
     results: list[MethodResult]
     """The estimates, their quality, and their computing times."""
     titles: Mapping[str, str]
@@ -95,10 +97,11 @@ def compare(
     ----------
     methods : mapping of str, sequence, one method, or None
         Names of methods, as :func:`jotlight.reconstruct` takes them, networks, and functions
-        ``f(bits, sensor)`` or ``f(bits)``; or a mapping of titles to them. None: all methods that
-        are installed and serve the sensor.
+        ``f(bits, sensor)`` or ``f(bits)``; or a mapping of titles to them, where None is the
+        recommended method. Without a mapping, None: all methods that are installed and serve the
+        sensor.
     image : array_like of float, shape (H, W)
-        Intensities. With `channel_axis` also of a color image.
+        Intensities. With `channel_axis` also of a color image, which a sensor with a mosaic needs.
     sensor : Sensor
         Sensor that exposes the image.
     channel_axis : int, optional
@@ -129,8 +132,8 @@ def compare(
     >>> [result.method for result in found.results]
     ['mine', 'mle']
     """
-    require_sensor(sensor)
-    known = _by_title(methods, sensor)
+    require_sensor(sensor, may_differ=True, takes_mosaics=True)
+    known = _named_methods(methods, sensor, is_color=channel_axis is not None)
     names = list(known)
     pixels = as_image(image)
     layout = Layout.of("image", pixels, channel_axis)
@@ -149,32 +152,49 @@ def compare(
     return Comparison(pixels, bits, results, {name: known[name].title for name in names})
 
 
-def _by_title(methods: object, sensor: Sensor) -> dict[str, Method]:
-    """Return the methods to compare, all of which serve the sensor, by their titles."""
+def default_methods(sensor: Sensor, *, is_color: bool) -> dict[str, str | None]:
+    """Return all methods that are installed and serve a sensor, by their titles.
+
+    The color network is one of them if the image `is_color` and the network serves the sensor.
+
+    Examples
+    --------
+    >>> default_methods(Sensor(frames=8, mosaic="RGGB"), is_color=True)["network, color"] is None
+    True
+    """
+    methods: dict[str, str | None] = {METHODS[name].title: name for name in select_methods(sensor)}
+    if is_color and choose_method(sensor, is_color=True).method == COLOR_NETWORK:
+        methods[TITLES[COLOR_NETWORK]] = None
+    return methods
+
+
+def _named_methods(methods: object, sensor: Sensor, *, is_color: bool) -> dict[str, Method]:
+    """Return the methods to compare, all of which serve the sensor, by the names of the results."""
     if methods is None:
-        return {name: METHODS[name] for name in select_methods(sensor)}
+        defaults = default_methods(sensor, is_color=is_color).items()
+        return {name or COLOR_NETWORK: _as_method(title, name, sensor) for title, name in defaults}
     if isinstance(methods, Mapping):
-        titles, values = [str(title) for title in methods], list(methods.values())
+        names, values = [str(title) for title in methods], list(methods.values())
+        titles = names
     else:
         values = list(methods) if isinstance(methods, list | tuple) else [methods]
-        titles = [
-            each if isinstance(each, str) else getattr(each, "__name__", type(each).__name__)
-            for each in values
-        ]
+        names = [each if isinstance(each, str) else _name_of(each) for each in values]
+        titles = [METHODS[name].title if name in METHODS else name for name in names]
     if not values:
         raise ValueError("methods: expected at least one, got none")
-    if len(set(titles)) < len(titles):
+    if len(set(names)) < len(names):
         raise ValueError(
-            f"methods: expected different titles, got {', '.join(titles)}; pass a mapping of "
+            f"methods: expected different titles, got {', '.join(names)}; pass a mapping of "
             "titles to methods, such as {'mine': function}"
         )
     select_methods(sensor, [value for value in values if isinstance(value, str)])
-    if not isinstance(methods, Mapping):
-        named = {each: METHODS[each] for each in values if isinstance(each, str)}
-    else:
-        named = {}
-    pairs = zip(titles, values, strict=True)
-    return {title: named.get(title) or _as_method(title, value) for title, value in pairs}
+    each = zip(names, titles, values, strict=True)
+    return {name: _as_method(title, value, sensor) for name, title, value in each}
+
+
+def _name_of(method: object) -> str:
+    """Return the name of a function, or the type of another object."""
+    return str(getattr(method, "__name__", type(method).__name__))
 
 
 def _describe(layout: Layout) -> str:
@@ -182,17 +202,18 @@ def _describe(layout: Layout) -> str:
     return f"a stack {layout.shape}" if layout.is_stack else f"{layout.number} channels"
 
 
-def _as_method(title: str, method: str | Network | OwnMethod) -> Method:
+def _as_method(title: str, method: AnyMethod, sensor: Sensor) -> Method:
     """Return a method with a title."""
-    if isinstance(method, str):
+    if isinstance(method, str) and sensor.has_plain_bits and sensor.mosaic is None:
         return dataclasses.replace(find_method(method), title=title)
-    if not callable(method):
+    if not (method is None or isinstance(method, str) or callable(method)):
         raise TypeError(
             f"methods: expected the name of a method, a network, or a function for {title!r}, got "
             f"{method!r:.80}"
         )
     # A function of the caller may count its calls, or work for one size of images only.
-    return Method(title, partial(reconstruct, method=method), warms_up=False)
+    is_own = callable(method)
+    return Method(title, partial(reconstruct, method=method), warms_up=not is_own)
 
 
 def _format_time(seconds: float) -> str:

@@ -80,7 +80,7 @@ class Method:
     is_distinct: Callable[[Sensor], bool] = lambda _: True
     """Function that returns whether the estimate for a sensor differs from a faster method's."""
     warms_up: bool = True
-    """Whether a comparison runs it on a corner first, so that its time is that of the method."""
+    """Whether a comparison first runs it on a small image, so that its time excludes imports."""
     iterative: bool = False
     """Whether `run` takes `tol`, `max_iter`, `callback` and `return_history`."""
 
