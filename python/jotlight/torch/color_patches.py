@@ -1,6 +1,7 @@
 """Batches of color patches behind mosaics or in three channels, for color networks."""
 
 from functools import cache
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +34,9 @@ class ColorPatchLoader(PatchLoader):
     >>> batch.data.shape, batch.truth.shape
     (torch.Size([2, 11, 32, 32]), torch.Size([2, 3, 32, 32]))
     """
+
+    extreme_fraction: ClassVar[float] = 1 / 5
+    """As of the base class. Colors need more of them, because a color network has fewer steps."""
 
     def expose_patch(
         self,

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -42,12 +42,6 @@ Pixels of intensity 1 in a well-exposed image reach it.
 
 _MAX_RATE = 20.0
 """Largest rate s in the error: a bit carries no information beyond."""
-
-_EXTREME_FRACTION = 1 / 16
-"""Fraction of patches that are far too bright or too dark.
-
-They teach the network black and intensities beyond its range, which photographs seldom have.
-"""
 
 _EXTREME_FACTORS = 1 / 50, 50.0
 """Range of the brightness factor of such patches."""
@@ -158,6 +152,12 @@ class PatchLoader:
     torch.Size([16, 1, 48, 48])
     """
 
+    extreme_fraction: ClassVar[float] = 1 / 16
+    """Fraction of patches that are far too bright or too dark.
+
+    They teach the network black and intensities beyond its range, which photographs seldom have.
+    """
+
     source: PatchSource
     """Source of the patches."""
     network: Network
@@ -218,14 +218,14 @@ class PatchLoader:
         )
         chance = rng.random(self.batch_size)
         light = np.where(chance < _USUAL_LIGHT_FRACTION, usual_light, light)
-        light = np.where(chance >= 1 - _EXTREME_FRACTION, extreme_light, light)
+        light = np.where(chance >= 1 - self.extreme_fraction, extreme_light, light)
         dark_counts = np.where(rng.random(self.batch_size) < 1 / 2, 0, dark_counts)
         return Exposures(trials, light, dark_counts)
 
     def _draw_factors(self, rng: np.random.Generator) -> npt.NDArray[np.float32]:
         """Return the brightness of each patch, relative to its image."""
         factors = self._log_uniform(rng, _EXTREME_FACTORS)
-        is_extreme = rng.random(self.batch_size) < _EXTREME_FRACTION
+        is_extreme = rng.random(self.batch_size) < self.extreme_fraction
         return np.where(is_extreme, factors, 1).astype(np.float32)
 
     def _log_uniform(self, rng: np.random.Generator, bounds: tuple[float, float]) -> _Array:
