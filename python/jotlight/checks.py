@@ -205,6 +205,20 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
     return array if array.flags.aligned else array.copy()
 
 
+def require_slice(name: str, value: object) -> None:
+    """Raise TypeError unless a value is a slice.
+
+    Examples
+    --------
+    >>> require_slice("frames", 3)
+    Traceback (most recent call last):
+      ...
+    TypeError: frames: expected a slice, such as slice(0, 16), got 3
+    """
+    if not isinstance(value, slice):
+        raise TypeError(f"{name}: expected a slice, such as slice(0, 16), got {shown(value)}")
+
+
 def refuse_path(data: object) -> None:
     """Raise TypeError for a path in place of data."""
     if isinstance(data, str | os.PathLike):
