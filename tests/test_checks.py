@@ -1,11 +1,15 @@
 """The checks of arguments that several modules share."""
 
+import re
+
 import numpy as np
 import pytest
 
 from jotlight.checks import (
+    as_image,
     positive_number,
     real_number,
+    require_intensities,
     whole_number,
     whole_number_in_range,
     whole_numbers,
@@ -75,3 +79,18 @@ def test_whole_numbers_become_int32(values):
 def test_other_arrays_are_not_whole_numbers(values, error, message):
     with pytest.raises(error, match=message):
         whole_numbers("ones", values)
+
+
+def test_an_image_of_bool_becomes_floats_without_a_division():
+    image = np.eye(4, dtype=bool)
+    for check in (as_image, lambda image: require_intensities("truth", image)):
+        message = r"(image|truth): expected floats in units of intensity, got bool; pass (\S+),"
+        with pytest.raises(TypeError, match=message) as error:
+            check(image)
+        converted = eval(re.search(message, str(error.value))[2], {"image": image})
+        np.testing.assert_array_equal(as_image(converted), image)
+
+
+def test_an_image_of_anything_but_numbers_has_no_scale():
+    with pytest.raises(TypeError, match=r"got complex128$"):
+        as_image(np.ones((2, 2), complex))

@@ -1,5 +1,6 @@
 """Measures of image quality."""
 
+import re
 import threading
 
 import numpy as np
@@ -96,6 +97,17 @@ def test_black_truth_has_no_signal():
 def test_other_types_and_shapes_are_refused(function, estimate, truth, error, message):
     with pytest.raises(error, match=message):
         function(estimate, truth)
+
+
+def test_integer_images_are_divided_by_their_white_level():
+    integers = np.random.default_rng(2).integers(0, 256, (2, 16, 16), dtype=np.uint8)
+    message = r"such as (image / \S+) for an 8-bit photograph$"
+    with pytest.raises(TypeError, match=message) as error:
+        metrics.psnr(*integers)
+    formula = re.search(message, str(error.value))[1]
+    found = metrics.psnr(*(eval(formula, {"image": image}) for image in integers))
+    expected = skimage.metrics.peak_signal_noise_ratio(*integers)
+    assert found == pytest.approx(expected, rel=1e-12)
 
 
 def test_ssim_refuses_images_smaller_than_its_window():

@@ -165,6 +165,29 @@ def whole_numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
     return np.require(array, np.int32, ["C", "ALIGNED"])
 
 
+def require_intensities(name: str, image: npt.NDArray[Any]) -> None:
+    """Raise TypeError unless an image holds floats. The message says how to convert it.
+
+    Examples
+    --------
+    >>> require_intensities("image", np.array([[True]]))
+    Traceback (most recent call last):
+      ...
+    TypeError: image: expected floats in units of intensity, got bool; pass image.astype(float), ...
+    """
+    if image.dtype.kind == "f":
+        return
+    advice = ""
+    if image.dtype == np.bool_:
+        advice = "; pass image.astype(float), which is 1 where the image is True"
+    elif image.dtype.kind in "iu":
+        advice = (
+            ", whose scale is unknown; divide by its white level, such as image / 255.0 for an "
+            "8-bit photograph"
+        )
+    raise TypeError(f"{name}: expected floats in units of intensity, got {image.dtype}{advice}")
+
+
 def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
     """Return intensities of images as float32 or float64. Such arrays are not copied.
 
@@ -182,13 +205,7 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
             "jotlight.read_image(path)"
         )
     array = np.asarray(image)
-    if array.dtype.kind in "iub":
-        raise TypeError(
-            f"image: expected floats in units of intensity, got {array.dtype}, whose scale is "
-            "unknown; divide by its white level, such as image / 255.0 for an 8-bit photograph"
-        )
-    if array.dtype.kind != "f":
-        raise TypeError(f"image: expected floats, got {array.dtype}")
+    require_intensities("image", array)
     if array.ndim < 2 or array.size == 0:
         raise ValueError(
             f"image: expected shape (H, W) or (..., H, W), and at least one pixel, got "
@@ -203,6 +220,20 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
     if array.dtype not in (np.float32, np.float64):
         array = array.astype(np.float64 if array.dtype.itemsize > 4 else np.float32)
     return array if array.flags.aligned else array.copy()
+
+
+def require_slice(name: str, value: object) -> None:
+    """Raise TypeError unless a value is a slice.
+
+    Examples
+    --------
+    >>> require_slice("frames", 3)
+    Traceback (most recent call last):
+      ...
+    TypeError: frames: expected a slice, such as slice(0, 16), got 3
+    """
+    if not isinstance(value, slice):
+        raise TypeError(f"{name}: expected a slice, such as slice(0, 16), got {shown(value)}")
 
 
 def refuse_path(data: object) -> None:

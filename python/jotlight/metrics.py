@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import require_intensities
 from jotlight.interrupts import interruptible
 from jotlight.layout import Layout
 
@@ -120,11 +121,7 @@ def _pair(
     pair: list[npt.NDArray[np.float64]] = []
     for name, image in (("estimate", estimate), ("truth", truth)):
         array: npt.NDArray[Any] = np.asarray(image)
-        if array.dtype.kind != "f":
-            raise TypeError(
-                f"{name}: expected floats in units of intensity, got {array.dtype}; convert both "
-                "images, such as image.astype(float)"
-            )
+        require_intensities(name, array)
         if array.ndim < 2 or array.size == 0:
             raise ValueError(f"{name}: expected shape (H, W) or more axes, got {array.shape}")
         pair.append(array.astype(np.float64))

@@ -208,6 +208,8 @@ def test_photons_per_second_need_an_exposure_time():
 def test_counts_need_a_sensor():
     with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, because counts"):
         reconstruct(COUNTS)
+    with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, because counts"):
+        reconstruct(np.ones((8, 8), int), method=jl.Network.conditional("small", rng=0))
 
 
 def test_a_largest_intensity_that_clips_most_pixels_is_reported():

@@ -57,6 +57,18 @@ def test_wrong_options_are_refused(tmp_path, options, message):
         jl.open(tmp_path / "a.bin", format="swissspad2", **options)
 
 
+@pytest.mark.parametrize("frames", [3, 0, (0, 3), [0]])
+@pytest.mark.parametrize("kind", ["counts", "bits", "readings"])
+def test_frames_that_are_not_a_slice_are_refused(tmp_path, kind, frames):
+    if kind == "counts":
+        np.save(tmp_path / "a.npy", np.ones((4, 5, 6), int))
+    else:
+        sensor = jl.Sensor(frames=4, bit_depth=1 if kind == "bits" else 4)
+        jl.save(sensor.expose(np.ones((5, 6)), rng=0), tmp_path / "a.npy")
+    with pytest.raises(TypeError, match=r"frames: expected a slice, such as slice\(0, 16\), got"):
+        jl.open(tmp_path / "a.npy", frames=frames)
+
+
 @pytest.mark.parametrize("extension", [".npz", ".mat", ".h5"])
 def test_the_error_of_a_missing_key_has_the_names_of_the_arrays(tmp_path, extension):
     path, arrays = tmp_path / f"a{extension}", {"dark": np.eye(3), "flat": np.eye(4)}

@@ -1,5 +1,7 @@
 """Counts of images that hold the means of frames, times a scale."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -24,9 +26,9 @@ def test_all_counts_are_found_for_all_numbers_of_trials(rounding, scale):
         np.testing.assert_array_equal(unscale_counts(values, scale, trials), counts)
 
 
-@pytest.mark.parametrize("trials", [3, 4, 16, 64, 127])
+@pytest.mark.parametrize("trials", [3, 4, 16, 64, 100])
 def test_the_number_of_trials_is_recognized(trials):
-    counts = random_frames((trials, 40, 50), share=0.3).sum(0)
+    counts = random_frames((trials, 40, 50), share=0.6).sum(0)
     for scale in (255, 65535):
         values = np.rint(counts * scale / trials).astype(np.int64)
         assert recognize_trials(values, scale) == trials
@@ -41,6 +43,8 @@ def test_the_number_of_trials_is_recognized(trials):
         np.rint(255 * photograph("camera")).astype(int),
         np.array([-255, 0, 64, 128]),
         np.array([0, 100, 70000]),
+        2 * np.arange(9),
+        2 * np.arange(40),
     ],
 )
 def test_counts_photographs_and_bits_have_no_scale(values):
@@ -135,6 +139,31 @@ def test_floats_in_place_of_counts_say_how_to_convert_them():
             jl.mle(floats, jl.Sensor(frames=255))
     with pytest.raises(TypeError, match=r"cast rounded floats with astype\(int\)"):
         jl.mle(counts.astype(float), jl.Sensor(frames=16))
+
+
+def test_fractions_that_are_no_means_are_not_taken_for_means():
+    counts = np.arange(64).reshape(8, 8) % 9
+    for fractions in (counts + 0.5, counts * 0.7, counts * 40.0 + 0.25):
+        with pytest.raises(TypeError, match="got float64; fractions are no counts") as error:
+            jl.mle(fractions, jl.Sensor(frames=8))
+        assert "means" not in str(error.value)
+
+
+def test_not_a_number_in_place_of_counts_is_named():
+    sensor = jl.Sensor(frames=8)
+    counts = np.arange(64).reshape(8, 8) % 9
+    x = np.where(counts == 3, np.nan, counts)
+    with pytest.raises(TypeError, match="got float64 with NaN; if these pixels x have") as error:
+        jl.mle(x, sensor)
+    advice = re.fullmatch(".*pass (.*) and trials=(.*)", str(error.value))
+    arrays = [eval(formula, {"np": np, "x": x}) for formula in advice.groups()]
+    with pytest.warns(jl.JotlightWarning, match="no valid bit"):
+        estimate = jl.mle(arrays[0], sensor, trials=arrays[1])
+    known = np.isfinite(x)
+    np.testing.assert_array_equal(estimate[known], jl.mle(counts, sensor)[known])
+    for other in (x / 8, np.where(known, counts, np.inf)):
+        with pytest.raises(TypeError, match=r"got float64 with NaN or infinity$"):
+            jl.mle(other, sensor)
 
 
 def test_counts_that_look_like_means_are_warned_about():

@@ -227,6 +227,32 @@ def test_the_callback_gets_each_record():
     assert [record.step for record in records] == [0, 1, 2, 3, 4]
 
 
+def test_the_default_sensor_is_that_of_reconstruct():
+    start = jl.pretrained(SENSOR, "small")
+    plain = jl.Bits.from_array(BITS.to_array())
+    expected = parameters(tune(start, BITS.counts(), SENSOR)[0])
+    for data in (BITS.counts(), plain):
+        np.testing.assert_array_equal(parameters(tune(start, data)[0]), expected)
+        with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, because"):
+            tune(CONDITIONAL, data)
+
+
+@pytest.mark.parametrize(
+    ("network", "received"),
+    [
+        (TorchNetwork(CONDITIONAL), r"a module of jotlight.torch; pass module.to_network\(\)"),
+        ("small", "'small'"),
+        (jl.ColorNetwork.initial("small", rng=0), "ColorNetwork"),
+        (None, "NoneType"),
+    ],
+    ids=["module", "name", "colors", "none"],
+)
+def test_anything_but_a_network_is_refused(network, received):
+    message = r"network: expected jotlight.Network, as in jotlight.torch.fine_tune\(.*got "
+    with pytest.raises(TypeError, match=message + received):
+        tune(network)
+
+
 UNTIED = jl.Network.initial(jl.Sensor(oversampling=2), tied=False)
 CUBIC = jl.Sensor(frames=8, kernel="cubic")
 MASKED = jl.Sensor(mask=np.ones(SCENE.shape, bool))

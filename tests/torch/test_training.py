@@ -172,6 +172,13 @@ def test_divergence_is_an_error_that_says_what_to_change():
         train_small(STARTS["conditional"], learning_rate=1e30, steps=30)
 
 
+@pytest.mark.parametrize("network", [Network(STARTS["conditional"]), "small", None])
+def test_anything_but_a_network_is_refused(network):
+    message = "network: expected jotlight.Network or jotlight.ColorNetwork or jotlight.FilmNetwork"
+    with pytest.raises(TypeError, match=message):
+        train_small(network)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

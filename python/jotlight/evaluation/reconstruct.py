@@ -200,7 +200,7 @@ def reconstruct(
     if callable(to_network := getattr(method, "to_network", None)):
         method = cast(AnyNetwork, to_network())  # a module of jotlight.torch
     if sensor is None and isinstance(method, Network):
-        sensor = carried_sensor(data) or method.default_sensor or method.sensor
+        sensor = method.sensor_of(data, trials)
     declared = carried_sensor(data) if sensor is None else sensor
     if isinstance(declared, Sensor) and declared.mosaic is not None:
         run = partial(reconstruct, method=method, quality=quality, fallback=fallback, **options)

@@ -117,6 +117,8 @@ def open(
     ------
     OSError
         When the file cannot be read.
+    TypeError
+        When `frames` is not a slice.
     ValueError
         When the format is unknown, or the file is truncated or holds Python objects, which are
         never read. When the file is a photograph. With `counts_scale`, when a value is not a

@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import require_slice
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.orientation import orient_image, orient_packed, parse_orientation
 from jotlight.sensing.bits import Bits
@@ -42,9 +43,11 @@ def select(
 
     Raises
     ------
-    ValueError
-        When no frame is selected, or the orientation is unknown.
+    TypeError, ValueError
+        When `frames` is not a slice or selects no frame, or the orientation is unknown.
     """
+    if frames is not None:
+        require_slice("frames", frames)
     quarters = parse_orientation(rotate, flip)
     notes = [f"the array {key}"] if key is not None else []
     if quarters:

@@ -1,6 +1,7 @@
 """The network in a file, of any kind."""
 
 import os
+from typing import Any, get_args
 
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.film_network import FilmNetwork
@@ -22,6 +23,25 @@ def load_network(path: str | os.PathLike[str]) -> Network | PlanesNetwork:
     """
     kinds = {kind.planes: kind for kind in (ColorNetwork, FilmNetwork)}
     return kinds.get(count_planes(path), Network).load(path)
+
+
+def require_network(name: str, network: object, kinds: Any, call: str) -> None:
+    """Raise TypeError unless an argument is a network of one of some kinds, with a valid call.
+
+    Examples
+    --------
+    >>> require_network("network", "small", Network, "fine_tune(jotlight.pretrained(sensor), bits)")
+    Traceback (most recent call last):
+      ...
+    TypeError: network: expected jotlight.Network, as in fine_tune(...), got 'small'
+    """
+    if isinstance(network, kinds):
+        return
+    got = repr(network) if isinstance(network, str) else type(network).__name__
+    if callable(getattr(network, "to_network", None)):
+        got = "a module of jotlight.torch; pass module.to_network()"
+    names = " or ".join(f"jotlight.{kind.__name__}" for kind in get_args(kinds) or [kinds])
+    raise TypeError(f"{name}: expected {names}, as in {call}, got {got}")
 
 
 def load_image_network(path: str | os.PathLike[str]) -> AnyNetwork:

@@ -236,9 +236,7 @@ class Network(EngineBacked, TorchHints):
         JotlightWarning
             When pixels without a valid bit were inpainted from their neighbors.
         """
-        if sensor is None:
-            own = self.sensor if self.trials_range is None or trials is not None else None
-            sensor = carried_sensor(data) or self.default_sensor or own
+        sensor = sensor or self.sensor_of(data, trials)
         data, sensor = prepare_data(data, sensor, trials, channel_axis)
         self.check_sensor(sensor)
         images = gray_images(data)
@@ -247,6 +245,11 @@ class Network(EngineBacked, TorchHints):
         return output.finish(estimate(self, images, sensor, output, threads))
 
     __call__ = reconstruct
+
+    def sensor_of(self, data: Data, trials: npt.ArrayLike | None = None) -> Sensor | None:
+        """Return the default sensor of data, as :meth:`reconstruct` states it, or None."""
+        own = self.sensor if self.trials_range is None or trials is not None else None
+        return carried_sensor(data) or self.default_sensor or own
 
     def conditioned_layers(self, trials: int, *, zeros: bool = False) -> tuple[Layer, ...]:
         """Return the layers of a K-conditioned network with the parameters for K = `trials`.

@@ -149,14 +149,15 @@ def recognize_trials(values: npt.NDArray[Any], scale: float) -> int | None:
     """Return the smallest number of trials for which values are scaled counts, or None.
 
     For integers, it is at most half the scale. All images of integers have values that are scaled
-    counts for more trials.
+    counts for more trials. In a dim image, several successive numbers of trials may explain all
+    values, and none of them is recognized.
 
     Examples
     --------
     >>> recognize_trials(np.array([0, 16, 64, 255]), 255)
     16
-    >>> recognize_trials(np.arange(256), 255) is None
-    True
+    >>> recognize_trials(np.arange(256), 255), recognize_trials(np.array([0, 2, 4, 6]), 255)
+    (None, None)
     """
     levels, floats = np.unique(values), values.dtype.kind == "f"
     if len(levels) < _MIN_LEVELS or not (levels[0] >= 0 and levels[-1] <= scale):
@@ -167,8 +168,8 @@ def recognize_trials(values: npt.NDArray[Any], scale: float) -> int | None:
             exact = levels.astype(np.float64) * (trials / scale)
             if (abs(exact - np.rint(exact)) <= _float_tolerance(values.dtype) * trials).all():
                 return trials
-        elif _is_rounded(levels, np.rint(levels * (trials / scale)) * (scale / trials)):
-            return trials
+        elif _are_levels(levels, scale, trials):
+            return None if _are_levels(levels, scale, trials + 1) else trials
     return None
 
 
@@ -212,18 +213,36 @@ def check_whole(data: object, trials: int) -> None:
     values = np.asarray(data)
     if values.dtype.kind != "f":
         return
-    advice = "cast rounded floats with astype(int)"
-    if values.size and not (values == np.rint(values)).all():
-        scale = next((scale for scale in (1, *SCALES) if values.max() <= scale), 1)
-        number = recognize_trials(values, scale) or trials
-        fraction = "x" if scale == 1 else f"x / {scale}"
-        advice = (
-            f"the counts of means x of {number} frames are "
-            f"np.rint({fraction} * {number}).astype(int), with Sensor(frames={number})"
-        )
     raise TypeError(
         f"data: expected jotlight.Bits or an image of counts in whole numbers, got "
-        f"{values.dtype}; {advice}; a photograph becomes bits by sensor.expose(image)"
+        f"{values.dtype}{_advice_on_floats(values, trials)}"
+    )
+
+
+def _advice_on_floats(values: npt.NDArray[Any], trials: int) -> str:
+    """Return what floats in place of counts probably are, and what to do."""
+    if not np.isfinite(values).all():
+        known = values[~np.isnan(values)]
+        if not (np.isfinite(known).all() and (known == np.rint(known)).all()):
+            return " with NaN or infinity"
+        return (
+            " with NaN; if these pixels x have no data, pass np.nan_to_num(x).astype(int) and "
+            f"trials=np.where(np.isnan(x), 0, {trials})"
+        )
+    photograph = "; a photograph becomes bits by sensor.expose(image)"
+    if (values == np.rint(values)).all():
+        return f"; cast rounded floats with astype(int){photograph}"
+    scale = next((scale for scale in (1, *SCALES) if values.max() <= scale), None)
+    number = recognize_trials(values, scale) if scale else None
+    if number is None and scale == 1:
+        number = trials
+    # All multiples of 1 / 2 are means of 510 frames times 255, and so on.
+    if number is None or (scale != 1 and number % scale == 0):
+        return f"; fractions are no counts, so pass the counts from before a scaling{photograph}"
+    fraction = "x" if scale == 1 else f"x / {scale}"
+    return (
+        f"; the counts of means x of {number} frames are "
+        f"np.rint({fraction} * {number}).astype(int), with Sensor(frames={number}){photograph}"
     )
 
 
@@ -270,6 +289,11 @@ def range_error(values: npt.NDArray[Any], sensor: Sensor) -> ValueError:
         f"{sensor.oversampling} x {sensor.oversampling} jots), got {values.min():.10g} to "
         f"{values.max():.10g}" + (f"; {hint}" if hint else "")
     )
+
+
+def _are_levels(values: npt.NDArray[Any], scale: float, trials: int) -> bool:
+    """Return whether integers are rounded scaled counts."""
+    return _is_rounded(values, np.rint(values * (trials / scale)) * (scale / trials))
 
 
 def _is_rounded(values: npt.NDArray[Any], exact: npt.NDArray[np.float64]) -> bool:

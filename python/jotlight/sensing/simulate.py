@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.checks import as_image
+from jotlight.checks import as_image, require_slice
 from jotlight.chunks import frame_chunks
 from jotlight.errors import warn
 from jotlight.layout import Layout
@@ -338,8 +338,7 @@ def _distinct_frames(parts: list[EnginePart]) -> Iterator[npt.NDArray[np.intp]]:
 
 
 def _as_range(name: str, part: slice, size: int) -> range:
-    if not isinstance(part, slice):
-        raise TypeError(f"{name}: expected a slice, got {part!r}")
+    require_slice(name, part)
     chosen = range(size)[part]
     if chosen.step != 1 or len(chosen) == 0:
         raise ValueError(f"{name}: expected a slice with step 1 inside 0..{size}, got {part!r}")

@@ -12,13 +12,13 @@ import torch
 from torch import Tensor
 
 from jotlight.checks import positive_number, whole_number
+from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
 from jotlight.progress import Progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import (
     PixelCounts,
-    carried_sensor,
     count_pixels,
     gray_images,
     prepare_data,
@@ -85,8 +85,8 @@ def fine_tune(
         of a color capture train together.
     sensor : Sensor, optional
         Sensor of the capture, with the box kernel and at least two trials per pixel. Its dead jots,
-        dark counts, and efficiency enter as in :meth:`jotlight.Network.reconstruct`. Default: the
-        sensor that the bits carry, or else the network's.
+        dark counts, and efficiency enter as in :meth:`jotlight.Network.reconstruct`, which states
+        the default, too.
     channel_axis : int, optional
         Axis of counts that holds color channels. Default: none.
     steps : int
@@ -151,9 +151,10 @@ def fine_tune(
     >>> bool(history.held_out[-1] < history.held_out[0])
     True
     """
-    if sensor is None:
-        sensor = carried_sensor(data) or network.sensor
-    channels = _count_images(network, data, sensor, channel_axis, threads)
+    require_network(
+        "network", network, Network, "jotlight.torch.fine_tune(jotlight.pretrained(sensor), bits)"
+    )
+    channels, sensor = _count_images(network, data, sensor, channel_axis, threads)
     chosen_device = choose_device(device)
     steps = whole_number("steps", steps, 1)
     batch = whole_number("batch", BATCH if batch is None else batch, 1)
@@ -302,13 +303,18 @@ def random_generator(seed: int, *key: int) -> np.random.Generator:
 def _count_images(
     network: Network,
     data: Bits | npt.ArrayLike,
-    sensor: Sensor,
+    sensor: Sensor | None,
     channel_axis: int | None,
     threads: int | None,
-) -> list[PixelCounts]:
-    """Return the counts of each gray image, after checks that their bits can be split."""
+) -> tuple[list[PixelCounts], Sensor]:
+    """Return the counts of each gray image, and their sensor.
+
+    The bits of a pixel must be such that they can be split.
+    """
     if isinstance(data, Merged):
         raise TypeError("data: expected Bits or counts, because merged counts cannot be split")
+    sensor = sensor or network.sensor_of(data)
+    prepared, sensor = prepare_data(data, sensor, None, channel_axis)
     network.check_sensor(sensor)
     if not network.tied:
         raise ValueError(
@@ -316,7 +322,7 @@ def _count_images(
             "split at random if all its jots have the same weight"
         )
     check_kernel(sensor)
-    images = gray_images(prepare_data(data, sensor, None, channel_axis)[0])
+    images = gray_images(prepared)
     channels = [count_pixels(image, sensor, threads) for image in images.data]
     if any(channel.varies_within_pixels for channel in channels):
         raise ValueError(
@@ -325,7 +331,7 @@ def _count_images(
         )
     if max(int(np.max(channel.trials)) for channel in channels) < 1:
         raise ValueError("data: expected pixels with valid bits, got none")
-    return channels
+    return channels, sensor
 
 
 def _patch_side(channels: Sequence[PixelCounts], patch: int | None) -> int:

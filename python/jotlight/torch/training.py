@@ -10,6 +10,7 @@ import torch
 from jotlight.checks import positive_number, whole_number
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.film_network import FilmNetwork
+from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
 from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.progress import Progress
@@ -152,6 +153,12 @@ def train(
     >>> len(history)
     4
     """
+    require_network(
+        "network",
+        network,
+        Network | ColorNetwork | FilmNetwork,
+        'jotlight.torch.train(jotlight.Network.conditional("small"), images)',
+    )
     sensor = network.sensor if sensor is None else sensor
     network.check_sensor(sensor)
     chosen_device = choose_device(device)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from jotlight.checks import whole_number
 from jotlight.networks.graph import is_sequential
+from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
 from jotlight.progress import Progress
 from jotlight.sensing.sensor import Sensor
@@ -123,11 +124,9 @@ def train(
     >>> bool(history.loss[-1] < history.loss[0])
     True
     """
-    if not isinstance(network, Network):
-        raise TypeError(
-            "network: expected the network to start from, as in jotlight.train("
-            f"jotlight.Network.initial(sensor), images), got {type(network).__name__}"
-        )
+    require_network(
+        "network", network, Network, "jotlight.train(jotlight.Network.initial(sensor), images)"
+    )
     sensor = network.sensor if sensor is None else sensor
     network.check_sensor(sensor)
     if not is_sequential(network.layers):
