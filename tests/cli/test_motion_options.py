@@ -141,7 +141,7 @@ def test_uncertainty_is_that_of_the_merged_bits(run, moving, tmp_path):
         (["--motion", "--maps", "m.png"], "ends in .npz, .npy, .tif"),
         (["--motion", "--save-motion", "m.npz"], "save-motion: expected a name that ends in .saf"),
         (["--motion", "--save-motion", "a.png"], "save-motion: expected a name that ends in .saf"),
-        (["--motion", "--maps", "b.npy"], "the same name twice"),
+        (["--motion", "--maps", "b.npy"], "a different name for each output"),
         (["--motion", "--motion-file", "no.safetensors"], "there is no file no.safetensors"),
         (
             ["--motion", "--motion-file", "m.safetensors", "--motion-model", "auto"],

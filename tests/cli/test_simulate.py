@@ -130,14 +130,18 @@ def test_moving_photographs_are_those_of_the_python_interface(run, photo, tmp_pa
         (["--motion", "text.csv"], "text.csv: expected numbers that commas separate"),
         (["--motion", "three.csv"], "three.csv: expected 2 or 4 numbers in each line"),
         (["--motion", "shake", "--truth", "truth.xyz"], "truth.xyz: expected a name that ends"),
-        (["--motion", "three.csv", "--truth", "three.csv"], "three.csv"),
+        (["--motion", "three.csv", "--truth", "three.csv"], "three.csv: expected a name"),
+        (["--motion", "shake", "--truth", "./bits.npy"], "a different name for each output"),
+        (["--motion", "shake", "--truth", "bits.mask.npy"], "a different name for each output"),
     ],
 )
 def test_bad_options_of_motion_are_refused(run, photo, tmp_path, options, message):
     (tmp_path / "text.csv").write_text("0, 0\none, two\n")
     (tmp_path / "three.csv").write_text("0, 0, 1\n")
+    np.save("dead.npy", np.zeros((40, 49), bool))
     before = files(tmp_path)
-    status, output = run("simulate", photo, "-o", "bits.npy", *options)
+    arguments = ["simulate", photo, "-o", "bits.npy", "-k", 1, "--mask", "dead.npy"]
+    status, output = run(*arguments, *options)
     assert status == 1
     assert message in output
     assert files(tmp_path) == before

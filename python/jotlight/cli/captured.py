@@ -1,7 +1,7 @@
 """The data of a capture together with their sensor."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ from jotlight.calibration import Calibration
 from jotlight.checks import Counts
 from jotlight.chunks import windows
 from jotlight.cli.console import progress
-from jotlight.files import refuse_overwrite
+from jotlight.files import check_outputs
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.description import companion_files
 from jotlight.sensing.bits import Bits
@@ -227,14 +227,23 @@ def check_trials(path: Path | str, stated: int | None, trials: int, options: str
         )
 
 
-def refuse_capture_overwrite(output: Path, capture: Path) -> None:
-    """Raise ValueError when an output is part of a capture."""
-    refuse_overwrite(output, [capture, *companion_files(capture)])
-    folders = (output.resolve(), *output.resolve().parents)
-    if capture.is_dir() and capture.resolve() in folders:
-        raise ValueError(
-            f"{output}: lies in the folder {capture}, which is read; choose another name"
-        )
+def check_outputs_of(
+    captures: Iterable[Path], outputs: Iterable[Path | None], inputs: Iterable[Path | None] = ()
+) -> None:
+    """Raise ValueError as :func:`check_outputs`, and when an output is part of a capture.
+
+    `inputs` are the files to read in addition to the captures.
+    """
+    captures, outputs = list(captures), list(filter(None, outputs))
+    parts = [path for capture in captures for path in (capture, *companion_files(capture))]
+    check_outputs(outputs, [*inputs, *parts])
+    folders = [capture for capture in captures if capture.is_dir()]
+    for output in outputs:
+        for folder in folders:
+            if folder.resolve() in (output.resolve(), *output.resolve().parents):
+                raise ValueError(
+                    f"{output}: lies in the folder {folder}, which is read; choose another name"
+                )
 
 
 def of_window(captured: Captured, window: int) -> Captured:

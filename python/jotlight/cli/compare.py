@@ -18,7 +18,7 @@ from jotlight.evaluation.comparison import COLUMNS, Comparison
 from jotlight.evaluation.comparison import compare as compare_by_title
 from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.own_method import OwnMethod, import_method
-from jotlight.files import atomic_write, refuse_overwrite
+from jotlight.files import atomic_write, check_outputs
 from jotlight.images.io import read_image
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.network import Network
@@ -64,7 +64,7 @@ def compare(
     selected = _select(exposed, names)
     image = read_image(photo, white=white, gray=gray)
     output = output or Path(f"{photo.stem}-compare.png")
-    refuse_overwrite(output, [photo, model, *sensor.map_files()])
+    check_outputs([output], [photo, model, *sensor.map_files()])
     if model is not None:
         network = Network.load(model)
         network.check_sensor(exposed)

@@ -14,7 +14,7 @@ from jotlight.cli.sensor_options import PlannedSensorOptions
 from jotlight.estimators.planned_motion import MotionPlan
 from jotlight.estimators.planning import Plan
 from jotlight.estimators.planning import plan as predict
-from jotlight.files import refuse_overwrite
+from jotlight.files import check_outputs
 from jotlight.motion.cost import motion_cost
 from jotlight.sensing.sensor import Sensor
 
@@ -63,7 +63,7 @@ class PlanOptions:
             from jotlight.plots import check_figure
 
             check_figure(self.plot)
-            refuse_overwrite(self.plot, [sensor.calibration, *sensor.map_files()])
+            check_outputs([self.plot], [sensor.calibration, *sensor.map_files()])
 
 
 def plan(

@@ -15,7 +15,7 @@ from jotlight.cli.console import progress, report
 from jotlight.cli.sensor_options import ExposureOptions
 from jotlight.datasets.moving_scenes import MOTIONS, MovingScene, moving
 from jotlight.datasets.moving_scenes.tables import read_poses
-from jotlight.files import atomic_write, refuse_overwrite
+from jotlight.files import atomic_write, check_outputs
 from jotlight.formats.description import companion_files
 from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.images.io import image_writer, read_image
@@ -112,10 +112,8 @@ def simulate(
     motion.check()
     exposed = Sensor(**sensor.to_kwargs())
     maps = [output.with_suffix(f".{name}.npy") for name in exposed.maps()]
-    for file in {output, output.with_suffix(".json"), *maps, *companion_files(output)}:
-        refuse_overwrite(file, [photo, *sensor.map_files(), *motion.files()])
-    if motion.truth is not None:
-        refuse_overwrite(motion.truth, [photo, output, *sensor.map_files(), *motion.files()])
+    written = {output, output.with_suffix(".json"), *maps, *companion_files(output)}
+    check_outputs([*written, motion.truth], [photo, *sensor.map_files(), *motion.files()])
     image = as_image(read_image(photo, white=white, gray=gray))
     if motion.motion is None:
         bits = _still_bits(image, exposed, seed, threads)
