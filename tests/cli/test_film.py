@@ -83,7 +83,7 @@ def test_images_of_counts_are_filmed(run, capture, tmp_path):
     status, output = run("film", "counts.npy", "-o", "b.npy", *arguments, "--frames", 42)
     assert status == 1
     assert "frames: expected a multiple of the 10 images of counts, because" in output
-    assert "got 42; if each image has 42 frames, write --frames 420" in output
+    assert "got 42; if each image has 42 frames, pass --frames 420" in output
 
 
 def test_messages_about_images_of_counts_propose_what_to_write(run, capture):
@@ -101,8 +101,8 @@ def test_messages_about_images_of_counts_propose_what_to_write(run, capture):
     assert film_of(12, 40).startswith(f"{expected}; for 12 frames, 4 in each image, write --window")
     assert film_of(12, 50).splitlines() == [expected]
     found = film_of(3, 10)
-    assert "expected those of all 10 images of counts together, got 10, but the sum of 3" in found
-    assert found.endswith("write --frames 100\n")
+    assert "counts.npy: expected counts from 0 to 1, the trials of each image, got 0 to" in found
+    assert found.endswith("; --frames states the frames of all images together\n")
 
 
 @pytest.mark.slow

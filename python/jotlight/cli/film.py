@@ -13,7 +13,6 @@ from cyclopts import Parameter
 from jotlight.chunks import windows
 from jotlight.cli.advice import caution_about_motion
 from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.captured import sum_counts
 from jotlight.cli.color_choice import has_colors, without_demosaicing
 from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
 from jotlight.cli.console import progress, report
@@ -309,12 +308,10 @@ def _sensor_of_all(job: Reconstruction, window: int) -> Sensor:
 
 def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:
     """Return the estimate of a window without alignment."""
-    sensor = job.captured.sensor
-    whole = len(job.captured.data)
-    pixels = part if isinstance(part, Bits) else sum_counts(part, sensor, whole)
+    pixels = part if isinstance(part, Bits) else part.sum()
     image: Image = reconstruct(
         pixels,
-        sensor,
+        job.captured.sensor,
         method=job.method,
         channel_axis=last_channel_axis(pixels),
         threads=threads,

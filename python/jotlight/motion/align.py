@@ -196,22 +196,16 @@ def prepare_burst(
     if isinstance(data, CountStack):
         if sensor is not None and sensor.oversampling > 1:
             raise ValueError(
-                "sensor: expected an oversampling of 1, because images of counts show pixels; "
-                f"take sensor.replace(oversampling=1, frames={sensor.trials})"
+                "sensor: expected an oversampling of 1, because images of counts show pixels; pass "
+                f"oversampling=1 (--oversampling 1) and frames={sensor.trials} (--frames "
+                f"{sensor.trials})"
             )
-        given = None if sensor is None else sensor.trials // max(1, len(data.images))
-        burst = as_burst(data, given or None)
-        readings = burst.trials // burst.channels * len(burst)
-    else:
-        burst = as_burst(data)
-        readings = len(burst)
+        data = data if sensor is None else data.with_trials_of(sensor)
+    burst = as_burst(data)
     if sensor is None:
-        sensor = Sensor(frames=readings)
-    if sensor.frames != readings and sensor.trials != readings:
-        raise ValueError(
-            f"sensor: expected {readings} frames, as many as the data have binary readings, got "
-            f"{sensor.frames}; take sensor.replace(frames={readings})"
-        )
+        sensor = Sensor(frames=burst.trials // burst.channels * len(burst))
+    if isinstance(data, Bits):
+        check_fits(data.shape, sensor)
     sensor.check_map_shapes(*burst.size)
     if not may_repeat:
         jots = data[:MIN_FRAMES].sum()[None] if isinstance(data, CountStack) else data
