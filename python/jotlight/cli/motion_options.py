@@ -245,15 +245,15 @@ def describe(merged: Merged | None, motion: Motion) -> list[str]:
     lengths = functools.reduce(np.maximum, (np.hypot(*motion.at(time)) for time in motion.times))
     half, tenth = np.quantile(lengths, (0.5, 0.9))
     lines = [
-        f"motion: {motion.model}; half of the scene moves by {half:.3g} pixels or more, and a "
+        f"motion: {motion.model}; half of the scene moves by {half:.3g} jots or more, and a "
         f"tenth by {tenth:.3g} or more",
         numbers,
     ]
     if merged.acceptance is not None and merged.posterior_error is not None:
+        error = np.median(merged.posterior_error) / merged.upsample
         lines.append(
             f"{merged.acceptance.mean():.1%} of the bits along the motion agree and are used; the "
-            f"error of the displacements is {np.median(merged.posterior_error):.2g} pixels in the "
-            "median"
+            f"error of the displacements is {error:.2g} jots in the median"
         )
     if merged.flags is not None:
         lines.append(f"{merged.flags.mean():.1%} of the pixels may have larger errors than others")
