@@ -105,6 +105,22 @@ def test_messages_about_images_of_counts_propose_what_to_write(run, capture):
     assert found.endswith("; --frames states the frames of all images together\n")
 
 
+@pytest.mark.parametrize("described", [True, False])
+def test_a_folder_may_have_the_name_of_the_capture(run, capture, tmp_path, described):
+    description = tmp_path / "known.json"
+    if not described:
+        description.unlink()
+    before = description.read_bytes() if described else None
+    arguments = ["film", "known.npy", "--bits", "--window", 8, "-m", "mle"]
+    status, output = run(*arguments, "-o", "known")
+    assert status == 0, output
+    assert (description.read_bytes() if description.exists() else None) == before
+    status, output = run("info", "known.npy", "--bits")
+    assert status == 0
+    assert "is not used" not in output
+    assert "known.npy" in run("info", "known")[1]  # the origin of the images
+
+
 @pytest.mark.slow
 def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
     arguments = ["film", "moving.npy", "--motion", "--window", 24, "--step", 12, "-m", "mle"]

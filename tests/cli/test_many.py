@@ -244,7 +244,7 @@ def test_a_single_npy_and_the_files_beside_it_state_their_origin(run, captures):
 def test_a_film_states_its_origin(run, captures, name):
     options = ("--window", 16, "--step", 8, "-m", "mle")
     assert run("film", captures[0], "-o", name, *options)[0] == 0
-    record = json.loads(Path(f"{name}.json").read_text())
+    record = json.loads(Path("f.film.json" if name == "f" else f"{name}.json").read_text())
     packed = np.asarray(jl.open(captures[0]).packed).tobytes()
     assert record["origin"]["packed_crc32"] == f"{zlib.crc32(packed):08x}"
     assert record["origin"]["step"] == 8
