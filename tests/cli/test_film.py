@@ -6,6 +6,7 @@ import tifffile
 from PIL import Image
 
 import jotlight as jl
+from jotlight.errors import hide_warnings
 from jotlight.evaluation.methods import METHODS
 from jotlight.motion.film import film
 from jotlight.motion.film_estimates import estimate_film
@@ -132,10 +133,31 @@ def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
         np.testing.assert_array_equal(image, jl.mle(expected.merged))
     fresh = sum(not image.is_carried for image in images)
     assert f"estimated afresh for {fresh} image" in output
+    assert fresh == len(images)
+    assert "carried" not in output
     accepted = [image.merged.acceptance.mean() for image in images]
     assert f"; {np.mean(accepted):.1%} of the bits agree and are used, and " in output
     assert f"and {min(accepted):.1%} or more of each image" in output
     assert run(*arguments, "-o", "film.gif", "--motion-model", "none")[0] == 0
+
+
+@pytest.mark.filterwarnings("always")
+@pytest.mark.slow
+def test_a_warning_about_short_windows_is_about_some_images(run, moving):
+    arguments = ["film", "moving.npy", "--motion", "--window", 8, "--step", 2, "-m", "mle"]
+    status, output = run(*arguments, "-o", "film.npy")
+    assert status == 0, output
+    warning = (
+        "expected 16 frames or more to estimate a motion, got 8; the scene is assumed to stand"
+    )
+    assert f"{warning} still (in at least one image)" in output
+    with hide_warnings():
+        images = list(film(moving, window=8, step=2))
+    models = {image.motion.model for image in images}
+    assert models > {"none"}
+    carried = sum(image.is_carried for image in images)
+    assert f", and carried to {carried} others;" in output
+    assert f"estimated afresh for {len(images) - carried} images" in output
 
 
 @pytest.mark.slow

@@ -225,6 +225,8 @@ def _amount(data: Capture, number: int, each: int) -> str:
 class _Summary:
     """What was found about the motion of all images of a film."""
 
+    images: int = 0
+    """Number of all images."""
     models: list[str] = dataclasses.field(default_factory=list)
     """Models of the motions that were estimated afresh."""
     accepted: list[float] = dataclasses.field(default_factory=list)
@@ -232,6 +234,7 @@ class _Summary:
 
     def add(self, image: FilmImage) -> None:
         """Add an image."""
+        self.images += 1
         if not image.is_carried:
             self.models.append(image.motion.model)
         if image.data is image.merged and image.merged.acceptance is not None:
@@ -245,10 +248,9 @@ class _Summary:
         if not self.models:
             return []
         number, models = len(self.models), ", ".join(sorted(set(self.models)))
-        line = (
-            f"motion: {models}; estimated afresh for {number} image{'s' * (number > 1)}, and "
-            "carried to the others"
-        )
+        line = f"motion: {models}; estimated afresh for {number} image{'s' * (number > 1)}"
+        if (others := self.images - number) > 0:
+            line += f", and carried to {others} other{'s' * (others > 1)}"
         if self.accepted:
             line += (
                 f"; {np.mean(self.accepted):.1%} of the bits agree and are used, and "
