@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from jotlight.checks import real_number
 from jotlight.errors import warn
+from jotlight.estimators.planned_motion import MIN_FRAMES
 from jotlight.formats.capture import CountStack
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst, as_burst
@@ -24,9 +25,6 @@ from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.readings import FRAMES_ADVICE, require_plain_bits, without_mosaic
 from jotlight.sensing.sensor import Sensor
-
-MIN_FRAMES = 16
-"""Minimum number of frames from which a motion can be estimated."""
 
 _MIN_HOT_RATIO = 5.0
 """Jots with dark counts above this multiple of the median are hot, if they exceed the light, too.
