@@ -105,13 +105,14 @@ def test_moving_photographs_are_those_of_the_python_interface(run, photo, tmp_pa
         "# rows, columns\n" + "\n".join(f"{a}, {b}" for a, b in poses)
     )
     options = ["--motion", motion, "--photons", 0.3, "-k", 1, "-t", 5, "--seed", 4]
-    options += ["--truth", "truth.npy"]
+    options += ["--truth", "truth.npy", *(["--foreground", photo] if motion == "layers" else [])]
     status, output = run("simulate", photo, "-o", "bits.npy", *options)
     assert status == 0, output
     scene = jl.datasets.moving(
         read_image(photo),
         poses if motion == "poses.csv" else motion,
         sensor=jl.Sensor(frames=5),
+        foreground=read_image(photo) if motion == "layers" else None,
         photons=0.3,
         rng=4,
     )
@@ -133,6 +134,7 @@ def test_moving_photographs_are_those_of_the_python_interface(run, photo, tmp_pa
         (["--motion", "three.csv", "--truth", "three.csv"], "three.csv: expected a name"),
         (["--motion", "shake", "--truth", "./bits.npy"], "a different name for each output"),
         (["--motion", "shake", "--truth", "bits.mask.npy"], "a different name for each output"),
+        (["--motion", "shake", "--foreground", "photo.png"], "objects, such as layers, got shake"),
     ],
 )
 def test_bad_options_of_motion_are_refused(run, photo, tmp_path, options, message):

@@ -159,6 +159,7 @@ def _write(
     scale = outputs.scale(job.captured.sensor)
     data, checksum = with_checksum(job.captured.data)
     records = Records([outputs.output], job.calibration, every=True)
+    has_memory = _has_memory(outputs, motion)
     minimum, maximum, brightness = np.inf, 0.0, 0.0
     summary = _Summary()
     start = time.perf_counter()
@@ -186,7 +187,6 @@ def _write(
         seconds = time.perf_counter() - start
         facts = outputs.metadata(job.captured.sensor, job.choice.title, job.captured.provenance)
         facts |= {"window": outputs.window, "step": outputs.step or outputs.window}
-        has_memory = _has_memory(outputs, motion)
         if motion.motion:
             facts |= {"causal": motion.causal, "memory": has_memory}
         facts |= origin_of(job, checksum())

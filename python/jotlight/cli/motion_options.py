@@ -12,7 +12,6 @@ from cyclopts import Parameter
 from jotlight.cli.captured import Captured
 from jotlight.cli.common_options import MOTION_PANEL
 from jotlight.cli.console import progress
-from jotlight.formats.capture import Capture
 from jotlight.images.image_stack import stack_writer
 from jotlight.motion.align import align
 from jotlight.motion.merge import merge
@@ -91,7 +90,8 @@ class FilmMotionOptions(MotionOptions):
         Parameter(
             negative="--no-memory",
             help="Also count bits from before the window, where they agree with it. They fade. "
-            "Default: with --causal, unless --upsample is 2.",
+            "--step must be at most half of --window, or less than --window with --causal. "
+            "Default: with --causal and such a step, unless --upsample is 2.",
         ),
     ] = None
 
@@ -173,7 +173,6 @@ class ImageMotionOptions(MotionOptions):
                 motion = align(data, sensor, self.at, self.model, threads=threads, progress=show)
             else:
                 motion = Motion.load(self.motion_file)
-                _check_times(motion, data, self.motion_file)
             if sensor.mosaic is not None and motion.model == "none":
                 if self.maps is not None:
                     raise ValueError(
@@ -217,18 +216,6 @@ def _fill(values: npt.ArrayLike, shape: tuple[int, ...]) -> npt.NDArray[Any]:
     array = np.asarray(values)
     is_of_pixels = array.ndim == 2 and len(shape) == 3
     return np.broadcast_to(array[..., None] if is_of_pixels else array, shape)
-
-
-def _check_times(motion: Motion, data: Capture, path: Path) -> None:
-    """Raise ValueError for a motion of other frames."""
-    last = len(data) - 1
-    first, end = motion.times[[0, -1]]
-    margin = float(np.diff(motion.times).max())
-    if first < 0 or first > margin or end > last or end < last - margin:
-        raise ValueError(
-            f"{path}: expected the motion of frames 0 to {last}, got that of frames {first:g} to "
-            f"{end:g}; align this capture with --motion"
-        )
 
 
 def describe(merged: Merged | None, motion: Motion) -> list[str]:

@@ -38,7 +38,10 @@ class MotionOptions:
     ] = None
     foreground: Annotated[
         Path | None,
-        Parameter(help="A photograph of the objects in front of the photograph. Default: none."),
+        Parameter(
+            help="A photograph of the objects in front of the photograph, for a scene with "
+            "objects. Default: the photograph itself, turned by 180°."
+        ),
     ] = None
     photons: Annotated[
         float | None,
@@ -86,9 +89,15 @@ class MotionOptions:
         motion = self.motion if self.motion in MOTIONS else read_poses(Path(self.motion))
         front = self.foreground
         foreground = None if front is None else as_image(read_image(front, white=white, gray=gray))
-        return moving(
+        scene = moving(
             image, motion, sensor=sensor, foreground=foreground, photons=self.photons, rng=seed
         )
+        if front is not None and not scene.has_objects:
+            raise ValueError(
+                f"foreground: expected a scene with objects, such as layers, got {self.motion}; "
+                "leave it out"
+            )
+        return scene
 
 
 def simulate(
