@@ -127,8 +127,11 @@ def test_moving_photographs_are_those_of_the_python_interface(run, photo, tmp_pa
     [
         (["--photons", 0.3], "photons: is for a moving scene; add --motion shake"),
         (["--truth", "truth.npy"], "truth: is for a moving scene"),
-        (["--motion", "walk"], "or a file with a line for each frame, got walk"),
-        (["--motion", "text.csv"], "text.csv: expected numbers that commas separate"),
+        (
+            ["--motion", "walk"],
+            "motion: there is no file walk; expected a file with a line for each frame, or",
+        ),
+        (["--motion", "text.csv"], "text.csv: expected numbers that commas or spaces separate"),
         (["--motion", "three.csv"], "three.csv: expected 2 or 4 numbers in each line"),
         (["--motion", "shake", "--truth", "truth.xyz"], "truth.xyz: expected a name that ends"),
         (["--motion", "three.csv", "--truth", "three.csv"], "three.csv: expected a name"),

@@ -33,7 +33,8 @@ class MotionOptions:
         str | None,
         Parameter(
             help=f"A named scene: {', '.join(MOTIONS)}; or a text file with a line per frame: the "
-            "shift in rows and columns, and optionally degrees and zoom. Default: no motion."
+            "shift in rows and columns, and optionally both degrees and zoom. Commas or spaces "
+            "separate the numbers. Default: no motion."
         ),
     ] = None
     foreground: Annotated[
@@ -83,8 +84,8 @@ class MotionOptions:
         assert self.motion is not None
         if self.motion not in MOTIONS and not Path(self.motion).is_file():
             raise ValueError(
-                f"motion: expected one of {', '.join(MOTIONS)}, or a file with a line for each "
-                f"frame, got {self.motion}"
+                f"motion: there is no file {self.motion}; expected a file with a line for each "
+                f"frame, or one of {', '.join(MOTIONS)}"
             )
         motion = self.motion if self.motion in MOTIONS else read_poses(Path(self.motion))
         front = self.foreground
