@@ -212,6 +212,8 @@ def test_windows_without_overlap_remember_nothing(run, moving):
         (["-o", "a.npy", "--window", 41], "1 to the capture's 40 frames, got 41"),
         (["-o", "a.npy", "--window", 4, "--frames", 4], "--frame-range selects"),
         (["-o", "a.npy", "--window", 4, "--step", 0], "1 frame or more"),
+        (["-o", "a.gif", "--window", 4, "--depth", 16], "got 16 for .gif"),
+        (["-o", "a", "--window", 4, "--depth", 12], "got 12 for .png"),
         (
             ["-o", "a.npy", "--window", 8, "--step", 6, "--motion", "--memory"],
             "at most 4 for windows of 8, got 6; pass --step 4 or less, or leave out --memory",

@@ -30,7 +30,7 @@ from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.files import atomic_write_together
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
-from jotlight.images.io import image_writer
+from jotlight.images.io import check_depth
 from jotlight.images.tone import Tone
 from jotlight.images.video import check_fps, is_floats, video_writer
 from jotlight.motion.film import film as merge_windows
@@ -90,7 +90,8 @@ class FilmOptions(OutputOptions):
             raise ValueError(f"curve: is for display, not for the floats of {self.output}")
         if self.white is not None and floats:
             raise ValueError(f"white: is for display, not for the floats of {self.output}")
-        image_writer("a.npy" if self.output.suffix else "a.png", depth=self.depth)
+        # A name without ending is that of a folder of .png.
+        check_depth(self.output.suffix.lower() or ".png", self.depth)
         check_fps(self.output, self.fps)
         if self.output.suffix == "" and self.output.exists():
             raise FileExistsError(

@@ -35,6 +35,7 @@ from jotlight.dask.running import (
 )
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
+from jotlight.errors import error_message
 from jotlight.files import check_outputs
 from jotlight.formats.locations import file_state, is_url
 from jotlight.formats.writing import choose_output_format
@@ -152,9 +153,9 @@ def _make_jobs(
                 if is_url(target.path) and isinstance(error, PermissionError):
                     raise  # credentials that fail concern all captures
                 first = first or error
-                refused[target.name] = str(error)
+                refused[target.name] = error_message(error)
                 if len(targets) > 1:
-                    caution("failed", f"{target.name}: {error}")
+                    caution("failed", f"{target.name}: {refused[target.name]}")
     if not jobs and first is not None:
         raise first
     return jobs, refused
