@@ -184,11 +184,11 @@ def check_outputs_of(
 
     `inputs` are the files to read in addition to the captures.
     """
-    captures, outputs = list(captures), list(filter(None, outputs))
+    captures, requested = list(captures), list(filter(None, outputs))
     parts = [path for capture in captures for path in (capture, *companion_files(capture))]
-    check_outputs(outputs, [*inputs, *parts])
+    check_outputs(requested, [*inputs, *parts])
     folders = [capture for capture in captures if capture.is_dir()]
-    for output in outputs:
+    for output in requested:
         for folder in folders:
             if folder.resolve() in (output.resolve(), *output.resolve().parents):
                 raise ValueError(

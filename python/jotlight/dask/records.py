@@ -44,8 +44,8 @@ def check_same_run(path: Path, stored: Any, expected: Record) -> None:
     )
 
 
-def _differences(stored: Record, expected: Record, of: str = "") -> list[str]:
-    """Return the values that differ, as texts.
+def _differences(stored: Any, expected: Any, of: str = "") -> list[str]:
+    """Return the values of two objects of JSON that differ, as texts.
 
     If some are plain, they are all that is stated. Those of the parts of a run, such as the sensor,
     follow from them.
