@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from jotlight.files import atomic_folder, atomic_write, delete_file, write_file
+from jotlight.files import atomic_folder, atomic_write, check_outputs, delete_file, write_file
 from jotlight.temporary_names import reserve_temporary
 
 
@@ -309,3 +309,23 @@ def test_an_error_that_is_not_of_this_file_passes_unchanged(tmp_path, error):
     with pytest.raises(type(error)) as caught:
         fail(tmp_path / "a", error)
     assert caught.value is error
+
+
+@pytest.mark.parametrize("exists", [False, True])
+@pytest.mark.parametrize("second", ["a.npy", "./a.npy", "sub/../a.npy"])
+def test_outputs_of_the_same_name_are_refused(tmp_path, monkeypatch, second, exists):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sub").mkdir()
+    if exists:
+        (tmp_path / "a.npy").touch()
+    check_outputs([Path("a.npy"), None, Path("b.npy")], [None, Path("missing.npy")])
+    with pytest.raises(ValueError, match="a different name for each output"):
+        check_outputs([Path("a.npy"), Path(second)], [])
+
+
+@pytest.mark.parametrize("name", ["read.npy", "link.npy"])
+def test_an_output_that_is_an_input_is_refused(tmp_path, name):
+    (tmp_path / "read.npy").touch()
+    (tmp_path / "link.npy").symlink_to("read.npy")
+    with pytest.raises(ValueError, match=f"{name}: this file is read"):
+        check_outputs([tmp_path / "new.npy", tmp_path / name], [tmp_path / "read.npy"])

@@ -44,7 +44,7 @@ REPLACED = {
     r"\brate_of\b": "inverse_detection_probability",
     r"\bunclipped\b": "saturation_intensity",
     r"\blacking\(|\bunserved\b|\.lacks\b": "unsupported_reason",
-    r"\bwritten_whole\b|\bspare_inputs\b|\bslabs_of\b": "atomic_write, refuse_overwrite, chunks",
+    r"\bwritten_whole\b|\bspare_inputs\b|\bslabs_of\b": "atomic_write, check_outputs, chunks",
     r"\bstep_size\b|--step-size\b": "learning_rate",
     r"\bsurprise\b": "negative log-likelihood",
     r"\bCalibrated\b|\bWanted\b": "AppliedCalibration, OutputOptions",

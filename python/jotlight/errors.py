@@ -55,6 +55,28 @@ class MissingExtraError(ImportError):
     """An error for a missing optional package. The message says how to install it."""
 
 
+def error_message(error: BaseException) -> str:
+    """Return the message of an error, which names the file if there is one.
+
+    Examples
+    --------
+    >>> error_message(ValueError("window: expected at most 64 frames"))
+    'window: expected at most 64 frames'
+    >>> error_message(PermissionError(13, "Permission denied", "a.npy"))
+    'cannot access a.npy: Permission denied'
+    >>> error_message(MemoryError())
+    'MemoryError'
+    """
+    if isinstance(error, OSError) and error.strerror:
+        # The text of Python begins with the number of the error, which helps nobody.
+        if error.filename is None:
+            return error.strerror
+        if isinstance(error, FileNotFoundError):
+            return f"there is no file {error.filename}"
+        return f"cannot access {error.filename}: {error.strerror}"
+    return str(error) or type(error).__name__
+
+
 def import_extra(name: str, extra: str, purpose: str) -> Any:
     """Return an optional module.
 

@@ -20,12 +20,12 @@ _unfinished: set[Path] = set()
 """Temporary files of blocks that have not ended."""
 
 
-def refuse_url(output: Path) -> None:
+def _refuse_url(output: Path) -> None:
     """Raise ValueError when an output is a URL. A path has one slash in place of its two.
 
     Examples
     --------
-    >>> refuse_url(Path("s3://bucket/a.zarr"))
+    >>> _refuse_url(Path("s3://bucket/a.zarr"))
     Traceback (most recent call last):
       ...
     ValueError: s3:/bucket/a.zarr: results are written to files of this machine, not to URLs
@@ -34,15 +34,40 @@ def refuse_url(output: Path) -> None:
         raise ValueError(f"{output}: results are written to files of this machine, not to URLs")
 
 
-def refuse_overwrite(output: str | os.PathLike[str], inputs: Iterable[Path | None]) -> None:
-    """Raise ValueError when the output file is one of the input files, or a URL."""
-    output = Path(output)
-    refuse_url(output)
-    for path in inputs:
-        if path is not None and path.exists() and output.exists() and output.samefile(path):
+def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | None]) -> None:
+    """Raise ValueError when an output is a URL, another output, or one of the input files.
+
+    None stands for a file that is not requested.
+
+    Examples
+    --------
+    >>> check_outputs([Path("a.npy"), None, Path("./a.npy")], [])
+    Traceback (most recent call last):
+      ...
+    ValueError: a.npy: expected a different name for each output, got this one twice
+    """
+    read = {_identity(path) for path in inputs if path is not None and path.exists()}
+    written = set()
+    for output in filter(None, outputs):
+        _refuse_url(output)
+        identity = _identity(output)
+        if identity in read:
             raise ValueError(
                 f"{output}: this file is read, so it is not overwritten; choose another name"
             )
+        if identity in written:
+            raise ValueError(
+                f"{output}: expected a different name for each output, got this one twice"
+            )
+        written.add(identity)
+
+
+def _identity(path: Path) -> Path | tuple[int, int]:
+    """Return what two names of the same file have in common, which need not exist."""
+    if not path.exists():
+        return path.resolve()
+    state = path.stat()
+    return state.st_dev, state.st_ino
 
 
 def write_file(path: str | os.PathLike[str], content: bytes | str) -> None:

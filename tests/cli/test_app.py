@@ -23,6 +23,11 @@ from jotlight.cli.examples import EXAMPLES
         (["info", "a.npy", "--nope"], "Unknown option: --nope", "jotlight info --help"),
         (["train", "photos"], "parameter --output requires an argument", "jotlight train --help"),
         (["plan", "1", "--frames", "x"], 'unable to convert "x" into int', "jotlight plan --help"),
+        (
+            ["reconstruct", "-", "-o", "a.tif"],
+            "-: standard input is for `jotlight view - --follow`; elsewhere, write it to a file",
+            "jotlight reconstruct --help",
+        ),
         (["info", "a.npy", "--width"], "--width requires an argument", "jotlight info --help"),
     ],
 )

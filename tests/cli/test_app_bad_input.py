@@ -1,5 +1,8 @@
 """Input that simulate, reconstruct, compare, demo, and info refuse."""
 
+import errno
+import os
+
 import numpy as np
 import pytest
 
@@ -21,7 +24,7 @@ import jotlight as jl
         (["simulate", "text.png", "-o", "a.npy"], "no known format"),
         (["simulate", "cut.png", "-o", "a.npy"], "damaged or truncated"),
         (["reconstruct", "bits.npy", "-o", "a.gif"], "ends in .png"),
-        (["reconstruct", "bits.npy", "-o", "a.jpg", "--depth", "16"], "16 for a .png"),
+        (["reconstruct", "bits.npy", "-o", "a.jpg", "--depth", "16"], "16 for .png"),
         (["reconstruct", "bits.npy", "-o", "bits.npy"], "another name"),
         (["reconstruct", "bits.npy", "-o", "nowhere/a.png"], "there is no folder"),
         (["reconstruct", "bits.npy", "-o", "a.png", "-m", "magic"], "expected one of mle"),
@@ -31,7 +34,10 @@ import jotlight as jl
         ),
         (["reconstruct", "bits.npy", "-o", "a.png", "-m", "mle", "--inverse", "exact"], "inverse"),
         (["reconstruct", "pickle.npy", "-o", "a.png"], "Python objects"),
-        (["reconstruct", "counts.npy", "-o", "a.png", "-m", "mle", "-t", "3"], "0 to K = 3"),
+        (
+            ["reconstruct", "counts.npy", "-o", "a.png", "-m", "mle", "-t", "3"],
+            "counts from 0 to 3",
+        ),
         (["compare", "photo.png", "-m", "mle,magic"], "expected one of mle"),
         (["compare", "photo.png", "-o", "a.gif"], "ends in .png"),
         (["compare", "photo.png", "-o", "photo.png"], "another name"),
@@ -56,6 +62,26 @@ def test_bad_input_gets_one_clear_line_and_leaves_no_files(
     assert output.startswith("error: ")
     assert "Traceback" not in output
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no named pipes")
+@pytest.mark.parametrize("options", [[], ["--format", "npy"]])
+def test_a_stream_is_not_called_missing(run, options):
+    os.mkfifo("pipe")
+    status, output = run("convert", "pipe", "-o", "a.npy", *options)
+    assert status == 1
+    assert "error: pipe: is a stream; write it to a file first, or show it by `jotlight" in output
+    status, output = run("convert", "missing", "-o", "a.npy", *options)
+    assert (status, output) == (1, "error: there is no file missing\n")
+
+
+def test_errors_of_the_system_name_the_file_and_have_no_number(run, photo, monkeypatch):
+    def refuse(*args, **kwargs):
+        raise PermissionError(errno.EACCES, "Permission denied", "locked.npy")
+
+    monkeypatch.setattr("jotlight.cli.simulate.read_image", refuse)
+    status, output = run("simulate", photo, "-o", "bits.npy")
+    assert (status, output) == (1, "error: cannot access locked.npy: Permission denied\n")
 
 
 def test_a_missing_output_folder_is_found_before_the_work_starts(run, photo, monkeypatch):

@@ -6,6 +6,7 @@ import tifffile
 from PIL import Image
 
 import jotlight as jl
+from jotlight.errors import hide_warnings
 from jotlight.evaluation.methods import METHODS
 from jotlight.motion.film import film
 from jotlight.motion.film_estimates import estimate_film
@@ -83,7 +84,7 @@ def test_images_of_counts_are_filmed(run, capture, tmp_path):
     status, output = run("film", "counts.npy", "-o", "b.npy", *arguments, "--frames", 42)
     assert status == 1
     assert "frames: expected a multiple of the 10 images of counts, because" in output
-    assert "got 42; if each image has 42 frames, write --frames 420" in output
+    assert "got 42; if each image has 42 frames, pass --frames 420" in output
 
 
 def test_messages_about_images_of_counts_propose_what_to_write(run, capture):
@@ -101,8 +102,24 @@ def test_messages_about_images_of_counts_propose_what_to_write(run, capture):
     assert film_of(12, 40).startswith(f"{expected}; for 12 frames, 4 in each image, write --window")
     assert film_of(12, 50).splitlines() == [expected]
     found = film_of(3, 10)
-    assert "expected those of all 10 images of counts together, got 10, but the sum of 3" in found
-    assert found.endswith("write --frames 100\n")
+    assert "counts.npy: expected counts from 0 to 1, the trials of each image, got 0 to" in found
+    assert found.endswith("; --frames states the frames of all images together\n")
+
+
+@pytest.mark.parametrize("described", [True, False])
+def test_a_folder_may_have_the_name_of_the_capture(run, capture, tmp_path, described):
+    description = tmp_path / "known.json"
+    if not described:
+        description.unlink()
+    before = description.read_bytes() if described else None
+    arguments = ["film", "known.npy", "--bits", "--window", 8, "-m", "mle"]
+    status, output = run(*arguments, "-o", "known")
+    assert status == 0, output
+    assert (description.read_bytes() if description.exists() else None) == before
+    status, output = run("info", "known.npy", "--bits")
+    assert status == 0
+    assert "is not used" not in output
+    assert "known.npy" in run("info", "known")[1]  # the origin of the images
 
 
 @pytest.mark.slow
@@ -116,10 +133,31 @@ def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
         np.testing.assert_array_equal(image, jl.mle(expected.merged))
     fresh = sum(not image.is_carried for image in images)
     assert f"estimated afresh for {fresh} image" in output
+    assert fresh == len(images)
+    assert "carried" not in output
     accepted = [image.merged.acceptance.mean() for image in images]
     assert f"; {np.mean(accepted):.1%} of the bits agree and are used, and " in output
     assert f"and {min(accepted):.1%} or more of each image" in output
     assert run(*arguments, "-o", "film.gif", "--motion-model", "none")[0] == 0
+
+
+@pytest.mark.filterwarnings("always")
+@pytest.mark.slow
+def test_a_warning_about_short_windows_is_about_some_images(run, moving):
+    arguments = ["film", "moving.npy", "--motion", "--window", 8, "--step", 2, "-m", "mle"]
+    status, output = run(*arguments, "-o", "film.npy")
+    assert status == 0, output
+    warning = (
+        "expected 16 frames or more to estimate a motion, got 8; the scene is assumed to stand"
+    )
+    assert f"{warning} still (in at least one image)" in output
+    with hide_warnings():
+        images = list(film(moving, window=8, step=2))
+    models = {image.motion.model for image in images}
+    assert models > {"none"}
+    carried = sum(image.is_carried for image in images)
+    assert f", and carried to {carried} others;" in output
+    assert f"estimated afresh for {len(images) - carried} images" in output
 
 
 @pytest.mark.slow
@@ -174,6 +212,12 @@ def test_windows_without_overlap_remember_nothing(run, moving):
         (["-o", "a.npy", "--window", 41], "1 to the capture's 40 frames, got 41"),
         (["-o", "a.npy", "--window", 4, "--frames", 4], "--frame-range selects"),
         (["-o", "a.npy", "--window", 4, "--step", 0], "1 frame or more"),
+        (["-o", "a.gif", "--window", 4, "--depth", 16], "got 16 for .gif"),
+        (["-o", "a", "--window", 4, "--depth", 12], "got 12 for .png"),
+        (
+            ["-o", "a.npy", "--window", 8, "--step", 6, "--motion", "--memory"],
+            "at most 4 for windows of 8, got 6; pass --step 4 or less, or leave out --memory",
+        ),
         (["-o", "a.avi", "--window", 4], "new folder of .png"),
         (["-o", "a", "--window", 4, "--units", "photons"], "are for floats"),
         (["-o", "a.npy", "--window", 4, "--units", "lux"], "one of intensity, photons"),

@@ -137,7 +137,11 @@ def test_results_of_another_run_are_refused(run, captures):
     assert run(*base, 16)[0] == 0
     code, err = run(*base, 32)
     assert code == 1
-    assert "v.zarr: is of another run: its sensor is" in err
+    differing = "its step is 16, not 32, and its window is 16, not 32; delete it, or"
+    assert f"v.zarr: is of another run: {differing}" in err
+    code, err = run(*base, 16, "--efficiency", 0.5)
+    assert code == 1
+    assert "v.zarr: is of another run: its sensor efficiency is 1.0, not 0.5; delete it" in err
 
 
 def test_a_capture_that_changed_is_another_run(run, captures):
@@ -178,7 +182,9 @@ def test_info_shows_the_origin_of_an_image(run, captures):
         (("-o", "v/{name}.zarr", "--window", 16, "--chunks", "7B"), "which is one frame"),
         (("-o", "v/{name}.zarr", "--window", 16, "--part", "4/3"), "expected a part such as"),
         (("-o", "v/{name}.zarr", "--window", 16, "--workers", 0), "workers: expected 1 or more"),
-        (("-o", "{name}.tif", "--motion"), "accepts --output and --depth only"),
+        (("-o", "{name}.tif", "--motion"), "motion: is for one image of one capture, but --wind"),
+        (("-o", "{name}.png", "--curve", "linear"), "film`, which takes --window and --curve"),
+        (("-o", "{name}.png", "--preview", "p.png"), "preview: is for one image of one capture"),
         (
             ("-o", "v/{name}.zarr", "--window", 16, "--part", "1/3", "--workers", 2),
             "for job arrays without dask",
@@ -190,6 +196,12 @@ def test_bad_options_are_refused_before_work(run, captures, arguments, message):
     assert code == 1
     assert message in " ".join(err.split())
     assert sorted(path.name for path in Path.cwd().iterdir()) == ["captures"]
+
+
+def test_a_glob_that_matches_nothing_is_named(run):
+    code, err = run("reconstruct", "*.nothing", "-o", "a.tif", "--motion")
+    assert code == 1
+    assert "there is no file *.nothing: the pattern matches nothing" in err
 
 
 def test_a_capture_is_never_overwritten(run, captures):
@@ -244,7 +256,7 @@ def test_a_single_npy_and_the_files_beside_it_state_their_origin(run, captures):
 def test_a_film_states_its_origin(run, captures, name):
     options = ("--window", 16, "--step", 8, "-m", "mle")
     assert run("film", captures[0], "-o", name, *options)[0] == 0
-    record = json.loads(Path(f"{name}.json").read_text())
+    record = json.loads(Path("f.film.json" if name == "f" else f"{name}.json").read_text())
     packed = np.asarray(jl.open(captures[0]).packed).tobytes()
     assert record["origin"]["packed_crc32"] == f"{zlib.crc32(packed):08x}"
     assert record["origin"]["step"] == 8

@@ -43,13 +43,13 @@ def test_the_image_is_that_of_the_merged_bits(run, moving, tmp_path):
             np.testing.assert_array_equal(maps[name], getattr(merged, name))
     paths = np.stack([motion.at(time) for time in motion.times])
     half, tenth = np.quantile(np.sqrt((paths**2).sum(axis=1)).max(axis=0), (0.5, 0.9))
-    assert f"motion: {motion.model}; half of the scene moves by {half:.3g} pixels" in output
+    assert f"motion: {motion.model}; half of the scene moves by {half:.3g} jots" in output
     assert f"and a tenth by {tenth:.3g} or more" in output
     assert f"{merged.flags.mean():.1%} of the pixels may have larger errors" in output
     low, middle = merged.trials.min(), np.median(merged.trials)
     assert f"{low:g} trials per pixel or more, {middle:g} in the median" in output
     assert f"{merged.acceptance.mean():.1%} of the bits along the motion agree" in output
-    assert f"is {np.median(merged.posterior_error):.2g} pixels in the median" in output
+    assert f"is {np.median(merged.posterior_error):.2g} jots in the median" in output
     assert "the scene moves, so" not in output
 
 
@@ -66,7 +66,8 @@ def test_a_motion_is_used_again(run, moving, tmp_path):
     np.testing.assert_array_equal(np.load("c.npy"), expected)
     status, output = run(*arguments, "-o", "d.npy", *again, "--frame-range", "0:30")
     assert status == 1
-    assert "m.safetensors: expected the motion of frames 0 to 29, got that of frames 1 to" in output
+    assert "motion: expected that of frames 0 to 29, got that of frames 1 to" in output
+    assert "leave out --motion-file to align these frames" in output
     status, output = run(*arguments, "-o", "e.npy", *again, "--maps", "m.safetensors")
     assert status == 1
     assert "ends in .npz, .npy, .tif" in output
@@ -88,6 +89,8 @@ def test_a_finer_grid(run, moving, tmp_path):
     with np.load("maps.npz") as maps:
         np.testing.assert_array_equal(maps["trials"], merged.trials)
     assert f"{np.mean(merged.trials > 0):.1%} of the finer grid has readings" in output
+    error = np.median(merged.posterior_error) / 2  # in jots, as all other lengths
+    assert f"is {error:.2g} jots in the median" in output
 
 
 @pytest.mark.slow
@@ -141,7 +144,7 @@ def test_uncertainty_is_that_of_the_merged_bits(run, moving, tmp_path):
         (["--motion", "--maps", "m.png"], "ends in .npz, .npy, .tif"),
         (["--motion", "--save-motion", "m.npz"], "save-motion: expected a name that ends in .saf"),
         (["--motion", "--save-motion", "a.png"], "save-motion: expected a name that ends in .saf"),
-        (["--motion", "--maps", "b.npy"], "the same name twice"),
+        (["--motion", "--maps", "b.npy"], "a different name for each output"),
         (["--motion", "--motion-file", "no.safetensors"], "there is no file no.safetensors"),
         (
             ["--motion", "--motion-file", "m.safetensors", "--motion-model", "auto"],

@@ -155,7 +155,7 @@ def test_uncertainty_is_shown_as_an_image(run, capture, tmp_path):
         (["-o", "a.npy", "--preview", "b.tif"], "a name in .png or .jpg"),
         (["-o", "a.npy", "--preview", "known.npy"], "a name in .png or .jpg"),
         (["-o", "a.npy", "--uncertainty", "known.npy"], "choose another name"),
-        (["-o", "a.npy", "--uncertainty", "a.npy"], "the same name twice"),
+        (["-o", "a.npy", "--uncertainty", "a.npy"], "a different name for each output"),
         (["-o", "a.npy", "--uncertainty", "u.jpg"], "ends in .npz, .npy, .tif"),
         (["-o", "a.npy", "--uncertainty", "u.npz", "--level", 2], "expected a number in [0.5, 1)"),
         (["-o", "a.npy", "--curve", "sepia"], "linear, gamma, log, reinhard"),

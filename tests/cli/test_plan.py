@@ -92,6 +92,8 @@ def test_the_frames_that_help_at_a_speed_are_printed(run):
     assert "At rest, all frames help." in run(*arguments, "--speed", 0)[1]
     output = run("plan", "1e-6", "--speed", 1, "--size", "64x64")[1]
     assert "There is too little light for --motion at this speed" in output
+    output = run(*arguments, "--speed", 100)[1]
+    assert "too fast for --motion, which needs 16 frames or more: beyond 2 frames nothing" in output
 
 
 @pytest.mark.parametrize(

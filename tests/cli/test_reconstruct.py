@@ -39,12 +39,20 @@ def test_counts_need_the_number_of_frames(run, tmp_path):
     assert "k16, other" in output
 
 
-def test_the_frames_of_images_of_counts_are_those_of_all_together(run):
+@pytest.mark.parametrize("motion", [[], ["--motion"]])
+def test_the_frames_of_images_of_counts_are_those_of_all_together(run, tmp_path, motion):
     np.save("counts.npy", np.full((12, 6, 8), 5, np.uint16))
-    status, output = run("reconstruct", "counts.npy", "-o", "out.npy", "--frames", 16)
+    arguments = ["reconstruct", "counts.npy", "-o", "out.npy", *motion]
+    for frames in (16, 200):
+        status, output = run(*arguments, "--frames", frames)
+        assert status == 1
+        assert "multiple of the 12 images of counts, because the sensor states the fr" in output
+        assert f"if each image has {frames} frames, pass --frames {12 * frames}\n" in output
+    status, output = run(*arguments, "--frames", 48)
     assert status == 1
-    assert "expected those of all 12 images of counts together, got 16" in output
-    assert "if each image has 16 frames, write --frames 192" in output
+    assert "counts.npy: expected counts from 0 to 4, the trials of each image, got 5 to 5" in output
+    assert "--frames states the frames of all images together" in output
+    assert not (tmp_path / "out.npy").exists()
     assert run("reconstruct", "counts.npy", "-o", "out.npy", "--frames", 192)[0] == 0
 
 

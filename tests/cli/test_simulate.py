@@ -105,13 +105,14 @@ def test_moving_photographs_are_those_of_the_python_interface(run, photo, tmp_pa
         "# rows, columns\n" + "\n".join(f"{a}, {b}" for a, b in poses)
     )
     options = ["--motion", motion, "--photons", 0.3, "-k", 1, "-t", 5, "--seed", 4]
-    options += ["--truth", "truth.npy"]
+    options += ["--truth", "truth.npy", *(["--foreground", photo] if motion == "layers" else [])]
     status, output = run("simulate", photo, "-o", "bits.npy", *options)
     assert status == 0, output
     scene = jl.datasets.moving(
         read_image(photo),
         poses if motion == "poses.csv" else motion,
         sensor=jl.Sensor(frames=5),
+        foreground=read_image(photo) if motion == "layers" else None,
         photons=0.3,
         rng=4,
     )
@@ -126,18 +127,26 @@ def test_moving_photographs_are_those_of_the_python_interface(run, photo, tmp_pa
     [
         (["--photons", 0.3], "photons: is for a moving scene; add --motion shake"),
         (["--truth", "truth.npy"], "truth: is for a moving scene"),
-        (["--motion", "walk"], "or a file with a line for each frame, got walk"),
-        (["--motion", "text.csv"], "text.csv: expected numbers that commas separate"),
+        (
+            ["--motion", "walk"],
+            "motion: there is no file walk; expected a file with a line for each frame, or",
+        ),
+        (["--motion", "text.csv"], "text.csv: expected numbers that commas or spaces separate"),
         (["--motion", "three.csv"], "three.csv: expected 2 or 4 numbers in each line"),
         (["--motion", "shake", "--truth", "truth.xyz"], "truth.xyz: expected a name that ends"),
-        (["--motion", "three.csv", "--truth", "three.csv"], "three.csv"),
+        (["--motion", "three.csv", "--truth", "three.csv"], "three.csv: expected a name"),
+        (["--motion", "shake", "--truth", "./bits.npy"], "a different name for each output"),
+        (["--motion", "shake", "--truth", "bits.mask.npy"], "a different name for each output"),
+        (["--motion", "shake", "--foreground", "photo.png"], "objects, such as layers, got shake"),
     ],
 )
 def test_bad_options_of_motion_are_refused(run, photo, tmp_path, options, message):
     (tmp_path / "text.csv").write_text("0, 0\none, two\n")
     (tmp_path / "three.csv").write_text("0, 0, 1\n")
+    np.save("dead.npy", np.zeros((40, 49), bool))
     before = files(tmp_path)
-    status, output = run("simulate", photo, "-o", "bits.npy", *options)
+    arguments = ["simulate", photo, "-o", "bits.npy", "-k", 1, "--mask", "dead.npy"]
+    status, output = run(*arguments, *options)
     assert status == 1
     assert message in output
     assert files(tmp_path) == before

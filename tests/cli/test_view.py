@@ -34,6 +34,8 @@ def capture(tmp_path):
     ("options", "message"),
     [
         (["no.such.npy"], "there is no file"),
+        (["no.such.bin", "--follow", "--format", "swissspad2"], "error: there is no file no.such"),
+        (["-"], "-: is a stream; write it to a file first, or show it by `jotlight view - --foll"),
         (["capture.npy", "--frames", "3"], "--frame-range leaves some of them out"),
         (["capture.npy", "--port", "70000"], "port: expected 0 to 65535"),
         (["capture.npy", "--host", "no.such.host.invalid"], "no address of this machine"),

@@ -107,6 +107,13 @@ def test_the_registration_error_is_that_of_the_information():
         assert plan.registration_error == pytest.approx(of_path**-0.5, rel=0.15)
 
 
+def test_fewer_frames_than_an_alignment_needs_are_not_recommended():
+    """Each scene has much light, so that few frames are enough without this limit."""
+    assert plan_motion(100.0, 8.0, (64, 64), FRAMES).best_aligned == 16  # 16 frames in view
+    assert plan_motion(100.0, 8.6, (64, 64), FRAMES).best_aligned is None  # 14 frames in view
+    assert plan_motion(1e6, 0.1, (64, 64), FRAMES).best_aligned == 16
+
+
 @pytest.mark.slow
 def test_too_little_light_cannot_be_aligned():
     assert plan_motion(1e-5, 1.0, (64, 64), FRAMES).best_aligned is None

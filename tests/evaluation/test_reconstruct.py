@@ -163,6 +163,8 @@ def test_many_trials_have_another_default():
         ),
         ({"method": "mle", "inverse_": 1}, TypeError, "inverse_: mle has no options; leave it out"),
         ({"method": "noniterative-tv", "denoiser": "nlm"}, TypeError, "has the options inverse;"),
+        ({"motion": True}, TypeError, r"moving scene, pass jotlight\.merge\(bits\)"),
+        ({"method": "mle", "motion": True}, TypeError, r"pass jotlight\.merge\(bits\)"),
         ({"quality": "small", "sigma": 1}, TypeError, "sigma: network-small has no options"),
         ({"method": "network-mediun"}, ValueError, "did you mean network-medium"),
         ({"method": "mle:denoise"}, ValueError, "in Python pass the function itself"),

@@ -216,10 +216,12 @@ def test_counts_without_trials_need_a_sensor():
     stack = CountStack(np.ones((20, 32, 32), np.uint8), PROVENANCE)
     with pytest.raises(ValueError, match="counts of an unknown number of trials"):
         jl.align(stack)
+    with pytest.raises(ValueError, match=r"multiple of the 20 images .* got 50; .*frames=1000 "):
+        jl.align(stack, jl.Sensor(frames=50))
     stack = CountStack(np.ones((20, 32, 32), np.uint8), PROVENANCE, 3)
     with pytest.raises(ValueError, match=r"sensor: expected 60 frames.*sensor\.replace\(frames=60"):
         jl.align(stack, jl.Sensor(frames=20))
-    with pytest.raises(ValueError, match=r"an oversampling of 1.*frames=80\)"):
+    with pytest.raises(ValueError, match=r"an oversampling of 1.*frames=80 \(--frames 80\)"):
         jl.align(stack, jl.Sensor(oversampling=2, frames=20))
 
 

@@ -190,7 +190,7 @@ def test_images_of_any_size_are_merged(size):
         ({"model": "flow"}, ValueError, "model: expected auto or one of none, .* got 'flow'"),
         ({"model": None}, ValueError, "model: expected auto or one of none, .* got None"),
         ({"sensor": "sensor"}, TypeError, r"sensor: expected a jotlight\.Sensor, got str"),
-        ({"sensor": jl.Sensor(frames=9)}, ValueError, r"48 frames.*got 9; take sensor\.replace"),
+        ({"sensor": jl.Sensor(frames=9)}, ValueError, r"9 frames, got 48; .*sensor\.replace"),
         (
             {"sensor": jl.Sensor(frames=48, mask=np.zeros((3, 3), bool))},
             ValueError,

@@ -80,8 +80,7 @@ def test_counts_may_have_any_type_of_integers(dtype):
         np.testing.assert_array_equal(content(as_burst(stack), range(9)), 1000 * COUNTS.astype(int))
 
 
-def test_the_trials_of_counts_may_be_given():
-    assert as_burst(CountStack(COUNTS, PROVENANCE), 9).trials == 9
+def test_counts_must_state_their_trials():
     with pytest.raises(ValueError, match=r"counts\.npy: holds counts of an unknown number of tri"):
         as_burst(CountStack(COUNTS, PROVENANCE))
 
@@ -103,7 +102,7 @@ def test_counts_outside_of_the_range_are_refused(value):
     images = COUNTS.astype(int)
     images[4, 5, 6] = value
     burst = as_burst(CountStack(images, PROVENANCE, 7))
-    with pytest.raises(ValueError, match=r"counts\.npy: expected counts from 0 to 7, got"):
+    with pytest.raises(ValueError, match=r"counts\.npy: expected counts from 0 to 7, the trials"):
         burst.counts(range(9), None)
 
 

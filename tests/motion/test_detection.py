@@ -81,7 +81,6 @@ def test_counts_and_colors_are_detected_as_bits_are():
     stack = CountStack(counts, Provenance("npy", "a.npy"), trials=4)
     assert motion_score(stack) > THRESHOLD
     unknown = CountStack(counts, Provenance("npy", "a.npy"))
-    assert motion_score(unknown, trials=4) == motion_score(stack)
     with pytest.raises(ValueError, match="unknown number of trials"):
         motion_score(unknown)
     singles = CountStack(frames.astype(np.uint8), Provenance("npy", "a.npy"), trials=1)

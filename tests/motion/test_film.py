@@ -293,7 +293,7 @@ def test_the_carried_motion_shows_the_middle_of_its_window():
         ({"window": 16, "step": 0}, "step: expected 1 frame or more"),
         ({"window": 16, "upsample": 3}, "upsample: expected"),
         ({"window": 16, "model": "rigid"}, "model: expected auto or one of"),
-        ({"window": 16, "sensor": jl.Sensor(frames=16)}, "sensor: expected 32 frames"),
+        ({"window": 16, "sensor": jl.Sensor(frames=16)}, "expected the sensor's 16 frames, got 32"),
     ],
 )
 def test_bad_input_is_refused_before_the_first_image(options, message):

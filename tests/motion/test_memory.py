@@ -240,7 +240,6 @@ def test_other_segments_end_the_memory():
         (None, True, 1, 31),
         (None, False, 1, 0),
         (None, True, 2, 0),
-        (True, False, 1, 16),
         (False, True, 1, 0),
     ],
 )
@@ -251,3 +250,12 @@ def test_a_film_remembers_if_the_next_window_has_the_last_time(memory, causal, u
         if remembers(memory, 32, step, causal=causal, upsample=upsample)
     ]
     assert found == list(range(1, most + 1))
+
+
+@pytest.mark.parametrize(("causal", "most"), [(False, 16), (True, 31)])
+def test_a_film_that_must_remember_needs_a_small_step(causal, most):
+    assert remembers(True, 32, most, causal=causal, upsample=1)
+    with pytest.raises(ValueError, match=rf"at most {most} .* got {most + 1}; pass step={most} "):
+        remembers(True, 32, most + 1, causal=causal, upsample=1)
+    with pytest.raises(ValueError, match=r"at most 0 for windows of 1, got 1; leave out memory=T"):
+        remembers(True, 1, 1, causal=causal, upsample=1)

@@ -1,6 +1,7 @@
 """Merging along a known motion: sums and maps by brute force."""
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -163,3 +164,30 @@ def test_bad_arguments_are_refused(arguments, error, message):
     arguments = {"data": bits, "motion": motion_of((1, -2)), **arguments}
     with pytest.raises(error, match=message):
         jl.merge(**arguments)
+
+
+def test_a_motion_of_other_frames_or_jots_is_refused():
+    bits = jl.Bits.from_array(np.zeros((FRAMES, *SIZE), bool))
+    motion = motion_of((0, 0))
+    message = r"expected that of frames 0 to 15, got that of frames 0 to 31; leave out motion= "
+    with pytest.raises(ValueError, match=message):
+        jl.merge(bits[:16], motion=motion)
+    with pytest.raises(ValueError, match="expected that of frames 0 to 63, got"):
+        jl.merge(jl.Bits.from_array(np.zeros((64, *SIZE), bool)), motion=motion)
+    other = motion_of((0, 0), (64, 64))
+    for sensor in (jl.Sensor(frames=FRAMES), jl.Sensor(frames=FRAMES, mosaic="RGGB")):
+        with pytest.raises(ValueError, match="motion: expected that of 64 x 96 jots, got 64 x 64"):
+            jl.merge(bits, sensor, motion=other)
+
+
+@pytest.mark.parametrize("motion", ["affine", Path("m.safetensors"), True])
+def test_a_motion_of_another_type_is_refused(motion):
+    bits = jl.Bits.from_array(np.zeros((FRAMES, *SIZE), bool))
+    with pytest.raises(TypeError, match=r"motion: expected a jotlight\.Motion, as jotlight\.align"):
+        jl.merge(bits, motion=motion)
+
+
+@pytest.mark.filterwarnings("ignore:expected 16 frames")
+def test_a_single_frame_has_a_motion():
+    bits = jl.Bits.from_array(np.ones((1, *SIZE), bool))
+    assert (jl.merge(bits, motion=jl.align(bits)).trials == 1).all()

@@ -47,7 +47,12 @@ def test_each_pixel_follows_its_own_field():
 
 
 def test_the_representation_states_the_length_of_the_motion():
-    assert repr(random_motion()).startswith("<Motion: tiles, 40 x 70 jots, 4 times from 1.5 to 20")
+    motion = random_motion()
+    longest = np.hypot(*np.moveaxis(motion.nodes, 2, 0)).max()
+    found = repr(motion)
+    assert found.startswith("<Motion: tiles, 40 x 70 jots, 4 times from 1.5 to 20")
+    assert found.endswith(f"up to {longest:.3g} jots>")
+    assert motion.plot().axes[0].get_ylabel() == "jots"
 
 
 BAD = {
@@ -77,7 +82,7 @@ BAD = {
     "NaN": ({"nodes": np.full((2, 4, 2, 3, 5), np.nan, np.float32)}, "expected finite numbers"),
     "huge displacements": (
         {"nodes": np.full((2, 4, 2, 3, 5), 2e5, np.float32)},
-        "up to 100000 pixels, got 200000",
+        "up to 100000 jots, got 200000",
     ),
     "an infinite time": ({"reference": np.inf}, "reference: expected a finite time"),
     "another model": ({"model": "flow"}, "model: expected one of none, affine, segments, tiles"),

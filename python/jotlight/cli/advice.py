@@ -60,8 +60,7 @@ def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int 
     if not without_mosaic(sensor).has_plain_bits:
         return  # their ones change without motion
     for part in parts:
-        trials = max(1, sensor.trials // len(part))
-        score = motion_score(part, trials=trials, threshold=sensor.threshold, threads=threads)
+        score = motion_score(part, threshold=sensor.threshold, threads=threads)
         if score > THRESHOLD:
             way = (
                 "--motion aligns its frames"

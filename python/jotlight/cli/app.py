@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import Any, get_args
 
-from cyclopts import App, CycloptsError, Group, Parameter, Token
+from cyclopts import App, CycloptsError, Group, Parameter, Token, UnknownOptionError
 from cyclopts import convert as convert_tokens
 
 from jotlight._engine import __version__
@@ -33,6 +33,8 @@ from jotlight.cli.signals import (
 from jotlight.cli.simulate import simulate
 from jotlight.cli.train import train
 from jotlight.cli.view import view
+from jotlight.errors import error_message
+from jotlight.formats.locations import STANDARD_INPUT
 
 COMMANDS: tuple[Callable[..., None], ...] = (
     demo,
@@ -127,7 +129,7 @@ def run(argv: Sequence[str]) -> int:
         return STOPPED
     except CycloptsError as reason:
         name = " ".join(("jotlight", *(reason.command_chain or ())))
-        error(f"{reason} Try '{name} --help'.")
+        error(f"{_explain(reason)} Try '{name} --help'.")
         return USAGE
     except (
         ValueError,
@@ -137,11 +139,19 @@ def run(argv: Sequence[str]) -> int:
         MemoryError,
         ArithmeticError,
     ) as reason:
-        # str() of an OSError without a file name starts with its number, which helps nobody.
-        text = isinstance(reason, OSError) and reason.filename is None and reason.strerror
-        error(text or str(reason) or type(reason).__name__)
+        error(error_message(reason))
         return REFUSED
     return 0
+
+
+def _explain(reason: CycloptsError) -> str:
+    """Return what is wrong with the words of a command line."""
+    if isinstance(reason, UnknownOptionError) and reason.token.value == str(STANDARD_INPUT):
+        return (
+            f"{STANDARD_INPUT}: standard input is for `jotlight view {STANDARD_INPUT} --follow`; "
+            "elsewhere, write it to a file first."
+        )
+    return str(reason)
 
 
 def main() -> None:

@@ -48,12 +48,8 @@ class AppliedCalibration:
             When the file is damaged, or the record would replace a file that is not a record.
         """
         calibration = Calibration.load(path)
-        record = output.with_name(f"{output.name}.json")
-        if record.exists() and not is_record(record):
-            raise ValueError(
-                f"{record}: the record of the calibration belongs here, but this file is not from "
-                "jotlight; choose another name for the output"
-            )
+        record = record_path(output)
+        check_record(record)
         return cls(calibration, path.name, hashlib.sha256(path.read_bytes()).hexdigest(), record)
 
     def notes(self, sensor: Sensor, provenance: Provenance | None) -> list[str]:
@@ -109,7 +105,29 @@ class AppliedCalibration:
         }
 
 
-def is_record(path: Path) -> bool:
+def record_path(output: Path) -> Path:
+    """Return the path of the record beside an output, which may be a folder of images.
+
+    Beside a folder `NAME`, `NAME.json` may be the description of a capture `NAME.npy`.
+
+    Examples
+    --------
+    >>> record_path(Path("images/a.npy")).name, record_path(Path("images/a")).name
+    ('a.npy.json', 'a.film.json')
+    """
+    return output.with_name(f"{output.name}{'' if output.suffix else '.film'}.json")
+
+
+def check_record(path: Path) -> None:
+    """Raise ValueError when a record would replace a file that is not a record."""
+    if path.exists() and not _is_record(path):
+        raise ValueError(
+            f"{path}: the record of the origin belongs here, but this file is no such record; "
+            "choose another name for the output"
+        )
+
+
+def _is_record(path: Path) -> bool:
     """Return whether a file is a record that jotlight wrote beside a result."""
     try:
         if path.stat().st_size > _MAX_JSON_BYTES:

@@ -11,11 +11,11 @@ from jotlight.calibration import Calibration
 from jotlight.calibration import calibrate as estimate_calibration
 from jotlight.calibration.estimate import MAX_DARK
 from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.captured import check_trials, provenance_notes, refuse_capture_overwrite
+from jotlight.cli.captured import check_outputs_of, check_trials, provenance_notes
 from jotlight.cli.common_options import CAPTURE_PANEL, Threads
 from jotlight.cli.console import progress, report
 from jotlight.cli.sensor_options import read_mosaic
-from jotlight.files import atomic_write, refuse_overwrite
+from jotlight.files import atomic_write
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.sensing.bits import Bits
 
@@ -149,15 +149,11 @@ def _check_outputs(captures: list[Path], output: Path, plot: Path | None) -> Non
     """Raise ValueError for outputs that cannot be written."""
     if output.suffix.lower() != ".safetensors":
         raise ValueError(f"{output}: expected a name that ends in .safetensors")
-    for file in (output, plot):
-        for path in captures:
-            if file is not None:
-                refuse_capture_overwrite(file, path)
+    check_outputs_of(captures, [output, plot])
     if plot is not None:
         import jotlight.plots as plots
 
         plots.check_figure(plot)
-        refuse_overwrite(plot, [output])
 
 
 def _draw(calibration: Calibration, plot: Path) -> None:

@@ -1,7 +1,7 @@
 """The data of a capture together with their sensor."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ from jotlight.calibration import Calibration
 from jotlight.checks import Counts
 from jotlight.chunks import windows
 from jotlight.cli.console import progress
-from jotlight.files import refuse_overwrite
+from jotlight.files import check_outputs
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.description import companion_files
 from jotlight.sensing.bits import Bits
@@ -41,7 +41,7 @@ class Captured:
         if self.sensor.bit_depth > 1:
             return self.data.readings(self.sensor)
         with progress(1) as begin:
-            return sum_counts(self.data, self.sensor, len(self.data), begin("summing"))
+            return self.data.sum(begin("summing"))
 
     def notes(self) -> list[str]:
         """Return the assumptions about the file and the sensor, one line each."""
@@ -55,56 +55,6 @@ class Captured:
         if self.hot_jots is not None:
             hot = [f"hot jots in the scene, which are treated as dead: {self.hot_jots}"]
         return [*provenance_notes(self.provenance), *hot, f"{origin}: {self.sensor!r}"]
-
-
-def sum_counts(
-    stack: CountStack,
-    sensor: Sensor,
-    number: int,
-    show: Callable[[float], object] | None = None,
-) -> Counts:
-    """Return the sum of some of `number` images of counts, whose sensor has their frames.
-
-    Raises
-    ------
-    ValueError
-        When it exceeds the trials, because the user stated the frames of each image, not of all.
-    """
-    total = stack.sum(show)
-    largest = int(total.max())
-    if number > 1 and largest > sensor.trials:
-        frames = sensor.frames * number // len(stack)
-        advice = ""
-        if largest <= number * sensor.trials:
-            advice = f"; if each image has {frames} frames, write --frames {number * frames}"
-        raise ValueError(
-            f"frames: expected those of all {number} images of counts together, got {frames}, but "
-            f"the sum of {len(stack)} images reaches {largest}, above K = {sensor.trials}{advice}"
-        )
-    return total
-
-
-def frames_of_each(frames: int, number: int) -> int:
-    """Return the frames of each of `number` images of counts, which have `frames` together.
-
-    Raises
-    ------
-    ValueError
-        When they have no whole number of frames.
-
-    Examples
-    --------
-    >>> frames_of_each(192, 12)
-    16
-    """
-    each, rest = divmod(frames, number)
-    if rest:
-        raise ValueError(
-            f"frames: expected a multiple of the {number} images of counts, because it states the "
-            f"frames of all of them together, got {frames}; if each image has {frames} frames, "
-            f"write --frames {number * frames}"
-        )
-    return each
 
 
 def provenance_notes(provenance: Provenance | None) -> list[str]:
@@ -137,7 +87,7 @@ def add_sensor(
         return _add_sensor_to_bits(capture, sensor_kwargs, calibration)
     if capture.sensor is not None or sensor_kwargs.get("bit_depth", 1) > 1:
         return _add_sensor_to_readings(capture, sensor_kwargs, calibration)
-    sensor_kwargs = _with_trials(capture, path, sensor_kwargs)
+    sensor_kwargs = _with_frames(capture, path, sensor_kwargs)
     if calibration is None:
         sensor = Sensor(**sensor_kwargs)
     else:
@@ -145,7 +95,7 @@ def add_sensor(
         jots = tuple(side * size for size in capture.images.shape[1:3])
         calibration.check_capture(jots, capture.provenance)
         sensor = calibration.sensor(**sensor_kwargs)
-    return Captured(capture, sensor, False, capture.provenance)
+    return Captured(capture.with_trials_of(sensor), sensor, False, capture.provenance)
 
 
 def _add_sensor_to_bits(
@@ -182,7 +132,7 @@ def _add_sensor_to_readings(
     return Captured(stack, sensor, stack.sensor is not None, stack.provenance)
 
 
-def _with_trials(
+def _with_frames(
     capture: CountStack, path: Path | str, sensor_kwargs: dict[str, Any]
 ) -> dict[str, Any]:
     """Return the keyword arguments with the frames that a file of counts states.
@@ -227,14 +177,23 @@ def check_trials(path: Path | str, stated: int | None, trials: int, options: str
         )
 
 
-def refuse_capture_overwrite(output: Path, capture: Path) -> None:
-    """Raise ValueError when an output is part of a capture."""
-    refuse_overwrite(output, [capture, *companion_files(capture)])
-    folders = (output.resolve(), *output.resolve().parents)
-    if capture.is_dir() and capture.resolve() in folders:
-        raise ValueError(
-            f"{output}: lies in the folder {capture}, which is read; choose another name"
-        )
+def check_outputs_of(
+    captures: Iterable[Path], outputs: Iterable[Path | None], inputs: Iterable[Path | None] = ()
+) -> None:
+    """Raise ValueError as :func:`check_outputs`, and when an output is part of a capture.
+
+    `inputs` are the files to read in addition to the captures.
+    """
+    captures, requested = list(captures), list(filter(None, outputs))
+    parts = [path for capture in captures for path in (capture, *companion_files(capture))]
+    check_outputs(requested, [*inputs, *parts])
+    folders = [capture for capture in captures if capture.is_dir()]
+    for output in requested:
+        for folder in folders:
+            if folder.resolve() in (output.resolve(), *output.resolve().parents):
+                raise ValueError(
+                    f"{output}: lies in the folder {folder}, which is read; choose another name"
+                )
 
 
 def of_window(captured: Captured, window: int) -> Captured:
@@ -246,7 +205,7 @@ def of_window(captured: Captured, window: int) -> Captured:
         each = 1
     else:
         _check_window_of_counts(len(data), sensor.frames, window)
-        each = frames_of_each(sensor.frames, len(data))
+        each = sensor.frames // len(data)
     return dataclasses.replace(captured, sensor=sensor.replace(frames=each * window))
 
 

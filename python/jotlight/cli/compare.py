@@ -18,7 +18,7 @@ from jotlight.evaluation.comparison import COLUMNS, AnyMethod, Comparison, defau
 from jotlight.evaluation.comparison import compare as compare_by_title
 from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.own_method import import_method
-from jotlight.files import atomic_write, refuse_overwrite
+from jotlight.files import atomic_write, check_outputs
 from jotlight.images.io import read_image
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.network import Network
@@ -65,7 +65,7 @@ def compare(
     image = read_image(photo, white=white, gray=gray)
     selected = selected or {**default_methods(exposed, is_color=image.ndim == 3)}
     output = output or Path(f"{photo.stem}-compare.png")
-    refuse_overwrite(output, [photo, model, *sensor.map_files()])
+    check_outputs([output], [photo, model, *sensor.map_files()])
     if model is not None:
         network = Network.load(model)
         network.check_sensor(exposed)

@@ -7,12 +7,12 @@ from cyclopts import Parameter
 
 from jotlight._engine import __version__
 from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.captured import provenance_notes, refuse_capture_overwrite
+from jotlight.cli.captured import check_outputs_of, provenance_notes
 from jotlight.cli.console import progress, report
 from jotlight.cli.run_options import CapturePaths, RunOptions
 from jotlight.dask.jobs import conversion_record, conversion_text
 from jotlight.dask.records import read_json
-from jotlight.files import atomic_write, refuse_url, write_file
+from jotlight.files import atomic_write, write_file
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.formats.description import companion_files
@@ -76,11 +76,7 @@ def _convert_one(data: Path | str, output: Path, to: str | None, capture: Captur
     outputs = {output}
     if name in ("npy", "npy.gz"):
         outputs |= companion_files(output)
-    for file in outputs:
-        if isinstance(data, Path):
-            refuse_capture_overwrite(file, data)
-        else:
-            refuse_url(file)
+    check_outputs_of([data] if isinstance(data, Path) else [], outputs)
     opened, checksum = with_checksum(capture.open(data))
     record = conversion_record(output)
     if record.exists() and "run" not in read_json(record):

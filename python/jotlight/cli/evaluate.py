@@ -24,7 +24,7 @@ from jotlight.evaluation.evaluate import COLUMNS, Evaluation
 from jotlight.evaluation.evaluate import evaluate as evaluate_method
 from jotlight.evaluation.methods import DEFAULT_METHOD, find_method
 from jotlight.evaluation.own_method import OwnMethod, import_method
-from jotlight.files import atomic_write, refuse_overwrite
+from jotlight.files import atomic_write, check_outputs
 from jotlight.images.sets import read_image_set
 from jotlight.networks.network import Network
 from jotlight.sensing.sensor import Sensor
@@ -73,7 +73,7 @@ def evaluate(
         if output.suffix.lower() != ".csv":
             raise ValueError(f"{output}: expected a name that ends in .csv")
         files = list(images.iterdir()) if images.is_dir() else [images]
-        refuse_overwrite(output, [model, *sensor.map_files(), *files])
+        check_outputs([output], [model, *sensor.map_files(), *files])
     title, run, exposed = _method(name, model, sensor_kwargs)
     with contextlib.ExitStack() as stack:
         # The file is created now, to reveal a folder that cannot be written before any work.

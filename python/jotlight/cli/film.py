@@ -13,7 +13,6 @@ from cyclopts import Parameter
 from jotlight.chunks import windows
 from jotlight.cli.advice import caution_about_motion
 from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.captured import sum_counts
 from jotlight.cli.color_choice import has_colors, without_demosaicing
 from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
 from jotlight.cli.console import progress, report
@@ -31,7 +30,7 @@ from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.files import atomic_write_together
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
-from jotlight.images.io import image_writer
+from jotlight.images.io import check_depth
 from jotlight.images.tone import Tone
 from jotlight.images.video import check_fps, is_floats, video_writer
 from jotlight.motion.film import film as merge_windows
@@ -91,7 +90,8 @@ class FilmOptions(OutputOptions):
             raise ValueError(f"curve: is for display, not for the floats of {self.output}")
         if self.white is not None and floats:
             raise ValueError(f"white: is for display, not for the floats of {self.output}")
-        image_writer("a.npy" if self.output.suffix else "a.png", depth=self.depth)
+        # A name without ending is that of a folder of .png.
+        check_depth(self.output.suffix.lower() or ".png", self.depth)
         check_fps(self.output, self.fps)
         if self.output.suffix == "" and self.output.exists():
             raise FileExistsError(
@@ -160,6 +160,7 @@ def _write(
     scale = outputs.scale(job.captured.sensor)
     data, checksum = with_checksum(job.captured.data)
     records = Records([outputs.output], job.calibration, every=True)
+    has_memory = _has_memory(outputs, motion)
     minimum, maximum, brightness = np.inf, 0.0, 0.0
     summary = _Summary()
     start = time.perf_counter()
@@ -187,7 +188,6 @@ def _write(
         seconds = time.perf_counter() - start
         facts = outputs.metadata(job.captured.sensor, job.choice.title, job.captured.provenance)
         facts |= {"window": outputs.window, "step": outputs.step or outputs.window}
-        has_memory = _has_memory(outputs, motion)
         if motion.motion:
             facts |= {"causal": motion.causal, "memory": has_memory}
         facts |= origin_of(job, checksum())
@@ -226,6 +226,8 @@ def _amount(data: Capture, number: int, each: int) -> str:
 class _Summary:
     """What was found about the motion of all images of a film."""
 
+    images: int = 0
+    """Number of all images."""
     models: list[str] = dataclasses.field(default_factory=list)
     """Models of the motions that were estimated afresh."""
     accepted: list[float] = dataclasses.field(default_factory=list)
@@ -233,6 +235,7 @@ class _Summary:
 
     def add(self, image: FilmImage) -> None:
         """Add an image."""
+        self.images += 1
         if not image.is_carried:
             self.models.append(image.motion.model)
         if image.data is image.merged and image.merged.acceptance is not None:
@@ -246,10 +249,9 @@ class _Summary:
         if not self.models:
             return []
         number, models = len(self.models), ", ".join(sorted(set(self.models)))
-        line = (
-            f"motion: {models}; estimated afresh for {number} image{'s' * (number > 1)}, and "
-            "carried to the others"
-        )
+        line = f"motion: {models}; estimated afresh for {number} image{'s' * (number > 1)}"
+        if (others := self.images - number) > 0:
+            line += f", and carried to {others} other{'s' * (others > 1)}"
         if self.accepted:
             line += (
                 f"; {np.mean(self.accepted):.1%} of the bits agree and are used, and "
@@ -309,12 +311,10 @@ def _sensor_of_all(job: Reconstruction, window: int) -> Sensor:
 
 def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:
     """Return the estimate of a window without alignment."""
-    sensor = job.captured.sensor
-    whole = len(job.captured.data)
-    pixels = part if isinstance(part, Bits) else sum_counts(part, sensor, whole)
+    pixels = part if isinstance(part, Bits) else part.sum()
     image: Image = reconstruct(
         pixels,
-        sensor,
+        job.captured.sensor,
         method=job.method,
         channel_axis=last_channel_axis(pixels),
         threads=threads,

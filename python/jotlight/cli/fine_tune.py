@@ -11,7 +11,7 @@ from cyclopts import Parameter
 import jotlight.plots as plots
 from jotlight.calibration import Calibration
 from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.captured import Captured, add_sensor, refuse_capture_overwrite
+from jotlight.cli.captured import Captured, add_sensor, check_outputs_of
 from jotlight.cli.common_options import NETWORK_PANEL, CapturePath
 from jotlight.cli.console import caution, report, silenced
 from jotlight.cli.jot_checks import mask_hot_jots
@@ -24,7 +24,6 @@ from jotlight.cli.training_run import (
     report_training,
     run_training,
 )
-from jotlight.files import refuse_overwrite
 from jotlight.networks.architectures import SIZES
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained
@@ -121,9 +120,8 @@ def _check_outputs(data: Path, training: FineTuningOptions, sensor: CapturedSens
     checkpoint = checkpoint_path(training.output)
     if training.plot is not None:
         plots.check_figure(training.plot)
-    for file in filter(None, (training.output, training.plot, checkpoint)):
-        refuse_overwrite(file, [training.start, sensor.calibration, *sensor.map_files()])
-        refuse_capture_overwrite(file, data)
+    inputs = [training.start, sensor.calibration, *sensor.map_files()]
+    check_outputs_of([data], [training.output, training.plot, checkpoint], inputs)
 
 
 def _capture(path: Path, capture: CaptureOptions, sensor: CapturedSensorOptions) -> Captured:

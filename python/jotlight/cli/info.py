@@ -16,7 +16,7 @@ from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import out, progress, with_options_only
 from jotlight.cli.jot_checks import jot_remarks
 from jotlight.cli.origins import origin_facts, video_facts
-from jotlight.files import refuse_overwrite
+from jotlight.files import check_outputs
 from jotlight.formats import open_capture
 from jotlight.formats.archives import describe_npz_arrays, read_npz_label
 from jotlight.formats.arrays import open_npy_array
@@ -112,14 +112,14 @@ def _draw(file: Path, plot: Path) -> None:
 
     plots.check_figure(plot)
     if stored_format(file) == CALIBRATION:
-        refuse_overwrite(plot, [file])
+        check_outputs([plot], [file])
         plots.save_figure(Calibration.load(file).plot(), plot)
         return
     network = load_network(file)
     runs = _training_runs(file, network)
     if not runs:
         raise ValueError(f"{file}: this network has no history of a training run to draw")
-    refuse_overwrite(plot, [file])
+    check_outputs([plot], [file])
     plots.save_figure(plots.training(network, runs[-1][2]), plot)
 
 

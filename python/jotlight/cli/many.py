@@ -35,7 +35,8 @@ from jotlight.dask.running import (
 )
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
-from jotlight.files import refuse_overwrite
+from jotlight.errors import error_message
+from jotlight.files import check_outputs
 from jotlight.formats.locations import file_state, is_url
 from jotlight.formats.writing import choose_output_format
 from jotlight.images.io import image_writer
@@ -96,8 +97,7 @@ def process(
     paths = find_captures(captures, run.storage_options())
     names = name_captures(paths)
     outputs = name_outputs(output, names)
-    for path, result in zip(paths, outputs, strict=True):
-        refuse_overwrite(result, [] if is_url(path) else [Path(path)])
+    check_outputs(outputs, [Path(path) for path in paths if not is_url(path)])
     targets = [
         Target(*each, number) for number, each in enumerate(zip(paths, names, outputs, strict=True))
     ]
@@ -153,9 +153,9 @@ def _make_jobs(
                 if is_url(target.path) and isinstance(error, PermissionError):
                     raise  # credentials that fail concern all captures
                 first = first or error
-                refused[target.name] = str(error)
+                refused[target.name] = error_message(error)
                 if len(targets) > 1:
-                    caution("failed", f"{target.name}: {error}")
+                    caution("failed", f"{target.name}: {refused[target.name]}")
     if not jobs and first is not None:
         raise first
     return jobs, refused

@@ -12,7 +12,6 @@ from cyclopts import Parameter
 from jotlight.cli.captured import Captured
 from jotlight.cli.common_options import MOTION_PANEL
 from jotlight.cli.console import progress
-from jotlight.formats.capture import Capture
 from jotlight.images.image_stack import stack_writer
 from jotlight.motion.align import align
 from jotlight.motion.merge import merge
@@ -91,7 +90,8 @@ class FilmMotionOptions(MotionOptions):
         Parameter(
             negative="--no-memory",
             help="Also count bits from before the window, where they agree with it. They fade. "
-            "Default: with --causal, unless --upsample is 2.",
+            "--step must be at most half of --window, or less than --window with --causal. "
+            "Default: with --causal and such a step, unless --upsample is 2.",
         ),
     ] = None
 
@@ -173,7 +173,6 @@ class ImageMotionOptions(MotionOptions):
                 motion = align(data, sensor, self.at, self.model, threads=threads, progress=show)
             else:
                 motion = Motion.load(self.motion_file)
-                _check_times(motion, data, self.motion_file)
             if sensor.mosaic is not None and motion.model == "none":
                 if self.maps is not None:
                     raise ValueError(
@@ -219,18 +218,6 @@ def _fill(values: npt.ArrayLike, shape: tuple[int, ...]) -> npt.NDArray[Any]:
     return np.broadcast_to(array[..., None] if is_of_pixels else array, shape)
 
 
-def _check_times(motion: Motion, data: Capture, path: Path) -> None:
-    """Raise ValueError for a motion of other frames."""
-    last = len(data) - 1
-    first, end = motion.times[[0, -1]]
-    margin = float(np.diff(motion.times).max())
-    if first < 0 or first > margin or end > last or end < last - margin:
-        raise ValueError(
-            f"{path}: expected the motion of frames 0 to {last}, got that of frames {first:g} to "
-            f"{end:g}; align this capture with --motion"
-        )
-
-
 def describe(merged: Merged | None, motion: Motion) -> list[str]:
     """Return what was found, one line each. `merged` is None if nothing was merged."""
     if merged is None:
@@ -245,15 +232,15 @@ def describe(merged: Merged | None, motion: Motion) -> list[str]:
     lengths = functools.reduce(np.maximum, (np.hypot(*motion.at(time)) for time in motion.times))
     half, tenth = np.quantile(lengths, (0.5, 0.9))
     lines = [
-        f"motion: {motion.model}; half of the scene moves by {half:.3g} pixels or more, and a "
+        f"motion: {motion.model}; half of the scene moves by {half:.3g} jots or more, and a "
         f"tenth by {tenth:.3g} or more",
         numbers,
     ]
     if merged.acceptance is not None and merged.posterior_error is not None:
+        error = np.median(merged.posterior_error) / merged.upsample
         lines.append(
             f"{merged.acceptance.mean():.1%} of the bits along the motion agree and are used; the "
-            f"error of the displacements is {np.median(merged.posterior_error):.2g} pixels in the "
-            "median"
+            f"error of the displacements is {error:.2g} jots in the median"
         )
     if merged.flags is not None:
         lines.append(f"{merged.flags.mean():.1%} of the pixels may have larger errors than others")

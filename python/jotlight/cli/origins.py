@@ -4,7 +4,7 @@ import contextlib
 from pathlib import Path
 from typing import Any
 
-from jotlight.cli.records import record_path
+from jotlight.cli.applied_calibration import record_path
 from jotlight.dask.jobs import conversion_record
 from jotlight.dask.records import read_json, read_record
 from jotlight.dask.store import PART, open_unfinished

@@ -11,10 +11,10 @@ from rich.table import Table
 from jotlight.calibration import Calibration
 from jotlight.cli.console import out, report
 from jotlight.cli.sensor_options import PlannedSensorOptions
-from jotlight.estimators.planned_motion import MotionPlan
+from jotlight.estimators.planned_motion import MIN_FRAMES, MotionPlan
 from jotlight.estimators.planning import Plan
 from jotlight.estimators.planning import plan as predict
-from jotlight.files import refuse_overwrite
+from jotlight.files import check_outputs
 from jotlight.motion.cost import motion_cost
 from jotlight.sensing.sensor import Sensor
 
@@ -63,7 +63,7 @@ class PlanOptions:
             from jotlight.plots import check_figure
 
             check_figure(self.plot)
-            refuse_overwrite(self.plot, [sensor.calibration, *sensor.map_files()])
+            check_outputs([self.plot], [sensor.calibration, *sensor.map_files()])
 
 
 def plan(
@@ -165,13 +165,19 @@ def _motion_lines(motion: MotionPlan) -> list[str]:
         "sums are worse, because the scene is blurred."
     ]
     error = f"the displacements have an error of {motion.registration_error:.2g} pixels"
+    in_view = f"beyond {_count(motion.frames_in_view)} nothing of the image is in view"
+    if motion.frames_in_view < MIN_FRAMES:
+        return [
+            *lines,
+            f"The scene is too fast for --motion, which needs {MIN_FRAMES} frames or "
+            f"more: {in_view}.",
+        ]
     if motion.best_aligned is None:
         return [*lines, f"There is too little light for --motion at this speed: {error}."]
     return [
         *lines,
         f"With --motion, up to {_count(motion.best_aligned)} help; twice as many gain less than "
-        f"0.1 dB, and beyond {_count(motion.frames_in_view)} nothing of the image is in view; "
-        f"{error}.",
+        f"0.1 dB, and {in_view}; {error}.",
     ]
 
 

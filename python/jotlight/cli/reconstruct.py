@@ -1,5 +1,6 @@
 """``jotlight reconstruct``: an image from bits or counts."""
 
+from dataclasses import fields
 from pathlib import Path
 
 from jotlight.cli.advice import caution_about_motion
@@ -7,8 +8,8 @@ from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.common_options import Threads
 from jotlight.cli.jot_checks import caution_about_jots
 from jotlight.cli.method_options import MethodOptions
-from jotlight.cli.motion_options import ImageMotionOptions
-from jotlight.cli.output_options import ImageOutputOptions
+from jotlight.cli.motion_options import ImageMotionOptions, MotionOptions
+from jotlight.cli.output_options import ImageOutputOptions, OutputOptions
 from jotlight.cli.reconstruction import Inputs, reconstruct_image
 from jotlight.cli.run_options import CapturePaths, RunOptions
 from jotlight.cli.sensor_options import CapturedSensorOptions
@@ -64,6 +65,21 @@ def reconstruct(
         caution_about_motion([job.captured.data], job.captured.sensor, threads)
 
 
+def _refuse_options_of_images(outputs: ImageOutputOptions, motion: ImageMotionOptions) -> None:
+    """Raise ValueError for options that a run over many captures or windows does not accept."""
+    plain = ImageOutputOptions(output=outputs.output, depth=outputs.depth)
+    of_films = {each.name for base in (OutputOptions, MotionOptions) for each in fields(base)}
+    for given, default in ((outputs, plain), (motion, ImageMotionOptions())):
+        for name in (each.name for each in fields(given)):
+            if getattr(given, name) != getattr(default, name):
+                option = name.replace("_", "-")
+                film = f", or use `jotlight film`, which takes --window and --{option}"
+                raise ValueError(
+                    f"{option}: is for one image of one capture, but --window, globs, and several "
+                    f"captures make many; name one capture{film if name in of_films else ''}"
+                )
+
+
 def _reconstruct_many(
     data: tuple[str, ...],
     outputs: ImageOutputOptions,
@@ -77,13 +93,10 @@ def _reconstruct_many(
     """Reconstruct many captures, or the windows of one."""
     from jotlight.cli.many import Target, process, reconstruction_job
     from jotlight.dask.jobs import CaptureSource, Job
+    from jotlight.dask.names import find_captures
 
-    plain = ImageOutputOptions(output=outputs.output, depth=outputs.depth)
-    if outputs != plain or motion != ImageMotionOptions():
-        raise ValueError(
-            "of the options of outputs and motion, a run over many captures or windows accepts "
-            "--output and --depth only"
-        )
+    find_captures(data, run.storage_options())  # an error for a glob that matches nothing
+    _refuse_options_of_images(outputs, motion)
     sensors: dict[Sensor, Sensor] = {}
 
     def make_job(target: Target, bits: Bits, source: CaptureSource) -> Job:

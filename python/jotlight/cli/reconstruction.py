@@ -11,7 +11,7 @@ import numpy.typing as npt
 from jotlight.cli.advice import range_advice
 from jotlight.cli.applied_calibration import AppliedCalibration
 from jotlight.cli.capture_options import CaptureOptions
-from jotlight.cli.captured import Captured, add_sensor, of_window, refuse_capture_overwrite
+from jotlight.cli.captured import Captured, add_sensor, check_outputs_of, of_window
 from jotlight.cli.color_choice import (
     refuse_demosaicing,
     takes_color_network,
@@ -33,7 +33,7 @@ from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.uncertainty import check_errors_known
-from jotlight.files import atomic_write_together, refuse_overwrite
+from jotlight.files import atomic_write_together
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.networks.color_network import AnyNetwork
@@ -83,13 +83,9 @@ class Inputs:
 
     def check_outputs(self, outputs: list[Path]) -> None:
         """Raise ValueError when outputs have the same name, or that of a file to read."""
-        if len({path.resolve() for path in outputs}) < len(outputs):
-            raise ValueError("expected a different name for each output, got the same name twice")
         files = [self.method.model, self.sensor.calibration, *self.sensor.map_files()]
-        for path in outputs:
-            refuse_overwrite(path, [*files, *self.motion.files()])
-            if isinstance(self.path, Path):
-                refuse_capture_overwrite(path, self.path)
+        captures = [self.path] if isinstance(self.path, Path) else []
+        check_outputs_of(captures, outputs, [*files, *self.motion.files()])
 
     def prepare(
         self,

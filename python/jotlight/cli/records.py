@@ -6,7 +6,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from jotlight._engine import __version__
-from jotlight.cli.applied_calibration import FORMAT, AppliedCalibration, is_record
+from jotlight.cli.applied_calibration import (
+    FORMAT,
+    AppliedCalibration,
+    check_record,
+    record_path,
+)
 from jotlight.cli.captured import Captured
 from jotlight.evaluation.choice import Choice
 from jotlight.evaluation.weights import weights_sha256
@@ -52,7 +57,7 @@ class Made(Protocol):
 
 
 class Records:
-    """The records `OUTPUT.json` beside the outputs of a reconstruction.
+    """The records beside the outputs of a reconstruction.
 
     An output has one if its format has no place for a note, and the first output also if a
     calibration is applied.
@@ -86,11 +91,7 @@ class Records:
             or (index == 0 and calibration is not None)
         ]
         for path in self.paths():
-            if path.exists() and not is_record(path):
-                raise ValueError(
-                    f"{path}: the record of the origin belongs here, but this file is not from "
-                    "jotlight; choose another name for the output"
-                )
+            check_record(path)
 
     def paths(self) -> list[Path]:
         """Return the paths of the records."""
@@ -116,17 +117,6 @@ class Records:
             if outputs[index].is_file():
                 content["sha256"] = file_checksum(outputs[index])
             write_file(file, json.dumps(content, indent=2) + "\n")
-
-
-def record_path(output: Path) -> Path:
-    """Return the path of the record beside an output.
-
-    Examples
-    --------
-    >>> record_path(Path("images/a.npy")).name
-    'a.npy.json'
-    """
-    return output.with_name(f"{output.name}.json")
 
 
 def origin_of(job: Made, checksum: tuple[int, int]) -> dict[str, Any]:

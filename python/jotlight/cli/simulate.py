@@ -15,7 +15,7 @@ from jotlight.cli.console import progress, report
 from jotlight.cli.sensor_options import ExposureOptions
 from jotlight.datasets.moving_scenes import MOTIONS, MovingScene, moving
 from jotlight.datasets.moving_scenes.tables import read_poses
-from jotlight.files import atomic_write, refuse_overwrite
+from jotlight.files import atomic_write, check_outputs
 from jotlight.formats.description import companion_files
 from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.images.io import image_writer, read_image
@@ -33,12 +33,16 @@ class MotionOptions:
         str | None,
         Parameter(
             help=f"A named scene: {', '.join(MOTIONS)}; or a text file with a line per frame: the "
-            "shift in rows and columns, and optionally degrees and zoom. Default: no motion."
+            "shift in rows and columns, and optionally both degrees and zoom. Commas or spaces "
+            "separate the numbers. Default: no motion."
         ),
     ] = None
     foreground: Annotated[
         Path | None,
-        Parameter(help="A photograph of the objects in front of the photograph. Default: none."),
+        Parameter(
+            help="A photograph of the objects in front of the photograph, for a scene with "
+            "objects. Default: the photograph itself, turned by 180°."
+        ),
     ] = None
     photons: Annotated[
         float | None,
@@ -80,15 +84,21 @@ class MotionOptions:
         assert self.motion is not None
         if self.motion not in MOTIONS and not Path(self.motion).is_file():
             raise ValueError(
-                f"motion: expected one of {', '.join(MOTIONS)}, or a file with a line for each "
-                f"frame, got {self.motion}"
+                f"motion: there is no file {self.motion}; expected a file with a line for each "
+                f"frame, or one of {', '.join(MOTIONS)}"
             )
         motion = self.motion if self.motion in MOTIONS else read_poses(Path(self.motion))
         front = self.foreground
         foreground = None if front is None else as_image(read_image(front, white=white, gray=gray))
-        return moving(
+        scene = moving(
             image, motion, sensor=sensor, foreground=foreground, photons=self.photons, rng=seed
         )
+        if front is not None and not scene.has_objects:
+            raise ValueError(
+                f"foreground: expected a scene with objects, such as layers, got {self.motion}; "
+                "leave it out"
+            )
+        return scene
 
 
 def simulate(
@@ -112,10 +122,8 @@ def simulate(
     motion.check()
     exposed = Sensor(**sensor.to_kwargs())
     maps = [output.with_suffix(f".{name}.npy") for name in exposed.maps()]
-    for file in {output, output.with_suffix(".json"), *maps, *companion_files(output)}:
-        refuse_overwrite(file, [photo, *sensor.map_files(), *motion.files()])
-    if motion.truth is not None:
-        refuse_overwrite(motion.truth, [photo, output, *sensor.map_files(), *motion.files()])
+    written = {output, output.with_suffix(".json"), *maps, *companion_files(output)}
+    check_outputs([*written, motion.truth], [photo, *sensor.map_files(), *motion.files()])
     image = as_image(read_image(photo, white=white, gray=gray))
     if motion.motion is None:
         bits = _still_bits(image, exposed, seed, threads)

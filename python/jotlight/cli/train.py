@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 import jotlight.plots as plots
 from jotlight.cli.capture_options import TargetCaptureOptions
-from jotlight.cli.captured import refuse_capture_overwrite
+from jotlight.cli.captured import check_outputs_of
 from jotlight.cli.common_options import CAPTURE_PANEL, TRAINING_PANEL
 from jotlight.cli.console import report, silenced
 from jotlight.cli.learners import (
@@ -41,7 +41,6 @@ from jotlight.cli.training_run import (
     report_training,
     run_training,
 )
-from jotlight.files import refuse_overwrite
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE
 from jotlight.sensing.sensor import Sensor
@@ -200,10 +199,8 @@ def _check_outputs(
         plots.check_figure(training.plot)
     inputs = [training.start, sensor.calibration, *sensor.map_files()]
     inputs += [*files_of(images), *files_of(data.test)]
-    for file in filter(None, (training.output, training.plot, checkpoint)):
-        refuse_overwrite(file, inputs)
-        if target is not None:
-            refuse_capture_overwrite(file, target)
+    captures = [] if target is None else [target]
+    check_outputs_of(captures, [training.output, training.plot, checkpoint], inputs)
 
 
 def _learner(training: TrainingOptions, network: NetworkOptions, start: Network | None) -> Learner:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from jotlight.dask.store import PART, open_unfinished
+from jotlight.errors import error_message
 
 
 def find_unfinished(folders: Iterable[Path]) -> list[Path]:
@@ -47,6 +48,6 @@ def gather_results(
                 store.finish()
                 finished.append(store.path)
         except (OSError, ValueError) as error:
-            unfinished[path] = str(error)
+            unfinished[path] = error_message(error)
         progress((index + 1) / len(paths))
     return finished, unfinished

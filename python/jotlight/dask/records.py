@@ -38,12 +38,32 @@ def check_same_run(path: Path, stored: Any, expected: Record) -> None:
         raise AnotherRunError(
             f"{path}: exists already, and is not the result of such a run; choose another name"
         )
-    names = sorted(stored.keys() | expected.keys())
-    name = next(name for name in names if stored.get(name) != expected.get(name))
     raise AnotherRunError(
-        f"{path}: is of another run: its {name} is {_short(stored.get(name))}, not "
-        f"{_short(expected.get(name))}; delete it, or choose another name for the output"
+        f"{path}: is of another run: its {', and its '.join(_differences(stored, expected))}; "
+        "delete it, or choose another name for the output"
     )
+
+
+def _differences(stored: Any, expected: Any, of: str = "") -> list[str]:
+    """Return the values of two objects of JSON that differ, as texts.
+
+    If some are plain, they are all that is stated. Those of the parts of a run, such as the sensor,
+    follow from them.
+    """
+    differing = sorted(
+        name for name in stored.keys() | expected.keys() if stored.get(name) != expected.get(name)
+    )
+    pairs = {f"{of}{name}": (stored.get(name), expected.get(name)) for name in differing}
+    plain = [
+        f"{name} is {_short(found)}, not {_short(wanted)}"
+        for name, (found, wanted) in pairs.items()
+        if not (isinstance(found, dict) and isinstance(wanted, dict))
+    ]
+    return plain or [
+        text
+        for name, (found, wanted) in pairs.items()
+        for text in _differences(found, wanted, f"{name} ")
+    ]
 
 
 def _short(value: Any) -> str:

@@ -13,6 +13,7 @@ from jotlight.dask.cluster import check_version
 from jotlight.dask.jobs import Job
 from jotlight.dask.names import Part
 from jotlight.dask.records import AnotherRunError
+from jotlight.errors import error_message
 
 _AHEAD = 4
 """Number of units per thread of the cluster that are submitted ahead of time."""
@@ -292,6 +293,6 @@ class _Run:
         if job.name in self.outcome.failed:
             return
         known = isinstance(error, ValueError | OSError | RuntimeError)
-        text = str(error) if known else f"{type(error).__name__}: {error}".splitlines()[0]
+        text = error_message(error) if known else f"{type(error).__name__}: {error}".splitlines()[0]
         self.outcome.failed[job.name] = text
         self._warn(f"{job.name}: {text}")

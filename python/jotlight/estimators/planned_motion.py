@@ -45,6 +45,9 @@ _ENOUGH = 0.1
 _MAX_SPEED = 1000.0
 """Largest speed in pixels per frame."""
 
+MIN_FRAMES = 16
+"""Minimum number of frames from which a motion can be estimated."""
+
 _MAX_ERROR = 0.5
 """Largest error of the displacements in pixels with which frames can be aligned."""
 
@@ -70,8 +73,9 @@ class MotionPlan:
     best_sum: int
     """The number of frames whose sum is best. Longer sums are worse."""
     best_aligned: int | None
-    """The number of frames from which on twice as many gain less than 0.1 dB after alignment. None
-    if there is too little light to align frames at this speed: the error exceeds half a pixel."""
+    """The number of frames from which on twice as many gain less than 0.1 dB after alignment, 16 or
+    more. None if frames cannot be aligned at this speed: there is too little light, so that the
+    error exceeds half a pixel, or fewer than 16 frames show a part of the image."""
     frames_in_view: int
     """The number of frames from which on further ones show nothing of the image."""
     registration_error: float
@@ -149,7 +153,7 @@ def plan_motion(
         np.array([film.summed(int(number)) for number in frames]),
         np.array([film.aligned(int(number)) for number in frames]),
         best_sum,
-        film.enough() if error <= _MAX_ERROR else None,
+        film.enough() if error <= _MAX_ERROR and in_view >= MIN_FRAMES else None,
         in_view,
         error,
     )
@@ -201,8 +205,8 @@ class _Film:
         return self._psnr(seen, response)
 
     def enough(self) -> int:
-        """Return the number of frames from which on twice as many gain little."""
-        frames, last = 1, self.frames_in_view
+        """Return the number of frames from which on twice as many gain little after alignment."""
+        frames, last = MIN_FRAMES, self.frames_in_view
         while frames < last and self.aligned(2 * frames) - self.aligned(frames) >= _ENOUGH:
             frames *= 2
         return min(frames, last)

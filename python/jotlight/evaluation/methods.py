@@ -233,7 +233,21 @@ def check_options(method: str, options: Iterable[str]) -> None:
         return
     for option in options:
         if option not in known:
-            close = get_close_matches(option, known, 1)
             text = f"has the options {', '.join(known)}" if known else "has no options"
-            advice = f"did you mean {close[0]}?" if close else "leave it out"
-            raise TypeError(f"{option}: {method} {text}; {advice}")
+            raise unknown_option(option, known, f"{method} {text}")
+
+
+def unknown_option(option: str, known: Iterable[str], expected: str) -> TypeError:
+    """Return the error for an option that is none of the known ones.
+
+    Examples
+    --------
+    >>> unknown_option("motion", [], "mle has no options")
+    TypeError('motion: mle has no options; for a moving scene, pass jotlight.merge(bits)')
+    """
+    if option == "motion":
+        advice = "for a moving scene, pass jotlight.merge(bits)"
+    else:
+        close = get_close_matches(option, list(known), 1)
+        advice = f"did you mean {close[0]}?" if close else "leave it out"
+    return TypeError(f"{option}: {expected}; {advice}")

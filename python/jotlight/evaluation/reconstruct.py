@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable
-from difflib import get_close_matches
 from functools import partial
 from typing import Any, Literal, cast, overload
 
@@ -34,6 +33,7 @@ from jotlight.evaluation.methods import (
     METHODS,
     OPTION_DEFAULTS,
     check_options,
+    unknown_option,
 )
 from jotlight.evaluation.mosaics import (
     check_color_data,
@@ -332,11 +332,8 @@ def _named(method: object, quality: str | None, options: dict[str, Any]) -> str 
     if quality is None:
         known = list(OPTION_DEFAULTS)
         if method is None and (unknown := set(options) - set(known)):
-            close = get_close_matches(min(unknown), known, 1)
-            raise TypeError(
-                f"{min(unknown)}: without a method, expected one of the options {', '.join(known)}"
-                + (f"; did you mean {close[0]}?" if close else "")
-            )
+            expected = f"without a method, expected one of the options {', '.join(known)}"
+            raise unknown_option(min(unknown), known, expected)
         name = requested_method(method, [option for option in options if option in known])
         if name is not None:
             check_options(name, options)

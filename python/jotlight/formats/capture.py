@@ -16,7 +16,11 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_in_chunks
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.scaled_counts import scaled_counts_hint
 from jotlight.sensing.sensor import Sensor
+
+_MAX_COUNT = 2**31 - 1
+"""Largest count of an image, and of the sum of all."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,6 +49,60 @@ class CountStack:
     def total_trials(self) -> int | None:
         """Number of binary readings behind each count of the sum, or None if it is unknown."""
         return None if self.trials is None else self.trials * len(self.images)
+
+    def with_trials_of(self, sensor: Sensor) -> Self:
+        """Return the stack with the trials of each image that a sensor of all images states.
+
+        Raises
+        ------
+        ValueError
+            When the frames of the sensor are no multiple of the images, or the images state other
+            trials.
+
+        Examples
+        --------
+        >>> stack = CountStack(np.ones((5, 2, 2), np.uint8), Provenance("npy", "a.npy"))
+        >>> stack.with_trials_of(Sensor(frames=50)).trials
+        10
+        """
+        number, frames = len(self), sensor.frames
+        if frames % number:
+            raise ValueError(
+                f"frames: expected a multiple of the {number} images of counts, because the sensor "
+                f"states the frames of all of them together, got {frames}; if each image has "
+                f"{frames} frames, pass frames={number * frames} (--frames {number * frames})"
+            )
+        if self.total_trials not in (None, sensor.trials):
+            expected = self.total_trials // sensor.oversampling**2
+            raise ValueError(
+                f"sensor: expected {expected} frames, as many as the counts have binary readings, "
+                f"got {frames}; take sensor.replace(frames={expected}) (--frames {expected})"
+            )
+        return dataclasses.replace(self, trials=sensor.trials // number)
+
+    def check_range(self, images: npt.NDArray[Any]) -> None:
+        """Raise ValueError when some of the images hold numbers that are no counts of the trials.
+
+        Examples
+        --------
+        >>> images = np.full((1, 3, 3), 4)
+        >>> CountStack(images, Provenance("npy", "a.npy"), trials=3).check_range(images)
+        Traceback (most recent call last):
+          ...
+        ValueError: a.npy: expected counts from 0 to 3, the trials of each image, got 4 to 4
+        """
+        low, high = images.min(), images.max()
+        limit = _MAX_COUNT if self.trials is None else min(self.trials, _MAX_COUNT)
+        if low >= 0 and high <= limit:
+            return
+        advice = scaled_counts_hint(images.astype(np.int64))
+        if advice is None and low >= 0 and len(self) > 1 and self.trials is not None:
+            advice = "frames= (--frames) states the frames of all images together"
+        raise ValueError(
+            f"{self.provenance.name}: expected counts from 0 to {limit}"
+            f"{'' if self.trials is None else ', the trials of each image'}, got {low} to {high}"
+            + (f"; {advice}" if advice else "")
+        )
 
     def __len__(self) -> int:
         """Return the number of images."""
@@ -114,20 +172,13 @@ class CountStack:
         name = self.provenance.name
         total, bound = np.zeros(self.images.shape[1:], np.uint32), 0
         for place, part in read_in_chunks(self.images):
-            low, high = part.min(), part.max()
-            if low < 0 or high >= 2**31:
-                raise ValueError(
-                    f"{name}: expected counts from 0 to 2**31 - 1, got {low} to {high}"
-                )
-            if self.trials is not None and high > self.trials:
-                raise ValueError(
-                    f"{name}: its label states counts out of {self.trials}, but one is {high}"
-                )
+            self.check_range(part)
+            high = int(part.max())
             for image in part:
                 # Neither of two values below 2**31 nor their sum exceeds the type.
                 np.add(total, image, out=total, dtype=np.uint32, casting="unsafe")
-                bound += int(high)
-                if bound >= 2**31 and total.max() >= 2**31:
+                bound += high
+                if bound > _MAX_COUNT < total.max():
                     raise ValueError(f"{name}: the sum of its counts is 2**31 or more")
             if progress:
                 progress(place.stop / len(self.images))

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from jotlight.formats.locations import check_exists
 from jotlight.formats.magic import file_type
 from jotlight.formats.registry import FORMATS
 
@@ -27,8 +28,7 @@ def detect_format(path: Path) -> str:
     >>> detect_format(path)
     'spad512s'
     """
-    if not path.is_dir() and not path.is_file():
-        raise FileNotFoundError(f"there is no file {path}")
+    check_exists(path)
     # Raw formats match by a trailer, so formats with a header come first.
     for format_ in sorted(FORMATS.values(), key=lambda format_: format_.is_raw):
         if format_.matches is not None and format_.matches(path):

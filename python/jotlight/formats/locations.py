@@ -10,6 +10,9 @@ from jotlight.formats.file_systems import expand_url, url_state
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+(::[A-Za-z0-9+.\-/]+)*://")
 
+STANDARD_INPUT = Path("-")
+"""The path that stands for standard input."""
+
 
 def is_url(path: object) -> bool:
     """Return whether a path is a URL.
@@ -20,6 +23,33 @@ def is_url(path: object) -> bool:
     (True, False, False)
     """
     return isinstance(path, str) and _URL.match(path) is not None
+
+
+def check_exists(path: Path) -> None:
+    """Raise an error unless a path is a file or a folder.
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is no such file.
+    ValueError
+        When it is a stream, such as standard input.
+
+    Examples
+    --------
+    >>> check_exists(Path("-"))
+    Traceback (most recent call last):
+      ...
+    ValueError: -: is a stream; write it to a file first, or show it by `jotlight view - --follow`
+    """
+    if path.is_file() or path.is_dir():
+        return
+    if path == STANDARD_INPUT or path.exists():
+        raise ValueError(
+            f"{path}: is a stream; write it to a file first, or show it by "
+            f"`jotlight view {STANDARD_INPUT} --follow`"
+        )
+    raise FileNotFoundError(f"there is no file {path}")
 
 
 def is_glob(path: str) -> bool:

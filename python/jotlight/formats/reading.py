@@ -16,7 +16,7 @@ from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.detect import detect_format
 from jotlight.formats.file_systems import url_state
 from jotlight.formats.format import Format, OpenOptions
-from jotlight.formats.locations import expand, is_glob, is_url
+from jotlight.formats.locations import check_exists, expand, is_glob, is_url
 from jotlight.formats.packing import pack_stack
 from jotlight.formats.registry import FORMATS
 from jotlight.formats.remote import LocalCopy
@@ -285,6 +285,7 @@ def _open_once(
     """Return a capture whose copies hold its content."""
     if format is not None and format not in FORMATS:
         raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {format!r}")
+    check_exists(path)
     entry = FORMATS[format or detect_format(path)]
     packed = unpacked is False
     options = OpenOptions(key, counts, width, means=means, packed=packed, isolate=isolate)

@@ -243,11 +243,7 @@ def image_writer(
         )
     if suffix == ".exr":
         check_exr()
-    if depth not in (8, 16) or (depth == 16 and suffix != ".png"):
-        raise ValueError(
-            f"depth: expected 8, or 16 for a .png, got {depth} for {suffix}; "
-            ".tif, .exr, and .npy hold floats"
-        )
+    check_depth(suffix, depth)
 
     def write(file: Path, image: FloatImage) -> None:
         if suffix == ".exr":
@@ -281,6 +277,12 @@ def image_writer(
             PillowImage.fromarray(levels).save(handle, kind, **options)
 
     return write
+
+
+def check_depth(suffix: str, depth: int) -> None:
+    """Raise ValueError unless files with an ending may have a number of bits per value."""
+    if depth not in (8, 16) or (depth == 16 and suffix != ".png"):
+        raise ValueError(f"depth: expected 8, or 16 for .png, got {depth} for {suffix}")
 
 
 def _embedded(kind: str, text: str) -> dict[str, Any]:

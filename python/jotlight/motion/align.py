@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from jotlight.checks import real_number
 from jotlight.errors import warn
+from jotlight.estimators.planned_motion import MIN_FRAMES
 from jotlight.formats.capture import CountStack
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst, as_burst
@@ -24,9 +25,6 @@ from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.readings import FRAMES_ADVICE, require_plain_bits, without_mosaic
 from jotlight.sensing.sensor import Sensor
-
-MIN_FRAMES = 16
-"""Minimum number of frames from which a motion can be estimated."""
 
 _MIN_HOT_RATIO = 5.0
 """Jots with dark counts above this multiple of the median are hot, if they exceed the light, too.
@@ -196,22 +194,16 @@ def prepare_burst(
     if isinstance(data, CountStack):
         if sensor is not None and sensor.oversampling > 1:
             raise ValueError(
-                "sensor: expected an oversampling of 1, because images of counts show pixels; "
-                f"take sensor.replace(oversampling=1, frames={sensor.trials})"
+                "sensor: expected an oversampling of 1, because images of counts show pixels; pass "
+                f"oversampling=1 (--oversampling 1) and frames={sensor.trials} (--frames "
+                f"{sensor.trials})"
             )
-        given = None if sensor is None else sensor.trials // max(1, len(data.images))
-        burst = as_burst(data, given or None)
-        readings = burst.trials // burst.channels * len(burst)
-    else:
-        burst = as_burst(data)
-        readings = len(burst)
+        data = data if sensor is None else data.with_trials_of(sensor)
+    burst = as_burst(data)
     if sensor is None:
-        sensor = Sensor(frames=readings)
-    if sensor.frames != readings and sensor.trials != readings:
-        raise ValueError(
-            f"sensor: expected {readings} frames, as many as the data have binary readings, got "
-            f"{sensor.frames}; take sensor.replace(frames={readings})"
-        )
+        sensor = Sensor(frames=burst.trials // burst.channels * len(burst))
+    if isinstance(data, Bits):
+        check_fits(data.shape, sensor)
     sensor.check_map_shapes(*burst.size)
     if not may_repeat:
         jots = data[:MIN_FRAMES].sum()[None] if isinstance(data, CountStack) else data

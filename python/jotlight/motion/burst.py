@@ -99,15 +99,14 @@ def _join(frames: list[Planes]) -> Planes:
     ]
 
 
-def as_burst(data: Bits | CountStack | Readings, trials: int | None = None) -> Burst:
+def as_burst(data: Bits | CountStack | Readings) -> Burst:
     """Return bits or counts as a burst.
 
     Parameters
     ----------
     data : Bits or CountStack
-        T frames. Readings of several bits raise an error that says what takes them.
-    trials : int, optional
-        Number of binary readings behind each count of a stack that does not state it.
+        T frames. Counts must state their trials. Readings of several bits raise an error that says
+        what takes them.
 
     Raises
     ------
@@ -124,7 +123,7 @@ def as_burst(data: Bits | CountStack | Readings, trials: int | None = None) -> B
             "data: expected jotlight.Bits, or a stack of counts that jotlight.open returns, got "
             f"{type(data).__name__}; Bits.from_array packs frames (T, H, W) of 0 and 1"
         )
-    burst = _burst_of_bits(data) if isinstance(data, Bits) else _burst_of_counts(data, trials)
+    burst = _burst_of_bits(data) if isinstance(data, Bits) else _burst_of_counts(data)
     if burst.trials * len(burst) >= 2**31:
         raise ValueError(
             "data: expected fewer than 2**31 readings of a pixel in all of its channels, got "
@@ -148,8 +147,8 @@ def _burst_of_bits(bits: Bits) -> Burst:
     return Burst(frames, (height, width), number, number, frame_bytes, read, is_in_memory)
 
 
-def _burst_of_counts(stack: CountStack, given: int | None) -> Burst:
-    trials = stack.trials or given
+def _burst_of_counts(stack: CountStack) -> Burst:
+    trials = stack.trials
     if trials is None:
         raise ValueError(
             f"{stack.provenance.name}: holds counts of an unknown number of trials; pass a sensor "
@@ -161,11 +160,7 @@ def _burst_of_counts(stack: CountStack, given: int | None) -> Burst:
 
     def read(start: int, stop: int, channel: int | None) -> Planes:
         part = np.asarray(images[start:stop])
-        low, high = part.min(), part.max()
-        if low < 0 or high > trials:
-            raise ValueError(
-                f"{stack.provenance.name}: expected counts from 0 to {trials}, got {low} to {high}"
-            )
+        stack.check_range(part)
         if channels:
             part = part.sum(axis=3, dtype=np.int64) if channel is None else part[..., channel]
         digits = max(1, int(part.max()).bit_length())

@@ -41,7 +41,6 @@ _WINDOW = 11
 def motion_score(
     data: Bits | CountStack,
     *,
-    trials: int | None = None,
     threshold: int = 1,
     threads: int | None = None,
 ) -> float:
@@ -53,10 +52,8 @@ def motion_score(
     Parameters
     ----------
     data : Bits or CountStack
-        T frames of bits, or of counts. For one frame, or for less than 16 x 16 jots, the score is
-        0.
-    trials : int, optional
-        Number of binary readings behind each count of a stack that does not state it.
+        T frames of bits, or of counts that state their trials. For one frame, or for less than
+        16 x 16 jots, the score is 0.
     threshold : int
         q: the number of photons that make a jot report 1.
     threads : int, optional
@@ -81,7 +78,7 @@ def motion_score(
     >>> motion_score(Bits.from_array(noise < moving)) > THRESHOLD
     True
     """
-    burst = as_burst(data, trials)
+    burst = as_burst(data)
     if len(burst) < 2 or min(burst.size) < 2 * _CELLS[-1]:
         return 0.0
     blocks = min(_BLOCKS, len(burst))

@@ -19,7 +19,7 @@ _ARROWS = 12
 
 
 def draw_paths(axes: "Axes", times: Times, nodes: Nodes, labels: Labels, reference: float) -> None:
-    """Draw the mean displacement of each field that pixels follow, over time.
+    """Draw the mean displacement of each field that jots follow, over time.
 
     Parameters
     ----------
@@ -44,12 +44,12 @@ def draw_paths(axes: "Axes", times: Times, nodes: Nodes, labels: Labels, referen
         axes.plot(times, mean[:, 0], "-", color=f"C{position}", label=f"rows{name}")
         axes.plot(times, mean[:, 1], "--", color=f"C{position}", label=f"columns{name}")
     axes.axvline(reference, color="0.7", linewidth=1)
-    axes.set(title="mean displacement", xlabel="time in frames", ylabel="pixels")
+    axes.set(title="mean displacement", xlabel="time in frames", ylabel="jots")
     axes.legend(fontsize=8)
 
 
 def draw_change(axes: "Axes", labels: Labels, change: npt.NDArray[np.float32], title: str) -> None:
-    """Draw a change of the displacements, (2, H, W), as arrows over the labels of the pixels.
+    """Draw a change of the displacements, (2, H, W), as arrows over the labels of the jots.
 
     Examples
     --------

@@ -53,8 +53,9 @@ def film(
         :class:`jotlight.motion.live_film.LiveFilm` takes frames that arrive one after the other.
     memory : bool, optional
         Whether bits from before the window are counted, too, where they agree with it. They fade,
-        so a still point has up to 3.5 times the trials of a window. Not possible with `upsample`.
-        Default: whether the film is causal.
+        so a still point has up to 3.5 times the trials of a window. True needs a step of at most
+        half of the window, or less than the window if the film is causal, and no `upsample`.
+        Default: whether the film is causal, and has such a step and no `upsample`.
     upsample : {1, 2}
         2 for a grid of half pixels, as in :func:`jotlight.merge`.
     threads : int, optional

@@ -125,7 +125,8 @@ class FilmState:
         if not best.image.is_carried:
             self._number, self._usual = 0, best.accepted
             for text in best.warnings:
-                warn(text)
+                # Other images may be aligned, by the motion of more frames.
+                warn(f"{text} (in at least one image)")
         self._number += 1
         self._start, self._motion, self._memory = start, best.motion, best.memory
         if best.flagged == 1:

@@ -59,12 +59,19 @@ def remembers(memory: bool | None, window: int, step: int, *, causal: bool, upsa
     Raises
     ------
     ValueError
-        When the film must remember, but has a finer grid.
+        When the film must remember, but has a finer grid, or a step that is too large.
     """
     if memory and upsample > 1:
         raise ValueError(f"memory: expected False with upsample={upsample}, got True")
+    largest = window - 1 if causal else window // 2
+    if memory and step > largest:
+        smaller = f"pass step={largest} (--step {largest}) or less, or " if largest else ""
+        raise ValueError(
+            f"memory: expected a step of at most {largest} for windows of {window}, got {step}; "
+            f"{smaller}leave out memory=True (--memory)"
+        )
     wanted = causal and upsample == 1 if memory is None else memory
-    return wanted and step <= (window - 1 if causal else window // 2)
+    return wanted and step <= largest
 
 
 class Memory:

@@ -112,6 +112,11 @@ def merge(
     >>> merged.shape, bool(merged.trials.max() <= 32)
     ((64, 64), True)
     """
+    if not isinstance(motion, Motion | None):
+        raise TypeError(
+            "motion: expected a jotlight.Motion, as jotlight.align(bits) returns it, or "
+            f"jotlight.Motion.load(path), got {motion!r}"
+        )
     if (colored := bits_behind_mosaic(data, sensor)) is not None:
         return _merge_colors(*colored, at, motion, upsample, threads, progress)
     burst, sensor = prepare_burst(data, sensor)
@@ -141,6 +146,7 @@ def _merge_colors(
             motion, _ = find_motion(
                 bits, sensor, at, "auto", threads, lambda part: update(_ALIGNING * part, "aligning")
             )
+        check_motion(motion, (bits.shape[1], bits.shape[2]), len(bits))
         for number, own in enumerate(of_colors, 1):
             burst, _ = prepare_burst(bits, own, may_repeat=True)
             merged.append(_merge_color(burst, own, at, motion, threads))
@@ -181,11 +187,7 @@ def _merge(
             data, sensor, at, "auto", threads, lambda part: update(_ALIGNING * part, "aligning")
         )
         update(_ALIGNING, "merging")
-    if motion.size != burst.size:
-        raise ValueError(
-            f"motion: expected that of {burst.size[0]} x {burst.size[1]} jots, got "
-            f"{motion.size[0]} x {motion.size[1]}"
-        )
+    check_motion(motion, burst.size, len(burst))
     paths, motion = paths_at(burst, sensor, at, motion, threads)
     if motion.model == "none" and hot_jots(sensor) is not None:
         consistent = None
@@ -212,6 +214,23 @@ def paths_at(
     edges = divide(len(burst)) if edges is None else edges
     blocks = as_blocks(burst, edges, sensor, threads, with_hot_jots=is_still)
     return as_paths(motion, blocks), motion
+
+
+def check_motion(motion: Motion, size: tuple[int, int], frames: int) -> None:
+    """Raise ValueError unless a motion is that of some frames of a size in jots."""
+    if motion.size != size:
+        raise ValueError(
+            f"motion: expected that of {size[0]} x {size[1]} jots, got "
+            f"{motion.size[0]} x {motion.size[1]}"
+        )
+    last, (first, end) = frames - 1, motion.times[[0, -1]]
+    margin = float(np.diff(motion.times).max())
+    # The motion of a single frame has two times, too.
+    if first < 0 or first > margin or end > max(last, 1) or end < last - margin:
+        raise ValueError(
+            f"motion: expected that of frames 0 to {last}, got that of frames {first:g} to {end:g};"
+            " leave out motion= (--motion-file) to align these frames"
+        )
 
 
 def check_upsample(upsample: int, sensor: Sensor) -> None:

@@ -32,7 +32,7 @@ _PANEL = 4.2
 """Width of a panel of a figure in inches."""
 
 MAX_DISPLACEMENT = np.float32(1e5)
-"""Largest displacement in pixels, also of extrapolated ones."""
+"""Largest displacement in jots, also of extrapolated ones."""
 
 _MAX_FIELDS = 256
 """Maximum number of fields, so that labels are bytes."""
@@ -42,14 +42,15 @@ _MAX_FIELDS = 256
 class Motion:
     """The motion of a scene, as seen from a reference time.
 
-    The scene point that pixel x shows at the time `reference` is at x + u(x, t) at time t. Times
-    are numbers of frames, and need not be whole. Parts of the scene may move differently, so there
-    are several fields of displacements, and each pixel follows one.
+    The scene point that jot x shows at the time `reference` is at x + u(x, t) at time t.
+    Displacements u are in jots, also if a pixel of the image has several. Times are numbers of
+    frames, and need not be whole. Parts of the scene may move differently, so there are several
+    fields of displacements, and each jot follows one.
 
     Parameters
     ----------
     nodes : ndarray of float32, shape (m, n, 2, rows, columns)
-        u at the centers of tiles of 16 pixels, in rows and columns, for each field and each of the
+        u at the centers of tiles of 16 jots, in rows and columns, for each field and each of the
         `times`. It is interpolated linearly in space and time, and extrapolated beyond them.
     labels : ndarray of uint8, shape (H, W)
         Index of the field of each jot.
@@ -60,7 +61,7 @@ class Motion:
     model : {"none", "affine", "segments", "tiles"}
         How the motion was estimated.
     information : ndarray of float32, shape (m, n, 3, rows, columns)
-        Information about u of each tile in nats/px²: the entries of the Fisher information for
+        Information about u of each tile in nats/jot²: the entries of the Fisher information for
         rows, for rows and columns, and for columns.
 
     Raises
@@ -120,7 +121,7 @@ class Motion:
                 raise ValueError(f"{name}: expected finite numbers of float, got {values.dtype}")
         if abs(nodes).max() > MAX_DISPLACEMENT:
             raise ValueError(
-                f"nodes: expected displacements of up to {MAX_DISPLACEMENT:g} pixels, got "
+                f"nodes: expected displacements of up to {MAX_DISPLACEMENT:g} jots, got "
                 f"{abs(nodes).max():g}"
             )
         if not np.isfinite(self.reference):
@@ -151,7 +152,7 @@ class Motion:
         return np.asarray(np.clip(nodes, -MAX_DISPLACEMENT, MAX_DISPLACEMENT))
 
     def at(self, time: float) -> npt.NDArray[np.float32]:
-        """Return u of each jot at a time, (2, H, W): rows and columns in pixels."""
+        """Return u of each jot at a time, (2, H, W): rows and columns in jots."""
         fields = [interpolate(nodes, self.size) for nodes in self.nodes_at(time)]
         return np.choose(self.labels, fields) if len(fields) > 1 else fields[0]
 
@@ -226,7 +227,7 @@ class Motion:
             self.model,
             f"{self.size[0]} x {self.size[1]} jots",
             f"{len(self.times)} times from {self.times[0]:g} to {self.times[-1]:g}",
-            f"up to {longest:.3g} pixels",
+            f"up to {longest:.3g} jots",
         )
 
     def _repr_html_(self) -> str:

@@ -7,11 +7,11 @@ from jotlight.motion.motion import Motion
 from jotlight.motion.tiles import TILE
 
 _MAX_ERROR = 100.0
-"""Largest stated error in pixels, for tiles without information."""
+"""Largest stated error in jots, for tiles without information."""
 
 
 def posterior_error(motion: Motion) -> npt.NDArray[np.float32]:
-    """Return the standard deviation of the displacement of each jot, (H, W), in pixels.
+    """Return the standard deviation of the displacement of each jot, (H, W), in jots.
 
     It is √(½ tr A⁻¹) with the information A of a block, averaged over the blocks. It is 0 if
     nothing moves.
@@ -25,5 +25,5 @@ def posterior_error(motion: Motion) -> npt.NDArray[np.float32]:
         variance = (rows + columns) / (2 * determinant)
     variance = np.where(variance < _MAX_ERROR**2, variance, _MAX_ERROR**2)
     error = np.sqrt(variance.mean(axis=1)).astype(np.float32)
-    pixels = error.repeat(TILE, axis=1).repeat(TILE, axis=2)[:, :height, :width]
-    return np.choose(motion.labels, list(pixels)) if len(pixels) > 1 else pixels[0]
+    jots = error.repeat(TILE, axis=1).repeat(TILE, axis=2)[:, :height, :width]
+    return np.choose(motion.labels, list(jots)) if len(jots) > 1 else jots[0]

@@ -7,6 +7,7 @@ from typing import Any
 
 from magicgui import widgets
 
+from jotlight.errors import error_message
 from jotlight.napari.lazy import LayerData
 
 Result = tuple[list[LayerData], str]
@@ -78,7 +79,7 @@ def describe_error(error: BaseException) -> str:
     'MemoryError'
     """
     if isinstance(error, _EXPECTED_ERRORS):
-        return str(error) or type(error).__name__
+        return error_message(error)
     traceback.print_exception(error)
     return f"unexpected error, {type(error).__name__}: {error}"
 

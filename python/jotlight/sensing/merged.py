@@ -40,7 +40,8 @@ class Merged:
     acceptance : array_like of shape (H, W), optional
         The fraction of the bits along the motion that were counted, in [0, 1].
     posterior_error : array_like of shape (H, W), optional
-        The standard deviation of the displacement in pixels, 0 or more.
+        The standard deviation of the displacement, 0 or more: in jots, or in pixels of a finer
+        grid.
     flags : array_like of bool, shape (H, W), optional
         True marks a pixel that is not to be trusted.
     channel_axis : int, optional

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Any, TypeVar
 
+from jotlight.errors import error_message
 from jotlight.view.counts import Counts
 from jotlight.view.facts import describe_capture
 from jotlight.view.messages import decode_request, encode
@@ -249,7 +250,7 @@ class Session:
         except CancelledError:
             pass
         except (ValueError, TypeError, OSError, ImportError, MemoryError, ArithmeticError) as error:
-            text = str(error) or type(error).__name__
+            text = error_message(error)
             await self._send({"type": "error", "id": request.number, "text": text})
 
     async def _quickly(self, function: Callable[..., R], *arguments: Any) -> R:

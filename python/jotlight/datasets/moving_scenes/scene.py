@@ -71,6 +71,11 @@ class MovingScene:
         shape = (sensor.frames, height, math.ceil(width / 8), *channels)
         (self.bits,) = simulated_bits([Frames(shape, self._draw)], width, sensor)
 
+    @property
+    def has_objects(self) -> bool:
+        """Whether there are planes in front of the background."""
+        return len(self._planes) > 1
+
     def image(self, time: float | None = None, *, upsample: int = 1) -> npt.NDArray[np.float32]:
         """Return the image at a time, (H, W) or (H, W, C). Default: at the reference frame.
 
@@ -249,8 +254,8 @@ def moving(
         Default:
         ``Sensor(frames=256)``, or as many frames as the array `motion` has.
     foreground : array_like of float, shape (H, W) or (H, W, C), optional
-        The photograph of the objects, and of a plane in "parallax". Default: the background, turned
-        by 180°.
+        The photograph of the objects, and of a plane in "parallax". Scenes without objects do not
+        show it. Default: the background, turned by 180°.
     shape : (int, int), optional
         Rows and columns of the recorded part, around the center. Default: those of the photograph,
         divided by `detail`.

@@ -1,5 +1,6 @@
 """Tables of poses in text files."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +9,15 @@ import numpy.typing as npt
 _MAX_BYTES = 1 << 28
 """Maximum size of a table: 10⁶ frames take less than a third."""
 
+_SEPARATOR = re.compile(r"\s*,\s*|\s+")
+
 
 def read_poses(path: Path) -> npt.NDArray[np.float64]:
     r"""Return the poses in a text file, (T, 2) or (T, 4).
 
-    Each line describes a frame: the shift in rows and in columns in pixels, and optionally the
-    angle in degrees and the zoom. Commas separate the numbers. Lines that begin with # are ignored.
+    Each line describes a frame: the shift in rows and in columns in pixels, and optionally both the
+    angle in degrees and the zoom. Commas or white space separate the numbers, as in a file of
+    ``numpy.savetxt``. Lines that begin with # are ignored.
 
     Raises
     ------
@@ -35,16 +39,18 @@ def read_poses(path: Path) -> npt.NDArray[np.float64]:
     if path.stat().st_size > _MAX_BYTES:
         raise ValueError(f"{path}: expected at most {_MAX_BYTES} bytes")
     lines = path.read_text("utf-8", errors="replace").splitlines()
-    rows = [line.split(",") for line in lines if line.strip() and not line.startswith("#")]
+    texts = [line.strip() for line in lines]
+    rows = [_SEPARATOR.split(text) for text in texts if text and not text.startswith("#")]
     try:
         table = np.array(rows, np.float64)
     except ValueError as error:
         raise ValueError(
-            f"{path}: expected numbers that commas separate, and as many in each line ({error})"
+            f"{path}: expected numbers that commas or spaces separate, and as many in each line "
+            f"({error})"
         ) from error
     if table.ndim != 2 or table.shape[1] not in (2, 4):
         raise ValueError(
-            f"{path}: expected 2 or 4 numbers in each line: rows, columns, and optionally degrees "
-            f"and zoom; got shape {table.shape}"
+            f"{path}: expected 2 or 4 numbers in each line: rows, columns, and optionally both "
+            f"degrees and zoom; got shape {table.shape}"
         )
     return table

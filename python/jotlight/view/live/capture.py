@@ -5,6 +5,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+from jotlight.errors import error_message
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
@@ -93,7 +94,7 @@ class LiveCapture:
             try:
                 work(self)
             except (OSError, ValueError) as error:
-                self.problem = str(error)
+                self.problem = error_message(error)
             self.ended = True
 
         self._thread = threading.Thread(target=run, daemon=True, name="jotlight-live")

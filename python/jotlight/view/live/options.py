@@ -13,6 +13,7 @@ import numpy as np
 
 from jotlight.calibration import Calibration
 from jotlight.formats.format import FrameLayout
+from jotlight.formats.locations import STANDARD_INPUT
 from jotlight.formats.reading import open_capture
 from jotlight.formats.registry import FORMATS
 from jotlight.sensing.frames import Packed
@@ -31,7 +32,6 @@ _MAX_HEADER = 1 << 12
 
 _MAX_FRAME_BYTES = 1 << 26
 
-STANDARD_INPUT = Path("-")
 
 _Opened = tuple[FrameRing, Callable[[LiveCapture], None], str]
 """The frames, the work that adds later ones, and the name of the format."""
