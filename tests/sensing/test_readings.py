@@ -252,7 +252,6 @@ USES = {
     "merge": lambda sensor, bits: jl.merge(bits),
     "align": lambda sensor, bits: jl.align(bits),
     "hot jots": lambda sensor, bits: jl.calibration.find_hot_jots(bits),
-    "compare": lambda sensor, bits: jl.compare({"mle": "mle"}, np.ones((8, 8)), sensor),
 }
 
 

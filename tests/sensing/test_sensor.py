@@ -213,11 +213,11 @@ BAD_IMAGES = [
     (np.zeros((6, 8, 4)), ValueError, "looks like color; pass channel_axis=-1"),
     (np.zeros((4, 4), np.uint8), TypeError, r"scale is unknown; divide by .*image / 255\.0"),
     (np.zeros((4, 4), int), TypeError, "scale is unknown"),
-    (np.zeros((4, 4), bool), TypeError, "scale is unknown"),
-    (np.zeros((4, 4), complex), TypeError, "expected floats, got complex128"),
-    (np.zeros((4, 4), object), TypeError, "expected floats, got object"),
+    (np.zeros((4, 4), bool), TypeError, "got bool; pass image.astype"),
+    (np.zeros((4, 4), complex), TypeError, "expected floats in units of intensity, got complex128"),
+    (np.zeros((4, 4), object), TypeError, "expected floats in units of intensity, got object"),
     ("image.png", TypeError, r"path 'image.png'; pass jotlight.read_image\(path\)"),
-    (None, TypeError, "expected floats, got object"),
+    (None, TypeError, "expected floats in units of intensity, got object"),
 ]
 
 
