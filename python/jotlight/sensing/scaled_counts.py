@@ -233,11 +233,11 @@ def _advice_on_floats(values: npt.NDArray[Any], trials: int) -> str:
     if (values == np.rint(values)).all():
         return f"; cast rounded floats with astype(int){photograph}"
     scale = next((scale for scale in (1, *SCALES) if values.max() <= scale), None)
-    number = recognize_trials(values, scale) if scale else None
+    number = None if scale is None else recognize_trials(values, scale)
     if number is None and scale == 1:
         number = trials
     # All multiples of 1 / 2 are means of 510 frames times 255, and so on.
-    if number is None or (scale != 1 and number % scale == 0):
+    if scale is None or number is None or (scale != 1 and number % scale == 0):
         return f"; fractions are no counts, so pass the counts from before a scaling{photograph}"
     fraction = "x" if scale == 1 else f"x / {scale}"
     return (
