@@ -61,7 +61,7 @@ def test_the_longest_chain_of_units_is_short(imports):
                 "sensor_like",
             },
         ),
-        ("simulate", {"output_images", "sensor_like"}),
+        ("simulate", {"intensity_scale", "output_images", "sensor_like"}),
         ("response", set()),
     ],
 )

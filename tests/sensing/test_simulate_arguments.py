@@ -139,6 +139,16 @@ def test_values_of_an_integer_image_are_reported(white, dtype):
         SENSOR.expose(image, rng=0)
 
 
+def test_gray_levels_of_floats_are_reported():
+    message = r"max_intensity=1, but most of them exceed 10, up to 254.*image / 255 \(--white 255\)"
+    with pytest.warns(jl.JotlightWarning, match=message):
+        SENSOR.expose(254.7 * IMAGE, rng=0)
+    with pytest.warns(jl.JotlightWarning, match=r"Sensor\(max_intensity=…\) \(--max-intensity\)"):
+        SENSOR.rate(40000.5 * IMAGE)
+    SENSOR.replace(max_intensity=255).expose(254.7 * IMAGE, rng=0)
+
+
 def test_bright_light_is_not_reported():
-    SENSOR.expose(200 * IMAGE, rng=0)
+    SENSOR.expose(np.where(IMAGE > 0.6, 200 * IMAGE, IMAGE), rng=0)
     SENSOR.expose(np.full((4, 4), 9.0), rng=0)
+    SENSOR.expose(np.full((4, 4), 1e6), rng=0)

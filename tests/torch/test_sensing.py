@@ -1,6 +1,7 @@
 """The sensor as a PyTorch layer."""
 
 import copy
+import re
 
 import numpy as np
 import pytest
@@ -211,6 +212,26 @@ def test_invalid_arguments_are_refused():
         Sensing(SENSORS["maps"])(torch.zeros(1, 1, 2, 2))
     with pytest.raises(ValueError, match="data: expected bits for a smooth kernel"):
         Sensing(SENSORS["cubic"]).log_likelihood(image(), image())
+
+
+@pytest.mark.parametrize("dtype", [torch.uint8, torch.int64, torch.bool, torch.complex64])
+def test_intensities_of_an_unknown_scale_are_refused(dtype):
+    light = torch.ones((1, 1, HEIGHT, WIDTH), dtype=dtype)
+    for method in (Sensing(jl.Sensor()), Sensing(jl.Sensor()).probability):
+        with pytest.raises(TypeError, match=f"expected floats in units of intensity, got {dtype}"):
+            method(light)
+
+
+def test_other_types_are_refused():
+    with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, .*got 8"):
+        Sensing(8)
+    array = np.full((HEIGHT, WIDTH), 0.5)
+    message = r"got ndarray; pass (torch.*) for an image \(H, W\)"
+    with pytest.raises(TypeError, match=message) as error:
+        Sensing(jl.Sensor())(array)
+    call = re.search(message, str(error.value))[1]
+    converted = eval(call, {"torch": torch, "image": array})
+    assert Sensing(jl.Sensor())(converted).shape == (1, 1, HEIGHT, WIDTH)
 
 
 def test_the_bound_on_the_variance_fails_less_than_once_in_10_to_the_9():

@@ -166,6 +166,18 @@ def test_dark_images_with_a_bright_spot_have_a_finite_cost():
     assert np.isfinite(history.loss).all()
 
 
+@pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)
+def test_gray_levels_are_reported_once(start):
+    with pytest.warns(jl.JotlightWarning, match="images: most intensities should be") as warned:
+        train_small(start, 254.7 * IMAGES, steps=1)
+    assert len(warned) == 1
+
+
+def test_a_light_in_a_patch_is_not_reported():
+    lights = np.where(np.arange(24) < 7, np.float32(20.5), IMAGES)
+    train_small(images=lights, steps=3, patch=5)
+
+
 def test_divergence_is_an_error_that_says_what_to_change():
     message = r"step \d+: the run reached infinity or NaN .* lower the learning rate"
     with pytest.raises(FloatingPointError, match=message):

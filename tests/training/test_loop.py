@@ -83,6 +83,12 @@ COLOR, SMALL = np.full((16, 16, 3), 0.5), np.full((16, 6), 0.5)
 NO_NUMBER = np.full((99, 16, 16), np.nan)
 
 
+def test_gray_levels_are_reported():
+    message = "images: most intensities should be at most max_intensity=1, but most of them exceed"
+    with pytest.warns(jl.JotlightWarning, match=message):
+        train(images=254.7 * IMAGES, steps=1)
+
+
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [

@@ -14,9 +14,9 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.checks import as_image, require_slice
 from jotlight.chunks import frame_chunks
-from jotlight.errors import warn
 from jotlight.layout import Layout
 from jotlight.seeds import seed_of_image
+from jotlight.sensing.intensity_scale import warn_about_scale
 from jotlight.sensing.output_images import OutputImages, check_out
 from jotlight.sensing.sensor_like import SensorLike
 
@@ -106,19 +106,8 @@ def checked_images(
     sizes = layout.moved(pixels).shape[-2:]
     height, width = (size * sensor.oversampling for size in sizes)
     sensor.check_map_shapes(height, width)
-    _warn_of_scale(pixels, sensor.max_intensity)
+    warn_about_scale("image", [pixels], sensor.max_intensity)
     return pixels, layout
-
-
-def _warn_of_scale(pixels: npt.NDArray[Any], max_intensity: float) -> None:
-    """Warn about an image whose values look like those of an integer image."""
-    highest = pixels.max()
-    if 10 * max_intensity < highest <= 65535 and (pixels == np.rint(pixels)).all():
-        white = 255 if highest <= 255 else 65535
-        warn(
-            f"image: most intensities should be at most max_intensity={max_intensity:g}, but they "
-            f"are whole numbers up to {highest:g}; for an integer image, write image / {white}"
-        )
 
 
 def crop(sensor: AnySensor, window: Window, image_size: tuple[int, int]) -> AnySensor:

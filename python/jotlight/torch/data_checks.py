@@ -11,6 +11,28 @@ _UNORDERED = torch.uint16, torch.uint32, torch.uint64
 """Types for which PyTorch has no `aminmax`."""
 
 
+def check_intensities(intensities: Tensor) -> None:
+    """Raise TypeError unless intensities are a tensor of floats, as in :meth:`Sensor.expose`.
+
+    Examples
+    --------
+    >>> check_intensities(torch.zeros(1, 1, 2, 2, dtype=torch.uint8))
+    Traceback (most recent call last):
+    ...
+    TypeError: intensities: expected floats in units of intensity, got torch.uint8; ...
+    """
+    if not isinstance(intensities, Tensor):
+        raise TypeError(
+            f"intensities: expected a tensor (N, 1, H, W), got {type(intensities).__name__}; pass "
+            "torch.as_tensor(image)[None, None] for an image (H, W)"
+        )
+    if not intensities.is_floating_point():
+        raise TypeError(
+            f"intensities: expected floats in units of intensity, got {intensities.dtype}; divide "
+            "by the level of white, such as image / 255 for an 8-bit photograph"
+        )
+
+
 def check_values(data: Tensor, sensor: Sensor, *, is_bits: bool) -> None:
     """Raise ValueError for counts or bits that a sensor cannot report.
 

@@ -9,7 +9,9 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from jotlight.errors import hide_warnings
 from jotlight.networks.network import Network
+from jotlight.sensing.intensity_scale import MEANING
 from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch import response
@@ -245,7 +247,8 @@ class PatchLoader:
         data = []
         for patch, factor, generator in zip(truth, factors, generators, strict=True):
             sensor = dataclasses.replace(self.sensor, gain=self.sensor.gain * float(factor))
-            bits = sensor.expose(patch, generator, threads=threads)
+            with hide_warnings(MEANING):  # a patch may show nothing but a light
+                bits = sensor.expose(patch, generator, threads=threads)
             counts = bits.counts(side, threads=threads)[None] if tied else bits.to_array()
             data.append(counts.astype(np.float32))
         return torch.from_numpy(np.stack(data))

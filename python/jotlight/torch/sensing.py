@@ -5,8 +5,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 import jotlight._engine as engine
-from jotlight.sensing.readings import require_plain_bits
-from jotlight.sensing.sensor import KERNELS, Sensor
+from jotlight.sensing.sensor import KERNELS, Sensor, require_sensor
+from jotlight.torch.data_checks import check_intensities
 from jotlight.torch.padding import mirror_pad
 from jotlight.torch.response import detection_probability, log_probabilities
 
@@ -37,8 +37,8 @@ class Sensing(nn.Module):
 
     Raises
     ------
-    ValueError
-        For another output or gradient.
+    TypeError, ValueError
+        For another output or gradient, and for anything but a sensor of plain bits.
 
     Examples
     --------
@@ -60,7 +60,7 @@ class Sensing(nn.Module):
         ):
             if value not in choices:
                 raise ValueError(f"{name}: expected one of {', '.join(choices)}, got {value!r}")
-        require_plain_bits(sensor)
+        require_sensor(sensor)
         self.sensor, self.output, self.gradient = sensor, output, gradient
         self._degree = KERNELS.index(sensor.kernel)
         self._taps = engine.kernel_taps(self._degree, sensor.oversampling)
@@ -82,6 +82,8 @@ class Sensing(nn.Module):
 
         Raises
         ------
+        TypeError
+            For anything but a tensor of floats.
         ValueError
             When the shape is another one, or does not fit the sensor's maps.
         """
@@ -152,6 +154,7 @@ class Sensing(nn.Module):
 
     def _rate(self, intensities: Tensor, *, per_jot: bool) -> Tensor:
         """Return the rate of each jot, or of each pixel if its jots are alike."""
+        check_intensities(intensities)
         if intensities.dim() != 4 or intensities.shape[1] != 1:
             raise ValueError(
                 f"intensities: expected shape (N, 1, H, W), got {tuple(intensities.shape)}"

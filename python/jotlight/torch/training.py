@@ -14,6 +14,7 @@ from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
 from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.progress import Progress
+from jotlight.sensing.intensity_scale import warn_about_scale
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.ahead import AheadLoader
 from jotlight.torch.color_patches import ColorPatchLoader
@@ -28,7 +29,7 @@ from jotlight.torch.precision import check_precision
 from jotlight.training.history import History, RecordCallback
 from jotlight.training.images import Images, TrainingImages, check_images, fingerprint_images
 from jotlight.training.parameters import fingerprint_network
-from jotlight.training.patch_sources import PatchSource, as_patch_source
+from jotlight.training.patch_sources import ImagePatches, PatchSource, as_patch_source
 from jotlight.training.patches import patch_sensor
 from jotlight.training.reporting import shown_steps
 
@@ -171,6 +172,8 @@ def train(
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
     source = as_patch_source(images)
+    if isinstance(source, ImagePatches):
+        warn_about_scale("images", source.images, sensor.max_intensity)
     side = _patch_side(source, patch)
     tests = _test_images(test, network)
     with (

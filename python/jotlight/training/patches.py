@@ -10,6 +10,7 @@ import numpy.typing as npt
 from jotlight.checks import whole_number
 from jotlight.networks.network import Network
 from jotlight.seeds import seed_bytes
+from jotlight.sensing.intensity_scale import warn_about_scale
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.training.images import (
@@ -82,6 +83,7 @@ class PatchSampler:
                 batch = max(1, pixels // sample.size)
             return cls(images, sensor, seed, batch, None, border)
         checked = check_images(images)
+        warn_about_scale("images", checked, sensor.max_intensity)
         side = patch_size(checked, patch)
         if side <= 2 * border and any(max(image.shape) > side for image in checked):
             raise ValueError(

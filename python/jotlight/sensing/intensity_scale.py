@@ -1,0 +1,60 @@
+"""The warning about images whose values are not intensities, such as the gray levels of a file."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.errors import warn
+
+MEANING = "most intensities should be at most max_intensity"
+"""What the warning says in every case."""
+
+_MARGIN = 10
+"""Factor by which the intensities of a bright scene may exceed the largest of an estimate."""
+
+_LEVELS = 255, 65535
+"""Largest levels of images of integers."""
+
+
+def warn_about_scale(name: str, images: Iterable[npt.NDArray[Any]], max_intensity: float) -> None:
+    """Warn about images that look like gray levels, since they are whole or almost all too bright.
+
+    A light may be far brighter than the largest intensity of an estimate, S. But an estimate is
+    wrong almost everywhere if most pixels exceed S. Above the levels of integers, an image is a
+    saturated scene.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument.
+    images : iterable of ndarray of float
+        Checked intensities, at least one image.
+    max_intensity : float
+        S.
+
+    Examples
+    --------
+    >>> warn_about_scale("image", [np.array([0.5, 0.25, 200.3])], 1.0)  # a light: no warning
+    """
+    each = list(images)
+    limit, highest = _MARGIN * max_intensity, max(float(image.max()) for image in each)
+    level = next((level for level in _LEVELS if highest <= level), None)
+    if highest <= limit or level is None:
+        return
+    bright = [image for image in each if image.max() > limit]
+    if all((image == np.rint(image)).all() for image in bright):
+        found = f"they are whole numbers up to {highest:g}; for an integer image,"
+    elif 2 * sum(np.count_nonzero(image > limit) for image in bright) > sum(
+        image.size for image in each
+    ):
+        found = (
+            f"most of them exceed {limit:g}, up to {highest:.4g}; for a scene this bright, pass "
+            "Sensor(max_intensity=…) (--max-intensity); for gray levels,"
+        )
+    else:
+        return
+    warn(
+        f"{name}: {MEANING}={max_intensity:g}, but {found} write {name} / {level} (--white {level})"
+    )
