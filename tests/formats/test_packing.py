@@ -90,3 +90,11 @@ def test_counts_are_not_taken_for_packed_bits(tmp_path):
         opened = jl.open(tmp_path / "counts.npy", counts=True)
     np.testing.assert_array_equal(opened, counts.sum(0))
     assert jl.open(tmp_path / "counts.npy", unpacked=False).shape == (6, 32, 320)
+
+
+@pytest.mark.parametrize("options", [{}, {"unpacked": True}])
+def test_frames_along_the_last_axis_are_reported(tmp_path, options):
+    array = np.moveaxis(random_frames((8, 128, 100)), 0, 2)
+    np.save(tmp_path / "hwt.npy", array if not options else array.astype(np.uint8))
+    with pytest.warns(jl.JotlightWarning, match=r"hwt.npy: taken for 128 frames of 100 x 8 jots"):
+        jl.open(tmp_path / "hwt.npy", **options)

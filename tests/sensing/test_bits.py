@@ -1,5 +1,7 @@
 """Packed bits: packing, counting, slicing, and checks."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -217,3 +219,23 @@ def test_a_sensor_that_did_not_make_these_bits_is_refused(sensor, message):
 )
 def test_repr_shows_the_true_shape(shape, text):
     assert repr(jl.Bits.from_array(random_bits(*shape))) == text
+
+
+HWT = np.moveaxis(np.random.default_rng(3).random((8, 128, 100)) < 0.5, 0, 2)
+
+
+def test_frames_along_the_last_axis_are_reported():
+    with pytest.warns(jl.JotlightWarning, match=r"8 frames of 128 x 100 jots.*\(array, 2, 0\)$"):
+        jl.Bits.from_array(HWT)
+    jl.Bits.from_array(HWT, jl.Sensor(frames=128))
+    jl.Bits.from_array(np.ones((63, 200, 2), bool))
+    jl.Bits.from_array(np.ones((1, 200, 2), bool))
+
+
+def test_a_sensor_with_the_frames_of_the_last_axis_is_advised_to_move_it():
+    sensor = jl.Sensor(frames=8)
+    message = r"8 frames, got 128; if the frames are the last axis, .*: (np.*); otherwise take"
+    with pytest.raises(ValueError, match=message) as error:
+        jl.Bits.from_array(HWT, sensor)
+    moved = eval(re.search(message, str(error.value))[1], {"np": np, "array": HWT})
+    assert jl.Bits.from_array(moved, sensor).shape == (8, 128, 100)

@@ -178,7 +178,14 @@ def test_unpacked_frames_in_place_of_a_stack_of_counts_are_reported():
     frames = sensor.expose(np.full((8, 9), 0.4), rng=0).to_array().astype(np.uint8)
     with pytest.warns(jl.JotlightWarning, match=r"16 images of nothing but 0 and 1 .*from_array"):
         assert jl.mle(frames, sensor).shape == (16, 8, 9)
+    hwt = np.moveaxis(frames, 0, 2)
+    with pytest.warns(jl.JotlightWarning, match=r"16 columns of nothing but 0 and 1") as warned:
+        jl.mle(hwt, sensor)
+    call = re.search(r"(jotlight\.Bits\.from_array\(.*\)) makes", str(warned[0].message))[1]
+    bits = eval(call, {"np": np, "jotlight": jl, "frames": hwt, "sensor": sensor})
+    np.testing.assert_array_equal(bits.to_array(), frames)
     jl.mle(frames, jl.Sensor(frames=1))
+    jl.mle(hwt, jl.Sensor(frames=4))
     jl.mle(frames[:5], sensor)
     # A pair of dim images has no count of 2 by chance.
     pair = np.stack(

@@ -12,7 +12,7 @@ from jotlight.chunks import windows
 from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing import lazy, preview
 from jotlight.sensing.array_hints import ArrayHints
-from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.bits_checks import check_fits, warn_about_axes
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.counting import count_ones_of_one
 from jotlight.sensing.frames import (
@@ -98,7 +98,7 @@ class Bits(ArrayHints):
         array : array_like of bool or int, shape (T, H, W), (H, W) or (T, H, W, C)
             The bits, with at most 4 channels.
         sensor : Sensor, optional
-            The sensor that recorded the bits.
+            The sensor that recorded the bits. Without it, a shape like (H, W, T) is warned about.
 
         Raises
         ------
@@ -132,6 +132,8 @@ class Bits(ArrayHints):
                 f"bits: expected 0 and 1 only, got {values.min()} to {values.max()}; "
                 "methods take an image of counts as it is"
             )
+        if sensor is None:
+            warn_about_axes("bits", values.shape)
         return cls(np.packbits(values, axis=2), values.shape[2], sensor)
 
     @property

@@ -1,6 +1,32 @@
-"""The check that bits have the shape that a sensor requires."""
+"""Checks of the shape of bits: that it fits a sensor, and that the first axis is that of frames."""
 
+from jotlight.errors import warn
 from jotlight.sensing.sensor_like import SensorLike
+
+MOVE_FRAMES = "move their axis to the front: np.moveaxis(array, 2, 0)"
+"""What to do with frames (H, W, T)."""
+
+_MIN_SIDE = 64
+"""Minimum size of the first two axes at which a short last axis looks like that of the frames."""
+
+_MIN_RATIO = 4
+"""Minimum ratio of these sizes and the size of the last axis."""
+
+
+def warn_about_axes(name: str, shape: tuple[int, ...]) -> None:
+    """Warn about frames of a shape that looks like (H, W, T).
+
+    Examples
+    --------
+    >>> warn_about_axes("bits", (16, 64, 64))  # no warning
+    """
+    frames, height, width = shape[:3]
+    side = min(frames, height)
+    if side >= _MIN_SIDE and side >= _MIN_RATIO * width:
+        warn(
+            f"{name}: taken for {frames} frames of {height} x {width} jots; if these are {width} "
+            f"frames of {frames} x {height} jots, {MOVE_FRAMES}"
+        )
 
 
 def check_fits(shape: tuple[int, ...], sensor: SensorLike, *, bit_depth: int = 1) -> None:
@@ -16,8 +42,10 @@ def check_fits(shape: tuple[int, ...], sensor: SensorLike, *, bit_depth: int = 1
     frames, height, width = shape[:3]
     if frames != sensor.frames:
         some = f"bits[:{sensor.frames}] (--frame-range 0:{sensor.frames}), or "
+        last = f"if the frames are the last axis, {MOVE_FRAMES}; otherwise "
         raise ValueError(
-            f"bits: expected the sensor's {sensor.frames} frames, got {frames}; take "
+            f"bits: expected the sensor's {sensor.frames} frames, got {frames}; "
+            f"{last if sensor.frames == width > 1 else ''}take "
             f"{some if sensor.frames < frames else ''}"
             f"sensor.replace(frames={frames}) (--frames {frames})"
         )

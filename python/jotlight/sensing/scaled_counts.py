@@ -263,14 +263,21 @@ def warn_about_frames(images: Counts, sensor: Sensor) -> None:
     >>> frames = Sensor(frames=16).expose(np.full((8, 8), 0.5), rng=0).to_array().astype(int)
     >>> warn_about_frames(frames.sum(0)[None], Sensor(frames=16))  # no warning
     """
-    if not len(images) == sensor.frames > 1 == images.max():
+    number, _, width = images.shape
+    if not (number > 1 and sensor.frames > 1 and images.max() == 1):
+        return
+    if number == sensor.frames:
+        found, frames = f"{number} images of nothing but 0 and 1", "frames"
+    elif width == sensor.frames:
+        found, frames = f"{width} columns of nothing but 0 and 1", "np.moveaxis(frames, 2, 0)"
+    else:
         return
     trials, share = sensor.trials, float(images.mean()) / sensor.trials
     one_or_none = (1 - share) ** (trials - 1) * (1 + (trials - 1) * share)
     if images.size * (1 - one_or_none) > _MIN_EXPECTED:
         warn(
-            f"counts: {len(images)} images of nothing but 0 and 1 look like the {sensor.frames} "
-            "frames of one image; jotlight.Bits.from_array(frames, sensor) makes bits of them"
+            f"counts: {found} look like the {sensor.frames} frames of one image; "
+            f"jotlight.Bits.from_array({frames}, sensor) makes bits of them"
         )
 
 
