@@ -203,3 +203,14 @@ def test_networks_of_other_kinds_are_described(run, tmp_path, network, kind, sta
     assert status == 0
     assert kind in output
     assert start in output
+
+
+def test_a_motion_is_described_and_drawn(run, tmp_path):
+    nodes, parts = np.zeros((1, 2, 2, 1, 1), np.float32), np.ones((1, 2, 3, 1, 1), np.float32)
+    times, labels = np.array([0.0, 6.0]), np.zeros((16, 16), np.uint8)
+    jl.Motion(nodes, labels, times, 3.0, "affine", parts).save(tmp_path / "m.safetensors")
+    status, output = run("info", "m.safetensors", "--plot", "m.png")
+    assert status == 0
+    lines = [" ".join(line.split()) for line in output.splitlines()]
+    assert lines[:3] == ["kind motion", "model affine", "size 16 x 16 jots"]
+    assert (tmp_path / "m.png").exists()

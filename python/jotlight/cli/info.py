@@ -1,7 +1,7 @@
 """``jotlight info``: the contents of a file."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,6 +27,8 @@ from jotlight.formats.labels import COUNTS, parse_label
 from jotlight.formats.locations import is_url
 from jotlight.formats.verification import verify_capture
 from jotlight.images.io import read_image
+from jotlight.motion.motion import FORMAT as MOTION
+from jotlight.motion.motion import Motion
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.graph import flops_per_pixel
@@ -39,6 +41,12 @@ from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import stored_format
 from jotlight.training import History
 
+_LOADERS: dict[str, Callable[[Path], Calibration | Motion]] = {
+    CALIBRATION: Calibration.load,
+    MOTION: Motion.load,
+}
+"""The kinds of `.safetensors` files that hold no network, by the format that they state."""
+
 _KINDS: dict[type, str] = {ColorNetwork: "color network", FilmNetwork: "film network"}
 """Kinds of networks. All others are plain networks."""
 
@@ -47,8 +55,8 @@ def info(
     file: Annotated[
         str,
         Parameter(
-            help="A capture of bits or counts, a file, a folder, or a URL; a network or a "
-            "calibration (.safetensors); or an image."
+            help="A capture of bits or counts, a file, a folder, or a URL; a network, a "
+            "calibration, or a motion (.safetensors); or an image."
         ),
     ],
     /,
@@ -57,7 +65,7 @@ def info(
     plot: Annotated[
         Path | None,
         Parameter(
-            help="A figure of a calibration or a trained network: .png, .pdf or .svg. "
+            help="A figure of a calibration, a motion, or a trained network: .png, .pdf or .svg. "
             "Default: none."
         ),
     ] = None,
@@ -77,7 +85,7 @@ def info(
     if plot is not None:
         _draw(path, plot)
     out.print(_table([*_facts(path, capture), *verified]))
-    if path.suffix.lower() == ".safetensors" and stored_format(path) != CALIBRATION:
+    if path.suffix.lower() == ".safetensors" and stored_format(path) not in _LOADERS:
         out.print(_layers(load_network(path).layers))
 
 
@@ -93,7 +101,7 @@ def _table(rows: list[tuple[str, str]]) -> Table:
 
 def _verify(file: Path, capture: CaptureOptions) -> str:
     if file.suffix.lower() == ".safetensors":
-        raise ValueError(f"{file}: --verify is for captures, not for networks or calibrations")
+        raise ValueError(f"{file}: --verify is for captures, not for .safetensors files")
     with progress(1) as begin:
         return verify_capture(
             file,
@@ -111,9 +119,9 @@ def _draw(file: Path, plot: Path) -> None:
     import jotlight.plots as plots
 
     plots.check_figure(plot)
-    if stored_format(file) == CALIBRATION:
+    if load := _LOADERS.get(stored_format(file)):
         check_outputs([plot], [file])
-        plots.save_figure(Calibration.load(file).plot(), plot)
+        plots.save_figure(load(file).plot(), plot)
         return
     network = load_network(file)
     runs = _training_runs(file, network)
@@ -127,8 +135,8 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
     """Return the rows of the table: names and values."""
     ending = file.suffix.lower()
     if ending == ".safetensors":
-        if stored_format(file) == CALIBRATION:
-            return _calibration_facts(Calibration.load(file))
+        if load := _LOADERS.get(stored_format(file)):
+            return _facts_of(load(file))
         return _network_facts(file, load_network(file))
     if file.is_dir() and (video := video_facts(file)):
         return video
@@ -212,9 +220,11 @@ def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
     return [*bits_facts(capture), *notes(capture)]
 
 
-def _calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
+def _facts_of(calibration: Calibration | Motion) -> list[tuple[str, str]]:
     from jotlight.calibration.figure import facts
 
+    if isinstance(calibration, Motion):
+        return [("kind", "motion"), *calibration.facts().items()]
     captures = [(name, str(capture)) for name, capture in calibration.provenance.items()]
     return [("kind", "calibration"), *captures, *facts(calibration)]
 

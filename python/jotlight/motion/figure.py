@@ -63,12 +63,7 @@ def draw_change(axes: "Axes", labels: Labels, change: npt.NDArray[np.float32], t
     step = max(TILE, -(-max(height, width) // _ARROWS))
     rows, columns = np.mgrid[step // 2 : height : step, step // 2 : width : step]
     axes.imshow(labels, cmap="Pastel1", interpolation="nearest")
-    axes.quiver(
-        columns,
-        rows,
-        change[1, rows, columns],
-        change[0, rows, columns],
-        angles="xy",
-        width=0.004,
-    )
+    arrows = change[:, rows, columns]
+    scale = None if arrows.any() else 1.0  # matplotlib cannot scale arrows without a length
+    axes.quiver(columns, rows, arrows[1], arrows[0], angles="xy", width=0.004, scale=scale)
     axes.set(title=title, xticks=[], yticks=[])

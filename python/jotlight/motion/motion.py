@@ -23,7 +23,10 @@ MODELS = ("none", "affine", "segments", "tiles")
 """Models of motion: nothing moves; one affine motion; an affine motion of each segment of the
 scene; and a motion of each tile."""
 
-_FORMAT, _VERSION = "jotlight motion", "1"
+FORMAT = "jotlight motion"
+"""Format of the files of motions, in their metadata."""
+
+_VERSION = "1"
 
 _TYPES = {"nodes": "float32", "labels": "uint8", "times": "float64", "information": "float32"}
 """The arrays of a file and their types."""
@@ -180,7 +183,7 @@ class Motion:
             name: np.ascontiguousarray(getattr(self, name), dtype) for name, dtype in _TYPES.items()
         }
         other = {"reference": json.dumps(float(self.reference)), "model": self.model}
-        write_tensors(path, tensors, {"format": _FORMAT, "version": _VERSION, **other})
+        write_tensors(path, tensors, {"format": FORMAT, "version": _VERSION, **other})
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -196,7 +199,7 @@ class Motion:
         path = Path(path)
         if not path.is_file():
             raise FileNotFoundError(f"there is no file {path} of a motion")
-        tensors, metadata = read_tensors(path, _FORMAT, _VERSION)
+        tensors, metadata = read_tensors(path, FORMAT, _VERSION)
         try:
             for name, dtype in _TYPES.items():
                 if tensors[name].dtype != dtype:
@@ -221,20 +224,30 @@ class Motion:
         draw_change(field, self.labels, change, title)
         return figure
 
-    def _facts(self) -> tuple[str, ...]:
+    def facts(self) -> dict[str, str]:
+        """Return texts that describe the motion, by their names.
+
+        Examples
+        --------
+        >>> nodes = np.zeros((1, 2, 2, 1, 1), np.float32)
+        >>> parts = np.ones((1, 2, 3, 1, 1), np.float32)
+        >>> labels = np.zeros((16, 16), np.uint8)
+        >>> motion = Motion(nodes, labels, np.array([0.0, 6.0]), 3.0, "affine", parts)
+        >>> motion.facts()["size"], motion.facts()["reference"]
+        ('16 x 16 jots', 'frame 3')
+        """
         longest = float(np.sqrt((self.nodes**2).sum(axis=2)).max())
-        return (
-            self.model,
-            f"{self.size[0]} x {self.size[1]} jots",
-            f"{len(self.times)} times from {self.times[0]:g} to {self.times[-1]:g}",
-            f"up to {longest:.3g} jots",
-        )
+        return {
+            "model": self.model,
+            "size": f"{self.size[0]} x {self.size[1]} jots",
+            "frames": f"{len(self.times)} times from {self.times[0]:g} to {self.times[-1]:g}",
+            "displacement": f"up to {longest:.3g} jots",
+            "reference": f"frame {self.reference:g}",
+        }
 
     def _repr_html_(self) -> str:
-        names = ("model", "size", "frames", "displacement")
-        facts = dict(zip(names, self._facts(), strict=True))
-        facts["reference"] = f"frame {self.reference:g}"
-        return card("Motion", facts, self.plot().thumbnail())
+        return card("Motion", self.facts(), self.plot().thumbnail())
 
     def __repr__(self) -> str:
-        return f"<Motion: {', '.join(self._facts())}>"
+        model, size, frames, displacement, _ = self.facts().values()
+        return f"<Motion: {model}, {size}, {frames}, {displacement}>"
