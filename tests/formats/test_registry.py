@@ -1,5 +1,6 @@
 """The list of formats: every entry is complete, detected, and has examples."""
 
+import numpy as np
 import pytest
 
 import jotlight as jl
@@ -49,3 +50,23 @@ def test_the_output_format_follows_from_the_extension_or_is_required(tmp_path):
     assert choose_output_format(tmp_path / "a.npy.gz") == "npy.gz"
     with pytest.raises(ValueError, match="implies no single format"):
         choose_output_format(tmp_path / "a.bin")
+
+
+@pytest.mark.parametrize("name", ["a.safetensors", "a.json"])
+def test_files_beside_captures_are_named(tmp_path, name):
+    (tmp_path / name).write_text("{}")
+    message = {
+        "a.safetensors": r"a network, a calibration, or a motion; jotlight\.Network\.load,",
+        "a.json": r"describes a capture; open the capture itself",
+    }[name]
+    with pytest.raises(ValueError, match=message) as error:
+        jl.open(tmp_path / name)
+    assert all(hasattr(getattr(jl, kind), "load") for kind in ("Network", "Calibration", "Motion"))
+    assert "format=" not in str(error.value)
+
+
+def test_an_empty_text_opens_nothing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.save("a.npy", np.ones((4, 4), int))
+    with pytest.raises(ValueError, match=r"path: expected the name of a file, .*got an empty text"):
+        jl.open("")

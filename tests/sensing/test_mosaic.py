@@ -202,7 +202,7 @@ def test_damaged_mosaics_of_files_are_refused(change, message):
 
 def test_rows_may_be_a_list_and_letters_are_capital():
     assert Mosaic(["RG", "GB"]) == Mosaic("RGGB")
-    with pytest.raises(ValueError, match="expected capital letters, such as BGR, got bgr"):
+    with pytest.raises(ValueError, match="expected capital letters, such as RGGB, got rggb"):
         Mosaic("rggb")
 
 

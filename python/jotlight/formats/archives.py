@@ -233,9 +233,13 @@ def read_npz_label(path: Path) -> str | None:
     Raises
     ------
     ValueError
-        When the label is damaged.
+        When the file is not a zip archive, or the label is damaged.
     """
-    with naming_file(f"{path}: {_LABEL}"), _open_zip(path) as archive:
+    try:
+        archive = _open_zip(path)
+    except zipfile.BadZipFile as error:
+        raise ValueError(f"{path}: expected a .npz archive ({error})") from error
+    with naming_file(f"{path}: {_LABEL}"), archive:
         if _LABEL not in archive.namelist():
             return None
         with archive.open(_LABEL) as member:

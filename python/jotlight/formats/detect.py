@@ -9,6 +9,13 @@ from jotlight.formats.registry import FORMATS
 PHOTOGRAPH_EXTENSIONS = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif")
 """Extensions of images that are never captures."""
 
+_OTHERS = {
+    ".safetensors": "which holds a network, a calibration, or a motion; jotlight.Network.load, "
+    "jotlight.Calibration.load, and jotlight.Motion.load read them",
+    ".json": "which describes a capture; open the capture itself, such as the .npy beside it",
+}
+"""What files with other extensions hold, and what to do with them."""
+
 
 def detect_format(path: Path) -> str:
     """Return the name of the format of a file or folder.
@@ -47,6 +54,8 @@ def detect_format(path: Path) -> str:
             f"`jotlight simulate {path.name}` (sensor.expose(jotlight.read_image(path))) makes a "
             "capture of it"
         )
+    if extension in _OTHERS:
+        raise ValueError(f"{path}: expected a capture, got a {extension}, {_OTHERS[extension]}")
     if path.is_dir() and not any(path.iterdir()):
         raise ValueError(f"{path}: expected a capture, got an empty folder")
     raw = ", ".join(name for name, format_ in FORMATS.items() if format_.is_raw)

@@ -81,7 +81,7 @@ class Mosaic:
             )
         else:
             pattern, filters = mosaic_text.read_pattern(given, filters)
-        matrix = mosaic_checks.checked_transmission(transmission, filters)
+        matrix = mosaic_checks.checked_transmission(transmission, pattern, filters)
         pattern, filters, matrix = mosaic_checks.unite(pattern, filters, matrix)
         if np.linalg.matrix_rank(matrix) < 3:
             raise ValueError(

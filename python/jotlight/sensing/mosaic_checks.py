@@ -23,6 +23,10 @@ LETTERS = {
 """The shares of red, green, and blue light that ideal filters pass."""
 
 
+_MAX_SHOWN_LETTERS = 32
+"""Largest length of a pattern that a message shows."""
+
+
 def is_image(given: Any) -> bool:
     """Return whether a pattern is an image, (H, W, 3)."""
     return not isinstance(given, str) and np.ndim(given) == 3
@@ -56,13 +60,14 @@ def are_ideal(filters: str, transmission: Colors) -> bool:
     )
 
 
-def checked_transmission(transmission: Any, filters: str) -> Colors:
+def checked_transmission(transmission: Any, pattern: Pattern, filters: str) -> Colors:
     """Return the transmission of filters after checks. None stands for ideal filters."""
     if transmission is None:
         if filters.upper() != filters and not set(filters.upper()) - set(LETTERS):
-            raise ValueError(
-                f"mosaic: expected capital letters, such as {filters.upper()}, got {filters}"
-            )
+            letters = mosaic_text.letters_of(pattern, filters)
+            small = len(letters) <= _MAX_SHOWN_LETTERS
+            such_as, got = (f", such as {letters.upper()}", letters) if small else ("", filters)
+            raise ValueError(f"mosaic: expected capital letters{such_as}, got {got}")
         if unknown := sorted(set(filters) - set(LETTERS)):
             raise ValueError(
                 f"mosaic: expected the letters {', '.join(LETTERS)}, got {', '.join(unknown)}; "
