@@ -1,14 +1,17 @@
 """The checks of arguments that several modules share."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from jotlight.checks import (
     as_image,
+    as_path,
     positive_number,
     real_number,
+    require_image_list,
     require_intensities,
     whole_number,
     whole_number_in_range,
@@ -81,6 +84,12 @@ def test_other_arrays_are_not_whole_numbers(values, error, message):
         whole_numbers("ones", values)
 
 
+def test_an_empty_text_is_no_path():
+    assert as_path("a.npy", "open(path)").name == "a.npy"
+    with pytest.raises(ValueError, match="path: expected the name of a file, as in open"):
+        as_path("", "open(path)")
+
+
 def test_an_image_of_bool_becomes_floats_without_a_division():
     image = np.eye(4, dtype=bool)
     for check in (as_image, lambda image: require_intensities("truth", image)):
@@ -94,3 +103,17 @@ def test_an_image_of_bool_becomes_floats_without_a_division():
 def test_an_image_of_anything_but_numbers_has_no_scale():
     with pytest.raises(TypeError, match=r"got complex128$"):
         as_image(np.ones((2, 2), complex))
+
+
+@pytest.mark.parametrize("folder", ["folder", Path("folder")])
+def test_a_path_in_place_of_images_is_named(folder):
+    with pytest.raises(TypeError, match="images: expected an array, got the path 'folder'; pass"):
+        require_image_list(folder)
+    with pytest.raises(TypeError, match="image: expected an array, got the path 'folder'; pass"):
+        as_image(folder)
+
+
+@pytest.mark.parametrize("images", [None, 3, (image for image in ())])
+def test_images_need_a_length(images):
+    with pytest.raises(TypeError, match=r"an array \(N, H, W\) or a list of images, got"):
+        require_image_list(images)

@@ -1,19 +1,13 @@
-"""Checks of arguments that several modules share: numbers, images of intensities, and counts."""
+"""Checks of arguments that several modules share: numbers, paths, data, and counts."""
 
-import functools
-import inspect
 import math
 import operator
 import os
-from collections.abc import Callable
-from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-T = TypeVar("T")
 
 Counts = npt.NDArray[np.int32]
 """Numbers of ones, L."""
@@ -99,8 +93,10 @@ def positive_number(name: str, value: Any) -> float:
     return number
 
 
-def number_in_range(name: str, value: Any, minimum: float, maximum: float) -> float:
-    """Return `value` as a float from `minimum` to `maximum`.
+def number_in_range(
+    name: str, value: Any, minimum: float, maximum: float, advice: str = ""
+) -> float:
+    """Return `value` as a float from `minimum` to `maximum`. Errors end with the advice.
 
     Raises
     ------
@@ -115,7 +111,7 @@ def number_in_range(name: str, value: Any, minimum: float, maximum: float) -> fl
     number = float(real_number(value))
     if not minimum <= number <= maximum:
         raise ValueError(
-            f"{name}: expected a number from {minimum:g} to {maximum:g}, got {shown(value)}"
+            f"{name}: expected a number from {minimum:g} to {maximum:g}, got {shown(value)}{advice}"
         )
     return number
 
@@ -165,6 +161,20 @@ def whole_numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
     return np.require(array, np.int32, ["C", "ALIGNED"])
 
 
+def require_slice(name: str, value: object) -> None:
+    """Raise TypeError unless a value is a slice.
+
+    Examples
+    --------
+    >>> require_slice("frames", 3)
+    Traceback (most recent call last):
+      ...
+    TypeError: frames: expected a slice, such as slice(0, 16), got 3
+    """
+    if not isinstance(value, slice):
+        raise TypeError(f"{name}: expected a slice, such as slice(0, 16), got {shown(value)}")
+
+
 def require_intensities(name: str, image: npt.NDArray[Any]) -> None:
     """Raise TypeError unless an image holds floats. The message says how to convert it.
 
@@ -188,6 +198,32 @@ def require_intensities(name: str, image: npt.NDArray[Any]) -> None:
     raise TypeError(f"{name}: expected floats in units of intensity, got {image.dtype}{advice}")
 
 
+def refuse_image_path(name: str, images: object, call: str) -> None:
+    """Raise TypeError for a path in place of images, with the call that reads them."""
+    if isinstance(images, str | os.PathLike):
+        raise TypeError(
+            f"{name}: expected an array, got the path {os.fspath(images)!r}; pass {call}"
+        )
+
+
+def require_image_list(images: object) -> None:
+    """Raise TypeError unless images are a sequence or an array.
+
+    Examples
+    --------
+    >>> require_image_list(None)
+    Traceback (most recent call last):
+      ...
+    TypeError: images: expected an array (N, H, W) or a list of images, got None
+    """
+    call = "[jotlight.read_image(path, gray=True) for path in paths]"
+    refuse_image_path("images", images, call)
+    if not hasattr(images, "__len__"):
+        raise TypeError(
+            f"images: expected an array (N, H, W) or a list of images, got {shown(images)}"
+        )
+
+
 def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
     """Return intensities of images as float32 or float64. Such arrays are not copied.
 
@@ -199,11 +235,7 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
         When an intensity is negative or not finite, or there are none.
     """
     refuse_masked("image", image)
-    if isinstance(image, str | os.PathLike):
-        raise TypeError(
-            f"image: expected an array, got the path {os.fspath(image)!r}; pass "
-            "jotlight.read_image(path)"
-        )
+    refuse_image_path("image", image, "jotlight.read_image(path)")
     array = np.asarray(image)
     require_intensities("image", array)
     if array.ndim < 2 or array.size == 0:
@@ -220,20 +252,6 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
     if array.dtype not in (np.float32, np.float64):
         array = array.astype(np.float64 if array.dtype.itemsize > 4 else np.float32)
     return array if array.flags.aligned else array.copy()
-
-
-def require_slice(name: str, value: object) -> None:
-    """Raise TypeError unless a value is a slice.
-
-    Examples
-    --------
-    >>> require_slice("frames", 3)
-    Traceback (most recent call last):
-      ...
-    TypeError: frames: expected a slice, such as slice(0, 16), got 3
-    """
-    if not isinstance(value, slice):
-        raise TypeError(f"{name}: expected a slice, such as slice(0, 16), got {shown(value)}")
 
 
 def refuse_path(data: object) -> None:
@@ -256,24 +274,14 @@ def refuse_frames(data: object) -> None:
 
 
 def as_path(path: object, call: str) -> Path:
-    """Return a path. Raise TypeError for other arguments, with an example of the call."""
+    """Return a path. Refuse an empty text and other arguments, with an example of the call."""
     if not isinstance(path, str | os.PathLike):
         raise TypeError(
             f"path: expected the name of a file, as in {call}, got {type(path).__name__}"
         )
+    if not os.fspath(path):
+        raise ValueError(f"path: expected the name of a file, as in {call}, got an empty text")
     return Path(path)
-
-
-def unknown_names(unknown: list[str], known: list[str]) -> str:
-    """Return unknown names, with the nearest known name.
-
-    Examples
-    --------
-    >>> unknown_names(["gains"], ["gain", "frames"])
-    'gains; did you mean gain?'
-    """
-    close = [each for name in unknown for each in get_close_matches(name, known, 1)]
-    return ", ".join(unknown) + (f"; did you mean {close[0]}?" if close else "")
 
 
 def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
@@ -303,38 +311,3 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     if counts.min() < 0 or (counts.dtype != np.int32 and counts.max() >= 2**31):
         raise ValueError(f"counts: expected 0 to 2**31 - 1, got {counts.min()} to {counts.max()}")
     return np.require(counts, np.int32, ["C", "ALIGNED"])
-
-
-def require_names(example: str) -> Callable[[type[T]], type[T]]:
-    """Return a decorator of classes whose calls must name the parameters, as in `example`.
-
-    Examples
-    --------
-    >>> @require_names("Point(row=3)")
-    ... class Point:
-    ...     def __init__(self, *, row: int = 0) -> None: ...
-    >>> Point(3)
-    Traceback (most recent call last):
-      ...
-    TypeError: Point: expected parameters with names as in Point(row=3), got 3
-    """
-
-    def decorate(cls: type[T]) -> type[T]:
-        initialize: Callable[..., None] = cls.__init__
-        known = list(inspect.signature(initialize).parameters)[1:]
-
-        @functools.wraps(initialize)
-        def initialize_by_name(self: T, *unnamed: object, **parameters: object) -> None:
-            text = ""
-            if unnamed:
-                text = f"parameters with names as in {example}, got {unnamed[0]!r}"
-            elif unknown := sorted(set(parameters) - set(known)):
-                text = f"some of {', '.join(known)}, got {unknown_names(unknown, known)}"
-            if text:
-                raise TypeError(f"{cls.__name__}: expected {text}")
-            initialize(self, **parameters)
-
-        setattr(cls, "__init__", initialize_by_name)  # noqa: B010 - mypy refuses an assignment
-        return cls
-
-    return decorate

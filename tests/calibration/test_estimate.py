@@ -328,3 +328,8 @@ def test_a_real_flat_field(data):
     # A dark map of some jots with nearly none.
     few = jl.open(data / "real" / "spad64x32" / "count_dark.npy", counts=True)
     assert 0.01 < jl.calibrate(few, frames=60_000).hot.mean() < 0.05
+
+
+def test_paths_in_place_of_captures_are_named():
+    with pytest.raises(TypeError, match=r"got the path 'c\.npy'; pass jotlight\.open\(path\)"):
+        jl.calibrate("c.npy", frames=8)

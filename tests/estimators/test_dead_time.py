@@ -129,6 +129,8 @@ def test_corrected_counts_have_little_bias_where_uncorrected_ones_are_far_off():
         (lambda: PIXELS[0].mle([5]), "counts: expected whole numbers from 0 to 4"),
         (lambda: PIXELS[0].mle([0.5]), "counts: expected whole numbers"),
         (lambda: PIXELS[0].mean(-1.0), "light: expected photons per exposure, 0 or more"),
+        (lambda: PIXELS[0].mean(-np.ones((9, 9))), r"got an array of float64 of shape \(9, 9\)$"),
+        (lambda: jl.FreeRunning(dead_time=5e-8), "a fraction of the exposure time, so divide sec"),
         (lambda: PIXELS[0].interval([1], 0.2), "confidence_level: expected a number from 0.5"),
     ],
 )

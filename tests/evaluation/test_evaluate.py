@@ -191,3 +191,14 @@ def test_invalid_input_is_refused(images, options, error, message):
 def test_a_network_for_another_sensor_is_refused():
     with pytest.raises(ValueError, match="sensor: the network needs data with its own trials"):
         jl.evaluate(jl.Network.initial(SENSOR), IMAGES, jl.Sensor(oversampling=3))
+
+
+@pytest.mark.parametrize("images", ["folder", None])
+def test_anything_but_a_list_of_images_is_refused(images):
+    with pytest.raises(TypeError, match="images: expected an array"):
+        jl.evaluate("mle", images, jl.Sensor())
+
+
+def test_anything_but_a_sensor_is_refused():
+    with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, .*got 8"):
+        jl.evaluate("mle", [np.full((16, 16), 0.5)], 8)

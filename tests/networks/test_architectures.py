@@ -146,3 +146,11 @@ def test_estimates_of_residual_networks_lie_in_0_to_s(most):
 def test_an_unknown_architecture_is_refused():
     with pytest.raises(ValueError, match="architecture: expected one of small, medium, large"):
         jl.Network.residual(SENSOR, "huge")
+    with pytest.raises(ValueError, match="expected one of two-layer, small, medium, large, got"):
+        jl.Network.conditional("extra-large")
+
+
+@pytest.mark.parametrize("start", [jl.Network.initial, jl.Network.residual])
+def test_anything_but_a_sensor_is_refused(start):
+    with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, .*got 8"):
+        start(8)

@@ -252,6 +252,14 @@ def test_arrays_and_bits_are_refused():
             Network(residual("small"))(data)
 
 
+def test_anything_but_a_network_and_a_sensor_is_refused():
+    with pytest.raises(TypeError, match=r"source: expected jotlight\.Network or .*, got Sensor;?"):
+        Network(jl.Sensor())
+    network = Network(jl.Network.conditional("small", rng=0))
+    with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, .*got 16$"):
+        network(torch.zeros(1, 1, 8, 8), 16)
+
+
 def test_sensors_that_a_network_does_not_serve_are_refused():
     counts = torch.zeros(1, 1, 4, 4)
     with pytest.raises(ValueError, match="sensor: expected the sensor of the data"):

@@ -92,6 +92,9 @@ def test_gray_levels_are_reported():
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
+        ({"images": "folder"}, TypeError, "images: expected an array, got the path 'folder'"),
+        ({"images": None}, TypeError, "a list of images, got None"),
+        ({"sensor": 8}, TypeError, "sensor: expected a jotlight.Sensor, .*got 8"),
         ({"images": []}, ValueError, "images: expected at least one, got none"),
         ({"images": IMAGES[0]}, ValueError, "put a single image in a list"),
         ({"images": [IMAGES[0], SMALL]}, ValueError, "got 12; image number 1 is 16 x 6"),

@@ -11,7 +11,7 @@ from jotlight.calibration.flat import measure_response
 from jotlight.calibration.rates import detections, variance
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import Steadiness, steadiness
-from jotlight.checks import Counts, as_counts
+from jotlight.checks import Counts, as_counts, refuse_path
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import Mosaic, Pattern
@@ -286,6 +286,7 @@ def count_jots(
     progress: Callable[[float], object] | None,
 ) -> JotSums:
     """Return what a calibration needs from a capture, named in messages."""
+    refuse_path(data)
     if isinstance(data, Bits):
         if len(data.shape) != 3:
             raise ValueError(

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts, number_in_range, positive_number
+from jotlight.checks import as_counts, number_in_range, positive_number, shown
 from jotlight.estimators.merge_readings import MAX_RATE, counts_of_equal_likelihood, round_ones
 from jotlight.interrupts import interruptible
 from jotlight.seeds import SeedLike, seed_bytes
@@ -63,12 +63,14 @@ class FreeRunning:
     dark_counts: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ("dead_time", 1e-6, 1.0),
-            ("efficiency", 1e-18, 1.0),
-            ("dark_counts", 0.0, 1e18),
+        advice = "; it is a fraction of the exposure time, so divide seconds by that time"
+        for name, low, high, text in (
+            ("dead_time", 1e-6, 1.0, advice),
+            ("efficiency", 1e-18, 1.0, ""),
+            ("dark_counts", 0.0, 1e18, ""),
         ):
-            object.__setattr__(self, name, number_in_range(name, getattr(self, name), low, high))
+            value = number_in_range(name, getattr(self, name), low, high, text)
+            object.__setattr__(self, name, value)
 
     @property
     def max_count(self) -> int:
@@ -312,7 +314,7 @@ class FreeRunning:
     def _rate(self, light: npt.ArrayLike) -> Array:
         levels = np.asarray(light, np.float64)
         if not (levels >= 0).all():
-            raise ValueError(f"light: expected photons per exposure, 0 or more, got {light!r}")
+            raise ValueError(f"light: expected photons per exposure, 0 or more, got {shown(light)}")
         return self.efficiency * levels + self.dark_counts
 
     def _rest(self, count: npt.ArrayLike) -> Array:

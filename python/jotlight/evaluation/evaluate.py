@@ -10,13 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight.metrics as metrics
+from jotlight.checks import require_image_list
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.layout import looks_like_color
 from jotlight.networks.network import Network
 from jotlight.notebook import card, table_of, text_table
 from jotlight.progress import Progress, shown_progress
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.sensor import Sensor, refuse_other_types
 
 METRICS = ("psnr", "snr", "ssim")
 
@@ -140,6 +141,8 @@ def evaluate(
 
     Raises
     ------
+    TypeError
+        When the images or the sensor have another type.
     ValueError
         When there are no images, one array looks like a color image, or the number of names
         differs from that of the images.
@@ -153,6 +156,7 @@ def evaluate(
     """
     if not isinstance(rng, int | np.integer):
         raise TypeError(f"rng: expected an int, the seed of the first image, got {rng!r}")
+    refuse_other_types(sensor)
     images = _list_images(images, channel_axis)
     names = [str(number) for number in range(len(images))] if names is None else names
     if len(names) != len(images):
@@ -179,6 +183,7 @@ def _list_images(
     images: Sequence[npt.NDArray[np.floating]] | npt.NDArray[np.floating], channel_axis: int | None
 ) -> list[npt.NDArray[np.floating]]:
     """Return a sequence of images, or an array of them, as a list. Refuse a single image."""
+    require_image_list(images)
     whole = images.shape if isinstance(images, np.ndarray) else ()
     listed = [np.asarray(image) for image in images]
     if not listed:

@@ -12,7 +12,7 @@ from jotlight.estimators import vst
 from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.layer import Layer
 from jotlight.networks.splines import Spline, fit_spline, identity_spline, relu_spline
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.sensor import Sensor, refuse_other_types
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,9 +75,13 @@ def find_architecture(name: str) -> Architecture:
     ValueError
         For an unknown name.
     """
-    if name not in ARCHITECTURES:
-        raise ValueError(f"architecture: expected one of {', '.join(ARCHITECTURES)}, got {name!r}")
+    _check_name(name, tuple(ARCHITECTURES))
     return ARCHITECTURES[name]
+
+
+def _check_name(name: str, names: tuple[str, ...]) -> None:
+    if name not in names:
+        raise ValueError(f"architecture: expected one of {', '.join(names)}, got {name!r}")
 
 
 def build_two_layer(
@@ -88,6 +92,7 @@ def build_two_layer(
     The spline coefficients are least-squares fits. Those of φ2 are made monotone and clipped to
     [0, S], so every output lies in [0, S].
     """
+    refuse_other_types(sensor)
     if not (math.isfinite(sigma) and sigma > 0):
         raise ValueError(f"sigma: expected a number above 0, got {sigma}")
     taps, coefficients = operator.index(taps), operator.index(coefficients)
@@ -147,6 +152,7 @@ def build_residual(
     rng : numpy.random.Generator
         Draws the filters.
     """
+    refuse_other_types(sensor)
 
     def intensity(probability: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         clipped = probability.clip(0, 1).astype(np.float32)
@@ -178,7 +184,13 @@ def build_conditional(name: str, rng: np.random.Generator) -> list[Layer]:
         network is added to the smoothed z.
     rng : numpy.random.Generator
         Draws the filters.
+
+    Raises
+    ------
+    ValueError
+        For an unknown name.
     """
+    _check_name(name, SIZES)
     # Fewer bits need wider filters.
     sigmas = np.geomspace(_WIDEST_SIGMA, _NARROWEST_SIGMA, _SETS)
     smooth = np.stack([gaussian_filter(float(sigma), _CONDITIONAL_TAPS) for sigma in sigmas])

@@ -2,15 +2,16 @@
 
 import math
 
-from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.reference import reference_jot
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.sensor import Sensor, refuse_other_types, require_sensor
 
 
 def check_served(
     own: Sensor, sensor: Sensor, trials_range: tuple[int, int] | None, *, tied: bool
 ) -> None:
     """Raise ValueError when a network does not serve a sensor. The message says how they differ.
+
+    Anything but a sensor is a TypeError.
 
     Parameters
     ----------
@@ -23,6 +24,7 @@ def check_served(
     tied : bool
         Whether the network serves every combination of jots and frames with the same K.
     """
+    refuse_other_types(sensor)
     trials = sensor.trials
     if trials_range is not None and trials < trials_range[0]:
         raise ValueError(
@@ -85,7 +87,7 @@ def choose_sensor(
                 "number of trials per pixel, got none"
             )
         sensor = own
-    require_plain_bits(sensor)
+    require_sensor(sensor)
     check_served(own, sensor, trials_range, tied=tied)
     if own.kernel != sensor.kernel:
         raise ValueError(

@@ -6,7 +6,8 @@ from typing import Any, Self, cast
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range, require_names, shown, whole_number_in_range
+from jotlight.checks import number_in_range, shown, whole_number_in_range
+from jotlight.parameter_names import require_names
 from jotlight.sensing import readings
 from jotlight.sensing.exposure import Exposure
 from jotlight.sensing.maps import LIMITS, checked_maps
@@ -245,6 +246,23 @@ class Sensor(Exposure):
         return self.threshold, self.light_per_intensity, self.max_intensity
 
 
+def refuse_other_types(sensor: object) -> None:
+    """Raise TypeError unless the argument is a sensor.
+
+    Examples
+    --------
+    >>> refuse_other_types(8)
+    Traceback (most recent call last):
+      ...
+    TypeError: sensor: expected a jotlight.Sensor, such as Sensor(frames=16) ..., got 8
+    """
+    if not isinstance(sensor, Sensor):
+        raise TypeError(
+            "sensor: expected a jotlight.Sensor, such as Sensor(frames=16) for 16 trials per "
+            f"pixel, got {shown(sensor)}"
+        )
+
+
 def require_sensor(
     sensor: object, *, may_differ: bool = False, takes_mosaics: bool = False
 ) -> None:
@@ -253,11 +271,8 @@ def require_sensor(
     The sensor must be gray unless `takes_mosaics` is true. Its readings may differ if `may_differ`
     is true.
     """
-    if not isinstance(sensor, Sensor):
-        raise TypeError(
-            "sensor: expected a jotlight.Sensor, such as Sensor(frames=16) for 16 trials per "
-            f"pixel, got {shown(sensor)}"
-        )
+    refuse_other_types(sensor)
+    assert isinstance(sensor, Sensor)
     if takes_mosaics:
         sensor = readings.without_mosaic(sensor)
     readings.refuse_mosaic(sensor)

@@ -9,10 +9,13 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
+from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.conditioning import conditioning_weights, count_sets
+from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.graph import size_divisor
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import refuse_rotations
+from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network as EngineNetwork
 from jotlight.networks.served_sensors import choose_sensor
 from jotlight.sensing.reference import reference_jot
@@ -46,8 +49,8 @@ class Network(nn.Module):
 
     Raises
     ------
-    OSError, ValueError
-        When there is no such file, or when it is not a network file.
+    OSError, TypeError, ValueError
+        When there is no such file, or when it is not a network file, or the source no network.
 
     Examples
     --------
@@ -69,6 +72,9 @@ class Network(nn.Module):
     ) -> None:
         super().__init__()
         network = self.load_network(source) if isinstance(source, str | os.PathLike) else source
+        kinds = EngineNetwork | ColorNetwork | FilmNetwork
+        call = "jotlight.torch.Network(jotlight.pretrained(sensor))"
+        require_network("source", network, kinds, call)
         refuse_rotations(network.rotations, "jotlight.torch.Network")
         self.origin = network
         self.filter_dtype = torch.float32

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_image
+from jotlight.checks import as_image, require_image_list
 
 ImageGenerator = Callable[[np.random.Generator, int], npt.NDArray[np.floating]]
 """A function of a random generator and a number N that returns N new images, (N, H, W)."""
@@ -33,6 +33,7 @@ def check_images(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Images:
     >>> check_images([np.zeros((3, 4)), np.ones((2, 2))])[1].dtype
     dtype('float32')
     """
+    require_image_list(images)
     if isinstance(images, np.ndarray) and images.ndim != 3:
         raise ValueError(
             f"images: expected an array (N, H, W) or a sequence of images (H, W), got shape "
