@@ -16,7 +16,7 @@ from jotlight.cli.common_options import NETWORK_PANEL, CapturePath
 from jotlight.cli.console import caution, report, silenced
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.learners import check_device, describe_kind
-from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.cli.sensor_options import TunedSensorOptions
 from jotlight.cli.training_options import FineTuningOptions
 from jotlight.cli.training_run import (
     checkpoint_path,
@@ -46,7 +46,7 @@ def fine_tune(
         ),
     ] = None,
     capture: CaptureOptions = CaptureOptions(),
-    sensor: CapturedSensorOptions = CapturedSensorOptions(),
+    sensor: TunedSensorOptions = TunedSensorOptions(),
 ) -> None:
     """Train a network further on the bits of one capture, without images or ground truth.
 
@@ -107,7 +107,7 @@ def _report_next(
     data: Path,
     training: FineTuningOptions,
     capture: CaptureOptions,
-    sensor: CapturedSensorOptions,
+    sensor: TunedSensorOptions,
 ) -> None:
     """Print the command that uses the network."""
     argv = ["jotlight", "reconstruct", str(data), *capture.to_argv(), *sensor.to_argv()]
@@ -115,7 +115,7 @@ def _report_next(
     report(f"Reconstruct with it: {shlex.join(argv)}")
 
 
-def _check_outputs(data: Path, training: FineTuningOptions, sensor: CapturedSensorOptions) -> None:
+def _check_outputs(data: Path, training: FineTuningOptions, sensor: TunedSensorOptions) -> None:
     """Raise ValueError for outputs that cannot be written."""
     checkpoint = checkpoint_path(training.output)
     if training.plot is not None:
@@ -124,7 +124,7 @@ def _check_outputs(data: Path, training: FineTuningOptions, sensor: CapturedSens
     check_outputs_of([data], [training.output, training.plot, checkpoint], inputs)
 
 
-def _capture(path: Path, capture: CaptureOptions, sensor: CapturedSensorOptions) -> Captured:
+def _capture(path: Path, capture: CaptureOptions, sensor: TunedSensorOptions) -> Captured:
     """Return the data with their sensor."""
     from jotlight.torch.bit_splitting import check_kernel
 

@@ -18,6 +18,9 @@ from jotlight.sensing.sensor import KERNELS
 
 _OVERSAMPLING = "K̂: each pixel covers K̂ x K̂ jots, the pixels of the camera."
 _FRAMES = "T: number of binary frames."
+_NoOption = Annotated[None, Parameter(parse=False)]
+"""The type of a parameter that a command does not take."""
+
 _MAPS = "dark_counts", "efficiency", "mask"
 """Options that take files of maps."""
 
@@ -170,6 +173,7 @@ class EvaluatedSensorOptions(SensorOptions):
     frames: Annotated[
         int | None, Parameter(alias="-t", help=f"{_FRAMES} Default: those of --model, or 1.")
     ] = None
+    mosaic: _NoOption = None
 
 
 @Parameter(name="*", group=SENSOR_PANEL)
@@ -207,6 +211,7 @@ class PlannedSensorOptions(CalibratedSensorOptions):
         int | None,
         Parameter(alias="-t", help=f"{_FRAMES} Default: 4096."),
     ] = None
+    mosaic: _NoOption = None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -221,6 +226,9 @@ class TrainedSensorOptions(CalibratedSensorOptions):
         int | None,
         Parameter(alias="-t", help=f"{_FRAMES} Default: those of --sensor or --start, or 1."),
     ] = None
+    bit_depth: _NoOption = None
+    read_noise: _NoOption = None
+    mosaic: _NoOption = None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -239,6 +247,15 @@ class CapturedSensorOptions(CalibratedSensorOptions):
     def to_argv(self) -> list[str]:
         """Return the options as words of a command line."""
         return [*(["--find-hot-jots"] if self.find_hot_jots else []), *super().to_argv()]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TunedSensorOptions(CapturedSensorOptions):
+    """Parameters of the sensor of a capture on which a network is fine-tuned."""
+
+    bit_depth: _NoOption = None
+    read_noise: _NoOption = None
+    mosaic: _NoOption = None
 
 
 def read_mosaic(text: str) -> Mosaic | str:

@@ -9,7 +9,7 @@ from jotlight.estimators.denoise import gaussian
 from jotlight.estimators.noniterative import noniterative
 from jotlight.sensing.pixel_counts import Data
 from jotlight.sensing.reference import reference_jot
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.sensor import Sensor, require_trainable
 
 _BLUR = 3.0
 """The standard deviation, in pixels, of the Gaussian that removes noise before the quantile."""
@@ -167,7 +167,7 @@ def training_sensor(
     Raises
     ------
     TypeError, ValueError
-        When data and sensor do not fit together.
+        When data and sensor do not fit together, or no network can be trained for the sensor.
 
     Examples
     --------
@@ -176,5 +176,6 @@ def training_sensor(
     >>> round(sensor.max_intensity / brightness)
     2
     """
+    require_trainable(sensor)
     brightness = estimate_brightness(data, sensor, channel_axis=channel_axis, threads=threads)
     return sensor.replace(max_intensity=HEADROOM * brightness), brightness

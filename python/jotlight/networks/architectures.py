@@ -12,7 +12,7 @@ from jotlight.estimators import vst
 from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.layer import Layer
 from jotlight.networks.splines import Spline, fit_spline, identity_spline, relu_spline
-from jotlight.sensing.sensor import Sensor, refuse_other_types
+from jotlight.sensing.sensor import Sensor, require_trainable
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,7 +92,7 @@ def build_two_layer(
     The spline coefficients are least-squares fits. Those of φ2 are made monotone and clipped to
     [0, S], so every output lies in [0, S].
     """
-    refuse_other_types(sensor)
+    require_trainable(sensor)
     if not (math.isfinite(sigma) and sigma > 0):
         raise ValueError(f"sigma: expected a number above 0, got {sigma}")
     taps, coefficients = operator.index(taps), operator.index(coefficients)
@@ -152,7 +152,7 @@ def build_residual(
     rng : numpy.random.Generator
         Draws the filters.
     """
-    refuse_other_types(sensor)
+    require_trainable(sensor)
 
     def intensity(probability: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         clipped = probability.clip(0, 1).astype(np.float32)

@@ -7,8 +7,7 @@ from typing import TypeVar
 from jotlight.networks.conditioning import count_sets
 from jotlight.networks.graph import size_divisor
 from jotlight.networks.layer import Layer
-from jotlight.sensing.readings import require_plain_bits
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.sensor import Sensor, require_trainable
 
 T = TypeVar("T")
 
@@ -27,7 +26,7 @@ def check_layers(
     trials_range : (int, int) or None
         Smallest and largest K of a K-conditioned network.
     """
-    require_plain_bits(sensor)
+    require_trainable(sensor)
     if not layers:
         raise ValueError("layers: expected at least one, got none")
     block = (sensor.frames, sensor.oversampling, sensor.oversampling)

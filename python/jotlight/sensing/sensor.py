@@ -263,6 +263,27 @@ def refuse_other_types(sensor: object) -> None:
         )
 
 
+def require_trainable(sensor: Sensor) -> None:
+    """Raise ValueError unless networks can be built, trained, or fine-tuned for a sensor.
+
+    Anything but a sensor is a TypeError.
+
+    Examples
+    --------
+    >>> require_trainable(Sensor(frames=4, bit_depth=4))
+    Traceback (most recent call last):
+      ...
+    ValueError: sensor: expected a gray sensor with bits ..., got Sensor(frames=4, bit_depth=4); ...
+    """
+    refuse_other_types(sensor)
+    if sensor.mosaic is not None or not sensor.has_plain_bits:
+        raise ValueError(
+            "sensor: expected a gray sensor with bits of one gain and threshold, without read "
+            f"noise, for a network of its own, got {sensor!r}; reconstruct takes this sensor with "
+            "the networks that come with jotlight"
+        )
+
+
 def require_sensor(
     sensor: object, *, may_differ: bool = False, takes_mosaics: bool = False
 ) -> None:

@@ -23,7 +23,7 @@ from jotlight.sensing.pixel_counts import (
     gray_images,
     prepare_data,
 )
-from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.sensor import Sensor, require_trainable
 from jotlight.torch.bit_splitting import BitSplitter, check_kernel
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
 from jotlight.torch.network import Network as TorchNetwork
@@ -307,13 +307,12 @@ def _count_images(
     channel_axis: int | None,
     threads: int | None,
 ) -> tuple[list[PixelCounts], Sensor]:
-    """Return the counts of each gray image, and their sensor.
-
-    The bits of a pixel must be such that they can be split.
-    """
+    """Return the counts of each gray image, and their sensor, after checks that bits split."""
     if isinstance(data, Merged):
         raise TypeError("data: expected Bits or counts, because merged counts cannot be split")
     sensor = sensor or network.sensor_of(data)
+    if sensor is not None:
+        require_trainable(sensor)
     prepared, sensor = prepare_data(data, sensor, None, channel_axis)
     network.check_sensor(sensor)
     if not network.tied:
