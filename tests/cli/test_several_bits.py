@@ -50,6 +50,13 @@ def test_plain_stacks_need_the_options(run, photo):
     assert "--bit-depth" in text
 
 
+def test_a_bit_depth_that_contradicts_the_file_is_refused(run, photo):
+    run("simulate", photo, "-o", "r.npy", *OPTIONS)
+    status, text = run("reconstruct", "r.npy", "-o", "e.npy", "--bit-depth", 3)
+    assert status == 1
+    assert "bit_depth: r.npy states readings of 4 bits, not 3" in text
+
+
 def test_noisy_bits_are_simulated_and_reconstructed(run, photo):
     assert run("simulate", photo, "-o", "b.npy", "-k", 1, "-t", 8, "--read-noise", 0.3)[0] == 0
     assert jl.open("b.npy").sensor.read_noise == 0.3

@@ -130,3 +130,9 @@ def test_a_mosaic_of_the_size_of_the_image_is_compared():
     pattern = np.random.default_rng(0).choice(list("RGBW"), size=(24, 20))
     found = jl.compare(["mle"], image, jl.Sensor(frames=64, mosaic=pattern), channel_axis=-1)
     assert found.results[0].psnr > 10
+
+
+def test_one_channel_is_gray():
+    methods = jl.compare(None, IMAGE[:16, :16, None], jl.Sensor(frames=8), channel_axis=-1).titles
+    assert "network-medium" in methods
+    assert "network-color" not in methods

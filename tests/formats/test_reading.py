@@ -84,3 +84,12 @@ def test_the_error_of_a_missing_key_has_the_names_of_the_arrays(tmp_path, extens
     assert raised.value.names == ("dark", "flat")
     assert str(path) in str(raised.value)
     assert pickle.loads(pickle.dumps(raised.value)).names == ("dark", "flat")
+
+
+def test_a_bit_depth_that_contradicts_the_file_is_refused(tmp_path):
+    readings = jl.Sensor(frames=4, bit_depth=4).expose(np.ones((5, 6)), rng=0)
+    jl.save(readings, tmp_path / "a.npy")
+    with pytest.raises(ValueError, match=r"bit_depth: a\.npy states readings of 4 bits, not 3;"):
+        jl.open(tmp_path / "a.npy", bit_depth=3)
+    same = jl.open(tmp_path / "a.npy", bit_depth=4)
+    np.testing.assert_array_equal(same.to_array(), readings.to_array())

@@ -126,6 +126,7 @@ def _add_sensor_to_readings(
             "readings of several bits; state --dark-counts, --efficiency, and --mask"
         )
     if stack.sensor is not None:
+        stack.check_bit_depth(sensor_kwargs.get("bit_depth", stack.sensor.bit_depth))
         sensor = stack.sensor.replace(**sensor_kwargs)
     else:
         sensor = Sensor(**{"frames": len(stack), **sensor_kwargs})

@@ -220,13 +220,13 @@ def _capture_facts(capture: Capture) -> list[tuple[str, str]]:
     return [*bits_facts(capture), *notes(capture)]
 
 
-def _facts_of(calibration: Calibration | Motion) -> list[tuple[str, str]]:
+def _facts_of(stored: Calibration | Motion) -> list[tuple[str, str]]:
     from jotlight.calibration.figure import facts
 
-    if isinstance(calibration, Motion):
-        return [("kind", "motion"), *calibration.facts().items()]
-    captures = [(name, str(capture)) for name, capture in calibration.provenance.items()]
-    return [("kind", "calibration"), *captures, *facts(calibration)]
+    if isinstance(stored, Motion):
+        return [("kind", "motion"), *stored.facts().items()]
+    captures = [(name, str(capture)) for name, capture in stored.provenance.items()]
+    return [("kind", "calibration"), *captures, *facts(stored)]
 
 
 def _network_facts(file: Path, network: Network | PlanesNetwork) -> list[tuple[str, str]]:

@@ -239,8 +239,8 @@ def describe(merged: Merged | None, motion: Motion) -> list[str]:
     if merged.acceptance is not None and merged.posterior_error is not None:
         error = np.median(merged.posterior_error) / merged.upsample
         lines.append(
-            f"{merged.acceptance.mean():.1%} of the bits along the motion agree and are used; the "
-            f"error of the displacements is {error:.2g} jots in the median"
+            f"{merged.acceptance.mean():.1%} of the bits along the motion agree and are used; one "
+            f"block of frames shows displacements to {error:.2g} jots in the median"
         )
     if merged.flags is not None:
         lines.append(f"{merged.flags.mean():.1%} of the pixels may have larger errors than others")

@@ -17,8 +17,8 @@ from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.sensor import Sensor
 
-_CORNER = 16
-"""Side of the image on which methods first run, in pixels."""
+_SMALL_SIDE = 16
+"""Side of the flat image on which methods first run, in pixels."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,12 +121,12 @@ def _report_progress(update: Callable[[float], object]) -> IterationCallback:
 
 def _warm_up(method: Method, sensor: Sensor, shape: tuple[int, ...], threads: int | None) -> None:
     """Run a method on a flat image of 16 x 16 pixels, if the image is that large."""
-    if min(shape[:2]) < _CORNER:
+    if min(shape[:2]) < _SMALL_SIDE:
         return
     small = sensor.without_maps()
     if small.mosaic is not None:
-        small = small.replace(mosaic=small.mosaic.crop(range(_CORNER), range(_CORNER)))
-    flat = np.full((_CORNER, _CORNER, *shape[2:]), small.max_intensity / 2)
+        small = small.replace(mosaic=small.mosaic.crop(range(_SMALL_SIDE), range(_SMALL_SIDE)))
+    flat = np.full((_SMALL_SIDE, _SMALL_SIDE, *shape[2:]), small.max_intensity / 2)
     bits = small.expose(flat, rng=0, channel_axis=last_channel_axis(flat), threads=threads)
     with hide_warnings():
         method.run(bits, small, threads=threads)

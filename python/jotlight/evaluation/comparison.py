@@ -133,12 +133,12 @@ def compare(
     ['mine', 'mle']
     """
     require_sensor(sensor, may_differ=True, takes_mosaics=True)
-    known = _named_methods(methods, sensor, is_color=channel_axis is not None)
-    names = list(known)
     pixels = as_image(image)
     layout = Layout.of("image", pixels, channel_axis)
     if layout.is_stack or layout.number not in (1, 3):
         raise ValueError(f"image: expected a gray or RGB image, got {_describe(layout)}")
+    known = _named_methods(methods, sensor, is_color=layout.number == 3)
+    names = list(known)
     with shown_progress(progress, "comparing") as update:
         begin = equal_steps(update, len(names) + 1)
         show = begin("drawing bits")
@@ -212,8 +212,7 @@ def _as_method(title: str, method: AnyMethod, sensor: Sensor) -> Method:
             f"{method!r:.80}"
         )
     # A function of the caller may count its calls, or work for one size of images only.
-    is_own = callable(method)
-    return Method(title, partial(reconstruct, method=method), warms_up=not is_own)
+    return Method(title, partial(reconstruct, method=method), warms_up=not callable(method))
 
 
 def _format_time(seconds: float) -> str:

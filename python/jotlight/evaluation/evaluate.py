@@ -17,7 +17,7 @@ from jotlight.layout import looks_like_color
 from jotlight.networks.network import Network
 from jotlight.notebook import card, table_of, text_table
 from jotlight.progress import Progress, shown_progress
-from jotlight.sensing.sensor import Sensor, refuse_other_types
+from jotlight.sensing.sensor import Sensor, require_any_sensor
 
 METRICS = ("psnr", "snr", "ssim")
 
@@ -156,7 +156,7 @@ def evaluate(
     """
     if not isinstance(rng, int | np.integer):
         raise TypeError(f"rng: expected an int, the seed of the first image, got {rng!r}")
-    refuse_other_types(sensor)
+    require_any_sensor(sensor)
     images = _list_images(images, channel_axis)
     names = [str(number) for number in range(len(images))] if names is None else names
     if len(names) != len(images):

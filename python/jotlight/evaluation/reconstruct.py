@@ -126,9 +126,10 @@ def reconstruct(
     method : str, Network, ColorNetwork, or callable, optional
         A name in ``jotlight.evaluation.methods.METHODS``, a network (also a module of
         ``jotlight.torch``), or a function ``f(data, sensor)`` or ``f(data)`` that returns an
-        image. Default: the network "medium", or "held-out" above 1,000 trials per pixel if the
-        kernel is the box. For three color channels with up to 1,000 trials in each pixel, and the
-        box kernel, it is the color network. A color network of the caller takes the same data.
+        image. Behind a mosaic, a function gets the counts (h, w) of each plane of the pattern.
+        Default: the network "medium", or "held-out" above 1,000 trials per pixel if the kernel is
+        the box. For three color channels with up to 1,000 trials in each pixel, and the box kernel,
+        it is the color network. A color network of the caller takes the same data.
     quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
         Size of the shipped network to use, in place of a method.
     trials : float or array_like of float, optional

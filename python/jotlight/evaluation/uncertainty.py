@@ -15,12 +15,11 @@ from jotlight.evaluation.known_estimate import read_estimate
 from jotlight.evaluation.methods import find_method
 from jotlight.evaluation.mosaics import takes_colors, uses_color_network
 from jotlight.evaluation.reconstruct import Method, reconstruct
-from jotlight.networks.architectures import EXTRA_LARGE
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import (
     CONDITIONAL_SIZE,
     pretrained,
-    pretrained_conditional,
+    pretrained_file,
 )
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.photon_readings import Readings
@@ -36,7 +35,7 @@ from jotlight.sensing.sensor import Sensor
 EXACT_METHOD = "mle"
 """Name of the method whose intervals are exact."""
 
-_MEASURED_SIZES = CONDITIONAL_SIZE, "large", EXTRA_LARGE
+_MEASURED_SIZES = CONDITIONAL_SIZE, "large", "extra-large"
 """Sizes of shipped networks whose errors are as large as those of the error model."""
 
 
@@ -270,6 +269,7 @@ def _reference(
 
 
 def _medium(sensor: Sensor) -> Network:
+    """Return the network to whose errors those of other methods are added."""
     return pretrained(sensor, CONDITIONAL_SIZE)
 
 
@@ -277,14 +277,12 @@ def _is_measured(network: Network) -> bool:
     """Return whether a network has the parameters of one whose errors were measured."""
     if network.trials_range is None:
         return False
-    return any(
-        _are_equal(network, pretrained_conditional(network.sensor, size))
-        for size in _MEASURED_SIZES
-    )
+    files = {pretrained_file(network.sensor, size, is_conditional=True) for size in _MEASURED_SIZES}
+    return any(_have_equal_layers(network, Network.load(file)) for file in sorted(files))
 
 
-def _are_equal(network: Network, other: Network) -> bool:
-    """Return whether two networks have equal parameters."""
+def _have_equal_layers(network: Network, other: Network) -> bool:
+    """Return whether the layers of two networks have equal parameters."""
     if len(network.layers) != len(other.layers):
         return False
     return all(

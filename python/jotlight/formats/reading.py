@@ -182,8 +182,9 @@ def _readings(stack: CountStack, bit_depth: int | None) -> Readings:
     if bit_depth is None:
         return stack.readings()
     depth = whole_number_in_range("bit_depth", bit_depth, 2, MAX_BIT_DEPTH)
+    stack.check_bit_depth(depth)
     if stack.sensor is not None:
-        return stack.readings(stack.sensor.replace(bit_depth=depth))
+        return stack.readings()
     return stack.readings(Sensor(frames=len(stack), bit_depth=depth))
 
 

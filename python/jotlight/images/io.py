@@ -282,7 +282,10 @@ def image_writer(
 def check_depth(suffix: str, depth: int) -> None:
     """Raise ValueError unless files with an ending may have a number of bits per value."""
     if depth not in (8, 16) or (depth == 16 and suffix != ".png"):
-        raise ValueError(f"depth: expected 8, or 16 for .png, got {depth} for {suffix}")
+        raise ValueError(
+            f"depth: expected 8, or 16 for .png, got {depth} for {suffix}; leave it out (--depth), "
+            "and choose .tif, .exr, or .npy for floats"
+        )
 
 
 def _embedded(kind: str, text: str) -> dict[str, Any]:

@@ -13,8 +13,8 @@ _MAX_ERROR = 100.0
 def posterior_error(motion: Motion) -> npt.NDArray[np.float32]:
     """Return the standard deviation of the displacement of each jot, (H, W), in jots.
 
-    It is √(½ tr A⁻¹) with the information A of a block, averaged over the blocks. It is 0 if
-    nothing moves.
+    It is √(½ tr A⁻¹) with the information A of a tile in one block, averaged over the blocks. All
+    blocks and tiles together are more precise. It is 0 if nothing moves.
     """
     height, width = motion.size
     if motion.model == "none":

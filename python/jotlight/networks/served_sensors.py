@@ -3,7 +3,7 @@
 import math
 
 from jotlight.sensing.reference import reference_jot
-from jotlight.sensing.sensor import Sensor, refuse_other_types, require_sensor
+from jotlight.sensing.sensor import Sensor, require_any_sensor, require_sensor
 
 
 def check_served(
@@ -24,7 +24,7 @@ def check_served(
     tied : bool
         Whether the network serves every combination of jots and frames with the same K.
     """
-    refuse_other_types(sensor)
+    require_any_sensor(sensor)
     trials = sensor.trials
     if trials_range is not None and trials < trials_range[0]:
         raise ValueError(

@@ -246,12 +246,12 @@ class Sensor(Exposure):
         return self.threshold, self.light_per_intensity, self.max_intensity
 
 
-def refuse_other_types(sensor: object) -> None:
+def require_any_sensor(sensor: object) -> None:
     """Raise TypeError unless the argument is a sensor.
 
     Examples
     --------
-    >>> refuse_other_types(8)
+    >>> require_any_sensor(8)
     Traceback (most recent call last):
       ...
     TypeError: sensor: expected a jotlight.Sensor, such as Sensor(frames=16) ..., got 8
@@ -275,7 +275,7 @@ def require_trainable(sensor: Sensor) -> None:
       ...
     ValueError: sensor: expected a gray sensor with bits ..., got Sensor(frames=4, bit_depth=4); ...
     """
-    refuse_other_types(sensor)
+    require_any_sensor(sensor)
     if sensor.mosaic is not None or not sensor.has_plain_bits:
         raise ValueError(
             "sensor: expected a gray sensor with bits of one gain and threshold, without read "
@@ -292,7 +292,7 @@ def require_sensor(
     The sensor must be gray unless `takes_mosaics` is true. Its readings may differ if `may_differ`
     is true.
     """
-    refuse_other_types(sensor)
+    require_any_sensor(sensor)
     assert isinstance(sensor, Sensor)
     if takes_mosaics:
         sensor = readings.without_mosaic(sensor)

@@ -307,7 +307,7 @@ def _count_images(
     channel_axis: int | None,
     threads: int | None,
 ) -> tuple[list[PixelCounts], Sensor]:
-    """Return the counts of each gray image, and their sensor, after checks that bits split."""
+    """Return the counts of each gray image, whose bits can be split, and their sensor."""
     if isinstance(data, Merged):
         raise TypeError("data: expected Bits or counts, because merged counts cannot be split")
     sensor = sensor or network.sensor_of(data)

@@ -322,3 +322,12 @@ def test_detail_that_a_scene_has_not_is_refused(upsample):
         scene.image(upsample=upsample)
     with pytest.raises(ValueError, match="detail: expected"):
         moving(CAMERA, "static", detail=0)
+
+
+def test_a_photograph_of_gray_levels_is_reported():
+    image = 255 * np.indices((40, 40)).sum(axis=0) / 78
+    options = {"shape": (32, 32), "photons": 0.3, "rng": 0}
+    with pytest.warns(jl.JotlightWarning, match=r"photograph: most intensities .* / 255"):
+        moving(image, "shake", sensor=jl.Sensor(frames=16), **options)
+    scene = moving(image, "shake", sensor=jl.Sensor(frames=16, max_intensity=255), **options)
+    assert scene.image().max() > 100

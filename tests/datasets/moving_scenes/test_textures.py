@@ -22,3 +22,10 @@ def test_a_texture_is_mirrored_and_stays_in_range():
     np.testing.assert_allclose(texture(rows, 58 - columns), values, atol=1e-6)
     assert values.min() >= 0
     assert values.max() <= 1
+
+
+def test_a_bright_photograph_keeps_its_intensities():
+    image = 3 * (np.indices((20, 30)).sum(axis=0) % 7 < 3)
+    rows, columns = np.indices((20, 30), float)
+    values = Texture(image.astype(float))(rows, columns)
+    assert 2 < values.max() <= 3

@@ -14,6 +14,7 @@ from jotlight.datasets.moving_scenes.textures import Texture
 from jotlight.datasets.scenes import photograph as scikit_image_photograph
 from jotlight.seeds import SeedLike
 from jotlight.sensing.frames import Frames, Packed
+from jotlight.sensing.intensity_scale import warn_about_scale
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.simulated_bits import simulated_bits
 
@@ -319,6 +320,7 @@ def moving(
                 f"got {len(path)}"
             )
         planes = [Plane(back, path)]
+    warn_about_scale("photograph", [image], sensor.max_intensity)
     size = (image.shape[0] // detail, image.shape[1] // detail) if shape is None else shape
     if len(size) != 2 or min(size) < 1:
         raise ValueError(f"shape: expected rows and columns of at least 1, got {shape}")

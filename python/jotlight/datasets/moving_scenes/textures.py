@@ -17,7 +17,7 @@ class Texture:
     Parameters
     ----------
     photograph : ndarray of float, shape (H, W) or (H, W, C)
-        Intensities in [0, 1].
+        Intensities of 0 or more.
     detail : int
         Number of pixels of the photograph per pixel of the sensor, in each dimension.
 
@@ -34,6 +34,7 @@ class Texture:
         self.detail = detail
         self.size = photograph.shape[:2]
         self.channels = photograph.shape[2:]
+        self._highest = max(1.0, float(photograph.max()))
         planes = photograph.reshape(*self.size, -1).astype(np.float64)
         self._coefficients = [
             spline_filter(gaussian_filter(plane, _BLUR, mode="mirror"), order=3, mode="mirror")
@@ -49,5 +50,5 @@ class Texture:
             for plane in self._coefficients
         ]
         # The spline may exceed the range of the pixels.
-        values = np.clip(np.stack(channels, axis=-1), 0, 1)
+        values = np.clip(np.stack(channels, axis=-1), 0, self._highest)
         return np.asarray(values if self.channels else values[..., 0])
