@@ -49,7 +49,7 @@ def test_the_image_is_that_of_the_merged_bits(run, moving, tmp_path):
     low, middle = merged.trials.min(), np.median(merged.trials)
     assert f"{low:g} trials per pixel or more, {middle:g} in the median" in output
     assert f"{merged.acceptance.mean():.1%} of the bits along the motion agree" in output
-    assert f"is {np.median(merged.posterior_error):.2g} jots in the median" in output
+    assert f"to {np.median(merged.posterior_error):.2g} jots in the median" in output
     assert "the scene moves, so" not in output
 
 
@@ -90,7 +90,7 @@ def test_a_finer_grid(run, moving, tmp_path):
         np.testing.assert_array_equal(maps["trials"], merged.trials)
     assert f"{np.mean(merged.trials > 0):.1%} of the finer grid has readings" in output
     error = np.median(merged.posterior_error) / 2  # in jots, as all other lengths
-    assert f"is {error:.2g} jots in the median" in output
+    assert f"to {error:.2g} jots in the median" in output
 
 
 @pytest.mark.slow

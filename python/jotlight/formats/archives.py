@@ -235,10 +235,8 @@ def read_npz_label(path: Path) -> str | None:
     ValueError
         When the file is not a zip archive, or the label is damaged.
     """
-    try:
+    with naming_file(str(path)):
         archive = _open_zip(path)
-    except zipfile.BadZipFile as error:
-        raise ValueError(f"{path}: expected a .npz archive ({error})") from error
     with naming_file(f"{path}: {_LABEL}"), archive:
         if _LABEL not in archive.namelist():
             return None
