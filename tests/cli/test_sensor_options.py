@@ -38,6 +38,8 @@ def test_options_that_a_command_cannot_use_are_unknown_to_it(run, command, optio
     "command", [("fine-tune", "a.npy"), ("train", "synthetic", "--sensor", "a.npy")]
 )
 def test_networks_are_trained_for_gray_sensors_of_plain_bits(run, tmp_path, name, command):
+    if command[0] == "fine-tune":
+        pytest.importorskip("torch")
     sensor = jl.Sensor(frames=8, **REFUSED[name])
     shape = (16, 16, 3) if name == "mosaic" else (16, 16)
     jl.save(sensor.expose(np.full(shape, 0.5), rng=0), tmp_path / "a.npy")
