@@ -3,8 +3,8 @@
 use jotlight::bits::PackedBits;
 use jotlight::error::{Error, Result};
 use jotlight::network::{
-    EquivalentCounts, LayerParameters, Network, Pixels, Reconstruction, SensorModel, Served,
-    Wiring, write_images,
+    EquivalentCounts, LayerParameters, Network, Pixels, Precision, Reconstruction, SensorModel,
+    Served, Wiring, write_images,
 };
 use jotlight::values::Values;
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis};
@@ -90,6 +90,13 @@ impl PyNetwork {
         });
         let network = Network::new(layers.collect(), served).map_err(to_python)?;
         Ok(Self(network.with_rotations(rotations).map_err(to_python)?))
+    }
+
+    /// Return the network with its products in the precision `f32` or `bf16`.
+    fn with_precision(&self, precision: &str) -> PyResult<Self> {
+        let network = self.0.clone();
+        let precision = Precision::named(precision).map_err(to_python)?;
+        Ok(Self(network.with_precision(precision).map_err(to_python)?))
     }
 
     /// The radius of the receptive field in pixels.

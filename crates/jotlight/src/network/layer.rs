@@ -7,6 +7,7 @@ use once_cell::race::OnceBox;
 use super::convolution::adjoint::AdjointTaps;
 use super::convolution::filter_taps::FilterTaps;
 use super::convolution::winograd::{self, Winograd};
+use super::precision::{Rounding, round, round_all};
 use super::spline::channels::build_splines;
 use super::spline::evaluate::Spline;
 use super::tiling::strips::PlanesMut;
@@ -24,6 +25,7 @@ pub struct Layer<F> {
     /// One spline per channel, or none if the layer is linear.
     pub(super) splines: Vec<Spline<F>>,
     pub(super) wiring: Wiring,
+    pub(super) rounding: Rounding,
     // Copies of the filters in the order in which the inner loops read them. Each copy is computed
     // when it is first needed, because a layer usually needs only one of them. Two threads may both
     // compute it, but none waits for another: after a fork, a child process could wait forever.
@@ -91,6 +93,7 @@ impl<F: Real> Layer<F> {
             filters,
             splines,
             wiring,
+            rounding: Rounding::default(),
             filter_taps: OnceBox::new(),
             adjoint_taps: OnceBox::new(),
             winograd: OnceBox::new(),
@@ -130,11 +133,17 @@ impl<F: Real> Layer<F> {
         self.winograd().map_or(taps, |_| taps * winograd::SHARE)
     }
 
-    /// Apply the splines in place: equations (8) and (10).
+    /// Apply the splines in place, equations (8) and (10), and round the output if the layer does.
     pub(super) fn activate(&self, planes: &mut PlanesMut<'_, F>) {
         for row in 0..planes.height {
-            for (plane, spline) in self.splines.iter().enumerate() {
-                spline.apply(planes.row(plane, row));
+            for plane in 0..self.channels() {
+                let values = planes.row(plane, row);
+                if let Some(spline) = self.splines.get(plane) {
+                    spline.apply(values);
+                }
+                if self.rounding.output {
+                    round_all(values);
+                }
             }
         }
     }
@@ -154,6 +163,26 @@ impl<F: Real> Layer<F> {
         self.winograd
             .get_or_init(|| Box::new(Winograd::new(self.filters.view(), self.wiring.stride)))
             .as_ref()
+    }
+}
+
+impl Layer<f32> {
+    /// Return the layer with filters and an output that are rounded to bfloat16.
+    pub(super) fn rounded(self, rounding: Rounding) -> Self {
+        let filters = if rounding.filters {
+            self.filters.mapv(round)
+        } else {
+            self.filters
+        };
+        Self {
+            filters,
+            splines: self.splines,
+            wiring: self.wiring,
+            rounding,
+            filter_taps: OnceBox::new(),
+            adjoint_taps: OnceBox::new(),
+            winograd: OnceBox::new(),
+        }
     }
 }
 

@@ -7,10 +7,11 @@
 //! 2. `first_layer` filters the bits or counts of a sensor (equation (11)).
 //! 3. `convolution` holds the filters of all other layers (equation (9)).
 //! 4. `spline` holds the nonlinearities φ (equations (8) and (10)).
-//! 5. `tiling` evaluates the layers tile by tile, so that the data stay in the cache.
-//! 6. `forward` computes an image with all of these.
-//! 7. `model` reads networks from files, computes their parameters for a K, and reconstructs images.
-//! 8. `training` computes the cost, its gradient, and the normal equations (equations (12)
+//! 5. `precision` rounds filters and planes to bfloat16.
+//! 6. `tiling` evaluates the layers tile by tile, so that the data stay in the cache.
+//! 7. `forward` computes an image with all of these.
+//! 8. `model` reads networks from files, computes their parameters for a K, and reconstructs images.
+//! 9. `training` computes the cost, its gradient, and the normal equations (equations (12)
 //!    and (14) to (19)).
 //!
 //! Functions are generic over `f32` and `f64`. Images are computed in `f32`. Tests use `f64` for
@@ -23,6 +24,7 @@ mod graph;
 mod images;
 mod layer;
 mod model;
+mod precision;
 mod spline;
 mod tiling;
 mod training;
@@ -37,6 +39,7 @@ pub use model::{
     Reconstruction, SensorModel, Served, conditioning_weights, level_range, level_weights,
     local_trials,
 };
+pub use precision::Precision;
 pub use spline::channels::Splines;
 pub use spline::evaluate::Spline;
 pub use training::batch::{Batch, Gradient, NormalEquations, Patch};

@@ -10,6 +10,7 @@ mod evaluate;
 #[cfg(feature = "safetensors")]
 mod file;
 mod intensities;
+mod kept_layers;
 mod levels;
 mod pixels;
 mod receptive_field;
@@ -23,6 +24,7 @@ use ndarray::{ArrayD, Axis, Ix2, Ix4};
 
 use super::graph::Graph;
 use super::layer::{Layer, Wiring};
+use super::precision::Precision;
 use crate::error::{Error, Result};
 use crate::mle::{JotResponse, PixelResponse};
 
@@ -79,12 +81,6 @@ impl LayerParameters {
     }
 }
 
-/// The maximum number of K whose layers are kept, for films and maps of trials.
-const MAX_KEPT: usize = 16;
-
-/// Layers for one K, and the K. The boolean says whether they estimate P(b = 0).
-type Kept = ((f64, bool), Arc<Vec<Layer<f32>>>);
-
 /// What a network must know about a sensor, all of whose jots are alike.
 #[derive(Clone, Copy, Debug)]
 pub struct SensorModel {
@@ -138,14 +134,15 @@ impl Served {
 /// A reconstruction network: linear filters and pointwise splines, equations (8) to (11).
 #[derive(Clone, Debug)]
 pub struct Network {
-    layers: Vec<LayerParameters>,
+    layers: Arc<Vec<LayerParameters>>,
     served: Served,
     rotations: usize,
+    precision: Precision,
     halo: usize,
     size_divisor: usize,
     /// The smallest and the largest value that each layer may have.
     bounds: Vec<bounds::Interval>,
-    kept: Arc<Mutex<Vec<Kept>>>,
+    kept: Arc<Mutex<Vec<kept_layers::Kept>>>,
 }
 
 impl Network {
@@ -157,9 +154,10 @@ impl Network {
     /// value in the network could overflow.
     pub fn new(layers: Vec<LayerParameters>, served: Served) -> Result<Self> {
         let mut network = Self {
-            layers,
+            layers: Arc::new(layers),
             served,
             rotations: 1,
+            precision: Precision::F32,
             halo: 0,
             size_divisor: 1,
             bounds: Vec::new(),
@@ -298,33 +296,10 @@ impl Network {
         layers.collect()
     }
 
-    /// Return the layers of [`Network::conditioned`].
-    ///
-    /// Those of the last few K are kept. No call waits for another one: after a fork, a child
-    /// process could wait forever.
-    fn layers_for(&self, trials: f64, zeros: bool) -> Result<Arc<Vec<Layer<f32>>>> {
-        let key = (trials, zeros);
-        if let Ok(kept) = self.kept.try_lock()
-            && let Some((_, layers)) = kept.iter().find(|(other, _)| *other == key)
-        {
-            return Ok(Arc::clone(layers));
-        }
-        let parameters = self.conditioned(trials, zeros)?.into_iter();
-        let layers = parameters.map(LayerParameters::into_layer);
-        let layers = Arc::new(layers.collect::<Result<Vec<_>>>()?);
-        if let Ok(mut kept) = self.kept.try_lock() {
-            if kept.len() == MAX_KEPT {
-                kept.remove(0);
-            }
-            kept.push((key, Arc::clone(&layers)));
-        }
-        Ok(layers)
-    }
-
     /// Return the number of sets of parameters, if layers have sets.
     fn sets(&self) -> Result<Option<usize>> {
         let mut found = None;
-        for layer in &self.layers {
+        for layer in self.layers.iter() {
             let filters = (layer.filters.ndim() == 5).then(|| layer.filters.len_of(Axis(0)));
             let coefficients = layer.coefficients.as_ref();
             let coefficients = coefficients.filter(|array| array.ndim() == 3);

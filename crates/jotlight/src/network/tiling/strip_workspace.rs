@@ -34,13 +34,24 @@ impl<F: Real> StripWorkspace<F> {
         let upsampling = layer.wiring.upsampling;
         let filtered = region.before_upsampling(upsampling);
         if let Some(winograd) = layer.winograd() {
-            let finish = Finish {
-                upsampling,
-                skip,
-                splines: layer.splines(),
-                region,
-            };
-            winograd.convolve(input, &filtered, &finish, &mut self.winograd, out);
+            let splines = layer.splines();
+            if layer.rounding.output {
+                let finish = Finish::<'_, _, true> {
+                    upsampling,
+                    skip,
+                    splines,
+                    region,
+                };
+                winograd.convolve(input, &filtered, &finish, &mut self.winograd, out);
+            } else {
+                let finish = Finish::<'_, _, false> {
+                    upsampling,
+                    skip,
+                    splines,
+                    region,
+                };
+                winograd.convolve(input, &filtered, &finish, &mut self.winograd, out);
+            }
             return;
         }
         // The values of a single row are still in the cache when the next step reads them.

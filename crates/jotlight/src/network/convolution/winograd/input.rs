@@ -170,16 +170,16 @@ impl<F: Real> InputBlock<'_, F> {
             }
         }
         let row_length = out.len() / DEPTH;
-        let mut rest = &mut *out;
-        let transformed: [_; DEPTH] = std::array::from_fn(|_| {
-            let (row, others) = std::mem::take(&mut rest).split_at_mut(row_length);
-            rest = others;
-            &mut F::vectors_mut::<S>(&mut row[MARGIN - before..])[..registers]
-        });
         // Iterators need no bounds checks.
         let [a, b, c, d, e, f] = sources;
         let values = a.iter().zip(b).zip(c).zip(d).zip(e).zip(f);
-        let [p, q, r, s, t, u] = transformed;
+        let [p, q, r, s, t, u] = split(out, row_length);
+        let p = &mut F::vectors_mut::<S>(&mut p[MARGIN - before..])[..registers];
+        let q = &mut F::vectors_mut::<S>(&mut q[MARGIN - before..])[..registers];
+        let r = &mut F::vectors_mut::<S>(&mut r[MARGIN - before..])[..registers];
+        let s = &mut F::vectors_mut::<S>(&mut s[MARGIN - before..])[..registers];
+        let t = &mut F::vectors_mut::<S>(&mut t[MARGIN - before..])[..registers];
+        let u = &mut F::vectors_mut::<S>(&mut u[MARGIN - before..])[..registers];
         let results = p.iter_mut().zip(q).zip(r).zip(s).zip(t).zip(u);
         for ((((((a, b), c), d), e), f), (((((p, q), r), s), t), u)) in values.zip(results) {
             [*p, *q, *r, *s, *t, *u] = transform_input::<S, F>(simd, [*a, *b, *c, *d, *e, *f]);
@@ -199,6 +199,20 @@ impl<F: Real> InputBlock<'_, F> {
     }
 }
 
+/// Divide values into [`DEPTH`] parts of the same length.
+///
+/// The compiler may make a function of a closure that divides, and a scatter of a loop. Both would
+/// take longer than the work on a narrow plane.
+#[inline(always)]
+fn split<F>(values: &mut [F], length: usize) -> [&mut [F]; DEPTH] {
+    let (a, rest) = values.split_at_mut(length);
+    let (b, rest) = rest.split_at_mut(length);
+    let (c, rest) = rest.split_at_mut(length);
+    let (d, rest) = rest.split_at_mut(length);
+    let (e, f) = rest.split_at_mut(length);
+    [a, b, c, d, e, f]
+}
+
 /// Write each of the [`DEPTH`] columns of the tiles to a contiguous row, for each row.
 ///
 /// `capacity` is the number of tiles of a block. The tiles become the tiles `tiles` of the block.
@@ -214,9 +228,10 @@ fn separate_columns<S: Simd, F: Real>(
     let lanes = F::lanes::<S>();
     let rows = rows.chunks_exact(rows.len() / DEPTH);
     for (row, columns) in rows.zip(columns.chunks_exact_mut(DEPTH * (capacity + MAX_LANES))) {
-        let mut columns = columns.chunks_exact_mut(capacity + MAX_LANES);
-        let [before, a, b, c, d, after]: [&mut [F]; DEPTH] =
-            std::array::from_fn(|_| &mut columns.next().unwrap_or_default()[tiles.start..]);
+        let [before, a, b, c, d, after] = split(columns, capacity + MAX_LANES);
+        let (before, after) = (&mut before[tiles.start..], &mut after[tiles.start..]);
+        let (a, b) = (&mut a[tiles.start..], &mut b[tiles.start..]);
+        let (c, d) = (&mut c[tiles.start..], &mut d[tiles.start..]);
         let (quads, _) = row[MARGIN..][..TILE * tiles.len()].as_chunks::<TILE>();
         let values = a.iter_mut().zip(b).zip(c).zip(d.iter_mut());
         for ((((a, b), c), d), quad) in values.zip(quads) {

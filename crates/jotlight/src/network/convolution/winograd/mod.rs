@@ -65,11 +65,11 @@ impl<F: Real> Winograd<F> {
     ///
     /// The first row and column of the region must be multiples of [`TILE`]. The rows of the source
     /// and of `out` must have the layout [`RowLayout`](crate::network::tiling::strips::RowLayout).
-    pub fn convolve(
+    pub fn convolve<const ROUNDS: bool>(
         &self,
         source: &StripedPlanes<'_, F>,
         output: &Region,
-        finish: &Finish<'_, F>,
+        finish: &Finish<'_, F, ROUNDS>,
         workspace: &mut Vec<F>,
         out: &mut PlanesMut<'_, F>,
     ) {
@@ -85,16 +85,16 @@ impl<F: Real> Winograd<F> {
 }
 
 /// The convolution for a region of the output.
-struct Convolution<'a, 'b, F> {
+struct Convolution<'a, 'b, F, const ROUNDS: bool> {
     filters: &'a TransformedFilters<F>,
     source: &'a StripedPlanes<'a, F>,
     output: &'a Region,
-    finish: &'a Finish<'a, F>,
+    finish: &'a Finish<'a, F, ROUNDS>,
     workspace: &'a mut Vec<F>,
     out: &'a mut PlanesMut<'b, F>,
 }
 
-impl<F: Real> WithSimd for Convolution<'_, '_, F> {
+impl<F: Real, const ROUNDS: bool> WithSimd for Convolution<'_, '_, F, ROUNDS> {
     type Output = ();
 
     #[inline(always)]
@@ -125,7 +125,7 @@ impl<F: Real> WithSimd for Convolution<'_, '_, F> {
     }
 }
 
-impl<F: Real> Convolution<'_, '_, F> {
+impl<F: Real, const ROUNDS: bool> Convolution<'_, '_, F, ROUNDS> {
     /// Compute a block of `N` registers of tiles.
     #[inline(always)]
     fn block<S: Simd, const N: usize>(&mut self, simd: S, block: OutputBlock) {
@@ -172,11 +172,11 @@ struct Memory<'a, F> {
 impl<'a, F: Real> Memory<'a, F> {
     /// Return buffers for `tiles` tiles. Each begins at a cache line, because a register that two
     /// cache lines share takes twice as long to read.
-    fn aligned(
+    fn aligned<const ROUNDS: bool>(
         workspace: &'a mut Vec<F>,
         strides: (usize, usize),
         tiles: usize,
-        finish: &Finish<'_, F>,
+        finish: &Finish<'_, F, ROUNDS>,
     ) -> Self {
         let (rows, columns) = InputBuffers::<F>::lengths(tiles);
         let (phases, deep, channel) = finish.lengths(tiles);
@@ -251,7 +251,7 @@ mod tests {
         }
         let strips = [strip];
         let source = StripedPlanes::new(&strips, &layout, (height, width));
-        let finish = Finish {
+        let finish = Finish::<'_, _, false> {
             upsampling: 1,
             skip: None,
             splines: &[],

@@ -6,6 +6,7 @@ use std::ops::Range;
 use super::TILE;
 use super::transforms::{DEPTH, transform_output};
 use crate::cpu::Simd;
+use crate::network::precision::round_all_inlined;
 use crate::network::spline::evaluate::Spline;
 use crate::network::tiling::region::Region;
 use crate::network::tiling::strip_workspace::interleave_inlined;
@@ -13,7 +14,10 @@ use crate::network::tiling::strips::{PlanesMut, StripedPlanes};
 use crate::numbers::{MAX_LANES, Real};
 
 /// The operations of a layer after its convolution.
-pub(crate) struct Finish<'a, F> {
+///
+/// The output is rounded to bfloat16 if `ROUNDS`. This is a constant, so the code for `f32` remains
+/// as fast as without it.
+pub(crate) struct Finish<'a, F, const ROUNDS: bool> {
     /// The factor of the depth-to-space rearrangement.
     pub upsampling: usize,
     pub skip: Option<&'a StripedPlanes<'a, F>>,
@@ -58,7 +62,7 @@ pub(super) struct OutputBuffers<'a, F> {
     pub channel: &'a mut [F],
 }
 
-impl<F: Real> Finish<'_, F> {
+impl<F: Real, const ROUNDS: bool> Finish<'_, F, ROUNDS> {
     /// Return the lengths of the buffers.
     pub(super) fn lengths(&self, tiles: usize) -> (usize, usize, usize) {
         let plane = TILE * TILE * tiles;
@@ -113,9 +117,8 @@ impl<F: Real> Finish<'_, F> {
         phases: &mut [F],
         out: &mut PlanesMut<'_, F>,
     ) {
-        let spline = self.splines.get(channel);
-        if let (Some(spline), None) = (spline, self.skip) {
-            spline.apply_with(simd, phases);
+        if self.skip.is_none() {
+            self.activate(simd, channel, phases);
         }
         let row_length = phases.len() / TILE;
         let tiles = block.width.div_ceil(TILE);
@@ -156,8 +159,17 @@ impl<F: Real> Finish<'_, F> {
                 *value += skip;
             }
         }
+        self.activate(simd, channel, values);
+    }
+
+    /// Apply the spline of a channel, and round the values if the layer does.
+    #[inline(always)]
+    fn activate<S: Simd>(&self, simd: S, channel: usize, values: &mut [F]) {
         if let Some(spline) = self.splines.get(channel) {
             spline.apply_with(simd, values);
+        }
+        if ROUNDS {
+            round_all_inlined(values);
         }
     }
 
@@ -254,9 +266,11 @@ fn join_registers<S: Simd, F: Real, const N: usize>(simd: S, phases: &[F], row: 
 #[inline(always)]
 fn join_phases<F: Real>(phases: &[F], tiles: Range<usize>, row: &mut [F]) {
     let length = phases.len() / TILE;
-    let mut phases = phases.chunks_exact(length);
-    let [a, b, c, d]: [&[F]; TILE] =
-        std::array::from_fn(|_| &phases.next().unwrap_or_default()[tiles.clone()]);
+    let (a, rest) = phases.split_at(length);
+    let (b, rest) = rest.split_at(length);
+    let (c, d) = rest.split_at(length);
+    let (a, b) = (&a[tiles.clone()], &b[tiles.clone()]);
+    let (c, d) = (&c[tiles.clone()], &d[tiles]);
     let values = a.iter().zip(b).zip(c).zip(d);
     for (quad, (((a, b), c), d)) in row.as_chunks_mut::<TILE>().0.iter_mut().zip(values) {
         *quad = [*a, *b, *c, *d];
