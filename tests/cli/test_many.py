@@ -26,6 +26,18 @@ def captures(tmp_path, monkeypatch):
     return sorted(Path("captures").rglob("*.npy"))
 
 
+def test_videos_have_both_precisions(run, captures):
+    arguments = ["reconstruct", "captures/a/1.npy", "-o", "v.zarr", "--window", 16]
+    code, out = run(*arguments, "--quality", "small", "--precision", "bf16")
+    assert code == 0, out
+    bits = jl.open(captures[0])
+    array = zarr.open_array("v.zarr", mode="r")
+    for found, part in zip(array[:], bits.windows(16), strict=True):
+        expected = jl.reconstruct(part, quality="small", precision="bf16")
+        np.testing.assert_array_equal(found, expected)
+    assert "precision=bf16" in run("info", "v.zarr")[1]
+
+
 def test_each_capture_becomes_a_video(run, captures):
     code, out = run(
         "reconstruct", "captures/*/*.npy", "-o", "v/{name}.zarr", "--window", 16, "-m", "mle"

@@ -1,6 +1,8 @@
 """The choice of the method with and without a trained network for the sensor."""
 
+import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,6 +37,26 @@ def test_reconstruct_uses_the_trained_network_and_prints_its_name(run, photo_fol
         assert run("reconstruct", "bits.npy", "-o", "same.npy", "-m", method)[0] == 0
         expected = pretrained(SUPPORTED, quality).reconstruct(bits)
         np.testing.assert_array_equal(np.load("same.npy"), expected)
+
+
+def test_the_precision_of_the_products_is_an_option(run, photo_folder):
+    bits = expose(photo_folder, SUPPORTED)
+    arguments = ["reconstruct", "bits.npy", "-o", "out.npy", "--precision"]
+    assert run(*arguments, "bf16")[0] == 0
+    expected = jl.reconstruct(bits, precision="bf16")
+    np.testing.assert_array_equal(np.load("out.npy"), expected)
+    assert json.loads(Path("out.npy.json").read_text())["origin"]["precision"] == "bf16"
+    assert "bf16" in run("info", "out.npy")[1]
+    assert run(*arguments, "f32")[0] == 0
+    np.testing.assert_array_equal(np.load("out.npy"), jl.reconstruct(bits))
+    for others, message in (
+        (["bf16", "-m", "mle"], "precision: expected f32 for mle, got bf16"),
+        (["bf16", "--quality", "two-layer"], "precision: expected f32, because no layer"),
+        (["bf16", "--fallback"], "precision: expected f32 for a network with fallback"),
+        (["f16"], "precision: expected one of f32, bf16, got 'f16'"),
+    ):
+        status, output = run(*arguments, *others)
+        assert (status, message in output) == (1, True), output
 
 
 def test_many_trials_are_estimated_by_the_blend_on_held_out_bits(run, photo_folder):

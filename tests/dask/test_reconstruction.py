@@ -29,6 +29,19 @@ def test_each_image_is_that_of_reconstruct(bits, method, chunk):
         np.testing.assert_array_equal(image, expected)
 
 
+def test_videos_have_both_precisions(bits):
+    sensor = bits.sensor.replace(frames=16)
+    network = jl.pretrained(sensor, "small")
+    for arguments in ({"method": network}, {"quality": "small"}):
+        video = jl.dask.reconstruct(bits, window=16, precision="bf16", **arguments).compute()
+        for image, part in zip(video, bits.windows(16), strict=True):
+            expected = network.with_precision("bf16").reconstruct(part.counts(), sensor)
+            np.testing.assert_array_equal(image, expected)
+            assert (image != network.reconstruct(part.counts(), sensor)).any()
+    with pytest.raises(ValueError, match="precision: expected f32 for mle, got bf16"):
+        jl.dask.reconstruct(bits, window=16, method="mle", precision="bf16")
+
+
 def test_color_videos_have_channels_last():
     rng = np.random.default_rng(0)
     bits = jl.Bits.from_array(rng.random((16, 24, 32, 3)) < 0.4, jl.Sensor(frames=16))

@@ -140,6 +140,39 @@ def test_the_network_serves_smooth_kernels():
         reconstruct(bits, fallback=True)
 
 
+@pytest.mark.parametrize("quality", ["small", "medium", "extra-large"])
+def test_the_requested_precision_runs(quality):
+    network = jl.pretrained(SENSOR, quality)
+    expected = network.with_precision("bf16").reconstruct(BITS)
+    assert (expected != network.reconstruct(BITS)).any()
+    for arguments in (
+        {"quality": quality, "precision": "bf16"},
+        {"method": network, "precision": "bf16"},
+        {"method": network.with_precision("bf16")},
+        {"method": network.with_precision("f32"), "precision": "bf16"},
+    ):
+        np.testing.assert_array_equal(reconstruct(BITS, **arguments), expected)
+    for arguments in (
+        {"quality": quality},
+        {"quality": quality, "precision": "f32"},
+        {"method": network.with_precision("bf16"), "precision": "f32"},
+    ):
+        np.testing.assert_array_equal(reconstruct(BITS, **arguments), network.reconstruct(BITS))
+
+
+@pytest.mark.parametrize("mosaic", [None, "RGGB"])
+def test_colors_have_both_precisions(mosaic):
+    sensor = jl.Sensor(frames=16, mosaic=mosaic)
+    colors = np.repeat(IMAGE[..., None], 3, axis=2)
+    bits = sensor.expose(colors, rng=0, channel_axis=-1)
+    f32, bf16 = (reconstruct(bits, precision=name) for name in ("f32", "bf16"))
+    np.testing.assert_array_equal(f32, reconstruct(bits))
+    assert 0 < abs(bf16 - f32).max() < 0.02
+    planes = {"quality": "small", "demosaicing": "differences" if mosaic else None}
+    f32, bf16 = (reconstruct(bits, precision=name, **planes) for name in ("f32", "bf16"))
+    assert 0 < abs(bf16 - f32).max() < 0.02
+
+
 def test_many_trials_have_another_default():
     sensor = jl.Sensor(frames=2000)
     counts = sensor.expose(IMAGE, rng=0).counts()
@@ -172,6 +205,13 @@ def test_many_trials_have_another_default():
         ({"method": jl.pretrained(SENSOR), "weight": 1.0}, ValueError, "weight: is not an option"),
         ({"method": lambda _: np.zeros(3)}, ValueError, r"shape \(32, 48\) from <lambda>, got"),
         ({"method": lambda _: IMAGE * np.nan}, ValueError, "expected finite intensities"),
+        ({"precision": "f16"}, ValueError, "precision: expected one of f32, bf16, got 'f16'"),
+        ({"precision": "bf16", "method": "mle"}, ValueError, "expected f32 for mle, got bf16; lea"),
+        ({"precision": "bf16", "method": "held-out"}, ValueError, "expected f32 for held-out"),
+        ({"precision": "bf16", "method": "network-initial"}, ValueError, "for network-initial"),
+        ({"precision": "bf16", "fallback": True}, ValueError, "for a network with fallback, got"),
+        ({"precision": "bf16", "method": lambda x: IMAGE}, ValueError, "f32 for a function, got"),
+        ({"precision": "bf16", "quality": "two-layer"}, ValueError, "expected f32, because no lay"),
         ({"return_history": True}, TypeError, "return_history: pass return_info=True"),
         ({"sensor": 16}, TypeError, "sensor: expected a jotlight.Sensor"),
     ],

@@ -38,6 +38,8 @@ from jotlight.motion.film_estimates import FilmEstimates
 from jotlight.motion.film_image import FilmImage
 from jotlight.motion.memory import remembers
 from jotlight.networks.film_network import FilmNetwork
+from jotlight.networks.precision import F32
+from jotlight.networks.pretrained import pretrained_film
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.readings import FRAMES_ADVICE, require_plain_bits, without_mosaic
@@ -135,7 +137,7 @@ def film(
 
 def _by_film_network(job: Reconstruction) -> Reconstruction:
     """Return a reconstruction whose title is that of the film network."""
-    if job.choice.reason == "requested" or job.settings:
+    if job.choice.reason == "requested" or job.settings.keys() - {"precision"}:
         raise ValueError(
             "recurrent: the film network is a method of its own; leave out --method, --quality, "
             "--model, and their options"
@@ -281,7 +283,10 @@ def _images(
         for span in spans:
             yield _estimate(job, data[span], threads)
         return
-    estimates = FilmEstimates(threads=threads) if motion.recurrent else None
+    estimates = None
+    if motion.recurrent:
+        network = pretrained_film().with_precision(job.settings.get("precision", F32))
+        estimates = FilmEstimates(network, threads=threads)
     for image in merge_windows(
         data,
         _sensor_of_all(job, outputs.window),

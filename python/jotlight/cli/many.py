@@ -285,10 +285,10 @@ def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor
     choice = job.choice
     settings = dict(job.settings)
     fallback = bool(settings.pop("fallback", False))
-    demosaicing = settings.pop("demosaicing", None)
+    named = settings.pop("demosaicing", None), settings.pop("precision", None)
     options = tuple(sorted(settings.items()))
-    named = sensor, choice.method, choice.quality
-    return checked(Estimator(*named, network, options, 1, fallback, demosaicing))
+    chosen = sensor, choice.method, choice.quality
+    return checked(Estimator(*chosen, network, options, 1, fallback, *named))
 
 
 def _own_network(job: Reconstruction, inputs: Inputs) -> Network | None:

@@ -18,6 +18,7 @@ from jotlight.evaluation.methods import (
     LARGE_TRIALS,
 )
 from jotlight.networks.architectures import QUALITIES
+from jotlight.networks.precision import F32, PRECISIONS
 
 
 @Parameter(name="*")
@@ -35,6 +36,13 @@ class MethodOptions:
     ] = None
     quality: Quality = None
     model: Model = None
+    precision: Annotated[
+        str | None,
+        Parameter(
+            help=f"Precision of the products of a deep network: {' or '.join(PRECISIONS)}. bf16 is "
+            f"faster on processors with AMX, and emulated on others. Default: {F32}."
+        ),
+    ] = None
     fallback: Annotated[
         bool,
         Parameter(
@@ -90,7 +98,8 @@ class MethodOptions:
     def settings(self) -> dict[str, Any]:
         """Return the keyword arguments of `jotlight.reconstruct` that the user set."""
         settings = self._options() | ({"fallback": True} if self.fallback else {})
-        return settings | ({"demosaicing": self.demosaicing} if self.demosaicing else {})
+        named = {"demosaicing": self.demosaicing, "precision": self.precision}
+        return settings | {name: value for name, value in named.items() if value is not None}
 
     def _options(self) -> dict[str, Any]:
         """Return the options of the method that the user set."""

@@ -75,7 +75,7 @@ def _note_facts(path: Path) -> Facts:
 
 def _origin_rows(origin: dict[str, Any]) -> Facts:
     first = ("capture", "bytes", "window", "step", "method")
-    names = (*first, "weights_sha256", "calibration_sha256", "software")
+    names = (*first, "precision", "weights_sha256", "calibration_sha256", "software")
     facts = [
         (name.replace("_sha256", ""), _text(origin[name])) for name in names if origin.get(name)
     ]

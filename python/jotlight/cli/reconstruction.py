@@ -139,6 +139,7 @@ class Inputs:
             is_range_known=is_range_known,
             is_color=may_be_color and takes_color_network(captured),
         )
+        choice.check_precision(self.method.precision, fallback=self.method.fallback)
         if self.motion.factor > 1 and choice.quality is None and network is None:
             raise ValueError(
                 f"upsample: expected a network, but the method is {choice.method}; leave it out"
@@ -265,7 +266,8 @@ def _with_colors(job: Reconstruction, merged: Merged | None) -> Reconstruction:
     if merged is not None:
         refuse_demosaicing(job.settings)
     demosaicing = job.settings.get("demosaicing")
-    is_default = demosaicing not in DEMOSAICING and job.settings.keys() <= {"demosaicing"}
+    others = job.settings.keys() - {"demosaicing", "precision"}
+    is_default = demosaicing not in DEMOSAICING and not others
     if job.choice.reason == "requested" or not is_default:
         return job
     if merged is None:

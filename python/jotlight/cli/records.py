@@ -138,5 +138,6 @@ def origin_of(job: Made, checksum: tuple[int, int]) -> dict[str, Any]:
             model=job.model,
             is_conditional="fallback" in job.settings,
         ),
+        "precision": job.settings.get("precision"),
         "calibration_sha256": calibration and calibration.sha256,
     }

@@ -16,6 +16,7 @@ from jotlight.evaluation.choice import (
     OWN_NETWORK,
     check_demosaicing,
     check_fallback,
+    check_precision_of,
     choose_method,
     requested_method,
 )
@@ -56,6 +57,8 @@ class Estimator:
     """Whether a network falls back to other methods, as in `jotlight.reconstruct`."""
     demosaicing: str | None = None
     """How the planes of a mosaic become colors, as in `jotlight.reconstruct`."""
+    precision: str | None = None
+    """Precision of the products of a deep network, as in `jotlight.reconstruct`."""
 
     @property
     def is_color(self) -> bool:
@@ -80,9 +83,12 @@ class Estimator:
         return 1 if network is None else size_divisor(network.layers)
 
     def _network(self) -> Network | None:
-        if self.quality is None:
-            return self.network
-        return _shipped(self.sensor, self.quality, is_conditional=self.fallback)
+        network = self.network
+        if self.quality is not None:
+            network = _shipped(self.sensor, self.quality, is_conditional=self.fallback)
+        if network is None or self.precision is None:
+            return network
+        return network.with_precision(self.precision)
 
     def weights(self, model: Path | None = None) -> str | list[str] | None:
         """Return the SHA-256 of the files of weights, as :func:`weights_sha256` does.
@@ -177,6 +183,7 @@ class Estimator:
                 method=named if self.network is None else self.network,
                 channel_axis=None if image.ndim == 2 else -1,
                 demosaicing=self.demosaicing,
+                precision=self.precision,
                 out=estimate,
                 threads=self.threads,
                 fallback=self.fallback,
@@ -196,6 +203,7 @@ def choose_estimator(
     options: dict[str, Any] | None = None,
     *,
     demosaicing: str | None = None,
+    precision: str | None = None,
     channels: int = 1,
 ) -> Estimator:
     """Return the recommended method for counts of a sensor, or the requested one.
@@ -204,7 +212,7 @@ def choose_estimator(
     ----------
     sensor : Sensor
         The sensor of an image.
-    method, quality, demosaicing
+    method, quality, demosaicing, precision
         As for :func:`jotlight.reconstruct`.
     options : dict, optional
         Its further options: those of the method, and `fallback`.
@@ -235,7 +243,7 @@ def choose_estimator(
     if isinstance(method, Network):
         if options:
             raise ValueError(f"{next(iter(options))}: is not an option of a network; leave it out")
-        own = Estimator(sensor, OWN_NETWORK, None, method, (), 1, fallback, demosaicing)
+        own = Estimator(sensor, OWN_NETWORK, None, method, (), 1, fallback, demosaicing, precision)
         return checked(own)
     if method is not None and not isinstance(method, str):
         raise TypeError(
@@ -252,10 +260,9 @@ def choose_estimator(
     else:
         is_color = uses_color_network(sensor, demosaicing, is_default=is_default)
     choice = choose_method(sensor, requested=requested, is_color=is_color)
+    named = sensor, choice.method, choice.quality
     chosen = tuple(sorted(options.items()))
-    return checked(
-        Estimator(sensor, choice.method, choice.quality, None, chosen, 1, fallback, demosaicing)
-    )
+    return checked(Estimator(*named, None, chosen, 1, fallback, demosaicing, precision))
 
 
 def checked(estimator: Estimator) -> Estimator:
@@ -267,6 +274,9 @@ def checked(estimator: Estimator) -> Estimator:
     if estimator.fallback:
         check_fallback(sensor, estimator.method, estimator.quality, network)
     check_demosaicing(demosaicing, sensor)
+    check_precision_of(
+        estimator.precision, estimator.method, estimator.quality, fallback=estimator.fallback
+    )
     if sensor.mosaic is not None:
         is_default = estimator.method == COLOR_NETWORK
         is_joint = uses_color_network(sensor, demosaicing, is_default=is_default)

@@ -34,6 +34,7 @@ def reconstruct(
     method: str | Network | None = None,
     quality: str | None = None,
     demosaicing: str | None = None,
+    precision: str | None = None,
     width: int | None = None,
     **options: Any,
 ) -> "dask.array.Array":
@@ -58,6 +59,8 @@ def reconstruct(
         Size of a shipped network, in place of a method.
     demosaicing : {"network", "menon", "differences"}, optional
         For a sensor with a mosaic: how planes become colors, as in :func:`jotlight.reconstruct`.
+    precision : {"f32", "bf16"}, optional
+        Precision of the products of a deep network, as in :func:`jotlight.reconstruct`.
     width : int, optional
         W: the true width in jots. Default: that of the bits, or a multiple of 8.
     **options
@@ -107,6 +110,7 @@ def reconstruct(
         quality,
         options,
         demosaicing=demosaicing,
+        precision=precision,
         channels=x.shape[3] if len(x.shape) == 4 else 1,
     )
     pieces = Pieces.of(

@@ -93,6 +93,7 @@ def run_color_network(
     sensor: Sensor,
     out: Image | None,
     threads: int | None,
+    precision: str | None = None,
 ) -> tuple[Image, Info]:
     """Return red, green, and blue of images by a color network of the caller, and how.
 
@@ -103,7 +104,7 @@ def run_color_network(
     """
     check_color_data(sensor, takes=takes_channels(images))
     start = time.perf_counter()
-    estimate = reconstruct_channels(images, sensor, out, threads, network)
+    estimate = reconstruct_channels(images, sensor, out, threads, network, precision)
     seconds = time.perf_counter() - start
     return estimate, Info(OWN_NETWORK, TITLES[OWN_NETWORK], "requested", seconds)
 
@@ -114,6 +115,7 @@ def reconstruct_channels(
     out: object,
     threads: int | None,
     network: ColorNetwork | None = None,
+    precision: str | None = None,
 ) -> Image:
     """Return red, green, and blue of images with three counts per pixel.
 
@@ -129,6 +131,8 @@ def reconstruct_channels(
         Number of threads. Default: all.
     network : ColorNetwork, optional
         Default: the shipped one for channels.
+    precision : {"f32", "bf16"}, optional
+        Precision of the networks. Default: that of the color network.
 
     Examples
     --------
@@ -138,7 +142,8 @@ def reconstruct_channels(
     (8, 8, 3)
     """
     network = network or pretrained_color(CHANNELS_FILE)
-    gray = pretrained_conditional(sensor, COLOR_START)
+    network = network if precision is None else network.with_precision(precision)
+    gray = pretrained_conditional(sensor, COLOR_START).with_precision(network.precision)
     output = output_of(images, sensor, out)
     for start in range(0, len(images), COLORS):
         counted = [count_image(one, sensor, threads) for one in images.data[start : start + COLORS]]

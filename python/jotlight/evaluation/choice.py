@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Collection
+from typing import Any
 
 from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
 from jotlight.evaluation.held_out import smooth_kernel_reason
@@ -11,10 +12,14 @@ from jotlight.evaluation.methods import (
     LARGE_TRIALS,
     METHODS,
     OPTION_DEFAULTS,
+    check_options,
     find_method,
+    unknown_option,
 )
+from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.networks.network import Network
+from jotlight.networks.precision import DEEP, F32, check_precision
 from jotlight.networks.pretrained import uses_conditional
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
@@ -125,6 +130,10 @@ class Choice:
         """Name of the method in tables and messages."""
         return TITLES.get(self.method) or METHODS[self.method].title
 
+    def check_precision(self, precision: str | None, *, fallback: bool = False) -> None:
+        """Check a precision, as :func:`check_precision_of` does."""
+        check_precision_of(precision, self.method, self.quality, fallback=fallback)
+
 
 def choose_method(
     sensor: Sensor,
@@ -232,3 +241,78 @@ def check_fallback(
             "fallback: expected a K-conditioned network, because it runs on a part of the bits; "
             f'got one for {network.sensor.trials} trials alone; quality="medium" selects one'
         )
+
+
+def check_extras(quality: str | None, options: dict[str, Any], *, fallback: bool) -> None:
+    """Raise ValueError for arguments that do not go with a network of the caller.
+
+    Examples
+    --------
+    >>> check_extras(None, {}, fallback=False)
+    """
+    extras = [*["quality"] * (quality is not None), *options, *["fallback"] * fallback]
+    if extras:
+        raise ValueError(f"{extras[0]}: is not an option of a network; leave it out")
+
+
+def named_method(method: object, quality: str | None, options: dict[str, Any]) -> str | None:
+    """Return the name of the requested method, or None if the caller requests none.
+
+    Examples
+    --------
+    >>> named_method(None, "small", {})
+    'network-small'
+    """
+    if method is not None and not isinstance(method, str):
+        raise TypeError(
+            f"method: expected the name of a method, a network, or a function, got {method!r}"
+        )
+    if quality is None:
+        known = list(OPTION_DEFAULTS)
+        if method is None and (unknown := set(options) - set(known)):
+            expected = f"without a method, expected one of the options {', '.join(known)}"
+            raise unknown_option(min(unknown), known, expected)
+        name = requested_method(method, [option for option in options if option in known])
+        if name is not None:
+            check_options(name, options)
+        return name
+    if method is not None:
+        raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
+    if quality not in QUALITIES:
+        raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
+    check_options(f"network-{quality}", options)
+    return f"network-{quality}"
+
+
+def check_precision_of(
+    precision: str | None, method: str, quality: str | None = None, *, fallback: bool = False
+) -> None:
+    """Raise ValueError if "bf16" is requested of anything but a network alone.
+
+    The network itself refuses "bf16" if it has no layers for it.
+
+    Parameters
+    ----------
+    precision : str, optional
+        The requested precision.
+    method : str
+        Name of the method, or what estimates the image.
+    quality : str, optional
+        Size of the method's network, if it is a shipped one.
+    fallback : bool
+        Whether the network falls back to other methods.
+
+    Examples
+    --------
+    >>> check_precision_of("bf16", "network-large", "large")
+    >>> check_precision_of("bf16", "mle")
+    Traceback (most recent call last):
+      ...
+    ValueError: precision: expected f32 for mle, got bf16; leave it out, or take a deep network, ...
+    """
+    if precision is None:
+        return
+    check_precision(precision)
+    if precision != F32 and (fallback or not (quality or method in TITLES)):
+        what = "a network with fallback" if fallback else method
+        raise ValueError(f"precision: expected {F32} for {what}, got {precision}; {DEEP}")

@@ -65,6 +65,7 @@ def reconstruct_mosaic(
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
     demosaicing: str | None = None,
+    precision: str | None = None,
     out: Image | None = None,
     threads: int | None = None,
 ) -> tuple[Image, Info]:
@@ -84,6 +85,8 @@ def reconstruct_mosaic(
     demosaicing : {"menon", "differences"}, optional
         How the planes become colors. Default: as of
         :func:`jotlight.estimators.demosaicing.demosaic`.
+    precision : {"f32", "bf16"}, optional
+        Precision of the color network. Default: its own.
 
     Returns
     -------
@@ -125,10 +128,10 @@ def reconstruct_mosaic(
     found: list[Image] = []
     infos: list[Info] = []
     if estimate is None or isinstance(estimate, ColorNetwork):
-        networks = (
-            estimate or pretrained_color(MOSAIC_FILE),
-            pretrained_conditional(gray, COLOR_START),
-        )
+        network = estimate or pretrained_color(MOSAIC_FILE)
+        network = network if precision is None else network.with_precision(precision)
+        start_network = pretrained_conditional(gray, COLOR_START)
+        networks = network, start_network.with_precision(network.precision)
     for each, own in counted:
         if estimate is None or isinstance(estimate, ColorNetwork):
             colors = estimate_mosaic(*networks, each, own, mosaic, threads)

@@ -19,9 +19,11 @@ from jotlight.evaluation.choice import (
     COLOR_NETWORK,
     JOINT,
     check_demosaicing,
+    check_extras,
     check_fallback,
+    check_precision_of,
     choose_method,
-    requested_method,
+    named_method,
 )
 from jotlight.evaluation.clipping import warn_about_clipping
 from jotlight.evaluation.different_readings import takes_readings, with_one_response
@@ -31,9 +33,6 @@ from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
     LARGE_METHOD,
     METHODS,
-    OPTION_DEFAULTS,
-    check_options,
-    unknown_option,
 )
 from jotlight.evaluation.mosaics import (
     check_color_data,
@@ -42,7 +41,6 @@ from jotlight.evaluation.mosaics import (
     uses_color_network,
 )
 from jotlight.evaluation.own_method import OwnMethod, run_own
-from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, pretrained_conditional
@@ -74,6 +72,7 @@ def reconstruct(
     channel_axis: int | None = ...,
     units: str = ...,
     demosaicing: str | None = ...,
+    precision: str | None = ...,
     out: Image | None = ...,
     threads: int | None = ...,
     fallback: bool = ...,
@@ -91,6 +90,7 @@ def reconstruct(
     channel_axis: int | None = ...,
     units: str = ...,
     demosaicing: str | None = ...,
+    precision: str | None = ...,
     out: Image | None = ...,
     threads: int | None = ...,
     fallback: bool = ...,
@@ -109,6 +109,7 @@ def reconstruct(
     channel_axis: int | None = None,
     units: str = "intensity",
     demosaicing: str | None = None,
+    precision: str | None = None,
     out: Image | None = None,
     threads: int | None = None,
     fallback: bool = False,
@@ -147,6 +148,10 @@ def reconstruct(
         network, which improves "differences" with the bits of all filters. Default: "network"
         without a method, for up to 1,000 trials per pixel; else "menon" for a Bayer mosaic, which
         needs the extra `color`, and "differences" for others.
+    precision : {"f32", "bf16"}, optional
+        Precision of the products of a deep network
+        (:meth:`jotlight.Network.with_precision`). "bf16" is bfloat16, which is faster on processors
+        with AMX, and emulated on others. Default: "f32", or that of a network of the caller.
     out : ndarray of float32, optional
         Array for the result, of its shape, which is returned. It saves the time for new memory,
         which large images notice. Default: a new one.
@@ -204,14 +209,23 @@ def reconstruct(
         sensor = method.sensor_of(data, trials)
     declared = carried_sensor(data) if sensor is None else sensor
     if isinstance(declared, Sensor) and declared.mosaic is not None:
-        run = partial(reconstruct, method=method, quality=quality, fallback=fallback, **options)
+        extras = {"quality": quality, "precision": precision, "fallback": fallback, **options}
+        run = partial(reconstruct, method=method, **extras)
         arrays: dict[str, Any] = {"trials": trials, "channel_axis": channel_axis, "out": out}
         is_default = method is None and quality is None and not fallback and not options
         network = method if isinstance(method, ColorNetwork) else None
         if network is not None:
-            _check_extras(quality, options, fallback=fallback)
+            check_extras(quality, options, fallback=fallback)
         colors, info = _run_mosaic(
-            data, declared, run, network, demosaicing, threads, arrays, is_default=is_default
+            data,
+            declared,
+            run,
+            network,
+            demosaicing,
+            precision,
+            threads,
+            arrays,
+            is_default=is_default,
         )
         scale = np.float32(unit_scale(declared, units))
         colors *= scale
@@ -225,13 +239,16 @@ def reconstruct(
             raise ValueError(f"fallback: is for networks, but method is {method!r}")
         if quality is not None:
             raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
+        check_precision_of(precision, "a function")
         output = output_of(gray_images(data), sensor, out)
         estimate = output.deliver(run_own(method, data, sensor, threads, options))
         name = str(getattr(method, "__name__", type(method).__name__))
         info = Info(name, name, "requested", time.perf_counter() - start)
     else:
         with without_warnings_of_colors(data):
-            estimate, info = _run(data, sensor, method, quality, out, threads, fallback, options)
+            estimate, info = _run(
+                data, sensor, method, quality, precision, out, threads, fallback, options
+            )
         warn_about_clipping(estimate, sensor)
     if scale != 1:
         # A function of the caller may return an array that it still needs.
@@ -246,6 +263,7 @@ def _run_mosaic(
     run: Callable[..., Any],
     network: ColorNetwork | None,
     demosaicing: str | None,
+    precision: str | None,
     threads: int | None,
     arrays: dict[str, Any],
     *,
@@ -262,7 +280,9 @@ def _run_mosaic(
         is_joint = uses_color_network(sensor, demosaicing, is_default=is_default and takes)
     estimate = network if is_joint else partial(run, threads=threads, return_info=True)
     after = None if is_joint else demosaicing
-    return reconstruct_mosaic(data, sensor, estimate, **arrays, demosaicing=after, threads=threads)
+    return reconstruct_mosaic(
+        data, sensor, estimate, **arrays, demosaicing=after, precision=precision, threads=threads
+    )
 
 
 def _run(
@@ -270,6 +290,7 @@ def _run(
     sensor: Sensor,
     method: str | AnyNetwork | None,
     quality: str | None,
+    precision: str | None,
     out: Image | None,
     threads: int | None,
     fallback: bool,
@@ -280,11 +301,11 @@ def _run(
     is_network = isinstance(method, AnyNetwork)
     if is_network:
         without_fallback = fallback and isinstance(method, ColorNetwork)
-        _check_extras(quality, options, fallback=without_fallback)
+        check_extras(quality, options, fallback=without_fallback)
     if isinstance(method, ColorNetwork):
-        return run_color_network(method, images, sensor, out, threads)
+        return run_color_network(method, images, sensor, out, threads, precision)
     network = method if isinstance(method, Network) else None
-    requested = None if is_network else _named(method, quality, options)
+    requested = None if is_network else named_method(method, quality, options)
     if requested is None and any(is_finer(each) for each in images.data):
         requested = DEFAULT_METHOD
     start = time.perf_counter()
@@ -293,6 +314,7 @@ def _run(
         images, sensor = with_one_response(images, sensor, network or requested, threads)
     is_color = not fallback and takes_channels(images)
     choice = choose_method(sensor, requested=requested, network=network, is_color=is_color)
+    choice.check_precision(precision, fallback=fallback)
     history, shares = None, None
     if fallback or choice.method == LARGE_METHOD:
         check_fallback(sensor, choice.method, choice.quality, network)
@@ -302,11 +324,12 @@ def _run(
         blends, shares = blend(images, sensor, network, threads)
         estimate = output.finish(blends)
     elif choice.method == COLOR_NETWORK:
-        estimate = reconstruct_channels(images, sensor, out, threads)
+        estimate = reconstruct_channels(images, sensor, out, threads, precision=precision)
     elif network is not None or choice.quality is not None:
         # Equivalent counts have different numbers of trials, which only such networks take.
         load = pretrained_conditional if are_equivalent else pretrained
         network = network or load(sensor, str(choice.quality))
+        network = network if precision is None else network.with_precision(precision)
         estimate = network.reconstruct(images, sensor, out=out, threads=threads)
     elif METHODS[choice.method].iterative:
         run: Callable[..., Any] = partial(METHODS[choice.method].run, return_history=True)
@@ -315,33 +338,3 @@ def _run(
         estimate = METHODS[choice.method].run(images, sensor, out=out, threads=threads, **options)
     seconds = time.perf_counter() - start
     return estimate, Info(choice.method, choice.title, choice.reason, seconds, history, shares)
-
-
-def _check_extras(quality: str | None, options: dict[str, Any], *, fallback: bool) -> None:
-    """Raise ValueError for arguments that do not go with a network of the caller."""
-    extras = [*["quality"] * (quality is not None), *options, *["fallback"] * fallback]
-    if extras:
-        raise ValueError(f"{extras[0]}: is not an option of a network; leave it out")
-
-
-def _named(method: object, quality: str | None, options: dict[str, Any]) -> str | None:
-    """Return the name of the requested method, or None if the caller requests none."""
-    if method is not None and not isinstance(method, str):
-        raise TypeError(
-            f"method: expected the name of a method, a network, or a function, got {method!r}"
-        )
-    if quality is None:
-        known = list(OPTION_DEFAULTS)
-        if method is None and (unknown := set(options) - set(known)):
-            expected = f"without a method, expected one of the options {', '.join(known)}"
-            raise unknown_option(min(unknown), known, expected)
-        name = requested_method(method, [option for option in options if option in known])
-        if name is not None:
-            check_options(name, options)
-        return name
-    if method is not None:
-        raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
-    if quality not in QUALITIES:
-        raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
-    check_options(f"network-{quality}", options)
-    return f"network-{quality}"

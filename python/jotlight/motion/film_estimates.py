@@ -32,7 +32,8 @@ class FilmEstimates:
     Parameters
     ----------
     network : FilmNetwork, optional
-        The network. Default: the trained one that comes with jotlight.
+        The network. Default: the trained one that comes with jotlight. The gray network has its
+        precision.
     threads : int, optional
         Number of threads. Default: all.
 
@@ -49,7 +50,8 @@ class FilmEstimates:
 
     def __init__(self, network: FilmNetwork | None = None, *, threads: int | None = None) -> None:
         self.network = pretrained_film() if network is None else network
-        self._gray = Network.load(FOLDER / f"{FILM_START}.safetensors")
+        gray = Network.load(FOLDER / f"{FILM_START}.safetensors")
+        self._gray = gray.with_precision(self.network.precision)
         self._threads = threads
         self._last: Image | None = None
         """z = arcsin √p of the last image."""

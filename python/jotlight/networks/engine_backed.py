@@ -1,9 +1,11 @@
 """The network of the engine behind a network of layers."""
 
-from typing import Any, ClassVar, Final
+import copy
+from typing import Any, ClassVar, Final, Self
 
 import jotlight._engine as engine
 from jotlight.networks.layer import Layer
+from jotlight.networks.precision import DEEP, F32, check_precision
 from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.sensor import Sensor
 
@@ -32,6 +34,8 @@ class EngineBacked:
     sensor: Sensor
     trials_range: tuple[int, int] | None
     rotations: int
+    precision: str = F32
+    """Precision of the products, which :meth:`with_precision` selects. A file does not store it."""
     planes: ClassVar[int] = 0
     """Number of planes that the network reads, or 0 if it reads counts or bits."""
 
@@ -54,9 +58,39 @@ class EngineBacked:
             network = engine.Network(
                 layers, model, self.trials_range, self.planes > 0, self.rotations
             )
-            self.__dict__[_KEPT] = kept = source, network
+            self.__dict__[_KEPT] = kept = source, network.with_precision(self.precision)
         found: engine.Network = kept[1]
         return found
+
+    def with_precision(self, precision: str) -> Self:
+        """Return the network with its products in a precision, "f32" or "bf16".
+
+        In bfloat16, the filters of layers that read several planes, and these planes, are rounded
+        to 8 bits of precision. Sums, splines, and the layers that read the data, or a single plane,
+        remain in float32. The PSNR changes by 0.002 dB or less on average. This is faster only on
+        processors with AMX. Others emulate the rounding, in the time of "f32".
+
+        Raises
+        ------
+        ValueError
+            For an unknown precision, and for "bf16" if no layer reads several planes of a layer
+            other than the first one, as in the network of two layers.
+
+        Examples
+        --------
+        >>> from jotlight import pretrained
+        >>> pretrained(Sensor(frames=16)).with_precision("bf16").precision
+        'bf16'
+        """
+        check_precision(precision)
+        try:
+            network = self.engine_network.with_precision(precision)
+        except ValueError as error:
+            raise ValueError(f"{error}; {DEEP}") from None
+        changed = copy.copy(self)
+        changed.precision = precision
+        changed.__dict__[_KEPT] = (self.layers, self.rotations), network
+        return changed
 
     @property
     def halo(self) -> int:

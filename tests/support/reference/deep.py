@@ -40,8 +40,31 @@ def depth_to_space(channels, factor):
     return result
 
 
-def output(layers, sums, divisor):
-    """The network's output from the sums of its first layer, for layers without parameter sets."""
+def bfloat16(values):
+    """The nearest numbers with 8 bits of precision; of two, that with an even last bit."""
+    fraction, exponent = np.frexp(np.asarray(values, np.float32).astype(float))
+    return np.ldexp(np.round(fraction * 2**8), exponent - 8)
+
+
+def in_bfloat16(layers):
+    """The layers with rounded filters where they read several filtered planes, and the indices of
+    the layers whose output is rounded."""
+    sources = {i: i - 1 if layer.input is None else layer.input for i, layer in enumerate(layers)}
+    several = [i for i, source in sources.items() if source > 0 and layers[i].shape[1] > 1]
+    changed = list(layers)
+    for index in several:
+        layer = layers[index]
+        changed[index] = dataclasses.replace(
+            layer, filters=bfloat16(layer.filters).astype(np.float32)
+        )
+    return changed, {sources[index] for index in several}
+
+
+def output(layers, sums, divisor, rounded=()):
+    """The network's output from the sums of its first layer, for layers without parameter sets.
+
+    The outputs of the layers `rounded` become bfloat16.
+    """
     height, width = sums.shape[1:]
     sums = np.pad(sums, ((0, 0), (0, -height % divisor), (0, -width % divisor)), mode="symmetric")
     outputs = []
@@ -58,7 +81,7 @@ def output(layers, sums, divisor):
                     for channel, coefficients in zip(sums, layer.coefficients, strict=True)
                 ]
             )
-        outputs.append(sums)
+        outputs.append(bfloat16(sums) if index in rounded else sums)
     return outputs[-1][0, :height, :width]
 
 

@@ -16,6 +16,7 @@ from suite.tasks.scene import SENSOR, bits, counts
 from suite.tasks.two_layer_network import COMPILED, TORCH
 from suite.threads import allowed_threads
 
+BFLOAT16 = "jotlight, bfloat16"
 CHANNELS_LAST = "PyTorch, channels-last"
 COMPILED_CHANNELS_LAST = "PyTorch, compiled, channels-last"
 JOTLIGHT_SPLINES = "PyTorch, with jotlight's splines"
@@ -30,6 +31,7 @@ SAME_RESULT = TORCH, CHANNELS_LAST, COMPILED, COMPILED_CHANNELS_LAST, ONNX, OPEN
 """Programs that do the same work without jotlight, with floats of 32 bits."""
 
 PROGRAMS = (
+    BFLOAT16,
     *SAME_RESULT[:4],
     JOTLIGHT_SPLINES,
     FILTERS_BFLOAT16,
@@ -48,6 +50,7 @@ def rivals(network: jl.Network, multiply_adds: float) -> Sequence[Rival]:
     """Return the programs for a network with these multiply-adds per pixel."""
     last = {"channels_last": True}
     return [
+        Rival(BFLOAT16, partial(in_bfloat16, network), "jotlight", rounded=True),
         Rival(TORCH, partial(eager, network), "torch"),
         Rival(CHANNELS_LAST, partial(eager, network, **last), "torch"),
         Rival(COMPILED, partial(compiled, network, "float32"), "torch"),
@@ -61,6 +64,11 @@ def rivals(network: jl.Network, multiply_adds: float) -> Sequence[Rival]:
         Rival(OPENVINO, partial(openvino, network, "f32"), "openvino"),
         Rival(OPENVINO_BFLOAT16, partial(openvino, network, "bf16"), "openvino", rounded=True),
     ]
+
+
+def in_bfloat16(network: jl.Network, _: Any) -> Estimate:
+    rounded = network.with_precision("bf16")
+    return lambda: rounded.reconstruct(bits(), SENSOR, threads=allowed_threads())
 
 
 def eager(network: jl.Network, _: Any, *, channels_last: bool = False) -> Estimate:
