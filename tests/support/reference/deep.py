@@ -48,15 +48,18 @@ def bfloat16(values):
 
 def in_bfloat16(layers):
     """The layers with rounded filters where they read several filtered planes, and the indices of
-    the layers whose output is rounded."""
+    the layers whose output is rounded. The error of a tap is added to the next one of its filter."""
     sources = {i: i - 1 if layer.input is None else layer.input for i, layer in enumerate(layers)}
     several = [i for i, source in sources.items() if source > 0 and layers[i].shape[1] > 1]
     changed = list(layers)
     for index in several:
         layer = layers[index]
-        changed[index] = dataclasses.replace(
-            layer, filters=bfloat16(layer.filters).astype(np.float32)
-        )
+        taps, error = layer.filters.astype(float), 0
+        for place in np.ndindex(layer.shape[2:]):
+            exact = taps[:, :, *place] + error
+            taps[:, :, *place] = bfloat16(exact)
+            error = exact - taps[:, :, *place]
+        changed[index] = dataclasses.replace(layer, filters=taps)
     return changed, {sources[index] for index in several}
 
 

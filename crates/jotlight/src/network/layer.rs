@@ -6,8 +6,9 @@ use once_cell::race::OnceBox;
 
 use super::convolution::adjoint::AdjointTaps;
 use super::convolution::filter_taps::FilterTaps;
+use super::convolution::tiles::TileFilters;
 use super::convolution::winograd::{self, Winograd};
-use super::precision::{Rounding, round, round_all};
+use super::precision::{Rounding, round_all, round_filters};
 use super::spline::channels::build_splines;
 use super::spline::evaluate::Spline;
 use super::tiling::strips::PlanesMut;
@@ -32,6 +33,7 @@ pub struct Layer<F> {
     filter_taps: OnceBox<FilterTaps<F>>,
     adjoint_taps: OnceBox<AdjointTaps<F>>,
     winograd: OnceBox<Option<Winograd<F>>>,
+    tiles: OnceBox<Option<TileFilters>>,
 }
 
 /// The connections of a layer to other layers, and its change of resolution.
@@ -97,6 +99,7 @@ impl<F: Real> Layer<F> {
             filter_taps: OnceBox::new(),
             adjoint_taps: OnceBox::new(),
             winograd: OnceBox::new(),
+            tiles: OnceBox::new(),
         })
     }
 
@@ -158,6 +161,25 @@ impl<F: Real> Layer<F> {
             .get_or_init(|| Box::new(AdjointTaps::new(self.filters.view())))
     }
 
+    /// Return the filters for products of tiles in bfloat16, or None for other layers, and where the
+    /// processor has no such products.
+    pub(super) fn tiles(&self) -> Option<&TileFilters> {
+        if !self.rounding.filters {
+            return None;
+        }
+        self.tiles
+            .get_or_init(|| Box::new(TileFilters::new(self.filters.view(), self.wiring.stride)))
+            .as_ref()
+    }
+
+    /// Return the number of rows of the output that are computed together. It is also the number of
+    /// columns.
+    pub(super) fn tile_side(&self) -> usize {
+        let is_winograd = self.tiles().is_none() && self.winograd().is_some();
+        let side = if is_winograd { winograd::TILE } else { 1 };
+        side * self.wiring.upsampling
+    }
+
     /// Return the filters for Winograd convolution, or None where direct convolution is faster.
     pub(super) fn winograd(&self) -> Option<&Winograd<F>> {
         self.winograd
@@ -168,20 +190,19 @@ impl<F: Real> Layer<F> {
 
 impl Layer<f32> {
     /// Return the layer with filters and an output that are rounded to bfloat16.
-    pub(super) fn rounded(self, rounding: Rounding) -> Self {
-        let filters = if rounding.filters {
-            self.filters.mapv(round)
-        } else {
-            self.filters
-        };
+    pub(super) fn rounded(mut self, rounding: Rounding) -> Self {
+        if rounding.filters {
+            round_filters(&mut self.filters);
+        }
         Self {
-            filters,
+            filters: self.filters,
             splines: self.splines,
             wiring: self.wiring,
             rounding,
             filter_taps: OnceBox::new(),
             adjoint_taps: OnceBox::new(),
             winograd: OnceBox::new(),
+            tiles: OnceBox::new(),
         }
     }
 }

@@ -5,6 +5,8 @@
 //! the layers that read them or a single plane, and the planes that only a skip connection reads.
 //! In the networks of this crate, these carry the smoothed data to the output.
 
+use ndarray::Array4;
+
 use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::numbers::Real;
@@ -63,6 +65,23 @@ pub(super) fn round(x: f32) -> f32 {
     f32::from_bits(bits.wrapping_add(half) & 0xffff_0000)
 }
 
+/// Round filters `(outputs, inputs, height, width)` to bfloat16.
+///
+/// The error of a tap is added to the next tap of its filter. So the sum of a filter, on which flat
+/// regions depend, hardly changes.
+pub(super) fn round_filters(filters: &mut Array4<f32>) {
+    for mut bank in filters.outer_iter_mut() {
+        for mut filter in bank.outer_iter_mut() {
+            let mut error = 0.0;
+            for tap in &mut filter {
+                let exact = f64::from(*tap) + error;
+                *tap = round(exact as f32);
+                error = exact - f64::from(*tap);
+            }
+        }
+    }
+}
+
 levels! {
     /// Round values of `f32` to bfloat16. Values of other types remain as they are.
     pub(super) fn round_all[F: Real](values: &mut [F]) = round_all_inlined;
@@ -99,6 +118,26 @@ mod tests {
             round_all(&mut all);
             for rounded in all {
                 assert_eq!(f32::to_bits(rounded), f32::to_bits(expected), "{x}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_sums_of_filters_hardly_change() {
+        let taps = Array4::from_shape_fn((3, 4, 3, 3), |(o, i, row, column)| {
+            0.1 * ((7 * o + 5 * i + 3 * row + column) as f32 * 0.7).sin()
+        });
+        let mut rounded = taps.clone();
+        round_filters(&mut rounded);
+        // The last bit of a number below 1/8 is worth at most 2⁻¹¹.
+        let ulp = 2f32.powi(-11);
+        for (taps, rounded) in taps.outer_iter().zip(rounded.outer_iter()) {
+            for (taps, rounded) in taps.outer_iter().zip(rounded.outer_iter()) {
+                assert!((taps.sum() - rounded.sum()).abs() <= 0.51 * ulp);
+                for (&tap, &rounded) in taps.iter().zip(&rounded) {
+                    assert!((tap - rounded).abs() <= ulp);
+                    assert_eq!(f32::to_bits(rounded), f32::to_bits(round(rounded)));
+                }
             }
         }
     }

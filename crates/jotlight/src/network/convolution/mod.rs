@@ -3,7 +3,7 @@
 //!
 //! `padded` adds the border and convolves, with the taps that `filter_taps` orders. `direct` and
 //! `channel_bank` hold its inner loops, for one output and for several. `winograd` is faster for
-//! many channels. `adjoint` and `tap_gradient` compute derivatives.
+//! many channels, and `tiles` for bfloat16 on processors with AMX. `adjoint` and `tap_gradient` compute derivatives.
 
 pub(crate) mod adjoint;
 mod channel_bank;
@@ -11,6 +11,7 @@ mod direct;
 pub(crate) mod filter_taps;
 pub(crate) mod padded;
 mod tap_gradient;
+pub(crate) mod tiles;
 pub(crate) mod winograd;
 
 /// A stack of planes in memory. Loops may read values beyond the end of a row.

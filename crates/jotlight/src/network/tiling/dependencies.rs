@@ -2,9 +2,7 @@
 
 use super::region::Region;
 use crate::network::convolution::filter_taps::input_region;
-use crate::network::convolution::winograd::TILE;
 use crate::network::graph::Graph;
-use crate::network::layer::Layer;
 use crate::numbers::Real;
 
 /// Return the region of each layer's output that a region of the last layer's output depends on.
@@ -23,7 +21,7 @@ pub(super) fn required_regions<F: Real>(
         let upsampling = layer.wiring.upsampling;
         let plane_size = graph.plane_size(index, size);
         let region = regions[index].aligned(upsampling);
-        let region = region.with_whole_tiles(tile_side(layer), plane_size);
+        let region = region.with_whole_tiles(layer.tile_side(), plane_size);
         regions[index] = region.clone();
         if let Some(skip) = layer.wiring.skip {
             regions[skip].include(&region);
@@ -36,11 +34,4 @@ pub(super) fn required_regions<F: Real>(
         regions[input].include(&read);
     }
     regions
-}
-
-/// Return the number of rows of a layer's output that are computed together. It is also the number
-/// of columns.
-pub(super) fn tile_side<F: Real>(layer: &Layer<F>) -> usize {
-    let side = layer.winograd().map_or(1, |_| TILE);
-    side * layer.wiring.upsampling
 }

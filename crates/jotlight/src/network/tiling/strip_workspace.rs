@@ -6,6 +6,7 @@ use super::region::Region;
 use super::strips::{PlanesMut, StripedPlanes};
 use crate::cpu::levels;
 use crate::network::convolution::padded::Padded;
+use crate::network::convolution::tiles::TileWorkspace;
 use crate::network::convolution::winograd::Finish;
 use crate::network::layer::Layer;
 use crate::numbers::Real;
@@ -16,6 +17,7 @@ use crate::sensing::mirror_index;
 pub(super) struct StripWorkspace<F> {
     padded: Padded<F>,
     winograd: Vec<F>,
+    tiles: TileWorkspace<F>,
     /// The planes before the depth-to-space rearrangement.
     deep: Vec<F>,
 }
@@ -33,25 +35,12 @@ impl<F: Real> StripWorkspace<F> {
     ) {
         let upsampling = layer.wiring.upsampling;
         let filtered = region.before_upsampling(upsampling);
-        if let Some(winograd) = layer.winograd() {
-            let splines = layer.splines();
-            if layer.rounding.output {
-                let finish = Finish::<'_, _, true> {
-                    upsampling,
-                    skip,
-                    splines,
-                    region,
-                };
-                winograd.convolve(input, &filtered, &finish, &mut self.winograd, out);
-            } else {
-                let finish = Finish::<'_, _, false> {
-                    upsampling,
-                    skip,
-                    splines,
-                    region,
-                };
-                winograd.convolve(input, &filtered, &finish, &mut self.winograd, out);
-            }
+        let is_done = if layer.rounding.output {
+            self.convolve_and_finish::<true>(layer, input, skip, region, out)
+        } else {
+            self.convolve_and_finish::<false>(layer, input, skip, region, out)
+        };
+        if is_done {
             return;
         }
         // The values of a single row are still in the cache when the next step reads them.
@@ -71,6 +60,34 @@ impl<F: Real> StripWorkspace<F> {
             }
             layer.activate(out);
         }
+    }
+
+    /// Do all by a convolution that finishes the output, if there is one for the layer. Return whether
+    /// there is. The output is rounded if `ROUNDS`.
+    fn convolve_and_finish<const ROUNDS: bool>(
+        &mut self,
+        layer: &Layer<F>,
+        input: &StripedPlanes<'_, F>,
+        skip: Option<&StripedPlanes<'_, F>>,
+        region: &Region,
+        out: &mut PlanesMut<'_, F>,
+    ) -> bool {
+        let upsampling = layer.wiring.upsampling;
+        let filtered = region.before_upsampling(upsampling);
+        let finish = Finish::<'_, F, ROUNDS> {
+            upsampling,
+            skip,
+            splines: layer.splines(),
+            region,
+        };
+        if let Some(tiles) = layer.tiles() {
+            tiles.convolve(input, &filtered, &finish, &mut self.tiles, out);
+        } else if let Some(winograd) = layer.winograd() {
+            winograd.convolve(input, &filtered, &finish, &mut self.winograd, out);
+        } else {
+            return false;
+        }
+        true
     }
 
     /// Write a region of the filters' output into `out`, after its depth-to-space rearrangement.

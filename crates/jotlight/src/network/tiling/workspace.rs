@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::dependencies::{required_regions, tile_side};
+use super::dependencies::required_regions;
 use super::region::Region;
 use super::strip_workspace::StripWorkspace;
 use super::strips::{LayerBuffer, PlanesMut, RowLayout, Strip, StripedPlanes};
@@ -192,7 +192,7 @@ impl<'a, F: Real, D: Fn(&Region, &mut PlanesMut<'_, F>) + Sync> TileColumn<'a, F
         }
         let layout = workspace.layers[index].layout.clone();
         let mut new_strips =
-            workspace.allocate_strips(&layout, missing, self.strips, tile_side(layer));
+            workspace.allocate_strips(&layout, missing, self.strips, layer.tile_side());
         let view = |layer: usize| {
             workspace.layers[layer].view(self.graph.plane_size(layer, self.padded_size))
         };

@@ -33,9 +33,9 @@ pub(crate) const SHARE: f64 = PRODUCTS as f64 / (TILE * TILE * FILTER_SIZE * FIL
 
 /// The minimum number of inputs. With fewer, the transforms take longer than the multiplications
 /// that they save.
-const MIN_INPUTS: usize = 12;
+pub(super) const MIN_INPUTS: usize = 12;
 /// The minimum number of outputs, for the same reason.
-const MIN_OUTPUTS: usize = 4;
+pub(super) const MIN_OUTPUTS: usize = 4;
 
 /// The number of registers of tiles in a block. A block is transformed, multiplied, and written
 /// while its values are in the cache.

@@ -132,22 +132,18 @@ impl<F: Real, const ROUNDS: bool> Finish<'_, F, ROUNDS> {
                 join_registers::<S, F, N>(simd, phases, &mut out[..tiles * TILE]);
             }
             if self.skip.is_some() {
-                self.add_skip(
-                    simd,
-                    channel,
-                    (block.row + row, block.column),
-                    &mut out[..block.width],
-                );
+                let out = &mut out[..block.width];
+                self.add_skip(channel, (block.row + row, block.column), out);
+                self.activate(simd, channel, out);
             }
         }
     }
 
-    /// Add the skip connection to a part of a row of the layer's output, and apply the spline.
-    /// The part begins at a row and a column, counted from those of the region.
+    /// Add the skip connection to a part of a row of the layer's output. The part begins at a row and
+    /// a column, counted from those of the region.
     #[inline(always)]
-    fn add_skip<S: Simd>(
+    pub(in crate::network::convolution) fn add_skip(
         &self,
-        simd: S,
         channel: usize,
         (row, column): (usize, usize),
         values: &mut [F],
@@ -159,12 +155,16 @@ impl<F: Real, const ROUNDS: bool> Finish<'_, F, ROUNDS> {
                 *value += skip;
             }
         }
-        self.activate(simd, channel, values);
     }
 
     /// Apply the spline of a channel, and round the values if the layer does.
     #[inline(always)]
-    fn activate<S: Simd>(&self, simd: S, channel: usize, values: &mut [F]) {
+    pub(in crate::network::convolution) fn activate<S: Simd>(
+        &self,
+        simd: S,
+        channel: usize,
+        values: &mut [F],
+    ) {
         if let Some(spline) = self.splines.get(channel) {
             spline.apply_with(simd, values);
         }
@@ -206,7 +206,8 @@ impl<F: Real, const ROUNDS: bool> Finish<'_, F, ROUNDS> {
                 let start = tile_row_row * columns * factor + first;
                 out.copy_from_slice(&buffers.channel[start..][..width]);
             }
-            self.add_skip(simd, channel, (top + row, left), out);
+            self.add_skip(channel, (top + row, left), out);
+            self.activate(simd, channel, out);
         }
     }
 }
