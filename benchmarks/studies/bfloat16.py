@@ -1,6 +1,6 @@
 """Measure what the precision bf16 costs on Berkeley test images, for many K.
 
-    python benchmarks/studies/bfloat16.py path/to/data [--images 20] [--output docs/results]
+    python benchmarks/studies/bfloat16.py path/to/data [--images 100] [--output docs/results]
 
 The folder holds ``bsds300/test/*.jpg``. The bits of image i have the seed i. The table states by how
 much the PSNR of the same network in f32 is higher, in dB: the mean over the images, and that of the
@@ -26,7 +26,7 @@ def main() -> None:
     """Measure everything, and print and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("data", type=Path)
-    parser.add_argument("--images", type=int, default=20)
+    parser.add_argument("--images", type=int, default=100)
     parser.add_argument("--output", type=Path)
     options = parser.parse_args()
     _, images = read_image_set(options.data / "bsds300/test", first=options.images)

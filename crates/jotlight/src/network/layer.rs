@@ -6,7 +6,7 @@ use once_cell::race::OnceBox;
 
 use super::convolution::adjoint::AdjointTaps;
 use super::convolution::filter_taps::FilterTaps;
-use super::convolution::tiles::TileFilters;
+use super::convolution::tiles::{self, TileFilters};
 use super::convolution::winograd::{self, Winograd};
 use super::precision::{Rounding, round_all, round_filters};
 use super::spline::channels::build_splines;
@@ -164,7 +164,7 @@ impl<F: Real> Layer<F> {
     /// Return the filters for products of tiles in bfloat16, or None for other layers, and where the
     /// processor has no such products.
     pub(super) fn tiles(&self) -> Option<&TileFilters> {
-        if !self.rounding.filters {
+        if !(self.rounding.filters && tiles::are_available()) {
             return None;
         }
         self.tiles

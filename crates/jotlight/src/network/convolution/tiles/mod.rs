@@ -72,6 +72,12 @@ trait TileUnit: Sized {
     fn store<const TILE: usize>(&self, out: &mut [f32], stride: usize);
 }
 
+/// Return whether the processor has tiles, the system permits them, and the fastest instruction set is
+/// the current one.
+pub(crate) fn are_available() -> bool {
+    Amx::is_available()
+}
+
 /// Filters `(outputs, inputs, 3, 3)` of bfloat16 as tiles.
 ///
 /// The outputs are divided into groups of the rows of a tile, and the pairs of inputs of three rows
@@ -89,12 +95,12 @@ pub(crate) struct TileFilters {
 
 impl TileFilters {
     /// Return the tiles of filters that are rounded to bfloat16, or None if another convolution must
-    /// compute them: for other filters, few planes, and processors or systems without AMX.
+    /// compute them: for other sizes and strides, and for few planes.
     pub fn new<F: Real>(filters: ArrayView4<'_, F>, stride: usize) -> Option<Self> {
         let (outputs, inputs, rows, columns) = filters.dim();
         let many = inputs >= MIN_INPUTS && outputs >= MIN_OUTPUTS;
         let suits = (rows, columns, stride) == (FILTER_SIZE, FILTER_SIZE, 1) && many;
-        (suits && Amx::is_available()).then(|| Self::pack(filters))
+        suits.then(|| Self::pack(filters))
     }
 
     fn pack<F: Real>(filters: ArrayView4<'_, F>) -> Self {
