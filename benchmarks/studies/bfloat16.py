@@ -2,9 +2,9 @@
 
     python benchmarks/studies/bfloat16.py path/to/data [--images 100] [--output docs/results]
 
-The folder holds ``bsds300/test/*.jpg``. The bits of image i have the seed i. The table states by how
-much the PSNR of the same network in f32 is higher, in dB: the mean over the images, and that of the
-worst one.
+The folder holds ``bsds300/test/*.jpg``. The bits of image i have the seed i. The table states by
+how much the PSNR of the same network in f32 is higher, in dB: the mean over the images, and that of
+the worst one.
 """
 
 import argparse

@@ -48,7 +48,8 @@ def bfloat16(values):
 
 def in_bfloat16(layers):
     """The layers with rounded filters where they read several filtered planes, and the indices of
-    the layers whose output is rounded. The error of a tap is added to the next one of its filter."""
+    the layers whose output is rounded. The error of a tap is added to the next tap of its filter.
+    """
     sources = {i: i - 1 if layer.input is None else layer.input for i, layer in enumerate(layers)}
     several = [i for i, source in sources.items() if source > 0 and layers[i].shape[1] > 1]
     changed = list(layers)
