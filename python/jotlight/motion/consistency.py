@@ -29,8 +29,11 @@ _LIMITS = 2.5, 1.4
 Pixels of one side of a ring are accepted up to the second value.
 """
 
-_LIMITS_IF_STILL = 3.5, 1.6
-"""The same for a scene that stands still, where no motion can be wrong."""
+_LIMITS_IF_STILL = 4.5, 1.6
+"""The same for a scene that stands still, where no motion can be wrong.
+
+Dim scenes exceed 3.5 by chance in some pixels of most images.
+"""
 
 _FIRST_RING = 2
 """Number of blocks in the middle, which are not tested."""
