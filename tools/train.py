@@ -138,7 +138,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, help="seed after --from; default: number of the stage")
     parser.add_argument("--scratch", type=Path, default=Path("target/models"))
     parser.add_argument("--threads", type=int)
-    parser.add_argument("--precision", choices=["float32", "bfloat16"], help="default: the fastest")
+    parser.add_argument("--precision", choices=["f32", "bf16"], help="default: the fastest")
     options = parser.parse_args()
     if options.start is not None and (len(options.only) != 1 or options.only[0] in TWO_LAYER):
         parser.error("--from: expected --only with the name of one deep network")

@@ -127,18 +127,18 @@ def test_the_result_is_a_moving_average_of_the_parameters(tmp_path, monkeypatch)
 def test_products_in_bfloat16_are_almost_as_exact():
     runs = [
         train_small(images=smooth_scenes, steps=40, batch=8, precision=precision)
-        for precision in ("float32", "bfloat16")
+        for precision in ("f32", "bf16")
     ]
     (network, history), (other, other_history) = runs
     np.testing.assert_allclose(other_history.loss, history.loss, rtol=0.03)
     assert (parameter_vector(network) != parameter_vector(other)).any()
-    assert other.history["run"]["precision"] == "bfloat16"
+    assert other.history["run"]["precision"] == "bf16"
 
 
 @pytest.mark.parametrize("start", STARTS.values(), ids=STARTS)
 def test_the_fastest_precision_is_measured(start):
     name = fastest_precision(start, batch=2, patch=12, device="cpu", threads=1)
-    assert name in ("float32", "bfloat16")
+    assert name in ("f32", "bf16")
     train_small(start, precision=name, steps=1)
 
 
@@ -203,7 +203,7 @@ def test_anything_but_a_network_is_refused(network):
         ),
         ({"seconds": -1.0}, "seconds: expected a number above 0, got -1.0"),
         ({"optimizer": "sgd"}, "optimizer: expected one of muon, adam, got 'sgd'"),
-        ({"precision": "float16"}, "precision: expected one of float32, bfloat16, got 'float16'"),
+        ({"precision": "float16"}, "precision: expected one of f32, bf16, got 'float16'"),
         ({"rng": -1}, "rng: expected at least 0, got -1"),
         ({"threads": 0}, "threads: expected at least 1, got 0"),
         ({"patch": 21}, "patch: expected at most 20 pixels, got 21. The smallest image, number 0"),

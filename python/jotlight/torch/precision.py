@@ -1,4 +1,4 @@
-"""Data types of the products in training, and which of them is the fastest on a machine."""
+"""Precisions of training, and which of them is the fastest on a machine."""
 
 import time
 
@@ -6,27 +6,27 @@ import torch
 from torch import Tensor
 
 from jotlight.networks.network import Network
+from jotlight.networks.precision import BF16, F32, check_precision
 from jotlight.torch.distributed import choose_device, thread_limit
 from jotlight.torch.network import Network as TorchNetwork
 
-PRECISIONS = {"float32": torch.float32, "bfloat16": torch.bfloat16}
-"""Data types of the products in filter banks, by name. All sums and splines are in float32."""
+PRECISIONS = {F32: torch.float32, BF16: torch.bfloat16}
+"""Data types of the products in filter banks, by precision. All sums and splines are in f32."""
 
 _REPETITIONS = 5
 """Number of measurements of each data type; the fastest counts."""
 
 
-def check_precision(name: str) -> torch.dtype:
-    """Return a data type by name.
+def filter_dtype_of(precision: str) -> torch.dtype:
+    """Return the data type of the products of a precision.
 
     Raises
     ------
     ValueError
-        For an unknown name.
+        For an unknown precision.
     """
-    if name not in PRECISIONS:
-        raise ValueError(f"precision: expected one of {', '.join(PRECISIONS)}, got {name!r}")
-    return PRECISIONS[name]
+    check_precision(precision)
+    return PRECISIONS[precision]
 
 
 def fastest_precision(
@@ -52,7 +52,7 @@ def fastest_precision(
     Returns
     -------
     str
-        ``"float32"`` or ``"bfloat16"``.
+        ``"f32"`` or ``"bf16"``.
 
     Examples
     --------

@@ -13,6 +13,7 @@ from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
 from jotlight.networks.planes_network import PlanesNetwork
+from jotlight.networks.precision import F32
 from jotlight.progress import Progress
 from jotlight.sensing.intensity_scale import warn_about_scale
 from jotlight.sensing.sensor import Sensor
@@ -25,7 +26,7 @@ from jotlight.torch.muon import OPTIMIZERS
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import PatchLoader
 from jotlight.torch.planes_network import PlanesNetwork as TorchPlanesNetwork
-from jotlight.torch.precision import check_precision
+from jotlight.torch.precision import filter_dtype_of
 from jotlight.training.history import History, RecordCallback
 from jotlight.training.images import Images, TrainingImages, check_images, fingerprint_images
 from jotlight.training.parameters import fingerprint_network
@@ -58,7 +59,7 @@ def train(
     patch: int | None = None,
     learning_rate: float = LEARNING_RATE,
     optimizer: str = "muon",
-    precision: str = "float32",
+    precision: str = F32,
     rng: int | None = None,
     test: npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
@@ -102,7 +103,7 @@ def train(
         ``"muon"``: :class:`~jotlight.torch.Muon`, which needs fewer steps than Adam for networks
         of the size medium and above, or ``"adam"``.
     precision : str
-        ``"float32"``, or ``"bfloat16"`` for products of filter banks in bfloat16, which some
+        ``"f32"``, or ``"bf16"`` for products of filter banks in bfloat16, which some
         processors compute faster; :func:`~jotlight.torch.fastest_precision` measures it.
     rng : int, optional
         Seed of patches and bits. Default: a fresh one.
@@ -166,7 +167,7 @@ def train(
     steps = whole_number("steps", STEPS if steps is None else steps, 1)
     batch = whole_number("batch", BATCH if batch is None else batch, 1)
     positive_number("learning_rate", learning_rate)
-    filter_dtype = check_precision(precision)
+    filter_dtype = filter_dtype_of(precision)
     if optimizer not in OPTIMIZERS:
         raise ValueError(f"optimizer: expected one of {', '.join(OPTIMIZERS)}, got {optimizer!r}")
     if seconds is not None and not seconds > 0:
