@@ -38,6 +38,11 @@ def describe_tone(tone: Tone) -> str:
     return f"{tone.curve} curve, white at {tone.white:.3g}"
 
 
+def tone_facts(tone: Tone | None) -> dict[str, Any]:
+    """Return the curve and the white of an image for display, for its record; {} for floats."""
+    return {} if tone is None else {"curve": tone.curve, "white": float(tone.white)}
+
+
 @Parameter(name="*", group=OUTPUT_PANEL)
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class OutputOptions:
@@ -177,15 +182,17 @@ class ImageOutputOptions(OutputOptions):
         remaining = list(files)
         scale = self.scale(sensor)
         tones = []
-        write = image_writer(self.output, depth=self.depth, note=metadata)
         if self.output.suffix.lower() in DISPLAYED:
             tones.append(self._output_tone(estimate, white))
+            note = metadata | tone_facts(tones[0])
+            write = image_writer(self.output, depth=self.depth, note=note)
             write(remaining.pop(0), tones[0](estimate))
         else:
-            write(remaining.pop(0), estimate * scale)
+            image_writer(self.output, note=metadata)(remaining.pop(0), estimate * scale)
         if self.preview is not None:
             tones.append(self.fit_tone(estimate))
-            image_writer(self.preview, note=metadata)(remaining.pop(0), tones[-1](estimate))
+            note = metadata | tone_facts(tones[-1])
+            image_writer(self.preview, note=note)(remaining.pop(0), tones[-1](estimate))
         if self.uncertainty is not None:
             known = uncertainty(
                 data,
