@@ -331,3 +331,14 @@ def test_a_photograph_of_gray_levels_is_reported():
         moving(image, "shake", sensor=jl.Sensor(frames=16), **options)
     scene = moving(image, "shake", sensor=jl.Sensor(frames=16, max_intensity=255), **options)
     assert scene.image().max() > 100
+
+
+@pytest.mark.parametrize("name", ["photograph", "foreground"])
+def test_gray_levels_are_reported_once_and_not_for_each_frame(name):
+    options = {"photograph": CAMERA[:40, :40], "foreground": CAMERA[40:80, :40]}
+    options[name] = 255 * options[name]
+    sensor = jl.Sensor(frames=4)
+    with pytest.warns(jl.JotlightWarning) as caught:
+        moving(motion="layers", sensor=sensor, shape=(32, 32), rng=0, **options).bits.to_array()
+    [message] = [str(warning.message) for warning in caught]
+    assert message.startswith(f"{name}: most intensities should be at most max_intensity=1, but")

@@ -12,9 +12,10 @@ from jotlight.datasets.moving_scenes.paths import Path
 from jotlight.datasets.moving_scenes.planes import Plane
 from jotlight.datasets.moving_scenes.textures import Texture
 from jotlight.datasets.scenes import photograph as scikit_image_photograph
+from jotlight.errors import hide_warnings
 from jotlight.seeds import SeedLike
 from jotlight.sensing.frames import Frames, Packed
-from jotlight.sensing.intensity_scale import warn_about_scale
+from jotlight.sensing.intensity_scale import MEANING, warn_about_scale
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.simulated_bits import simulated_bits
 
@@ -191,12 +192,9 @@ class MovingScene:
         offsets = (np.arange(self._samples_per_frame) + 0.5) / self._samples_per_frame - 0.5
         for frame in range(start, stop):
             image = np.mean([self.image(frame + offset) for offset in offsets], axis=0)
-            exposed = self.sensor.expose(
-                image,
-                self._seed,
-                channel_axis=None if image.ndim == 2 else -1,
-                frames=slice(frame, frame + 1),
-            )
+            axis, chosen = None if image.ndim == 2 else -1, slice(frame, frame + 1)
+            with hide_warnings(MEANING):  # `moving` warned about the photographs
+                exposed = self.sensor.expose(image, self._seed, channel_axis=axis, frames=chosen)
             parts.append(np.asarray(exposed.packed))
         return np.concatenate(parts)
 
@@ -321,6 +319,8 @@ def moving(
             )
         planes = [Plane(back, path)]
     warn_about_scale("photograph", [image], sensor.max_intensity)
+    if foreground is not None:
+        warn_about_scale("foreground", [front], sensor.max_intensity)
     size = (image.shape[0] // detail, image.shape[1] // detail) if shape is None else shape
     if len(size) != 2 or min(size) < 1:
         raise ValueError(f"shape: expected rows and columns of at least 1, got {shape}")
