@@ -93,7 +93,7 @@ def test_the_record_states_how_frames_were_aligned(run, moving, tmp_path):
     assert (record["method"], record["options"]) == ("admm-tv", {"weight": 0.1})
     aligned = {"model": "affine", "found": "affine", "upsample": 1, "at": 10}
     assert record["motion"] == aligned
-    status, output = run("info", "a.npy")
+    _, output = run("info", "a.npy")
     assert "model=affine" in output
     assert "weight=0.1" in output
     again = ["reconstruct", "moving.npy", "--motion", "--motion-file", "m.safetensors"]

@@ -123,7 +123,8 @@ class Records:
 
 def maps_sha256(sensor: Sensor) -> dict[str, str]:
     """Return the SHA-256 of the values of each map of a sensor, by name."""
-    return {name: hashlib.sha256(map_.tobytes()).hexdigest() for name, map_ in sensor.maps().items()}
+    maps = sensor.maps().items()
+    return {name: hashlib.sha256(map_.tobytes()).hexdigest() for name, map_ in maps}
 
 
 def origin_of(
