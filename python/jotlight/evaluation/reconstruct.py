@@ -41,7 +41,7 @@ from jotlight.evaluation.mosaics import (
     takes_colors,
     uses_color_network,
 )
-from jotlight.evaluation.own_method import OwnMethod, run_own
+from jotlight.evaluation.own_method import OwnMethod, noting_planes, run_own
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.network import Network
@@ -204,7 +204,8 @@ def reconstruct(
         sensor = method.sensor_of(data, trials)
     declared = carried_sensor(data) if sensor is None else sensor
     if isinstance(declared, Sensor) and declared.mosaic is not None:
-        run = partial(reconstruct, method=method, quality=quality, fallback=fallback, **options)
+        planes = partial(reconstruct, method=method, quality=quality, fallback=fallback, **options)
+        run = noting_planes(method, planes)
         arrays: dict[str, Any] = {"trials": trials, "channel_axis": channel_axis, "out": out}
         is_default = method is None and quality is None and not fallback and not options
         network = method if isinstance(method, ColorNetwork) else None
