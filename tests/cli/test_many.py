@@ -318,3 +318,10 @@ def test_a_wrong_number_of_threads_is_refused_before_anything_is_written(run, ca
     expected = "error: threads: expected a whole number from 1 to 1024, got 0; leave it out for all"
     assert out.startswith(expected)
     assert [path.name for path in Path().iterdir()] == ["captures"]
+
+
+@pytest.mark.parametrize("command", ["reconstruct", "convert"])
+def test_a_step_without_a_window_is_refused(run, captures, command):
+    code, out = run(command, captures[0], "-o", "v.zarr", "--step", 4)
+    assert code == 1
+    assert out.startswith("error: step: is for the windows of a capture; add --window 4")

@@ -87,6 +87,8 @@ def process(
     ValueError
         At the end, when some captures could not be processed.
     """
+    if run.step is not None and run.window is None:
+        raise ValueError(f"step: is for the windows of a capture; add --window {run.step}")
     part = None if run.part is None else Part.parse(run.part)
     if part is None and run.scheduler is None and run.workers is None:
         part = Part.of_slurm()

@@ -129,7 +129,10 @@ class ImageOutputOptions(OutputOptions):
             "each pixel, or a .png that shows them. Default: none."
         ),
     ] = None
-    level: Annotated[float, Parameter(help="Coverage of the confidence interval.")] = 0.95
+    level: Annotated[
+        float | None,
+        Parameter(help="Coverage of the confidence interval of --uncertainty. Default: 0.95."),
+    ] = None
 
     def check(self) -> None:
         """Raise ValueError for options that do not belong together."""
@@ -153,8 +156,15 @@ class ImageOutputOptions(OutputOptions):
         if self.uncertainty is not None:
             if self.uncertainty.suffix.lower() != _SHOWN:
                 stack_writer(self.uncertainty)
-            if not 0.5 <= self.level < 1:
+            if not 0.5 <= self.coverage < 1:
                 raise ValueError(f"level: expected a number in [0.5, 1), got {self.level}")
+        elif self.level is not None:
+            raise ValueError("level: is for the confidence interval; add --uncertainty u.npz")
+
+    @property
+    def coverage(self) -> float:
+        """Coverage of the confidence interval."""
+        return 0.95 if self.level is None else self.level
 
     def paths(self) -> list[Path]:
         """Return all files to write."""
@@ -201,7 +211,7 @@ class ImageOutputOptions(OutputOptions):
                 demosaicing=demosaicing,
                 estimate=estimate,
                 channel_axis=last_channel_axis(data),
-                confidence_level=self.level,
+                confidence_level=self.coverage,
                 units=self.units,
                 threads=threads,
             )
@@ -210,7 +220,7 @@ class ImageOutputOptions(OutputOptions):
                 known.plot().savefig(remaining.pop(0), format="png", metadata=description)
             else:
                 flags = "1 unlit, 2 saturated, 4 dead, 8 unlikely"
-                facts = {**metadata, "level": self.level, "flags": flags}
+                facts = {**metadata, "level": self.coverage, "flags": flags}
                 stack_writer(self.uncertainty, facts)(remaining.pop(0), known.arrays())
             if (unlikely := known.unlikely.mean()) > _MANY:
                 warn(

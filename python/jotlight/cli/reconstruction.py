@@ -251,7 +251,7 @@ def reconstruct_image(
     if outputs.preview is not None:
         report(f"{outputs.preview}: image for display{preview}")
     if outputs.uncertainty is not None:
-        report(f"{outputs.uncertainty}: confidence intervals of {outputs.level:g}")
+        report(f"{outputs.uncertainty}: confidence intervals of {outputs.coverage:g}")
     report(*found)
     report_assumptions(
         job, Brightness(float(estimate.max()), float(np.quantile(estimate, BRIGHTNESS_QUANTILE)))

@@ -62,6 +62,11 @@ class MovingScene:
         self._samples_per_frame = samples_per_frame
         self._grid = _centered_grid(size, 1)
         self._samples = _centered_grid(size, self.detail)
+        if sensor.bit_depth > 1:
+            raise ValueError(
+                f"sensor: expected one of single bits for a moving scene, got {sensor.bit_depth} "
+                "bits per reading; leave out bit_depth= (--bit-depth)"
+            )
         sensor.check_map_shapes(*(length * sensor.oversampling for length in size))
         height, width = (length * sensor.oversampling for length in size)
         if sensor.mosaic is not None and self.shape[2:] != (3,):
@@ -295,9 +300,10 @@ def moving(
     image = as_image(scikit_image_photograph() if photograph is None else photograph)
     front = image[::-1, ::-1] if foreground is None else as_image(foreground)
     if front.shape[2:] != image.shape[2:]:
+        expected = "(H, W)" if image.ndim == 2 else f"(H, W, {image.shape[2]})"
         raise ValueError(
-            f"foreground: expected as many channels as the photograph, shape (H, W, "
-            f"{', '.join(map(str, image.shape[2:]))}), got {front.shape}"
+            f"foreground: expected as many channels as the photograph, shape {expected}, got shape "
+            f"{front.shape}; read both with gray=True (--gray)"
         )
     detail = whole_number_in_range("detail", detail, 1, 16)
     back, front_texture = Texture(image, detail), Texture(front, detail)
