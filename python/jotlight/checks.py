@@ -77,7 +77,7 @@ def whole_number_in_range(name: str, value: Any, minimum: int, maximum: int) -> 
     return int(number)
 
 
-def check_threads(threads: object) -> None:
+def check_threads(threads: Any) -> None:
     """Raise TypeError or ValueError unless this is a number of threads, or None for all cores.
 
     Examples
