@@ -12,6 +12,9 @@ import numpy.typing as npt
 Counts = npt.NDArray[np.int32]
 """Numbers of ones, L."""
 
+MAX_THREADS = 1024
+"""Largest number of threads that the engine starts."""
+
 MAX_SHOWN = 8
 """Largest number of numbers of an array that a message shows."""
 
@@ -72,6 +75,25 @@ def whole_number_in_range(name: str, value: Any, minimum: int, maximum: int) -> 
             f"{name}: expected a whole number from {minimum} to {maximum}, got {shown(value)}"
         )
     return int(number)
+
+
+def check_threads(threads: Any) -> None:
+    """Raise TypeError or ValueError unless this is a number of threads, or None for all cores.
+
+    Examples
+    --------
+    >>> check_threads(-1)
+    Traceback (most recent call last):
+      ...
+    ValueError: threads: expected a whole number from 1 to 1024, got -1; leave it out for all cores
+    """
+    is_whole = isinstance(threads, int | np.integer) and not isinstance(threads, bool)
+    if threads is None or (is_whole and 1 <= threads <= MAX_THREADS):
+        return
+    raise (ValueError if is_whole else TypeError)(
+        f"threads: expected a whole number from 1 to {MAX_THREADS}, got {shown(threads)}; leave "
+        "it out for all cores"
+    )
 
 
 def positive_number(name: str, value: Any) -> float:

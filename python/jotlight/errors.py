@@ -56,7 +56,7 @@ class MissingExtraError(ImportError):
 
 
 def error_message(error: BaseException) -> str:
-    """Return the message of an error, which names the file if there is one.
+    """Return the message of an error, which names the file if there is one, and its notes.
 
     Examples
     --------
@@ -74,7 +74,8 @@ def error_message(error: BaseException) -> str:
         if isinstance(error, FileNotFoundError):
             return f"there is no file {error.filename}"
         return f"cannot access {error.filename}: {error.strerror}"
-    return str(error) or type(error).__name__
+    notes = getattr(error, "__notes__", [])
+    return "; ".join([str(error) or type(error).__name__, *notes])
 
 
 def import_extra(name: str, extra: str, purpose: str) -> Any:

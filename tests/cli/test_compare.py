@@ -147,3 +147,7 @@ def test_a_missing_function_is_refused_before_any_work(run, photo, own_module, t
     assert f"did you mean {own_module}:mean?" in output
     # Python may write the bytecode of the module.
     assert [name for name in files(tmp_path) if "__pycache__" not in name] == before
+
+
+def test_missing_packages_are_named_only_if_all_methods_are_compared(run, photo):
+    assert "Not installed" not in run("compare", photo, "-m", "mle", "-o", "a.png")[1]

@@ -264,3 +264,17 @@ def test_more_than_256_bits_per_pixel_are_evaluated(run, photo_folder, arguments
     assert status == 0, output
     few = table(run("evaluate", photo_folder, "--quality", "medium", "-k", 8)[1])
     assert table(output)["mean"][0] > few["mean"][0]
+
+
+@pytest.mark.filterwarnings("always")
+def test_a_file_of_gray_levels_is_reported_once_by_its_name(run, photo_folder):
+    np.save(photo_folder / "levels.npy", np.full((24, 24), 200.0))
+    arguments = ["evaluate", photo_folder, "-m", "mle"]
+    status, output = run(*arguments)
+    assert status == 0
+    expected = f"{photo_folder / 'levels.npy'}: most intensities should be at most max_intensity=1,"
+    assert expected in output
+    assert output.count("most intensities") == 1
+    assert "; for an integer image, pass --white 255\n" in output
+    assert "most intensities" not in run(*arguments, "--max-intensity", 255)[1]
+    assert "most intensities" not in run(*arguments, "--white", 255)[1]

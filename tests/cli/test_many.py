@@ -322,3 +322,18 @@ def test_a_conversion_that_was_killed_before_its_record_is_made_again(run, captu
     assert code == 0
     assert "1 made, 1 complete before" in out
     assert "input" in json.loads(record.read_text())
+
+
+def test_a_wrong_number_of_threads_is_refused_before_anything_is_written(run, captures):
+    code, out = run("reconstruct", captures[0], "-o", "v.zarr", "--window", 16, "--threads", 0)
+    assert code == 1
+    expected = "error: threads: expected a whole number from 1 to 1024, got 0; leave it out for all"
+    assert out.startswith(expected)
+    assert [path.name for path in Path().iterdir()] == ["captures"]
+
+
+@pytest.mark.parametrize("command", ["reconstruct", "convert"])
+def test_a_step_without_a_window_is_refused(run, captures, command):
+    code, out = run(command, captures[0], "-o", "v.zarr", "--step", 4)
+    assert code == 1
+    assert out.startswith("error: step: is for the windows of a capture; add --window 4")

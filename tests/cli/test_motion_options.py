@@ -1,5 +1,6 @@
 """`reconstruct --motion`: bits, counts, and colors along the motion of the scene, and its files."""
 
+import json
 import subprocess
 import sys
 import time
@@ -10,7 +11,8 @@ import tifffile
 
 import jotlight as jl
 from jotlight.formats.capture import CountStack
-from jotlight.images.io import read_image
+from jotlight.formats.checksums import file_checksum
+from jotlight.images.io import read_image, read_note
 from jotlight.sensing.provenance import Provenance
 from moving import record
 
@@ -75,6 +77,45 @@ def test_a_motion_is_used_again(run, moving, tmp_path):
     status, output = run(*arguments, "-o", "m.npy", "--motion-file", "m.npy")
     assert status == 1
     assert "choose another name" in output
+
+
+def recorded(path):
+    """Return the record beside an array, or the note in an image."""
+    beside = path.with_name(f"{path.name}.json")
+    return json.loads(beside.read_text())["origin"] if beside.exists() else read_note(path)
+
+
+def test_the_record_states_how_frames_were_aligned(run, moving, tmp_path):
+    arguments = ["reconstruct", "moving.npy", "--motion", "--motion-model", "affine"]
+    options = ["-m", "admm-tv", "--weight", 0.1, "--at", 10, "--save-motion", "m.safetensors"]
+    assert run(*arguments, *options, "-o", "a.npy")[0] == 0
+    record = recorded(tmp_path / "a.npy")
+    assert (record["method"], record["options"]) == ("admm-tv", {"weight": 0.1})
+    aligned = {"model": "affine", "found": "affine", "upsample": 1, "at": 10}
+    assert record["motion"] == aligned
+    _, output = run("info", "a.npy")
+    assert "model=affine" in output
+    assert "weight=0.1" in output
+    again = ["reconstruct", "moving.npy", "--motion", "--motion-file", "m.safetensors"]
+    assert run(*again, "--upsample", 2, "-o", "b.png")[0] == 0
+    note, checksum = recorded(tmp_path / "b.png"), file_checksum(tmp_path / "m.safetensors")
+    file = {"file": "m.safetensors", "sha256": checksum}
+    assert note["motion"] == aligned | {"model": None, "upsample": 2} | file
+    assert (note["curve"], note["white"]) == ("linear", 1.0)
+    assert run("reconstruct", "moving.npy", "-m", "mle", "-o", "c.npy")[0] == 0
+    assert recorded(tmp_path / "c.npy")["motion"] is None
+
+
+def test_the_record_of_a_film_states_how_frames_were_aligned(run, moving, tmp_path):
+    arguments = ["film", "moving.npy", "--motion", "--motion-model", "none", "-m", "mle"]
+    options = ["--window", 24, "--step", 12, "--causal", "--curve", "log", "--white", 0.7]
+    assert run(*arguments, *options, "-o", "film.gif")[0] == 0
+    record = recorded(tmp_path / "film.gif")
+    aligned = {"model": "none", "upsample": 1, "causal": True, "recurrent": False, "memory": True}
+    assert record["motion"] == aligned
+    assert (record["curve"], record["white"]) == ("log", 0.7)
+    assert run("film", "moving.npy", "-m", "mle", "--window", 24, "-o", "still.npy")[0] == 0
+    assert recorded(tmp_path / "still.npy")["motion"] is None
 
 
 @pytest.mark.slow

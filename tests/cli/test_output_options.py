@@ -194,3 +194,12 @@ def test_photons_per_second_are_those_of_python(run, tmp_path):
     assert status == 1
     assert "--exposure-time 1e-5" in output
     assert "Sensor(" not in output
+
+
+def test_a_level_without_an_interval_is_refused(run, capture):
+    status, output = run("reconstruct", "known.npy", "-o", "a.npy", "--level", 0.9)
+    assert status == 1
+    assert "level: is for the confidence interval; add --uncertainty u.npz" in output
+    arguments = ["reconstruct", "known.npy", "-o", "a.npy", "-m", "mle", "--uncertainty", "u.npz"]
+    assert "confidence intervals of 0.95" in run(*arguments)[1]
+    assert "confidence intervals of 0.9\n" in run(*arguments, "--level", 0.9)[1]

@@ -45,7 +45,7 @@ def test_the_precision_of_the_products_is_an_option(run, photo_folder):
     assert run(*arguments, "bf16")[0] == 0
     expected = jl.reconstruct(bits, precision="bf16")
     np.testing.assert_array_equal(np.load("out.npy"), expected)
-    assert json.loads(Path("out.npy.json").read_text())["origin"]["precision"] == "bf16"
+    assert json.loads(Path("out.npy.json").read_text())["origin"]["options"]["precision"] == "bf16"
     assert "bf16" in run("info", "out.npy")[1]
     assert run(*arguments, "f32")[0] == 0
     np.testing.assert_array_equal(np.load("out.npy"), jl.reconstruct(bits))

@@ -54,7 +54,15 @@ def test_a_bit_depth_that_contradicts_the_file_is_refused(run, photo):
     run("simulate", photo, "-o", "r.npy", *OPTIONS)
     status, text = run("reconstruct", "r.npy", "-o", "e.npy", "--bit-depth", 3)
     assert status == 1
-    assert "bit_depth: r.npy states readings of 4 bits, not 3" in text
+    assert "bit_depth: r.npy states readings of 4 bits, not 3; leave out --bit-depth\n" in text
+    run("simulate", photo, "-o", "b.npy", "-k", 1)
+    run("convert", "b.npy", "-o", "b.zarr")
+    status, text = run("reconstruct", "b.zarr", "-o", "e.npy", "--bit-depth", 3)
+    assert status == 1
+    assert "its label states packed bits, not counts; leave out --counts, --unpacked, and" in text
+    status, text = run("reconstruct", "b.zarr", "-o", "e.npy", "--bit-depth", 3, "--bits")
+    assert status == 1
+    assert "but bits are requested; leave out --unpacked and --bits\n" in text
 
 
 def test_noisy_bits_are_simulated_and_reconstructed(run, photo):

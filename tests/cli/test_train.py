@@ -304,3 +304,12 @@ def test_options_that_would_be_lost_or_ignored_are_refused(run, photo_folder, ar
     assert status == 1
     assert message in output
     assert jl.Network.load("m.checkpoint.safetensors")
+
+
+@pytest.mark.filterwarnings("always")
+def test_a_file_of_gray_levels_is_reported_once_by_its_name(run, photo_folder):
+    np.save(photo_folder / "levels.npy", np.full((64, 64), 200.0))
+    status, output = run("train", photo_folder, "-o", NETWORK, "--steps", 1)
+    assert status == 0
+    assert f"{photo_folder / 'levels.npy'}: most intensities should be" in output
+    assert output.count("most intensities") == 1

@@ -248,3 +248,10 @@ def test_calls_that_cannot_work_say_what_to_write():
 def test_habits_of_other_libraries_lead_to_the_call(call, error, message):
     with pytest.raises(error, match=message):
         call()
+
+
+@pytest.mark.parametrize("make", [jl.operators.spread, jl.operators.differences])
+@pytest.mark.parametrize("shape", [64, 8.0, None, (8.0, 8.0), "88", jl.Sensor()])
+def test_anything_but_a_shape_is_refused_with_what_to_pass(make, shape):
+    with pytest.raises(TypeError, match=r"shape: expected \(H, W\) or \(N,\) .*; pass image.shape"):
+        make(shape)

@@ -56,7 +56,8 @@ def test_each_image_of_a_mosaic_is_that_of_reconstruct(mosaic, options):
 
 @pytest.mark.slow
 def test_menons_method_and_pixels_of_several_jots():
-    pytest.importorskip("colour_demosaicing", reason="no Menon: pip install 'jotlight[color]'")
+    with np.printoptions():  # the package changes those of NumPy
+        pytest.importorskip("colour_demosaicing", reason="no Menon: pip install 'jotlight[color]'")
     assert_equals_reconstruct(expose(oversampling=2)[:16], 8, None, method="mle")
 
 

@@ -1,11 +1,13 @@
 """Demosaicing: exact cases, a slow twin of the local mean, and the package for Bayer mosaics."""
 
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.estimators import demosaicing
 from jotlight.estimators.demosaicing import demosaic, local_mean
 from jotlight.sensing.mosaic import Mosaic
 
@@ -64,9 +66,24 @@ def test_gray_details_have_no_color_at_the_pixels_of_the_densest_filter():
     assert error.mean() < 0.1 * gray.std()
 
 
+def test_the_import_of_a_package_does_not_change_how_numpy_prints(monkeypatch):
+    def import_package(*_):
+        np.set_printoptions(legacy="1.13")  # as the package does
+        return SimpleNamespace(
+            demosaicing_CFA_Bayer_Menon2007=lambda values, _: np.stack([values] * 3, axis=2)
+        )
+
+    monkeypatch.setattr(demosaicing, "import_extra", import_package)
+    with np.printoptions():
+        before = np.get_printoptions()
+        assert demosaic(np.ones((8, 8)), Mosaic("RGGB")).shape == (8, 8, 3)
+        assert np.get_printoptions() == before
+
+
 @pytest.mark.slow  # the import of the package takes seconds
 def test_menon_returns_what_its_package_returns():
-    package = pytest.importorskip("colour_demosaicing")
+    with np.printoptions():  # the package changes those of NumPy
+        package = pytest.importorskip("colour_demosaicing")
     values = np.random.default_rng(0).random((20, 22))
     for order in ("RGGB", "BGGR", "GRBG", "GBRG"):
         expected = package.demosaicing_CFA_Bayer_Menon2007(values, order)

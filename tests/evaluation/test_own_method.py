@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.errors import error_message
 from jotlight.evaluation.own_method import arguments_of, checksum_of_module, import_method
 
 CODE = """
@@ -108,6 +109,28 @@ def test_a_function_that_takes_bits_for_an_array_gets_a_note():
         assert expected in caught.value.__notes__[0]
     with pytest.raises(AttributeError) as caught:
         jl.reconstruct(ones, sensor, method=lambda data: data.missing)
+    assert not hasattr(caught.value, "__notes__")
+
+
+def test_a_function_that_takes_a_plane_of_a_mosaic_for_the_image_gets_a_note():
+    sensor = jl.Sensor(frames=4, mosaic="RGGB")
+    bits = sensor.expose(np.full((16, 24, 3), 0.5), rng=0)
+
+    def reshaped(counts):
+        return counts.reshape(16, 24)
+
+    def whole(counts):
+        return np.zeros((16, 24))
+
+    for method in (reshaped, whole, lambda bits: bits.counts()):
+        with pytest.raises((ValueError, AttributeError)) as caught:
+            jl.reconstruct(bits, method=method)
+        [note] = caught.value.__notes__
+        expected = "receives the counts (h, w) of each plane of the mosaic, the pixels behind one"
+        assert note.startswith(f"{method.__name__} {expected}")
+        assert error_message(caught.value).endswith(note)
+    with pytest.raises(ValueError, match="weight") as caught:
+        jl.reconstruct(bits, method="mle", weight=1)
     assert not hasattr(caught.value, "__notes__")
 
 

@@ -1,6 +1,7 @@
 """Options of `jotlight.open`: frames, orientation, and wrong ones."""
 
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 import jotlight as jl
 from examples.arrays import random_frames
 from jotlight.errors import SeveralArraysError
+from jotlight.formats.labels import AS_STATED
 from reference import formats as twin
 
 HALF = (256, 512)
@@ -91,5 +93,33 @@ def test_a_bit_depth_that_contradicts_the_file_is_refused(tmp_path):
     jl.save(readings, tmp_path / "a.npy")
     with pytest.raises(ValueError, match=r"bit_depth: a\.npy states readings of 4 bits, not 3;"):
         jl.open(tmp_path / "a.npy", bit_depth=3)
+    np.save(tmp_path / "b.npy", readings.to_array())
+    message = (
+        r"bit_depth: is for images of readings, but bits are requested; leave out unpacked=True"
+    )
+    for option in ({"counts": False}, {"unpacked": True}):
+        with pytest.raises(ValueError, match=message):
+            jl.open(tmp_path / "b.npy", bit_depth=4, **option)
     same = jl.open(tmp_path / "a.npy", bit_depth=4)
     np.testing.assert_array_equal(same.to_array(), readings.to_array())
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.npy.gz", "a.h5", "a.zarr"])
+@pytest.mark.parametrize("option", [{"bit_depth": 4}, {"counts": True}, {"unpacked": True}])
+def test_bits_that_a_file_states_are_not_read_as_other_numbers(tmp_path, name, option):
+    bits = jl.Sensor(frames=4).expose(np.ones((5, 16)), rng=0)
+    jl.save(bits, tmp_path / name)
+    with pytest.raises(ValueError, match=re.escape(AS_STATED)):
+        jl.open(tmp_path / name, **option)
+    np.testing.assert_array_equal(jl.open(tmp_path / name).to_array(), bits.to_array())
+
+
+@pytest.mark.filterwarnings("ignore:.*only the sum of the 4 frames is saved")
+@pytest.mark.parametrize("name", ["a.npz", "a.tif"])
+def test_counts_that_a_file_states_are_not_read_as_readings(tmp_path, name):
+    bits = jl.Sensor(frames=4).expose(np.ones((5, 16)), rng=0)
+    jl.save(bits, tmp_path / name)
+    message = rf"bit_depth: {name} states counts out of 4, not readings of 3 bits; leave out"
+    with pytest.raises(ValueError, match=message):
+        jl.open(tmp_path / name, bit_depth=3)
+    np.testing.assert_array_equal(jl.open(tmp_path / name), bits.counts())

@@ -3,6 +3,7 @@ import pytest
 import tifffile
 from PIL import Image
 
+from jotlight.errors import JotlightWarning
 from jotlight.images.sets import ENDINGS, read_image_set
 
 LEVELS = np.random.default_rng(0).integers(0, 256, (12, 15), np.uint8)
@@ -238,3 +239,12 @@ def test_a_single_image_is_refused_as_a_set(tmp_path):
     Image.fromarray(LEVELS).save(tmp_path / "a.png")
     with pytest.raises(ValueError, match=r"a\.png: expected a folder of images, a \.npy"):
         read_image_set(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.npz"])
+def test_an_array_of_gray_levels_is_reported_with_its_level(tmp_path, name):
+    path = save_as(tmp_path / name, np.full((2, 6, 6), 200.0))
+    with pytest.warns(JotlightWarning, match=r"a\.np.: most .* pass white=255 \(--white 255\)"):
+        read_image_set(path)
+    assert read_image_set(path, white=255)[1][0].max() < 1
+    assert read_image_set(path, max_intensity=255)[1][0].max() == 200

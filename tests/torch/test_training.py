@@ -205,7 +205,7 @@ def test_anything_but_a_network_is_refused(network):
         ({"optimizer": "sgd"}, "optimizer: expected one of muon, adam, got 'sgd'"),
         ({"precision": "float16"}, "precision: expected one of f32, bf16, got 'float16'"),
         ({"rng": -1}, "rng: expected at least 0, got -1"),
-        ({"threads": 0}, "threads: expected at least 1, got 0"),
+        ({"threads": 0}, "threads: expected a whole number from 1 to 1024, got 0"),
         ({"patch": 21}, "patch: expected at most 20 pixels, got 21. The smallest image, number 0"),
         ({"images": -IMAGES}, "expected intensities of 0 or more"),
         ({"sensor": jl.Sensor(oversampling=2)}, "sensor: the network"),

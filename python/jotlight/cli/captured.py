@@ -125,8 +125,9 @@ def _add_sensor_to_readings(
             "calibration: expected none, because it is for single bits, but the capture has "
             "readings of several bits; state --dark-counts, --efficiency, and --mask"
         )
+    if "bit_depth" in sensor_kwargs:
+        stack.check_bit_depth(sensor_kwargs["bit_depth"])
     if stack.sensor is not None:
-        stack.check_bit_depth(sensor_kwargs.get("bit_depth", stack.sensor.bit_depth))
         sensor = stack.sensor.replace(**sensor_kwargs)
     else:
         sensor = Sensor(**{"frames": len(stack), **sensor_kwargs})

@@ -71,6 +71,8 @@ def compare(
         network.check_sensor(exposed)
         selected[str(model)] = network
     run_comparison(image, exposed, output, selected, seed=seed, threads=threads)
+    if not names:
+        _report_missing()
 
 
 def _select(sensor: Sensor, names: list[str]) -> dict[str, AnyMethod]:
@@ -107,6 +109,11 @@ def run_comparison(
             begin("drawing the figure")
             plots.save_figure(found.plot(), temporary)
     out.print(_table(found))
+    report(f"Figure: {output}")
+
+
+def _report_missing() -> None:
+    """Print which packages of methods are not installed."""
     missing = [method.required_package for method in METHODS.values() if not method.available]
     if missing:
         extras = ", ".join(f"jotlight[{name}]" for name in missing)
@@ -114,7 +121,6 @@ def run_comparison(
             f"Not installed: {', '.join(map(str, missing))} (pip install '{extras}'; its license "
             "is for non-commercial use)"
         )
-    report(f"Figure: {output}")
 
 
 def _table(found: Comparison) -> Table:

@@ -20,6 +20,7 @@ from jotlight.cli.common_options import (
 from jotlight.cli.console import out, progress, report
 from jotlight.cli.method_options import named_method
 from jotlight.cli.sensor_options import EvaluatedSensorOptions
+from jotlight.errors import hide_warnings
 from jotlight.evaluation.evaluate import COLUMNS, Evaluation
 from jotlight.evaluation.evaluate import evaluate as evaluate_method
 from jotlight.evaluation.methods import DEFAULT_METHOD, find_method
@@ -27,6 +28,7 @@ from jotlight.evaluation.own_method import OwnMethod, import_method
 from jotlight.files import atomic_write, check_outputs
 from jotlight.images.sets import read_image_set
 from jotlight.networks.network import Network
+from jotlight.sensing.intensity_scale import MEANING
 from jotlight.sensing.sensor import Sensor
 
 
@@ -80,17 +82,23 @@ def evaluate(
         temporary = stack.enter_context(atomic_write(output)) if output is not None else None
         begin = stack.enter_context(progress(2))
         names, scenes = read_image_set(
-            images, key=key, white=white, first=first, progress=begin("reading the images")
+            images,
+            key=key,
+            white=white,
+            first=first,
+            max_intensity=exposed.max_intensity,
+            progress=begin("reading the images"),
         )
-        result = evaluate_method(
-            run,
-            scenes,
-            exposed,
-            names=names,
-            rng=seed,
-            threads=threads,
-            progress=begin("reconstructing"),
-        )
+        with hide_warnings(MEANING):  # the files were checked
+            result = evaluate_method(
+                run,
+                scenes,
+                exposed,
+                names=names,
+                rng=seed,
+                threads=threads,
+                progress=begin("reconstructing"),
+            )
         if temporary is not None:
             result.write_csv(temporary)
     report(f"{title}, {len(names)} image{'s' * (len(names) > 1)}, {exposed!r}")

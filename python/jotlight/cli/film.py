@@ -19,7 +19,7 @@ from jotlight.cli.console import progress, report
 from jotlight.cli.jot_checks import caution_about_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import FilmMotionOptions
-from jotlight.cli.output_options import OutputOptions, describe_tone
+from jotlight.cli.output_options import OutputOptions, describe_tone, tone_facts
 from jotlight.cli.reconstruction import Brightness, Inputs, Reconstruction, report_assumptions
 from jotlight.cli.records import Records, origin_of
 from jotlight.cli.sensor_options import CapturedSensorOptions
@@ -188,11 +188,11 @@ def _write(
                     brightness = max(brightness, float(np.quantile(image, BRIGHTNESS_QUANTILE)))
                     add(image * scale)
         seconds = time.perf_counter() - start
-        facts = outputs.metadata(job.captured.sensor, job.choice.title, job.captured.provenance)
+        facts = outputs.metadata(job.captured.sensor, job.choice.method, job.captured.provenance)
         facts |= {"window": outputs.window, "step": outputs.step or outputs.window}
-        if motion.motion:
-            facts |= {"causal": motion.causal, "memory": has_memory}
-        facts |= origin_of(job, checksum())
+        facts |= tone_facts(tone)
+        aligned = {**motion.facts(), "memory": has_memory} if motion.motion else None
+        facts |= origin_of(job, checksum(), aligned)
         records.write(files, [outputs.output], job, facts)
     unused = len(data) - spans[-1].stop
     each = job.captured.sensor.frames // outputs.window

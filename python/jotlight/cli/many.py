@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import hashlib
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,6 +11,7 @@ from jotlight.chunks import windows
 from jotlight.cli.capture_options import CaptureOptions, parse_frame_range
 from jotlight.cli.console import caution, progress, report
 from jotlight.cli.reconstruction import Inputs, Reconstruction
+from jotlight.cli.records import maps_sha256
 from jotlight.cli.run_options import RunOptions
 from jotlight.dask.cluster import connected
 from jotlight.dask.estimator import Estimator, check_countable, checked
@@ -87,6 +87,8 @@ def process(
     ValueError
         At the end, when some captures could not be processed.
     """
+    if run.step is not None and run.window is None:
+        raise ValueError(f"step: is for the windows of a capture; add --window {run.step}")
     part = None if run.part is None else Part.parse(run.part)
     if part is None and run.scheduler is None and run.workers is None:
         part = Part.of_slurm()
@@ -308,9 +310,7 @@ def _method_facts(estimator: Estimator, job: Reconstruction, inputs: Inputs) -> 
         "options": job.settings,
         "weights_sha256": estimator.weights(inputs.method.model),
         "sensor": sensor.scalars(),
-        "maps_sha256": {
-            name: hashlib.sha256(map_.tobytes()).hexdigest() for name, map_ in sensor.maps().items()
-        },
+        "maps_sha256": maps_sha256(sensor),
         "calibration": calibration and {"file": calibration.name, "sha256": calibration.sha256},
     }
 

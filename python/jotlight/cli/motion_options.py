@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from jotlight.cli.captured import Captured
 from jotlight.cli.common_options import MOTION_PANEL
 from jotlight.cli.console import progress
+from jotlight.formats.checksums import file_checksum
 from jotlight.images.image_stack import stack_writer
 from jotlight.motion.align import align
 from jotlight.motion.merge import merge
@@ -73,6 +74,10 @@ class MotionOptions:
         """The model of the motion."""
         return self.motion_model or "auto"
 
+    def facts(self) -> dict[str, Any]:
+        """Return how the frames are aligned, for records."""
+        return {"model": self.model, "upsample": self.factor}
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class FilmMotionOptions(MotionOptions):
@@ -109,6 +114,10 @@ class FilmMotionOptions(MotionOptions):
         for name in ("memory", "recurrent"):
             if getattr(self, name) and self.factor > 1:
                 raise ValueError(f"{name}: expected no --{name} with --upsample 2")
+
+    def facts(self) -> dict[str, Any]:
+        """Return how the frames are aligned, for records."""
+        return {**super().facts(), "causal": self.causal, "recurrent": self.recurrent}
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -158,6 +167,15 @@ class ImageMotionOptions(MotionOptions):
     def paths(self) -> list[Path]:
         """Return all files to write."""
         return [path for path in (self.save_motion, self.maps) if path is not None]
+
+    def facts_of(self, found: Motion) -> dict[str, Any]:
+        """Return how the frames were aligned along a motion, for records."""
+        at = found.reference if self.at is None else self.at
+        facts = {**self.facts(), "found": found.model, "at": at}
+        if self.motion_file is None:
+            return facts
+        checksum = file_checksum(self.motion_file)
+        return {**facts, "model": None, "file": self.motion_file.name, "sha256": checksum}
 
     def align(self, captured: Captured, threads: int | None) -> tuple[Merged | None, Motion]:
         """Return the counts of a capture along its motion, and this motion.

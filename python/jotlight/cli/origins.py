@@ -15,6 +15,12 @@ from jotlight.sensing.mosaic import Mosaic
 _NOTED = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
 """Endings of images that contain a note."""
 
+_HOW = (
+    *("options", "motion", "weights_sha256", "maps_sha256", "hot_jots", "calibration_sha256"),
+    *("curve", "white"),
+)
+"""Names of the facts that say how an image or a film was made."""
+
 Facts = list[tuple[str, str]]
 
 
@@ -75,7 +81,7 @@ def _note_facts(path: Path) -> Facts:
 
 def _origin_rows(origin: dict[str, Any]) -> Facts:
     first = ("capture", "bytes", "window", "step", "method")
-    names = (*first, "precision", "weights_sha256", "calibration_sha256", "software")
+    names = (*first, *_HOW, "software")
     facts = [
         (name.replace("_sha256", ""), _text(origin[name])) for name in names if origin.get(name)
     ]

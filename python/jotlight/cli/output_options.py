@@ -38,6 +38,11 @@ def describe_tone(tone: Tone) -> str:
     return f"{tone.curve} curve, white at {tone.white:.3g}"
 
 
+def tone_facts(tone: Tone | None) -> dict[str, Any]:
+    """Return the curve and the white of an image for display, for its record; {} for floats."""
+    return {} if tone is None else {"curve": tone.curve, "white": float(tone.white)}
+
+
 @Parameter(name="*", group=OUTPUT_PANEL)
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class OutputOptions:
@@ -124,7 +129,10 @@ class ImageOutputOptions(OutputOptions):
             "each pixel, or a .png that shows them. Default: none."
         ),
     ] = None
-    level: Annotated[float, Parameter(help="Coverage of the confidence interval.")] = 0.95
+    level: Annotated[
+        float | None,
+        Parameter(help="Coverage of the confidence interval of --uncertainty. Default: 0.95."),
+    ] = None
 
     def check(self) -> None:
         """Raise ValueError for options that do not belong together."""
@@ -148,8 +156,15 @@ class ImageOutputOptions(OutputOptions):
         if self.uncertainty is not None:
             if self.uncertainty.suffix.lower() != _SHOWN:
                 stack_writer(self.uncertainty)
-            if not 0.5 <= self.level < 1:
+            if not 0.5 <= self.coverage < 1:
                 raise ValueError(f"level: expected a number in [0.5, 1), got {self.level}")
+        elif self.level is not None:
+            raise ValueError("level: is for the confidence interval; add --uncertainty u.npz")
+
+    @property
+    def coverage(self) -> float:
+        """Coverage of the confidence interval."""
+        return 0.95 if self.level is None else self.level
 
     def paths(self) -> list[Path]:
         """Return all files to write."""
@@ -177,15 +192,17 @@ class ImageOutputOptions(OutputOptions):
         remaining = list(files)
         scale = self.scale(sensor)
         tones = []
-        write = image_writer(self.output, depth=self.depth, note=metadata)
         if self.output.suffix.lower() in DISPLAYED:
             tones.append(self._output_tone(estimate, white))
+            note = metadata | tone_facts(tones[0])
+            write = image_writer(self.output, depth=self.depth, note=note)
             write(remaining.pop(0), tones[0](estimate))
         else:
-            write(remaining.pop(0), estimate * scale)
+            image_writer(self.output, note=metadata)(remaining.pop(0), estimate * scale)
         if self.preview is not None:
             tones.append(self.fit_tone(estimate))
-            image_writer(self.preview, note=metadata)(remaining.pop(0), tones[-1](estimate))
+            note = metadata | tone_facts(tones[-1])
+            image_writer(self.preview, note=note)(remaining.pop(0), tones[-1](estimate))
         if self.uncertainty is not None:
             known = uncertainty(
                 data,
@@ -194,7 +211,7 @@ class ImageOutputOptions(OutputOptions):
                 demosaicing=demosaicing,
                 estimate=estimate,
                 channel_axis=last_channel_axis(data),
-                confidence_level=self.level,
+                confidence_level=self.coverage,
                 units=self.units,
                 threads=threads,
             )
@@ -203,7 +220,7 @@ class ImageOutputOptions(OutputOptions):
                 known.plot().savefig(remaining.pop(0), format="png", metadata=description)
             else:
                 flags = "1 unlit, 2 saturated, 4 dead, 8 unlikely"
-                facts = {**metadata, "level": self.level, "flags": flags}
+                facts = {**metadata, "level": self.coverage, "flags": flags}
                 stack_writer(self.uncertainty, facts)(remaining.pop(0), known.arrays())
             if (unlikely := known.unlikely.mean()) > _MANY:
                 warn(

@@ -210,23 +210,24 @@ def reconstruct_image(
     with atomic_write_together([*all_paths, *records.paths()]) as files:
         watched, checksum = with_checksum(captured.data)
         captured = dataclasses.replace(captured, data=watched)
-        merged = None
+        merged, aligned = None, None
         if motion.motion:
             merged, path = motion.align(captured, threads)
             job = _with_colors(job, merged)
             if outputs.uncertainty is not None and merged is None:
                 check_errors_known(job.method, captured.sensor)
+            aligned = motion.facts_of(path)
         title = job.choice.title
-        metadata = outputs.metadata(captured.sensor, title, captured.provenance)
+        metadata = outputs.metadata(captured.sensor, job.choice.method, captured.provenance)
         if motion.motion:
-            metadata |= origin_of(job, checksum())
+            metadata |= origin_of(job, checksum(), aligned)
             motion.write(files[len(paths) : len(all_paths)], merged, path, metadata)
             found = describe(merged, path)
         data = captured.summed() if merged is None else merged
         start = time.perf_counter()
         estimate, ending = _estimate(job, data, threads)
         seconds = time.perf_counter() - start
-        metadata |= origin_of(job, checksum())
+        metadata |= origin_of(job, checksum(), aligned)
         tones = outputs.write(
             files[: len(paths)],
             estimate,
@@ -251,7 +252,7 @@ def reconstruct_image(
     if outputs.preview is not None:
         report(f"{outputs.preview}: image for display{preview}")
     if outputs.uncertainty is not None:
-        report(f"{outputs.uncertainty}: confidence intervals of {outputs.level:g}")
+        report(f"{outputs.uncertainty}: confidence intervals of {outputs.coverage:g}")
     report(*found)
     report_assumptions(
         job, Brightness(float(estimate.max()), float(np.quantile(estimate, BRIGHTNESS_QUANTILE)))

@@ -1,5 +1,6 @@
 """Records of the origin of results: notes in files that have a place for them, or files beside."""
 
+import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,6 +20,7 @@ from jotlight.files import write_file
 from jotlight.formats.checksums import file_checksum
 from jotlight.formats.locations import file_state
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.sensor import Sensor
 
 _NO_PLACE = (".npy", ".npz")
 """Endings of files that have no place for a note."""
@@ -119,10 +121,18 @@ class Records:
             write_file(file, json.dumps(content, indent=2) + "\n")
 
 
-def origin_of(job: Made, checksum: tuple[int, int]) -> dict[str, Any]:
+def maps_sha256(sensor: Sensor) -> dict[str, str]:
+    """Return the SHA-256 of the values of each map of a sensor, by name."""
+    maps = sensor.maps().items()
+    return {name: hashlib.sha256(map_.tobytes()).hexdigest() for name, map_ in maps}
+
+
+def origin_of(
+    job: Made, checksum: tuple[int, int], motion: Mapping[str, Any] | None
+) -> dict[str, Any]:
     """Return what a result was made of, and how, in addition to its sensor and method.
 
-    `checksum` is the size and the CRC-32 of the frames.
+    `checksum` is the size and the CRC-32 of the frames, and `motion` is how they were aligned.
     """
     choice, calibration = job.choice, job.calibration
     content = "packed" if isinstance(job.captured.data, Bits) else "counts"
@@ -138,6 +148,9 @@ def origin_of(job: Made, checksum: tuple[int, int]) -> dict[str, Any]:
             model=job.model,
             is_conditional="fallback" in job.settings,
         ),
-        "precision": job.settings.get("precision"),
         "calibration_sha256": calibration and calibration.sha256,
+        "maps_sha256": maps_sha256(job.captured.sensor),
+        "hot_jots": job.captured.hot_jots,
+        "options": job.settings,
+        "motion": motion,
     }

@@ -120,7 +120,8 @@ def train(
             start = _initial_network(exposed, network, training.seed)
         kind = describe_kind(start, network.quality)
         steps = learner.steps if training.steps is None else training.steps
-        scenes, tests = read_training_images(images, data, training.seed)
+        highest = exposed.max_intensity / scale
+        scenes, tests = read_training_images(images, data, training.seed, highest)
         if scale != 1.0:
             scenes, tests = scale_scenes(scenes, scale), scale_scenes(tests, scale)
         run = functools.partial(

@@ -26,7 +26,9 @@ SYNTHETIC = "synthetic"
 _TEST_SCENES = 512
 
 
-def read_training_images(images: str | None, options: ImageOptions, seed: int) -> tuple[Any, Any]:
+def read_training_images(
+    images: str | None, options: ImageOptions, seed: int, max_intensity: float
+) -> tuple[Any, Any]:
     """Return the images to train on and to test on, as `jotlight.train` takes them.
 
     Parameters
@@ -37,6 +39,8 @@ def read_training_images(images: str | None, options: ImageOptions, seed: int) -
         Keys, white level, and test images.
     seed : int
         Seed of synthetic test scenes.
+    max_intensity : float
+        Largest intensity of an estimate, above which files are reported as gray levels.
     """
     if options.test_key is not None and options.test is None:
         raise ValueError("test-key: names an array of --test, which is missing")
@@ -46,11 +50,13 @@ def read_training_images(images: str | None, options: ImageOptions, seed: int) -
                 "key: names an array of images, which are missing; --sensor-key names an array of "
                 "the capture"
             )
-        return [photograph(name, gray=True) for name in PHOTOGRAPHS], _read_tests(options)
+        return [photograph(name, gray=True) for name in PHOTOGRAPHS], _read_tests(
+            options, max_intensity
+        )
     if images == SYNTHETIC and not Path(images).exists():
         if options.key is not None:
             raise ValueError("key: names an array in a .npz, and synthetic scenes are no file")
-        tests = _read_tests(options)
+        tests = _read_tests(options, max_intensity)
         if tests is None:
             tests = uniform_scenes(np.random.default_rng([seed, 1]), _TEST_SCENES)
         return uniform_scenes, tests
@@ -60,16 +66,22 @@ def read_training_images(images: str | None, options: ImageOptions, seed: int) -
         )
     with progress(2) as begin:
         update = begin("reading the images")
-        _, scenes = read_image_set(images, key=options.key, white=options.white, progress=update)
-        return scenes, _read_tests(options, begin("reading the test images"))
+        scenes = _read(images, options.key, options.white, max_intensity, update)
+        return scenes, _read_tests(options, max_intensity, begin("reading the test images"))
 
 
-def _read_tests(options: ImageOptions, update: Any = None) -> Any:
+def _read_tests(options: ImageOptions, max_intensity: float, update: Any = None) -> Any:
     if options.test is None:
         return None
-    return read_image_set(options.test, key=options.test_key, white=options.white, progress=update)[
-        1
-    ]
+    return _read(options.test, options.test_key, options.white, max_intensity, update)
+
+
+def _read(
+    source: str | Path, key: str | None, white: float | None, max_intensity: float, update: Any
+) -> Any:
+    return read_image_set(
+        source, key=key, white=white, max_intensity=max_intensity, progress=update
+    )[1]
 
 
 def scale_scenes(scenes: Any, scale: float) -> Any:

@@ -8,8 +8,10 @@ from pathlib import Path
 import jotlight.plots as plots
 from jotlight.cli.console import err, print_steps, report
 from jotlight.cli.training_options import TrainingOptions
+from jotlight.errors import hide_warnings
 from jotlight.files import atomic_write, delete_file, remove_leftovers
 from jotlight.networks.network import Network
+from jotlight.sensing.intensity_scale import MEANING
 from jotlight.training import History
 
 
@@ -90,7 +92,8 @@ def run_training(
     with contextlib.ExitStack() as files:
         temporary = files.enter_context(atomic_write(options.output))
         figure = None if options.plot is None else files.enter_context(atomic_write(options.plot))
-        with _explain_stop(checkpoint, remedy):
+        # The files of the images were checked when they were read.
+        with _explain_stop(checkpoint, remedy), hide_warnings(MEANING):
             network, history = train(callback=print_steps(title, steps), progress=True)
             network.history.update(provenance)
             network.save(temporary)

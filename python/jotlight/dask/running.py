@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from jotlight._engine import __version__
+from jotlight.checks import check_threads
 from jotlight.dask.cluster import check_version
 from jotlight.dask.jobs import Job
 from jotlight.dask.names import Part
@@ -50,6 +51,9 @@ class ThisProcess:
 
     mapped: bool = False
     threads: int | None = None
+
+    def __post_init__(self) -> None:
+        check_threads(self.threads)
 
     def run(
         self, units: Generator[tuple[int, Job, int]]

@@ -113,9 +113,10 @@ def demosaic(
 
 def _menon(values: Values, order: str) -> Values:
     """Return the values of a Bayer mosaic behind each of the filters R, G, and B."""
-    # The package imports an old name of SciPy, and warns of packages that it does without. Several
-    # threads must not change the filters of warnings at the same time.
-    with _IMPORT, warnings.catch_warnings():
+    # The package imports an old name of SciPy, warns of packages that it does without, and changes
+    # how NumPy prints arrays. Several threads must not change the filters of warnings at the same
+    # time.
+    with _IMPORT, warnings.catch_warnings(), np.printoptions():
         warnings.simplefilter("ignore")
         package = import_extra("colour_demosaicing", "color", "the colors of a Bayer mosaic")
     return np.asarray(package.demosaicing_CFA_Bayer_Menon2007(values, order), np.float64)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.checks import check_threads
 from jotlight.sensing.values import flatten, number_or_map, numbers_from_zero
 
 NOISE = 0.5
@@ -163,6 +164,7 @@ def _apply(
     trials: float | npt.NDArray[np.float64],
     threads: int | None,
 ) -> npt.NDArray[np.float32]:
+    check_threads(threads)
     out = np.empty(values.shape, np.float32)
     function(values.reshape(-1), flatten(trials), out.reshape(-1), threads)
     return out

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.networks.color_network import AnyNetwork
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.merged import Merged
@@ -153,7 +154,7 @@ def run_own(
     TypeError, ValueError
         When the data do not fit the sensor, or the result is no image of their size.
     """
-    name = getattr(method, "__name__", repr(method))
+    name = _name(method)
     if isinstance(data, GrayImages):
         each = [run_own(method, image, sensor, threads, options) for image in data.data]
         return data.layout.arrange(np.stack(each))
@@ -174,6 +175,37 @@ def run_own(
     if not np.isfinite(result).all():
         raise ValueError(f"method: expected finite intensities from {name}, got NaN or infinity")
     return result.astype(np.float32, copy=False)
+
+
+def noting_planes(method: object, estimate: Callable[..., Any]) -> Callable[..., Any]:
+    """Return `estimate` of planes of a mosaic, whose errors state what a function received.
+
+    Parameters
+    ----------
+    method : callable, network, str, or None
+        The method behind `estimate`. Only for a function of the caller, errors get a note.
+    estimate : callable
+        A function of the planes, and of others.
+    """
+    if not callable(method) or isinstance(method, AnyNetwork):
+        return estimate
+
+    def run(planes: Any, *arguments: Any, **keywords: Any) -> Any:
+        try:
+            return estimate(planes, *arguments, **keywords)
+        except Exception as error:
+            error.add_note(
+                f"{_name(method)} receives the counts (h, w) of each plane of the mosaic, the "
+                "pixels behind one filter of its pattern, and returns an image of the same shape"
+            )
+            raise
+
+    return run
+
+
+def _name(method: object) -> str:
+    """Return the name of a function for messages."""
+    return str(getattr(method, "__name__", repr(method)))
 
 
 def _about(data: Bits | Readings | Merged, name: str) -> str:

@@ -40,7 +40,7 @@ from jotlight.evaluation.mosaics import (
     takes_colors,
     uses_color_network,
 )
-from jotlight.evaluation.own_method import OwnMethod, run_own
+from jotlight.evaluation.own_method import OwnMethod, noting_planes, run_own
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, pretrained_conditional
@@ -210,7 +210,7 @@ def reconstruct(
     declared = carried_sensor(data) if sensor is None else sensor
     if isinstance(declared, Sensor) and declared.mosaic is not None:
         extras = {"quality": quality, "precision": precision, "fallback": fallback, **options}
-        run = partial(reconstruct, method=method, **extras)
+        run = noting_planes(method, partial(reconstruct, method=method, **extras))
         arrays: dict[str, Any] = {"trials": trials, "channel_axis": channel_axis, "out": out}
         is_default = method is None and quality is None and not fallback and not options
         network = method if isinstance(method, ColorNetwork) else None

@@ -81,12 +81,17 @@ class CountStack:
         return dataclasses.replace(self, trials=sensor.trials // number)
 
     def check_bit_depth(self, stated: int) -> None:
-        """Raise ValueError when a number of bits per reading contradicts that of the file."""
+        """Raise ValueError when a number of bits per reading contradicts what the file states."""
         if self.sensor is not None and stated != self.sensor.bit_depth:
-            raise ValueError(
-                f"bit_depth: {self.provenance.name} states readings of {self.sensor.bit_depth} "
-                f"bits, not {stated}; leave out bit_depth (--bit-depth)"
-            )
+            found, expected = f"readings of {self.sensor.bit_depth} bits", str(stated)
+        elif self.trials is not None:
+            found, expected = f"counts out of {self.trials}", f"readings of {stated} bits"
+        else:
+            return
+        raise ValueError(
+            f"bit_depth: {self.provenance.name} states {found}, not {expected}; leave out "
+            "bit_depth= (--bit-depth)"
+        )
 
     def check_range(self, images: npt.NDArray[Any]) -> None:
         """Raise ValueError when some of the images hold numbers that are no counts of the trials.

@@ -9,7 +9,7 @@ import numpy as np
 from jotlight.errors import SeveralArraysError, warn
 from jotlight.formats.capture import Capture, as_count_stack
 from jotlight.formats.format import OpenOptions
-from jotlight.formats.labels import BITS, make_bits_label, parse_label
+from jotlight.formats.labels import AS_STATED, BITS, make_bits_label, parse_label
 from jotlight.formats.packing import check_packed, pack_lazily
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
@@ -63,7 +63,9 @@ def open_stored_array(
     if (warning := arrays[key].warning) is not None:
         warn(warning)
     try:
-        label = None if text is None or counts else parse_label(text, BITS)
+        label = None if text is None else parse_label(text, BITS)
+        if label is not None and counts:
+            raise ValueError(f"its label states packed bits, not counts; {AS_STATED}")
         if label is not None:
             return _open_labeled_bits(arrays, frames, label, provenance, options.width)
         if counts is None and frames.dtype.kind == "b":

@@ -18,6 +18,11 @@ READINGS = "jotlight readings"
 VERSION = 2
 """Value of "version" in a label."""
 
+AS_STATED = (
+    "leave out counts=True (--counts), unpacked=True (--unpacked), and bit_depth= (--bit-depth)"
+)
+"""Advice for a file whose label contradicts the arguments."""
+
 MAX_LABEL_BYTES = 1 << 20
 """Maximum size in bytes of a label that is read."""
 

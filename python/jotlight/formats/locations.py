@@ -94,10 +94,15 @@ def file_state(path: str, storage_options: dict[str, Any] | None = None) -> tupl
     """
     if is_url(path):
         return url_state(path, storage_options)
-    files = [Path(path)]
-    if files[0].is_dir():
+    _, size, latest = files_state(Path(path))
+    return size, latest
+
+
+def files_state(path: Path) -> tuple[int, int, int]:
+    """Return the number, the total size, and the latest change of the files of a capture."""
+    files = [path]
+    if path.is_dir():
         files = [Path(folder, name) for folder, _, names in os.walk(path) for name in names]
     states = [file.stat() for file in files]
-    return sum(state.st_size for state in states), max(
-        (state.st_mtime_ns for state in states), default=0
-    )
+    latest = max((state.st_mtime_ns for state in states), default=0)
+    return len(states), sum(state.st_size for state in states), latest

@@ -28,7 +28,7 @@ from jotlight.formats.description import (
     write_described,
 )
 from jotlight.formats.format import Format, OpenOptions, Writer
-from jotlight.formats.labels import BITS, COUNTS, READINGS, make_readings_label
+from jotlight.formats.labels import AS_STATED, BITS, COUNTS, READINGS, make_readings_label
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.raw import EXTENSIONS as RAW_EXTENSIONS
@@ -91,7 +91,7 @@ def _open_array(
             content = "packed bits" if is_cube and not counts else f"an array of {array.dtype}"
             raise ValueError(
                 f"{description.path}: is the description of {description.format}, but {path.name} "
-                f"is read as {content}; leave the options out, or move the description away"
+                f"is read as {content}; {AS_STATED}, or move the description away"
             )
     if array.dtype == np.bool_ and dimensions in (3, 4) and not counts and 0 not in array.shape:
         provenance = Provenance(name, path.name, ("frames of bool, one bit each",))

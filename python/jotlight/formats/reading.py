@@ -16,7 +16,7 @@ from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.detect import detect_format
 from jotlight.formats.file_systems import url_state
 from jotlight.formats.format import Format, OpenOptions
-from jotlight.formats.locations import check_exists, expand, is_glob, is_url
+from jotlight.formats.locations import check_exists, expand, files_state, is_glob, is_url
 from jotlight.formats.packing import pack_stack
 from jotlight.formats.registry import FORMATS
 from jotlight.formats.remote import LocalCopy
@@ -204,7 +204,7 @@ def open_capture(
     capture = _open_once(path, **options)
     data = capture.images if isinstance(capture, CountStack) else capture.packed
     if isinstance(data, Frames):
-        data.set_origin(functools.partial(_open_data, absolute, _state_of(absolute), **options))
+        data.set_origin(functools.partial(_open_data, absolute, files_state(absolute), **options))
     return capture
 
 
@@ -244,16 +244,6 @@ def _open_url_data(
     return capture.images if isinstance(capture, CountStack) else capture.packed
 
 
-def _state_of(path: Path) -> tuple[int, int, int]:
-    """Return the number, the total size, and the latest change of the files of a capture."""
-    files = [path]
-    if path.is_dir():
-        files = [Path(folder, name) for folder, _, names in os.walk(path) for name in names]
-    states = [file.stat() for file in files]
-    latest = max((state.st_mtime_ns for state in states), default=0)
-    return len(states), sum(state.st_size for state in states), latest
-
-
 def _open_data(path: Path, state: tuple[int, int, int], **options: Any) -> Any:
     """Return the frames of a capture, which a copy in another process opens again.
 
@@ -262,7 +252,7 @@ def _open_data(path: Path, state: tuple[int, int, int], **options: Any) -> Any:
     ValueError
         When the files have changed since the capture was opened.
     """
-    if _state_of(path) != state:
+    if files_state(path) != state:
         raise ValueError(f"{path}: a file has changed since it was opened")
     capture = open_capture(path, **options)
     return capture.images if isinstance(capture, CountStack) else capture.packed
@@ -288,6 +278,11 @@ def _open_once(
         raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {format!r}")
     check_exists(path)
     entry = FORMATS[format or detect_format(path)]
+    if readings and (unpacked or counts is False):
+        raise ValueError(
+            "bit_depth: is for images of readings, but bits are requested; leave out unpacked=True "
+            "(--unpacked) and counts=False (--bits)"
+        )
     packed = unpacked is False
     options = OpenOptions(key, counts, width, means=means, packed=packed, isolate=isolate)
     _check_options(path, entry, options, unpacked)

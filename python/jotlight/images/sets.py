@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.errors import warn
 from jotlight.formats.archives import read_npz
 from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.file_systems import explained, find_files, open_file_system
 from jotlight.formats.locations import is_url
 from jotlight.formats.safe_paths import check_inside
 from jotlight.images.io import read_image
+from jotlight.sensing.intensity_scale import warn_about_scale
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".npy")
 """Endings of the file names in a folder that are read as images."""
@@ -26,6 +26,7 @@ def read_image_set(
     key: str | None = None,
     white: float | None = None,
     first: int | None = None,
+    max_intensity: float = 1.0,
     progress: Callable[[float], object] | None = None,
 ) -> tuple[list[str], list[npt.NDArray[np.float32]]]:
     """Return the names and the gray images of a set, sorted by name.
@@ -42,6 +43,9 @@ def read_image_set(
         PNG, and 1 for floats.
     first : int, optional
         Read only the first `first` images. Default: all.
+    max_intensity : float
+        Largest intensity of an estimate, S. Images that look like gray levels beside it are
+        reported.
     progress : callable, optional
         Called with the completed fraction, 0 to 1.
 
@@ -54,12 +58,21 @@ def read_image_set(
     if is_url(source):
         with tempfile.TemporaryDirectory() as folder:
             _fetch_images(str(source), Path(folder))
-            return read_image_set(folder, key=key, white=white, first=first, progress=progress)
+            return read_image_set(
+                folder,
+                key=key,
+                white=white,
+                first=first,
+                max_intensity=max_intensity,
+                progress=progress,
+            )
     source = Path(source)
     if not source.exists():
         raise FileNotFoundError(f"there is no folder or file {source}")
     if not source.is_dir():
-        return _read_stack(source, key, white, first)
+        names, stack = _read_stack(source, key, white, first)
+        warn_about_scale(str(source), stack, max_intensity, is_file=True)
+        return names, stack
     if key is not None:
         raise ValueError(f"key: names an array in a .npz, but {source} is a folder")
     paths = sorted(path for path in source.iterdir() if path.suffix.lower() in ENDINGS)
@@ -72,7 +85,7 @@ def read_image_set(
         if image.ndim != 2 or image.size == 0:
             raise ValueError(f"{path}: expected a gray or RGB image, got shape {image.shape}")
         images.append(np.ascontiguousarray(image, np.float32))
-        _warn_about_scale(path, images[-1])
+        warn_about_scale(str(path), images[-1:], max_intensity, is_file=True)
         if progress:
             progress((number + 1) / len(paths))
     return [path.name for path in paths], images
@@ -82,14 +95,6 @@ def check_first(first: int | None) -> None:
     """Raise ValueError unless `first` is None or at least 1."""
     if first is not None and first < 1:
         raise ValueError(f"first: expected at least 1 image, got {first}")
-
-
-def _warn_about_scale(source: Path, image: npt.NDArray[np.float32]) -> None:
-    if image.size and image.max() > 30:
-        warn(
-            f"{source}: intensities up to {image.max():.4g}; if these are gray levels, state the "
-            "level of intensity 1 with white= (--white)"
-        )
 
 
 def _read_stack(
@@ -117,7 +122,6 @@ def _read_stack(
     elif not (np.isfinite(white) and white > 0):
         raise ValueError(f"white: expected a number above 0, got {white}")
     stack = (np.asarray(array) / np.float64(white)).astype(np.float32)
-    _warn_about_scale(source, stack)
     digits = len(str(len(array) - 1))
     names = [f"{number:0{digits}d}" for number in range(len(array))]
     return names, list(stack)

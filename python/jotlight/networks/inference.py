@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.checks import check_threads
 from jotlight.chunks import frame_chunks
 from jotlight.estimators.inpaint import check_any_valid, fill_dead_pixels, warn_about_dead_pixels
 from jotlight.estimators.inverse_response import equivalent_counts
@@ -73,6 +74,7 @@ def run(
         When the data do not fit the sensor, or an untied network gets a sensor whose jots differ
         from its own.
     """
+    check_threads(threads)
     if not network.tied:
         return _run_untied(network, images, sensor, output, threads)
     model, places = sensor_model(sensor), list(output.images)

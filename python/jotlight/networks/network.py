@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import check_threads
 from jotlight.networks.architectures import (
     build_conditional,
     build_residual,
@@ -290,6 +291,7 @@ class Network(EngineBacked, TorchHints):
         self, fractions: Sequence[Image], trials: int, *, threads: int | None = None
     ) -> list[Image]:
         """Return :meth:`denoise_probability` of several images, which may differ in size."""
+        check_threads(threads)
         counts = [image * np.float32(trials) for image in fractions]
         return self.engine_network.run_counts(counts, trials, False, threads)
 

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.checks import check_threads
 from jotlight.chunks import frame_chunks
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, Packed, map_in_thread, read_chunks
@@ -73,6 +74,7 @@ def count_ones(
     >>> count_ones([Bits.from_array(np.ones((3, 4, 4), bool))], 2).tolist()
     [[[12, 12], [12, 12]]]
     """
+    check_threads(threads)
     frames, height, width, *channels = bits[0].shape
     _check(frames, (height, width), oversampling, mask)
     valid = None if mask is None else np.packbits(~mask, axis=1)

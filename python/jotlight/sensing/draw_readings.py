@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.checks import check_threads
 from jotlight.chunks import frame_chunks
 from jotlight.layout import Layout
 from jotlight.seeds import seed_of_image
@@ -28,6 +29,7 @@ def draw_readings(
     The parameters are those of :func:`jotlight.sensing.simulate.draw_stack`. The shape of the
     result is (frames, rows, columns), or (frames, rows, columns, C) for color.
     """
+    check_threads(threads)
     oversampling = parts[0][1]["oversampling"]
     is_color = layout.channel_axis is not None
     stack = layout.shape[:-1] if is_color else layout.shape

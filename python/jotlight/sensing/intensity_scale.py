@@ -18,7 +18,13 @@ _LEVELS = 255, 65535
 """Largest levels of images of integers."""
 
 
-def warn_about_scale(name: str, images: Iterable[npt.NDArray[Any]], max_intensity: float) -> None:
+def warn_about_scale(
+    name: str,
+    images: Iterable[npt.NDArray[Any]],
+    max_intensity: float,
+    *,
+    is_file: bool = False,
+) -> None:
     """Warn about images that look like gray levels, since they are whole or almost all too bright.
 
     A light may be far brighter than the largest intensity of an estimate, S. But an estimate is
@@ -28,11 +34,13 @@ def warn_about_scale(name: str, images: Iterable[npt.NDArray[Any]], max_intensit
     Parameters
     ----------
     name : str
-        Name of the argument.
+        Name of the argument, or path of the file.
     images : iterable of ndarray of float
         Checked intensities, at least one image.
     max_intensity : float
         S.
+    is_file : bool
+        Whether `name` is the path of a file, which is read with a white level.
 
     Examples
     --------
@@ -55,6 +63,6 @@ def warn_about_scale(name: str, images: Iterable[npt.NDArray[Any]], max_intensit
         )
     else:
         return
-    warn(
-        f"{name}: {MEANING}={max_intensity:g}, but {found} write {name} / {level} (--white {level})"
-    )
+    advice = "pass white=" if is_file else f"write {name} / "
+    advice += f"{level} (--white {level})"
+    warn(f"{name}: {MEANING}={max_intensity:g}, but {found} {advice}")

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.checks import check_threads
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.counting import count_ones
@@ -170,6 +171,7 @@ def joint_likelihood(data: GrayData, sensor: Sensor, threads: int | None) -> Joi
     TypeError, ValueError
         When the data and the sensor do not fit together, or counts do not say which readings are 1.
     """
+    check_threads(threads)
     groups = sensor.groups()
     if isinstance(data, Merged):
         raise TypeError(

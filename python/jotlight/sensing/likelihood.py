@@ -9,7 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.checks import positive_number, refuse_masked, whole_number_in_range, whole_numbers
+from jotlight.checks import (
+    check_threads,
+    positive_number,
+    refuse_masked,
+    whole_number_in_range,
+    whole_numbers,
+)
 from jotlight.sensing.operators import Operator
 from jotlight.sensing.response import Array, inverse_detection_probability
 from jotlight.sensing.stacks import are_all, image_sums, select
@@ -90,6 +96,7 @@ class Likelihood:
             "efficiency", np.require(fraction, np.float64, ["C", "ALIGNED"]), self.shape
         )
         self.threshold = whole_number_in_range("threshold", threshold, 1, 65535)
+        check_threads(threads)
         self._threads = threads
 
     def value(self, light: npt.ArrayLike) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.checks import positive_number, whole_number_in_range
+from jotlight.checks import check_threads, positive_number, shown, whole_number_in_range
 from jotlight.seeds import SeedLike
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import KERNELS
@@ -163,6 +163,7 @@ def spread(
     if kernel not in KERNELS:
         raise ValueError(f"kernel: expected one of {', '.join(KERNELS)}, got {kernel!r}")
     gain = positive_number("gain", gain)
+    check_threads(threads)
     horizontal = (KERNELS.index(kernel), oversampling)
     # A signal is an image of one row, which is one jot high.
     vertical = horizontal if len(shape) == 2 else (0, 1)
@@ -195,15 +196,7 @@ def spread(
         return out.reshape(image.shape)
 
     return Spread(
-        forward,
-        adjoint,
-        shape,
-        output_shape,
-        oversampling,
-        kernel,
-        gain,
-        normal,
-        takes_stacks=True,
+        forward, adjoint, shape, output_shape, oversampling, kernel, gain, normal, takes_stacks=True
     )
 
 
@@ -229,6 +222,7 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
     [[3.0, -2.0, 0.0]]
     """
     shape = _checked_shape(shape)
+    check_threads(threads)
     pixels = shape if len(shape) == 2 else (1, *shape)
     output_shape = (len(shape), *shape)
 
@@ -310,7 +304,12 @@ def check_adjoint(
 
 
 def _checked_shape(shape: Sequence[int]) -> tuple[int, ...]:
-    sizes = tuple(index(size) for size in shape)
+    try:
+        sizes = tuple(index(size) for size in shape)
+    except TypeError:
+        raise TypeError(
+            f"shape: expected (H, W) or (N,) in whole numbers, got {shown(shape)}; pass image.shape"
+        ) from None
     if len(sizes) not in (1, 2) or min(sizes) < 1:
         raise ValueError(f"shape: expected (H, W) or (N,), without a dimension of 0, got {sizes}")
     return sizes

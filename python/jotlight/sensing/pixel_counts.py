@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts, refuse_frames, refuse_path
+from jotlight.checks import as_counts, check_threads, refuse_frames, refuse_path
 from jotlight.layout import Layout, join
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
@@ -129,9 +129,8 @@ class GrayImages:
             for one in bits:
                 check_fits(one.shape, sensor)
             _check_sizes(one.shape[-2:] for one in bits)
-            return describe_pixels(
-                count_ones(bits, sensor.oversampling, sensor.mask, threads), sensor
-            )
+            ones = count_ones(bits, sensor.oversampling, sensor.mask, threads)
+            return describe_pixels(ones, sensor)
         each = [count_pixels(one, sensor, threads) for one in self.data]
         _check_sizes(one.counts.shape for one in each)
         return PixelCounts(
@@ -301,6 +300,7 @@ def count_pixels(data: GrayData, sensor: Sensor, threads: int | None) -> PixelCo
     TypeError, ValueError
         When data and sensor do not fit together, or a count is above K.
     """
+    check_threads(threads)
     if isinstance(data, Merged):
         refuse_finer_grid(data)
         return PixelCounts(

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.checks import as_image, require_slice
+from jotlight.checks import as_image, check_threads, require_slice
 from jotlight.chunks import frame_chunks
 from jotlight.layout import Layout
 from jotlight.seeds import seed_of_image
@@ -183,6 +183,7 @@ def draw_parts(
     A jot reports 0 in all parts but its own, because their sensors mask it. So the bits of parts
     with the same frames are combined by OR. The random numbers depend on the positions alone.
     """
+    check_threads(threads)
     if len(parts) == 1:
         draw_bits(parts[0][1], images, seeds, window, out, threads, progress)
         return
@@ -302,6 +303,7 @@ def evaluate_parts(
     If the frames differ, the first axis is that of the frames. The values of parts with the same
     frames are added: each is 0 for the jots of the others.
     """
+    check_threads(threads)
     if len(parts) == 1:
         return evaluate_on_jots(function, parts[0][1], image, layout, out, threads)
     shape = layout.shape_of(_jots_of(layout.split(image), parts[0][1]))

@@ -11,7 +11,7 @@ import torch
 import torch.distributed
 from torch import Tensor
 
-from jotlight.checks import whole_number
+from jotlight.checks import check_threads, whole_number
 from jotlight.networks.network import Network
 
 _SHUTDOWN_SECONDS = 0.2
@@ -138,7 +138,7 @@ def thread_limit(threads: int | None) -> Iterator[None]:
     Raises
     ------
     TypeError, ValueError
-        When `threads` is not a whole number of 1 or more.
+        When `threads` is not a whole number from 1 to 1024.
 
     Examples
     --------
@@ -146,10 +146,11 @@ def thread_limit(threads: int | None) -> Iterator[None]:
     ...     torch.get_num_threads()
     1
     """
+    check_threads(threads)
     before = torch.get_num_threads()
     try:
         if threads is not None:
-            torch.set_num_threads(whole_number("threads", threads, 1))
+            torch.set_num_threads(threads)
         yield
     finally:
         torch.set_num_threads(before)

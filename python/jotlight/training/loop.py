@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import whole_number
+from jotlight.checks import check_threads, whole_number
 from jotlight.networks.graph import is_sequential
 from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
@@ -138,8 +138,7 @@ def train(
     steps = whole_number("steps", chosen.steps if steps is None else steps, 0)
     seed = secrets.randbits(32) if rng is None else whole_number("rng", rng, 0)
     admissible = SafeSet() if admissible is None else admissible
-    if threads is not None:
-        whole_number("threads", threads, 1)
+    check_threads(threads)
     if seconds is not None and not seconds > 0:
         raise ValueError(f"seconds: expected a number above 0, got {seconds}")
     sampler = PatchSampler.for_network(network, sensor, images, patch, batch, chosen.pixels, seed)

@@ -12,9 +12,10 @@ from jotlight.datasets.moving_scenes.paths import Path
 from jotlight.datasets.moving_scenes.planes import Plane
 from jotlight.datasets.moving_scenes.textures import Texture
 from jotlight.datasets.scenes import photograph as scikit_image_photograph
+from jotlight.errors import hide_warnings
 from jotlight.seeds import SeedLike
 from jotlight.sensing.frames import Frames, Packed
-from jotlight.sensing.intensity_scale import warn_about_scale
+from jotlight.sensing.intensity_scale import MEANING, warn_about_scale
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.simulated_bits import simulated_bits
 
@@ -61,6 +62,11 @@ class MovingScene:
         self._samples_per_frame = samples_per_frame
         self._grid = _centered_grid(size, 1)
         self._samples = _centered_grid(size, self.detail)
+        if sensor.bit_depth > 1:
+            raise ValueError(
+                f"sensor: expected one of single bits for a moving scene, got {sensor.bit_depth} "
+                "bits per reading; leave out bit_depth= (--bit-depth)"
+            )
         sensor.check_map_shapes(*(length * sensor.oversampling for length in size))
         height, width = (length * sensor.oversampling for length in size)
         if sensor.mosaic is not None and self.shape[2:] != (3,):
@@ -191,12 +197,9 @@ class MovingScene:
         offsets = (np.arange(self._samples_per_frame) + 0.5) / self._samples_per_frame - 0.5
         for frame in range(start, stop):
             image = np.mean([self.image(frame + offset) for offset in offsets], axis=0)
-            exposed = self.sensor.expose(
-                image,
-                self._seed,
-                channel_axis=None if image.ndim == 2 else -1,
-                frames=slice(frame, frame + 1),
-            )
+            axis, chosen = None if image.ndim == 2 else -1, slice(frame, frame + 1)
+            with hide_warnings(MEANING):  # `moving` warned about the photographs
+                exposed = self.sensor.expose(image, self._seed, channel_axis=axis, frames=chosen)
             parts.append(np.asarray(exposed.packed))
         return np.concatenate(parts)
 
@@ -297,9 +300,10 @@ def moving(
     image = as_image(scikit_image_photograph() if photograph is None else photograph)
     front = image[::-1, ::-1] if foreground is None else as_image(foreground)
     if front.shape[2:] != image.shape[2:]:
+        expected = "(H, W)" if image.ndim == 2 else f"(H, W, {image.shape[2]})"
         raise ValueError(
-            f"foreground: expected as many channels as the photograph, shape (H, W, "
-            f"{', '.join(map(str, image.shape[2:]))}), got {front.shape}"
+            f"foreground: expected as many channels as the photograph, shape {expected}, got shape "
+            f"{front.shape}; read both with gray=True (--gray)"
         )
     detail = whole_number_in_range("detail", detail, 1, 16)
     back, front_texture = Texture(image, detail), Texture(front, detail)
@@ -321,6 +325,8 @@ def moving(
             )
         planes = [Plane(back, path)]
     warn_about_scale("photograph", [image], sensor.max_intensity)
+    if foreground is not None:
+        warn_about_scale("foreground", [front], sensor.max_intensity)
     size = (image.shape[0] // detail, image.shape[1] // detail) if shape is None else shape
     if len(size) != 2 or min(size) < 1:
         raise ValueError(f"shape: expected rows and columns of at least 1, got {shape}")

@@ -1,0 +1,67 @@
+"""A wrong number of threads is refused by every function that takes one, with what to write."""
+
+import re
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.estimators.vst import anscombe
+from jotlight.motion.film import film
+
+SENSOR = jl.Sensor(frames=32)
+SEVERAL = jl.Sensor(frames=4, bit_depth=4)
+DIFFERENT = jl.Sensor(frames=2, gain=[2, 30])
+IMAGE = jl.datasets.photograph()[100:148, 180:244]
+BITS = SENSOR.expose(IMAGE, rng=0)
+COUNTS = BITS.counts()
+READINGS = SEVERAL.expose(IMAGE, rng=0)
+COLORS = jl.Sensor(frames=4, mosaic="RGGB").expose(np.stack([IMAGE] * 3, axis=-1), rng=0)
+
+CALLS = {
+    "Sensor.expose": lambda threads: SENSOR.expose(IMAGE, rng=0, threads=threads),
+    "Sensor.expose, several bits": lambda threads: SEVERAL.expose(IMAGE, rng=0, threads=threads),
+    "Sensor.rate": lambda threads: SENSOR.rate(IMAGE, threads=threads),
+    "Sensor.probability": lambda threads: SENSOR.probability(IMAGE, threads=threads),
+    "Bits.counts": lambda threads: BITS.counts(threads=threads),
+    "mle": lambda threads: jl.mle(BITS, threads=threads),
+    "mle of counts": lambda threads: jl.mle(COUNTS, SENSOR, threads=threads),
+    "mle of readings": lambda threads: jl.mle(READINGS, threads=threads),
+    "mle of a bracket": lambda threads: jl.mle(DIFFERENT.expose(IMAGE, rng=0), threads=threads),
+    "merge_readings": lambda threads: jl.merge_readings(BITS, threads=threads),
+    "mle_iterative": lambda threads: jl.mle_iterative(BITS, threads=threads),
+    "admm_tv": lambda threads: jl.admm_tv(COUNTS, SENSOR, threads=threads),
+    "noniterative": lambda threads: jl.noniterative(BITS, threads=threads),
+    "anscombe": lambda threads: anscombe(COUNTS, 32, threads=threads),
+    "reconstruct": lambda threads: jl.reconstruct(BITS, threads=threads),
+    "reconstruct, colors": lambda threads: jl.reconstruct(COLORS, threads=threads),
+    "Network": lambda threads: jl.pretrained(SENSOR)(COUNTS, threads=threads),
+    "Network of bits": lambda threads: jl.pretrained(SENSOR)(BITS, threads=threads),
+    "uncertainty": lambda threads: jl.uncertainty(BITS, threads=threads),
+    "compare": lambda threads: jl.compare("mle", IMAGE, SENSOR, rng=0, threads=threads),
+    "calibrate": lambda threads: jl.calibrate(BITS, threads=threads),
+    "align": lambda threads: jl.align(BITS, threads=threads),
+    "merge": lambda threads: jl.merge(BITS, threads=threads),
+    "film": lambda threads: list(film(BITS, window=16, threads=threads)),
+    "train": lambda threads: jl.train(
+        jl.pretrained(jl.Sensor(oversampling=4), "two-layer"), [IMAGE], rng=0, threads=threads
+    ),
+    "Likelihood": lambda threads: jl.Likelihood(COUNTS, 32, threads=threads),
+    "spread": lambda threads: jl.operators.spread((8, 8), threads=threads),
+    "differences": lambda threads: jl.operators.differences((8, 8), threads=threads),
+}
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1025, 2**70, 1.5, 2.0, "2", True])
+@pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
+def test_a_wrong_number_of_threads_is_refused(call, threads):
+    error = ValueError if type(threads) is int else TypeError
+    expected = f"threads: expected a whole number from 1 to 1024, got {threads!r}; leave it out for"
+    with pytest.raises(error, match=re.escape(expected)):
+        call(threads)
+
+
+@pytest.mark.parametrize("threads", [None, 1, np.int64(2), np.uint8(3)])
+@pytest.mark.parametrize("call", [CALLS["Sensor.expose"], CALLS["mle"], CALLS["reconstruct"]])
+def test_numbers_of_threads_may_be_those_of_numpy(call, threads):
+    assert call(threads).shape[-2:] == IMAGE.shape
