@@ -20,7 +20,7 @@ from jotlight.sensing.pixel_counts import Data, GrayImages, gray_images, prepare
 from jotlight.sensing.response import Array, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
-_MAX_TRIALS = 2.0**30
+MAX_TRIALS = 2.0**30
 """Maximum number of equivalent trials. Counts are 32-bit integers."""
 
 MAX_RATE = 0.25
@@ -71,6 +71,10 @@ def merge_readings(
     same derivative at the intensity at which half a one or half a zero is expected. Ones are
     rounded to whole numbers. Trials are then scaled such that the maximum stays the same.
 
+    The trials depend on the noise of the readings. So networks are biased if there are few of them.
+    :func:`jotlight.reconstruct` and :func:`jotlight.uncertainty` of the readings make better counts
+    for networks.
+
     Examples
     --------
     >>> sensor = Sensor(frames=48, gain=np.repeat([1.0, 8.0, 64.0], 16), max_intensity=5.0)
@@ -93,7 +97,7 @@ def merge_readings(
 
 def merge_images(images: GrayImages, sensor: Sensor, threads: int | None) -> GrayImages:
     """Return the equivalent counts of gray images, which states their sensor."""
-    each = [_merge(joint_likelihood(one, sensor, threads)) for one in images.data]
+    each = [merge_joint(joint_likelihood(one, sensor, threads)) for one in images.data]
     return GrayImages(each, images.layout)
 
 
@@ -155,7 +159,7 @@ def _noise_floor(sensor: Sensor, reference: Sensor) -> float | npt.NDArray[np.fl
     return float(floors) if floors.ndim == 0 else floors.astype(np.float32)
 
 
-def _merge(joint: JointLikelihood) -> Merged:
+def merge_joint(joint: JointLikelihood) -> Merged:
     """Return the equivalent counts of a gray image."""
     if joint.sensor.has_plain_bits and all(term.side == 1 for term in joint.terms):
         counts = joint.total.astype(np.int32)
@@ -241,16 +245,39 @@ def counts_of_equal_likelihood(
     one, zero = -np.expm1(-rate), np.exp(-rate)
     is_full = is_full & ~is_dark
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        # p' = slope * zero, so p (1 - p) / p' = one / slope.
-        trials = information * np.expm1(rate_of_information) / slope**2
-        ones = trials * one + gradient * one / slope
+        ones, trials = linear_counts(gradient, information, slope, rate, rate_of_information)
         trials = np.where(is_dark, -gradient / slope, trials)
         trials = np.where(is_full, gradient * one / (slope * zero), trials)
-    trials = np.minimum(np.where(trials > 0, trials, 0.0), _MAX_TRIALS)
+    trials = np.minimum(np.where(trials > 0, trials, 0.0), MAX_TRIALS)
     ones = np.where(is_dark, 0.0, np.where(is_full, trials, ones))
     # Dark counts far above the threshold of the reference sensor leave no information.
     ones = np.where(trials > 0, ones, 0.0)
     return np.clip(ones, 0, trials), trials
+
+
+def linear_counts(
+    gradient: Array,
+    information: Array,
+    slope: float | Array,
+    rate: Array,
+    rate_of_information: Array,
+) -> tuple[Array, Array]:
+    """Return the ones n p + g p (1 - p)/p' and the trials n = I p (1 - p)/p'².
+
+    The parameters are those of :func:`counts_of_equal_likelihood`. The ones are a linear function
+    of g, so some are below 0 or above n.
+
+    Examples
+    --------
+    >>> rate = np.array([np.log(2)])
+    >>> ones, trials = linear_counts(np.array([-6.0]), np.array([8.0]), 1.0, rate, rate)
+    >>> ones.round(9).tolist(), trials.round(9).tolist()
+    ([1.0], [8.0])
+    """
+    one = -np.expm1(-rate)
+    # p' = slope * (1 - p), so p (1 - p) / p' = one / slope.
+    trials = information * np.expm1(rate_of_information) / slope**2
+    return trials * one + gradient * one / slope, trials
 
 
 def _least_light(joint: JointLikelihood) -> float | Array:

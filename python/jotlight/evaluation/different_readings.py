@@ -1,22 +1,38 @@
 """Readings that a count of ones does not describe, for methods that take counts."""
 
-import dataclasses
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from jotlight.estimators.merge_readings import merge_images, reference_sensor, round_ones
+from jotlight.estimators.merge_near import merge_near
+from jotlight.estimators.merge_readings import merge_images, merge_joint, reference_sensor
 from jotlight.evaluation.methods import LARGE_METHOD, find_method
+from jotlight.motion.scoring import blur
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.networks.network import Network
+from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained_conditional
+from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.sensor import Sensor
 
-_SIGMA = 0.5
-"""Standard deviation of the average over neighbors, in pixels, for maps of thresholds."""
+_ROUNDS = 2
+"""Number of estimates near which readings are merged, one after the other."""
+
+_NEIGHBORHOOD = 1.0
+"""Standard deviation of the filter of these estimates, in pixels.
+
+Their own noise would bias the counts.
+"""
+
+
+_SIGMA = 0.4
+"""Standard deviation of the filter of the counts, in pixels, for maps of thresholds.
+
+Some of their pixels say much and their neighbors little, and networks take both for equally good.
+"""
 
 
 def with_one_response(
@@ -55,11 +71,29 @@ def with_one_response(
     """
     if isinstance(method, Network) and method.trials_range is None:
         require_plain_bits(sensor)
-    merged = merge_images(images, sensor, threads)
-    if np.ndim(sensor.threshold) == 2 and _is_network(method):
-        each = [_average_neighbors(cast(Merged, one)) for one in merged.data]
-        merged = GrayImages(each, merged.layout)
-    return merged, reference_sensor(sensor)
+    if not _is_network(method):
+        return merge_images(images, sensor, threads), reference_sensor(sensor)
+    joints = (joint_likelihood(one, sensor, threads) for one in images.data)
+    each = [_merge_for_network(joint, threads) for joint in joints]
+    return GrayImages(each, images.layout), reference_sensor(sensor)
+
+
+def _merge_for_network(joint: JointLikelihood, threads: int | None) -> Merged:
+    """Return equivalent counts of a gray image for a network.
+
+    Networks expect numbers of trials that do not depend on the noise. At the most likely
+    intensities they do, because a pixel with more ones seems to be brighter. So the counts are
+    those near the estimates of a network.
+    """
+    merged = merge_joint(joint)
+    if joint.sensor.has_plain_bits:
+        return merged
+    sigma = _SIGMA if np.ndim(joint.sensor.threshold) == 2 else 0.0
+    network = pretrained_conditional(merged.sensor, CONDITIONAL_SIZE)
+    for _ in range(_ROUNDS):
+        estimate = network.reconstruct(merged, threads=threads)
+        merged = merge_near(joint, blur(estimate, _NEIGHBORHOOD, threads), sigma)
+    return merged
 
 
 def _is_network(method: object) -> bool:
@@ -67,27 +101,6 @@ def _is_network(method: object) -> bool:
     if isinstance(method, str) and method != LARGE_METHOD:
         return find_method(method).quality is not None
     return method is None or isinstance(method, Network)
-
-
-def _average_neighbors(merged: Merged) -> Merged:
-    """Return counts whose trials differ little between neighbors, by a narrow Gaussian average.
-
-    With a map of thresholds, some pixels say much and their neighbors little, such as a saturated
-    pixel with two trials. Networks take their fractions for equally good.
-
-    Examples
-    --------
-    >>> merged = Merged([[2, 30]], [[2.0, 60.0]], Sensor(frames=60))
-    >>> averaged = _average_neighbors(merged)
-    >>> (averaged.ones / averaged.trials).round(2)
-    array([[0.61, 0.5 ]])
-    """
-    from scipy.ndimage import gaussian_filter
-
-    trials = gaussian_filter(np.broadcast_to(np.asarray(merged.trials), merged.shape), _SIGMA)
-    ones = np.minimum(gaussian_filter(merged.ones.astype(np.float64), _SIGMA), trials)
-    whole, scaled = round_ones(ones, trials)
-    return dataclasses.replace(merged, ones=whole, trials=scaled)
 
 
 def takes_readings(method: str | None, sensor: Sensor) -> bool:

@@ -1,0 +1,100 @@
+"""Equivalent counts near known intensities, for networks."""
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.estimators.merge_readings import (
+    MAX_TRIALS,
+    linear_counts,
+    mean_response,
+    reference_sensor,
+)
+from jotlight.sensing.joint_likelihood import JointLikelihood
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.response import Array
+
+_LEAST_SHARE = 1e-5
+"""Smallest intensity near which readings are merged, as a share of the largest one."""
+
+_LARGEST_DEBT = 1.0
+"""Most ones below 0 that the next pixels of a row make up for."""
+
+_GOLDEN_RATIO = 0.6180339887498949
+"""Multiples of it, without their whole parts, are spread evenly over [0, 1)."""
+
+
+def merge_near(
+    joint: JointLikelihood, intensity: npt.NDArray[np.floating], sigma: float = 0.0
+) -> Merged:
+    """Return counts whose likelihood near known intensities is that of the readings.
+
+    The derivative g and the information I are those at the given intensities, instead of at the
+    most likely intensity of each pixel (:func:`jotlight.merge_readings`). So the trials do not
+    depend on the noise of a pixel, and the ones are a linear function of its readings, without
+    bias. They are rounded such that the errors of neighbors cancel.
+
+    Parameters
+    ----------
+    joint : JointLikelihood
+        The likelihood of the readings.
+    intensity : ndarray of float, shape (H, W)
+        Intensities in [0, S] near the true ones.
+    sigma : float
+        Standard deviation of the Gaussian filter of the counts, in pixels. 0: none.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.bits import Bits
+    >>> from jotlight.sensing.joint_likelihood import joint_likelihood
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> sensor = Sensor(frames=2, gain=[1.0, 3.0], max_intensity=9.0)
+    >>> joint = joint_likelihood(Bits.from_array([[[1, 0]], [[1, 0]]]), sensor, None)
+    >>> merge_near(joint, np.full((1, 2), 0.5)).trials.round(2)
+    array([[3.08, 3.08]])
+    """
+    from scipy.ndimage import gaussian_filter
+
+    reference, largest = reference_sensor(joint.sensor), joint.sensor.max_intensity
+    efficiency, dark_counts = mean_response(reference)
+    near = np.clip(intensity.astype(np.float64), _LEAST_SHARE * largest, largest)
+    slope = efficiency * reference.light_per_intensity
+    rate = slope * near + dark_counts
+    is_known = joint.trials > 0
+    gradient = np.where(is_known, joint.gradient_and_curvature(near)[0], 0.0)
+    information = np.where(is_known, joint.information(near), 0.0)
+    ones, trials = linear_counts(gradient, information, slope, rate, rate)
+    if sigma > 0:
+        ones, trials = gaussian_filter(ones, sigma), gaussian_filter(trials, sigma)
+    trials = np.minimum(trials, MAX_TRIALS)
+    whole = diffuse(np.minimum(ones, MAX_TRIALS), trials > 0)
+    trials = np.maximum(trials, whole)
+    return Merged(whole.astype(np.int32), trials, reference, dark_counts, efficiency)
+
+
+def diffuse(values: Array, is_known: npt.NDArray[np.bool_]) -> Array:
+    """Return whole numbers from 0 instead of real ones, with about the same sum along each row.
+
+    The error of a pixel is added to the next pixel of its row. So the mean of a region stays right
+    even if all its values are alike, which are all rounded in the same direction otherwise. Rows
+    begin with different errors, so that they make no pattern together.
+
+    Parameters
+    ----------
+    values : ndarray of float, shape (H, W)
+        The numbers.
+    is_known : ndarray of bool, shape (H, W)
+        Where the result may be above 0.
+
+    Examples
+    --------
+    >>> diffuse(np.full((2, 8), 0.25), np.ones((2, 8), bool)).astype(int)
+    array([[0, 0, 0, 1, 0, 0, 0, 1],
+           [0, 1, 0, 0, 0, 1, 0, 0]])
+    """
+    whole = np.zeros(values.shape)
+    error = np.arange(len(values)) * _GOLDEN_RATIO % 1
+    for column in range(values.shape[1]):
+        wanted = values[:, column] + error
+        whole[:, column] = np.where(is_known[:, column], np.maximum(np.floor(wanted), 0), 0)
+        error = np.clip(wanted - whole[:, column], -_LARGEST_DEBT, 1)
+    return whole

@@ -1,0 +1,114 @@
+"""Equivalent counts near known intensities: no bias, and trials that do not depend on noise."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import jotlight as jl
+from jotlight.estimators.merge_near import diffuse, merge_near
+from jotlight.estimators.merge_readings import reference_sensor
+from jotlight.sensing.joint_likelihood import joint_likelihood
+
+SHAPE = 80, 90
+GAINS = np.array([1.0, 2.0, 3.0, 4.0])
+
+
+def merged_near(sensor, intensity, rng=0, assumed=None):
+    bits = sensor.expose(np.full(SHAPE, intensity), rng=rng)
+    near = np.full(SHAPE, intensity if assumed is None else assumed)
+    return bits, merge_near(joint_likelihood(bits, sensor, None), near)
+
+
+def test_bits_of_a_bracket_have_the_counts_of_the_formula():
+    sensor, x = jl.Sensor(frames=4, gain=GAINS), 0.6
+    bits, merged = merged_near(sensor, x)
+    rates = GAINS * x
+    own = -np.expm1(-rates)
+    slopes = GAINS * np.exp(-rates)
+    light = reference_sensor(sensor).gain / 4
+    p, slope = -np.expm1(-light * x), light * np.exp(-light * x)
+    information = np.sum(slopes**2 / (own * (1 - own)))
+    trials = information * p * (1 - p) / slope**2
+    weights = slopes / (own * (1 - own)) * p * (1 - p) / slope
+    ones = trials * p + np.tensordot(weights, bits.to_array() - own[:, None, None], axes=1)
+    np.testing.assert_allclose(merged.trials, np.maximum(trials, merged.ones), rtol=1e-9)
+    # Rounding keeps the sum of each row, as far as no debt is forgotten.
+    assert (ones < 0).any()
+    assert merged.ones.sum() == pytest.approx(ones.sum(), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        jl.Sensor(frames=4, gain=GAINS),
+        jl.Sensor(frames=3, gain=[0.5, 2.0, 8.0]),
+        jl.Sensor(frames=2, gain=4.0, threshold=[1, 2]),
+        jl.Sensor(bit_depth=2, gain=2.0),
+        jl.Sensor(frames=4, gain=4.0, bit_depth=3, read_noise=0.3),
+    ],
+    ids=repr,
+)
+def test_a_few_readings_have_no_bias(sensor):
+    x = 0.6
+    bits, merged = merged_near(sensor, x)
+    reference = merged.sensor
+    p = -np.expm1(-(reference.light_per_intensity * x + np.mean(merged.dark_counts)))
+    found = merged.ones.sum() / merged.trials.sum()
+    noise = np.sqrt(p * (1 - p) / merged.trials.sum())
+    assert abs(found - p) < 5 * noise + 0.005 * p
+    # The most likely intensities are biased, or their trials are.
+    usual = jl.merge_readings(bits)
+    fractions = usual.ones / np.maximum(usual.trials, 1e-9)
+    assert np.ptp(usual.trials) > 0
+    assert abs(fractions.mean() - p) > 2 * abs(found - p) or sensor.read_noise > 0
+
+
+def test_the_trials_do_not_depend_on_the_noise():
+    sensor = jl.Sensor(frames=12, gain=np.repeat([8.0, 1.0, 1 / 8], 4))
+    _, first = merged_near(sensor, 0.5)
+    _, second = merged_near(sensor, 0.5, rng=1)
+    assert (first.ones != second.ones).any()
+    # Except where rounding has made more ones than trials.
+    assert (np.unique(first.trials)[0], np.unique(second.trials)[0]) == (
+        pytest.approx(float(np.median(first.trials))),
+        pytest.approx(float(np.median(first.trials))),
+    )
+
+
+def test_a_wrong_intensity_changes_the_result_less_than_it_is_wrong():
+    sensor, x = jl.Sensor(frames=4, gain=GAINS), 0.6
+    reference = reference_sensor(sensor)
+    for assumed in (0.5, 0.72):
+        _, merged = merged_near(sensor, x, assumed=assumed)
+        fraction = merged.ones.sum() / merged.trials.sum()
+        estimate = -np.log1p(-fraction) / reference.light_per_intensity
+        assert abs(estimate / x - 1) < 0.05
+
+
+def test_pixels_without_readings_have_no_counts():
+    mask = np.zeros(SHAPE, bool)
+    mask[::3, ::4] = True
+    sensor = jl.Sensor(frames=4, gain=GAINS, mask=mask)
+    _, merged = merged_near(sensor, 0.6)
+    assert (merged.ones[mask] == 0).all()
+    assert (np.asarray(merged.trials)[mask] == 0).all()
+    assert (np.asarray(merged.trials)[~mask] > 0).all()
+
+
+@settings(max_examples=50)
+@given(values=arrays(np.float64, (3, 40), elements=st.floats(0, 20)))
+def test_sums_from_the_left_are_kept_within_one(values):
+    whole = diffuse(values, np.ones(values.shape, bool))
+    assert (whole == np.rint(whole)).all()
+    assert (whole >= 0).all()
+    assert np.abs(np.cumsum(values - whole, axis=1)).max() <= 1 + 1e-9
+
+
+def test_debts_are_paid_by_the_next_pixels():
+    whole = diffuse(np.array([[-0.75, 0.5, 0.5, 1.0, 1.0]]), np.ones((1, 5), bool))
+    np.testing.assert_array_equal(whole, [[0, 0, 0, 1, 1]])
+    # No more than one of them is.
+    whole = diffuse(np.array([[-50.0, 1.5, 1.0, 1.0]]), np.ones((1, 4), bool))
+    np.testing.assert_array_equal(whole, [[0, 0, 1, 1]])
