@@ -34,8 +34,11 @@ def spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Ten
 
     Raises
     ------
+    TypeError
+        When z or the coefficients are not floats.
     ValueError
-        When there are fewer than 4 coefficients, or other channels than those of z.
+        When z has no axis of channels, when there are fewer than 4 coefficients, or other channels
+        than those of z, or when the spacing is not above 0.
 
     Examples
     --------
@@ -43,11 +46,32 @@ def spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Ten
     >>> spline(torch.tensor([[0.25], [0.5], [9.0]]), identity, 0.0, 1.0).flatten().tolist()
     [0.25, 0.5, 1.0]
     """
+    _check(z, coefficients, spacing)
     if z.device.type == "cpu":
         dtype = torch.promote_types(z.dtype, torch.float32)
         values: Tensor = _spline(z.to(dtype), coefficients.to(dtype), float(start), float(spacing))
         return values.to(z.dtype)
     return spline_reference(z, coefficients, start, spacing)
+
+
+def _check(z: Tensor, coefficients: Tensor, spacing: float) -> None:
+    """Raise TypeError or ValueError for what is no spline, with one message for all devices."""
+    for name, tensor in ("z", z), ("coefficients", coefficients):
+        if not tensor.is_floating_point():
+            raise TypeError(f"{name}: expected floats, got {tensor.dtype}; convert them to floats")
+    if z.dim() < 2:
+        raise ValueError(
+            f"z: expected shape (N, C, ...), got {tuple(z.shape)}; for values of one channel, "
+            "write z.reshape(-1, 1)"
+        )
+    channels = z.shape[1]
+    if coefficients.dim() != 2 or coefficients.shape[0] != channels or coefficients.shape[1] < 4:
+        raise ValueError(
+            f"coefficients: expected shape (C, N_w) with the C = {channels} channels of z and at "
+            f"least N_w = 4, got {tuple(coefficients.shape)}"
+        )
+    if not spacing > 0:
+        raise ValueError(f"spacing: expected a distance above 0, got {spacing}")
 
 
 def spline_reference(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Tensor:
