@@ -142,6 +142,15 @@ def test_gradients_agree_with_finite_differences(name):
     assert torch.autograd.gradcheck(values, trainable, fast_mode=True, atol=1e-4)
 
 
+def test_torch_func_returns_the_gradient_of_autograd():
+    module = Network(residual("small"))
+    _, data = random_data(module.origin, (9, 14))
+    actual = torch.func.grad(lambda x: module(x, SENSOR).sum())(data)
+    data.requires_grad_()
+    (expected,) = torch.autograd.grad(module(data, SENSOR).sum(), data)
+    torch.testing.assert_close(actual, expected)
+
+
 @pytest.mark.parametrize("name", ["initial", "small"])
 def test_autocast_to_bfloat16_changes_estimates_little_and_keeps_gradients_finite(name):
     module = Network(NETWORKS[name]())

@@ -64,6 +64,41 @@ def test_gradients_agree_with_finite_differences(knots, function):
     assert torch.autograd.gradcheck(lambda z, w: function(z, w, *knots[1:]), (z, coefficients))
 
 
+@pytest.mark.parametrize("knots", KNOTS[:3])
+def test_second_derivatives_agree_with_finite_differences(knots):
+    z, coefficients = random_planes((2, 2, 3), *knots, torch.float64)
+    assert torch.autograd.gradgradcheck(lambda z, w: spline(z, w, *knots[1:]), (z, coefficients))
+
+
+def test_third_derivatives_agree_with_those_of_pytorch():
+    z, coefficients = random_planes((2, 3, 5), *KNOTS[1], torch.float64)
+    thirds = []
+    for function in (spline, spline_reference):
+        value = function(z, coefficients, *KNOTS[1][1:])
+        for _ in range(3):
+            (value,) = torch.autograd.grad(value.square().sum(), z, create_graph=True)
+        thirds.append(value)
+    assert thirds[1].abs().max() > 0
+    torch.testing.assert_close(*thirds)
+
+
+@pytest.mark.filterwarnings("ignore:There is a performance drop")
+def test_the_transforms_of_torch_func_agree_with_those_of_pytorch_operations():
+    z, coefficients = (x.detach() for x in random_planes((2, 3, 5), *KNOTS[1], torch.float64))
+    results = []
+    for function in (spline, spline_reference):
+
+        def cost(z, coefficients, function=function):
+            return function(z, coefficients, *KNOTS[1][1:]).square().sum()
+
+        gradient = torch.func.grad(cost, argnums=(0, 1))
+        batch = torch.stack([z, z + 0.1])
+        hessian = torch.func.jacrev(torch.func.grad(cost))(z, coefficients)
+        batched = torch.func.vmap(gradient, in_dims=(0, None))(batch, coefficients)
+        results.append((*gradient(z, coefficients), *batched, hessian))
+    torch.testing.assert_close(*results)
+
+
 @pytest.mark.parametrize("function", [spline, spline_reference])
 def test_the_outermost_knots_have_the_slope_of_the_inside(function):
     """A count of 0 lies on the first knot, and has to pass its gradient on."""
@@ -192,7 +227,7 @@ def test_a_spline_compiles_into_one_graph():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:The .grad attribute of a Tensor that is not a leaf")
 def test_the_registered_operator_passes_the_checks_of_pytorch():
     z, coefficients = random_planes((2, 3, 4), *KNOTS[1], torch.float64)
-    torch.library.opcheck(torch.ops.jotlight.spline, (z, coefficients, *KNOTS[1][1:]))
+    arguments = z.detach(), coefficients.detach(), *KNOTS[1][1:]
+    torch.library.opcheck(torch.ops.jotlight.spline, arguments)

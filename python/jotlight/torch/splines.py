@@ -30,7 +30,8 @@ def spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Ten
     Returns
     -------
     Tensor, shape (N, C, ...)
-        φ(z), of the type of z.
+        φ(z), of the type of z. It has derivatives of any order, also by `torch.func`, but on a CPU
+        no forward-mode derivatives: use `jacrev` in place of `jacfwd`.
 
     Raises
     ------
@@ -49,7 +50,8 @@ def spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Ten
     _check(z, coefficients, spacing)
     if z.device.type == "cpu":
         dtype = torch.promote_types(z.dtype, torch.float32)
-        values: Tensor = _spline(z.to(dtype), coefficients.to(dtype), float(start), float(spacing))
+        knots = float(start), float(spacing)
+        values: Tensor = _Spline.apply(z.to(dtype), coefficients.to(dtype), *knots)
         return values.to(z.dtype)
     return spline_reference(z, coefficients, start, spacing)
 
@@ -135,18 +137,57 @@ def _(
     return torch.empty(z.shape, dtype=z.dtype), torch.empty_like(coefficients)
 
 
-def _setup_context(ctx: Any, inputs: tuple[Any, ...], output: Tensor) -> None:
-    z, coefficients, ctx.start, ctx.spacing = inputs
-    ctx.save_for_backward(z, coefficients)
+# The autograd of operators excludes `torch.func`, and torch.compile excludes functions with `jvp`.
+class _Spline(torch.autograd.Function):
+    """φ(z) by the engine."""
+
+    generate_vmap_rule = True
+
+    @staticmethod
+    def forward(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Tensor:
+        values: Tensor = _spline(z, coefficients, start, spacing)
+        return values
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: Tensor) -> None:
+        z, coefficients, ctx.start, ctx.spacing = inputs
+        ctx.save_for_backward(z, coefficients)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, Tensor, None, None]:
+        z, coefficients = ctx.saved_tensors
+        gradients = _SplineBackward.apply(z, gradient, coefficients, ctx.start, ctx.spacing)
+        return (*gradients, None, None)
 
 
-def _backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, Tensor, None, None]:
-    z, coefficients = ctx.saved_tensors
-    gradients = _spline_backward(z, gradient, coefficients, ctx.start, ctx.spacing)
-    return (*gradients, None, None)
+class _SplineBackward(torch.autograd.Function):
+    """The gradients of φ(z) by the engine. Their own gradients are those of the reference."""
 
+    generate_vmap_rule = True
 
-_spline.register_autograd(_backward, setup_context=_setup_context)
+    @staticmethod
+    def forward(
+        z: Tensor, gradient: Tensor, coefficients: Tensor, start: float, spacing: float
+    ) -> tuple[Tensor, Tensor]:
+        gradients: tuple[Tensor, Tensor] = _spline_backward(
+            z, gradient, coefficients, start, spacing
+        )
+        return gradients
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[Tensor, Tensor]) -> None:
+        *tensors, ctx.start, ctx.spacing = inputs
+        ctx.save_for_backward(*tensors)
+
+    @staticmethod
+    def backward(ctx: Any, *cotangents: Tensor) -> tuple[Tensor, Tensor, Tensor, None, None]:
+        def values(z: Tensor, coefficients: Tensor) -> Tensor:
+            return spline_reference(z, coefficients, ctx.start, ctx.spacing)
+
+        def gradients(z: Tensor, gradient: Tensor, coefficients: Tensor) -> Any:
+            return torch.func.vjp(values, z, coefficients)[1](gradient)
+
+        return (*torch.func.vjp(gradients, *ctx.saved_tensors)[1](cotangents), None, None)
 
 
 def _array(tensor: Tensor) -> Any:
