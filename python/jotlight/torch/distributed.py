@@ -85,14 +85,21 @@ def choose_device(device: str | torch.device | None) -> torch.device:
     Raises
     ------
     ValueError
-        When it is a GPU and PyTorch finds none.
+        When PyTorch knows no such device, or when it is a GPU and PyTorch finds none.
 
     Examples
     --------
     >>> choose_device("cpu")
     device(type='cpu')
     """
-    chosen = torch.device(device or ("cuda" if torch.cuda.is_available() else "cpu"))
+    if device is None:
+        device = "cuda" if torch.cuda.is_available() else "cpu"
+    try:
+        chosen = torch.device(device)
+    except RuntimeError as error:
+        raise ValueError(
+            f"device: expected 'cpu', 'cuda', or another device of PyTorch, got {device!r}"
+        ) from error
     if chosen.type != "cuda":
         return chosen
     if not torch.cuda.is_available():
