@@ -42,8 +42,10 @@ def lines_of(run, *arguments):
         (["--quality", "small", "--start", "deep.safetensors"], "leave out --quality"),
         (
             ["--start", "deep.safetensors", "--bits-per-pixel", "1:256"],
-            "its own sigma, weights and range of bits per pixel",
+            "start: this network has its own range of bits per pixel; leave out --bits-per-pixel",
         ),
+        (["--start", "deep.safetensors", "--sigma", 0.5], "its own filters; leave out --sigma"),
+        (["--start", "deep.safetensors", "--untied"], "its own weights; leave out --untied"),
         (["--start", "deep.safetensors", "--damping", 1], f"damping: is for {TWO_LAYER}"),
         (
             ["--quality", "small", "--bits-per-pixel", "1:256", "--sensor", "bits.npy"],

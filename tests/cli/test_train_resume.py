@@ -217,6 +217,7 @@ def test_resuming_with_other_options_names_them_and_keeps_the_run(
     assert status == 1
     assert output.startswith(f"error: {CHECKPOINT}: this checkpoint belongs to another run: ")
     assert difference in output
+    assert "Start again with --restart, or use the settings" in " ".join(output.split())
     assert (tmp_path / CHECKPOINT).read_bytes() == before
     assert files(tmp_path) == [CHECKPOINT, "photos"]
 

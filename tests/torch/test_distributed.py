@@ -123,6 +123,12 @@ def test_a_missing_gpu_is_an_error_unless_the_choice_is_free(monkeypatch):
         choose_device("cuda")
 
 
+@pytest.mark.parametrize("device", ["gpu", "GPU", "cuda:x", "cpu:", ""])
+def test_an_unknown_device_is_an_error(device):
+    with pytest.raises(ValueError, match=f"device: expected 'cpu', 'cuda', .* got '{device}'"):
+        choose_device(device)
+
+
 @pytest.mark.slow
 @pytest.mark.exhaustive
 def test_torchrun_trains_on_examples_from_a_folder_of_urls(tmp_path):

@@ -160,6 +160,13 @@ def test_a_resumed_run_equals_an_uninterrupted_one(tmp_path, step, learning_rate
     np.testing.assert_array_equal(parameters(resumed), parameters(whole))
 
 
+def test_without_a_seed_a_resumed_run_has_the_seed_of_its_checkpoint(tmp_path):
+    options = {"rng": None, "checkpoint": tmp_path / "run", "steps": 2}
+    whole, _ = tune(**options)
+    resumed, _ = tune(**options, resume=True)
+    assert resumed.history == whole.history
+
+
 def test_a_checkpoint_of_another_run_and_a_file_that_is_none_are_refused(tmp_path):
     path = tmp_path / "run"
     interrupt(path, 1)

@@ -142,6 +142,15 @@ def test_gradients_agree_with_finite_differences(name):
     assert torch.autograd.gradcheck(values, trainable, fast_mode=True, atol=1e-4)
 
 
+def test_torch_func_returns_the_gradient_of_autograd():
+    module = Network(residual("small"))
+    _, data = random_data(module.origin, (9, 14))
+    actual = torch.func.grad(lambda x: module(x, SENSOR).sum())(data)
+    data.requires_grad_()
+    (expected,) = torch.autograd.grad(module(data, SENSOR).sum(), data)
+    torch.testing.assert_close(actual, expected)
+
+
 @pytest.mark.parametrize("name", ["initial", "small"])
 def test_autocast_to_bfloat16_changes_estimates_little_and_keeps_gradients_finite(name):
     module = Network(NETWORKS[name]())
@@ -234,10 +243,25 @@ def test_gradients_for_other_dark_counts_are_finite_up_to_saturation():
     assert torch.isfinite(counts.grad).all()
 
 
-@pytest.mark.parametrize("shape", [(5, 6), (1, 5, 6), (5, 6, 3, 3)])
+@pytest.mark.parametrize("shape", [(5, 6), (1, 5, 6), (5, 6, 3, 3), (1, 1, 0, 8), (1, 1, 8, 0)])
 def test_data_of_other_shapes_are_refused(shape):
-    with pytest.raises(ValueError, match=r"data: expected counts \(N, 1, H, W\), got shape"):
+    with pytest.raises(
+        ValueError, match=r"data: expected counts \(N, 1, H, W\) and at least one pixel, got shape"
+    ):
         Network(residual("small"))(torch.zeros(shape))
+
+
+@pytest.mark.parametrize("shape", [(1, 2, 0, 9), (1, 2, 9, 10), (1, 2, 2, 9)])
+def test_bits_without_whole_pixels_are_refused(shape):
+    message = (
+        r"expected bits \(N, 2, H·K̂, W·K̂\) with K̂ = 3 and at least one pixel, got shape \(1, 2, "
+    )
+    with pytest.raises(ValueError, match=message):
+        Network(build_two_layer(tied=False))(torch.zeros(shape))
+
+
+def test_an_empty_batch_is_legal():
+    assert Network(residual("small"))(torch.zeros(0, 1, 5, 6)).shape == (0, 1, 5, 6)
 
 
 def test_an_image_without_the_axes_of_a_batch_gets_advice():

@@ -64,6 +64,41 @@ def test_gradients_agree_with_finite_differences(knots, function):
     assert torch.autograd.gradcheck(lambda z, w: function(z, w, *knots[1:]), (z, coefficients))
 
 
+@pytest.mark.parametrize("knots", KNOTS[:3])
+def test_second_derivatives_agree_with_finite_differences(knots):
+    z, coefficients = random_planes((2, 2, 3), *knots, torch.float64)
+    assert torch.autograd.gradgradcheck(lambda z, w: spline(z, w, *knots[1:]), (z, coefficients))
+
+
+def test_third_derivatives_agree_with_those_of_pytorch():
+    z, coefficients = random_planes((2, 3, 5), *KNOTS[1], torch.float64)
+    thirds = []
+    for function in (spline, spline_reference):
+        value = function(z, coefficients, *KNOTS[1][1:])
+        for _ in range(3):
+            (value,) = torch.autograd.grad(value.square().sum(), z, create_graph=True)
+        thirds.append(value)
+    assert thirds[1].abs().max() > 0
+    torch.testing.assert_close(*thirds)
+
+
+@pytest.mark.filterwarnings("ignore:There is a performance drop")
+def test_the_transforms_of_torch_func_agree_with_those_of_pytorch_operations():
+    z, coefficients = (x.detach() for x in random_planes((2, 3, 5), *KNOTS[1], torch.float64))
+    results = []
+    for function in (spline, spline_reference):
+
+        def cost(z, coefficients, function=function):
+            return function(z, coefficients, *KNOTS[1][1:]).square().sum()
+
+        gradient = torch.func.grad(cost, argnums=(0, 1))
+        batch = torch.stack([z, z + 0.1])
+        hessian = torch.func.jacrev(torch.func.grad(cost))(z, coefficients)
+        batched = torch.func.vmap(gradient, in_dims=(0, None))(batch, coefficients)
+        results.append((*gradient(z, coefficients), *batched, hessian))
+    torch.testing.assert_close(*results)
+
+
 @pytest.mark.parametrize("function", [spline, spline_reference])
 def test_the_outermost_knots_have_the_slope_of_the_inside(function):
     """A count of 0 lies on the first knot, and has to pass its gradient on."""
@@ -147,13 +182,39 @@ def test_a_new_spline_is_nearly_relu_and_keeps_its_values_in_a_copy():
         assert abs(module(z) - expected).max() < 0.03
 
 
-def test_splines_refuse_fewer_than_four_coefficients_and_other_channels():
+def test_a_module_refuses_fewer_than_four_coefficients():
     with pytest.raises(ValueError, match="coefficients: expected at least 4, got 3"):
         Spline(2, coefficients=3)
-    with pytest.raises(ValueError, match=r"coefficients: expected 4 to .* got 3"):
-        spline(torch.zeros(2, 3, 4), torch.zeros(3, 3), 0.0, 1.0)
-    with pytest.raises(ValueError, match="channels: expected 2, got 3"):
-        spline(torch.zeros(2, 3, 4), torch.zeros(2, 5), 0.0, 1.0)
+
+
+@pytest.mark.parametrize("device", ["cpu", "meta"])
+@pytest.mark.parametrize(
+    ("error", "message", "shape", "dtype", "own_shape", "spacing"),
+    [
+        (ValueError, r"z: .* got \(5,\); .*, write z\.reshape\(-1, 1\)", (5,), None, (1, 4), 1.0),
+        (ValueError, r"z: expected shape \(N, C, \.\.\.\), got \(\);", (), None, (1, 4), 1.0),
+        (TypeError, "z: expected floats, got torch.int64;", (5, 1), torch.int64, (1, 4), 1.0),
+        (TypeError, "z: expected floats, got torch.c.*64;", (5, 1), torch.complex64, (1, 4), 1.0),
+        (ValueError, r"coefficients: .* C = 3 .* got \(3, 3\)", (2, 3, 4), None, (3, 3), 1.0),
+        (ValueError, r"coefficients: .* C = 3 .* got \(2, 5\)", (2, 3, 4), None, (2, 5), 1.0),
+        (ValueError, r"coefficients: .* C = 3 .* got \(5,\)", (2, 3, 4), None, (5,), 1.0),
+        (ValueError, r"spacing: expected a distance above 0, got 0\.0", (2, 1), None, (1, 4), 0.0),
+    ],
+)
+def test_all_devices_refuse_the_same_input(
+    device, error, message, shape, dtype, own_shape, spacing
+):
+    z = torch.zeros(shape, dtype=dtype, device=device)
+    with pytest.raises(error, match=message):
+        spline(z, torch.zeros(own_shape, device=device), 0.0, spacing)
+
+
+def test_whole_coefficients_are_refused_and_advice_for_one_channel_works():
+    coefficients = torch.tensor([[-1, 0, 1, 2]])
+    with pytest.raises(TypeError, match=r"coefficients: expected floats, got torch\.int64"):
+        spline(torch.zeros(2, 1), coefficients, 0.0, 1.0)
+    values = spline(torch.tensor([0.25, 0.5]).reshape(-1, 1), coefficients.float(), 0.0, 1.0)
+    assert values.flatten().tolist() == [0.25, 0.5]
 
 
 @pytest.mark.slow
@@ -166,7 +227,7 @@ def test_a_spline_compiles_into_one_graph():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:The .grad attribute of a Tensor that is not a leaf")
 def test_the_registered_operator_passes_the_checks_of_pytorch():
     z, coefficients = random_planes((2, 3, 4), *KNOTS[1], torch.float64)
-    torch.library.opcheck(torch.ops.jotlight.spline, (z, coefficients, *KNOTS[1][1:]))
+    arguments = z.detach(), coefficients.detach(), *KNOTS[1][1:]
+    torch.library.opcheck(torch.ops.jotlight.spline, arguments)

@@ -107,6 +107,12 @@ def test_a_resumed_run_equals_an_uninterrupted_one(tmp_path, step):
     assert_same(whole, resumed)
 
 
+def test_without_a_seed_a_resumed_run_has_the_seed_of_its_checkpoint(tmp_path):
+    options = {"rng": None, "checkpoint": tmp_path / "run"}
+    whole = train_small(**options)
+    assert_same(train_small(**options, resume=True), whole)
+
+
 def test_the_result_is_a_moving_average_of_the_parameters(tmp_path, monkeypatch):
     monkeypatch.setattr(CheckpointWriter, "INTERVAL", -1.0)
     vectors = []

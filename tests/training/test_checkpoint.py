@@ -86,6 +86,32 @@ def test_the_history_of_a_resumed_run_is_exact_to_the_last_bit(tmp_path):
     assert train(checkpoint=path, resume=True)[1].records == train()[1].records
 
 
+def test_without_a_seed_a_resumed_run_has_the_seed_of_its_checkpoint(tmp_path):
+    path = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt):
+        train(rng=None, checkpoint=path, callback=stopping(2))
+    resumed = train(rng=None, checkpoint=path, resume=True)
+    assert_same(resumed, train(rng=resumed[0].history["run"]["seed"]))
+    other = train(rng=None, checkpoint=path)
+    assert other[0].history["run"]["seed"] != resumed[0].history["run"]["seed"]
+
+
+@pytest.mark.parametrize("seed", [None, -1, True, "3"])
+def test_a_checkpoint_without_a_valid_seed_is_refused(tmp_path, seed):
+    path = tmp_path / "run"
+    run = train(checkpoint=path)[0].history["run"]
+    rewritten("run", json.dumps({**run, "seed": seed}))(path)
+    with pytest.raises(ValueError, match="run: damaged checkpoint: expected a seed, got"):
+        train(rng=None, checkpoint=path, resume=True)
+
+
+def test_resuming_without_a_seed_needs_a_checkpoint(tmp_path):
+    with pytest.raises(ValueError, match="resume: expected a checkpoint to resume from, got none"):
+        train(rng=None, resume=True)
+    with pytest.raises(FileNotFoundError, match="there is no checkpoint"):
+        train(rng=None, checkpoint=tmp_path / "none", resume=True)
+
+
 def test_resuming_a_finished_run_changes_nothing(tmp_path):
     path = tmp_path / "run"
     whole = train(checkpoint=path)
@@ -170,9 +196,12 @@ def test_a_checkpoint_of_another_run_is_refused_and_kept(tmp_path, changes, name
     path = tmp_path / "run"
     train(checkpoint=path)
     before = path.read_bytes()
-    with pytest.raises(ValueError, match=f"this checkpoint belongs to another run: .*{name}"):
+    with pytest.raises(
+        ValueError, match=f"this checkpoint belongs to another run: .*{name}.* resume=False"
+    ):
         train(**changes, checkpoint=path, resume=True)
     assert path.read_bytes() == before
+    train(**changes, checkpoint=path, resume=False)  # what the message advises
 
 
 def rewritten(name, change):

@@ -171,10 +171,13 @@ def _check_options(
             "may be left out with --sensor only"
         )
     if training.start is not None:
-        if network.untied or network.sigma is not None or network.trials_range is not None:
-            raise ValueError(
-                "start: this network has its own sigma, weights and range of bits per pixel"
-            )
+        for option, part, is_set in (
+            ("untied", "weights", network.untied),
+            ("sigma", "filters", network.sigma is not None),
+            ("bits-per-pixel", "range of bits per pixel", network.trials_range is not None),
+        ):
+            if is_set:
+                raise ValueError(f"start: this network has its own {part}; leave out --{option}")
         if target is not None:
             raise ValueError("start: this network has its own sensor; leave out --sensor")
     if target is None:

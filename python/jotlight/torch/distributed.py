@@ -3,7 +3,6 @@
 import contextlib
 import dataclasses
 import os
-import secrets
 import time
 from collections.abc import Iterator
 
@@ -11,7 +10,7 @@ import torch
 import torch.distributed
 from torch import Tensor
 
-from jotlight.checks import check_threads, whole_number
+from jotlight.checks import check_threads
 from jotlight.networks.network import Network
 
 _SHUTDOWN_SECONDS = 0.2
@@ -60,17 +59,11 @@ class ProcessGroup:
             torch.distributed.broadcast_object_list(shared, 0)
         return shared[0]
 
-    def shared_seed(self, rng: int | None) -> int:
-        """Return the main process's seed: `rng`, or a fresh one if it is None.
-
-        Raises
-        ------
-        TypeError, ValueError
-            When `rng` is not a whole number of 0 or more.
-        """
-        seed = torch.tensor(secrets.randbits(32) if rng is None else whole_number("rng", rng, 0))
-        self.broadcast(seed)
-        return int(seed)
+    def shared_seed(self, seed: int) -> int:
+        """Return the main process's seed: one that was drawn at random differs elsewhere."""
+        shared = torch.tensor(seed)
+        self.broadcast(shared)
+        return int(shared)
 
 
 def rank() -> int:
@@ -92,14 +85,21 @@ def choose_device(device: str | torch.device | None) -> torch.device:
     Raises
     ------
     ValueError
-        When it is a GPU and PyTorch finds none.
+        When PyTorch knows no such device, or when it is a GPU and PyTorch finds none.
 
     Examples
     --------
     >>> choose_device("cpu")
     device(type='cpu')
     """
-    chosen = torch.device(device or ("cuda" if torch.cuda.is_available() else "cpu"))
+    if device is None:
+        device = "cuda" if torch.cuda.is_available() else "cpu"
+    try:
+        chosen = torch.device(device)
+    except RuntimeError as error:
+        raise ValueError(
+            f"device: expected 'cpu', 'cuda', or another device of PyTorch, got {device!r}"
+        ) from error
     if chosen.type != "cuda":
         return chosen
     if not torch.cuda.is_available():

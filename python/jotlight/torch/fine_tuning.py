@@ -99,7 +99,8 @@ def fine_tune(
     learning_rate : float
         Largest learning rate: about the largest change of a parameter per step.
     rng : int, optional
-        Seed. The same seed and number of threads give the same network. Default: a fresh one.
+        Seed. The same seed and number of threads give the same network. Default: a fresh one,
+        or that of the run to resume.
     checkpoint : path, optional
         File for the state of the run, as in :func:`jotlight.train`.
     resume : bool
@@ -165,7 +166,8 @@ def fine_tune(
         thread_limit(threads),
         shown_steps(group.is_main and progress, steps, callback) as report,
     ):
-        network, seed = group.shared_network(network), group.shared_seed(rng)
+        network = group.shared_network(network)
+        seed = group.shared_seed(Checkpoint.choose_seed(rng, checkpoint, resume))
         settings: dict[str, object] = {
             "network": fingerprint_network(network),
             "sensor": sensor.scalars(),

@@ -226,17 +226,21 @@ class Network(nn.Module):
         sensor = choose_sensor(
             sensor, origin.default_sensor, origin.sensor, self._trials_range, tied=self._is_tied
         )
-        channels = 1 if self._is_tied else sensor.frames
-        kind = "counts (N, 1, H, W)" if self._is_tied else f"bits (N, {channels}, H·K̂, W·K̂)"
+        channels, side = 1 if self._is_tied else sensor.frames, self._pixel_side
+        bits = f"bits (N, {channels}, H·K̂, W·K̂) with K̂ = {side}"
+        kind = "counts (N, 1, H, W)" if self._is_tied else bits
         if not isinstance(data, Tensor):
             raise TypeError(
                 f"data: expected a tensor of {kind}, got {type(data).__name__}; "
                 "for an image of counts, write torch.from_numpy(counts)[None, None]"
             )
-        if data.dim() != 4 or data.shape[1] != channels:
+        is_batch = data.dim() == 4 and data.shape[1] == channels
+        if not is_batch or any(size % side or not size for size in data.shape[2:]):
             is_image = self._is_tied and data.dim() == 2
             hint = "; for an image of counts, write data[None, None]" if is_image else ""
-            raise ValueError(f"data: expected {kind}, got shape {tuple(data.shape)}{hint}")
+            raise ValueError(
+                f"data: expected {kind} and at least one pixel, got shape {tuple(data.shape)}{hint}"
+            )
         check_values(data, sensor, is_bits=not self._is_tied)
         return sensor
 

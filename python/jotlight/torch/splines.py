@@ -30,12 +30,16 @@ def spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Ten
     Returns
     -------
     Tensor, shape (N, C, ...)
-        φ(z), of the type of z.
+        φ(z), of the type of z. It has derivatives of any order, also by `torch.func`, but on a CPU
+        no forward-mode derivatives: use `jacrev` in place of `jacfwd`.
 
     Raises
     ------
+    TypeError
+        When z or the coefficients are not floats.
     ValueError
-        When there are fewer than 4 coefficients, or other channels than those of z.
+        When z has no axis of channels, when there are fewer than 4 coefficients, or other channels
+        than those of z, or when the spacing is not above 0.
 
     Examples
     --------
@@ -43,11 +47,33 @@ def spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Ten
     >>> spline(torch.tensor([[0.25], [0.5], [9.0]]), identity, 0.0, 1.0).flatten().tolist()
     [0.25, 0.5, 1.0]
     """
+    _check(z, coefficients, spacing)
     if z.device.type == "cpu":
         dtype = torch.promote_types(z.dtype, torch.float32)
-        values: Tensor = _spline(z.to(dtype), coefficients.to(dtype), float(start), float(spacing))
+        knots = float(start), float(spacing)
+        values: Tensor = _Spline.apply(z.to(dtype), coefficients.to(dtype), *knots)
         return values.to(z.dtype)
     return spline_reference(z, coefficients, start, spacing)
+
+
+def _check(z: Tensor, coefficients: Tensor, spacing: float) -> None:
+    """Raise TypeError or ValueError for what is no spline, with one message for all devices."""
+    for name, tensor in ("z", z), ("coefficients", coefficients):
+        if not tensor.is_floating_point():
+            raise TypeError(f"{name}: expected floats, got {tensor.dtype}; convert them to floats")
+    if z.dim() < 2:
+        raise ValueError(
+            f"z: expected shape (N, C, ...), got {tuple(z.shape)}; for values of one channel, "
+            "write z.reshape(-1, 1)"
+        )
+    channels = z.shape[1]
+    if coefficients.dim() != 2 or coefficients.shape[0] != channels or coefficients.shape[1] < 4:
+        raise ValueError(
+            f"coefficients: expected shape (C, N_w) with the C = {channels} channels of z and at "
+            f"least N_w = 4, got {tuple(coefficients.shape)}"
+        )
+    if not spacing > 0:
+        raise ValueError(f"spacing: expected a distance above 0, got {spacing}")
 
 
 def spline_reference(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Tensor:
@@ -111,18 +137,57 @@ def _(
     return torch.empty(z.shape, dtype=z.dtype), torch.empty_like(coefficients)
 
 
-def _setup_context(ctx: Any, inputs: tuple[Any, ...], output: Tensor) -> None:
-    z, coefficients, ctx.start, ctx.spacing = inputs
-    ctx.save_for_backward(z, coefficients)
+# The autograd of operators excludes `torch.func`, and torch.compile excludes functions with `jvp`.
+class _Spline(torch.autograd.Function):
+    """φ(z) by the engine."""
+
+    generate_vmap_rule = True
+
+    @staticmethod
+    def forward(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Tensor:
+        values: Tensor = _spline(z, coefficients, start, spacing)
+        return values
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: Tensor) -> None:
+        z, coefficients, ctx.start, ctx.spacing = inputs
+        ctx.save_for_backward(z, coefficients)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, Tensor, None, None]:
+        z, coefficients = ctx.saved_tensors
+        gradients = _SplineBackward.apply(z, gradient, coefficients, ctx.start, ctx.spacing)
+        return (*gradients, None, None)
 
 
-def _backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, Tensor, None, None]:
-    z, coefficients = ctx.saved_tensors
-    gradients = _spline_backward(z, gradient, coefficients, ctx.start, ctx.spacing)
-    return (*gradients, None, None)
+class _SplineBackward(torch.autograd.Function):
+    """The gradients of φ(z) by the engine. Their own gradients are those of the reference."""
 
+    generate_vmap_rule = True
 
-_spline.register_autograd(_backward, setup_context=_setup_context)
+    @staticmethod
+    def forward(
+        z: Tensor, gradient: Tensor, coefficients: Tensor, start: float, spacing: float
+    ) -> tuple[Tensor, Tensor]:
+        gradients: tuple[Tensor, Tensor] = _spline_backward(
+            z, gradient, coefficients, start, spacing
+        )
+        return gradients
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: tuple[Tensor, Tensor]) -> None:
+        *tensors, ctx.start, ctx.spacing = inputs
+        ctx.save_for_backward(*tensors)
+
+    @staticmethod
+    def backward(ctx: Any, *cotangents: Tensor) -> tuple[Tensor, Tensor, Tensor, None, None]:
+        def values(z: Tensor, coefficients: Tensor) -> Tensor:
+            return spline_reference(z, coefficients, ctx.start, ctx.spacing)
+
+        def gradients(z: Tensor, gradient: Tensor, coefficients: Tensor) -> Any:
+            return torch.func.vjp(values, z, coefficients)[1](gradient)
+
+        return (*torch.func.vjp(gradients, *ctx.saved_tensors)[1](cotangents), None, None)
 
 
 def _array(tensor: Tensor) -> Any:

@@ -86,9 +86,7 @@ class Trainer:
             run, or when another file would be overwritten.
         """
         if resume:
-            if checkpoint is None:
-                raise ValueError("resume: expected a checkpoint to resume from, got none")
-            self.restore(Checkpoint.load(checkpoint, self.settings), checkpoint)
+            self.restore(Checkpoint.load(checkpoint, self.settings), str(checkpoint))
         elif checkpoint is not None:
             Checkpoint.refuse_overwrite(checkpoint)
 

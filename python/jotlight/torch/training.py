@@ -27,6 +27,7 @@ from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.patches import PatchLoader
 from jotlight.torch.planes_network import PlanesNetwork as TorchPlanesNetwork
 from jotlight.torch.precision import filter_dtype_of
+from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, RecordCallback
 from jotlight.training.images import Images, TrainingImages, check_images, fingerprint_images
 from jotlight.training.parameters import fingerprint_network
@@ -106,7 +107,7 @@ def train(
         ``"f32"``, or ``"bf16"`` for products of filter banks in bfloat16, which some
         processors compute faster; :func:`~jotlight.torch.fastest_precision` measures it.
     rng : int, optional
-        Seed of patches and bits. Default: a fresh one.
+        Seed of patches and bits. Default: a fresh one, or that of the run to resume.
     test : array or sequence of arrays, optional
         Images, whole, whose PSNR is measured about 20 times, always with the same bits.
     checkpoint : path, optional
@@ -182,7 +183,8 @@ def train(
         shown_steps(group.is_main and progress, steps, callback) as report,
     ):
         _check_batch(batch, group.world_size)
-        network, seed = group.shared_network(network), group.shared_seed(rng)
+        network = group.shared_network(network)
+        seed = group.shared_seed(Checkpoint.choose_seed(rng, checkpoint, resume))
         loader = _loader_of(network)(source, network, patch_sensor(sensor), seed, batch, side)
         settings = {
             **_settings(loader, tests, steps),

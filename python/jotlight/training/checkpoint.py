@@ -4,12 +4,14 @@ import dataclasses
 import json
 import math
 import os
+import secrets
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from jotlight.checks import whole_number
 from jotlight.tensors import read_tensors, write_tensors
 from jotlight.training.history import History
 from jotlight.training.optimizer import State
@@ -61,7 +63,7 @@ class Checkpoint:
             ) from error
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], run: dict[str, Any]) -> "Checkpoint":
+    def load(cls, path: str | os.PathLike[str] | None, run: dict[str, Any]) -> "Checkpoint":
         """Return the checkpoint of a run.
 
         Raises
@@ -69,26 +71,54 @@ class Checkpoint:
         OSError
             When the file does not exist.
         ValueError
-            When it is damaged, or belongs to another run.
+            When there is no path, or when the file is damaged or belongs to another run.
         """
+        checkpoint = cls._read(path)
+        differences = _differences(checkpoint.run, run)
+        if differences:
+            raise ValueError(
+                f"{path}: this checkpoint belongs to another run: {'; '.join(differences)}. Start "
+                "again with resume=False (--restart), or use the settings of the checkpoint"
+            )
+        return checkpoint
+
+    @classmethod
+    def choose_seed(cls, rng: int | None, path: str | os.PathLike[str] | None, resume: bool) -> int:
+        """Return the seed of a run: `rng`, else that of the run to resume, else a fresh one.
+
+        Raises
+        ------
+        TypeError
+            When `rng` is not a whole number.
+        OSError, ValueError
+            When `rng` is negative, or when the checkpoint of a run to resume cannot be read.
+        """
+        if rng is not None:
+            return whole_number("rng", rng, 0)
+        if not resume:
+            return secrets.randbits(32)
+        seed = cls._read(path).run.get("seed")
+        if type(seed) is not int or seed < 0:
+            raise ValueError(f"{path}: damaged checkpoint: expected a seed, got {seed!r}")
+        return seed
+
+    @classmethod
+    def _read(cls, path: str | os.PathLike[str] | None) -> "Checkpoint":
+        """Return the checkpoint in a file."""
+        if path is None:
+            raise ValueError("resume: expected a checkpoint to resume from, got none")
         path = Path(path)
         if not path.is_file():
             raise FileNotFoundError(f"there is no checkpoint {path} to resume from")
         tensors, metadata = read_tensors(path, _FORMAT, _VERSION)
         try:
-            saved = dict(json.loads(metadata["run"]).items())
-            differences = _differences(saved, run)
+            run = dict(json.loads(metadata["run"]).items())
             history = History.from_json(json.loads(metadata["history"]))
             vector = tensors["vector"]
             if not all(x.dtype == np.float64 and np.isfinite(x).all() for x in tensors.values()):
                 raise ValueError("expected finite float64 numbers")
         except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
             raise ValueError(f"{path}: damaged checkpoint: {error}") from error
-        if differences:
-            raise ValueError(
-                f"{path}: this checkpoint belongs to another run: {'; '.join(differences)}. Start "
-                "again without resuming (--restart), or use the settings of the checkpoint"
-            )
         state = {
             name.removeprefix("state."): tensor
             for name, tensor in tensors.items()

@@ -1,7 +1,6 @@
 """The function that trains a network: `jotlight.train`."""
 
 import os
-import secrets
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,6 +13,7 @@ from jotlight.networks.network import Network
 from jotlight.progress import Progress
 from jotlight.sensing.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet, SafeSet
+from jotlight.training.checkpoint import Checkpoint
 from jotlight.training.history import History, RecordCallback
 from jotlight.training.images import TrainingImages, check_images
 from jotlight.training.optimizer import Optimizer
@@ -75,7 +75,7 @@ def train(
         Height and width of a patch. Default: 64, or the side of the smallest image.
     rng : int, optional
         Seed of patches and bits. The same seed gives the same network on one machine, bit for bit,
-        for any number of threads. Default: a fresh one.
+        for any number of threads. Default: a fresh one, or that of the run to resume.
     test : array or sequence of arrays, optional
         Test images. Their mean PSNR is measured 100 to 200 times in a run, or in each of fewer
         than 100 steps, on whole images and always with the same bits.
@@ -136,7 +136,7 @@ def train(
         )
     chosen = find_optimizer(optimizer)
     steps = whole_number("steps", chosen.steps if steps is None else steps, 0)
-    seed = secrets.randbits(32) if rng is None else whole_number("rng", rng, 0)
+    seed = Checkpoint.choose_seed(rng, checkpoint, resume)
     admissible = SafeSet() if admissible is None else admissible
     check_threads(threads)
     if seconds is not None and not seconds > 0:

@@ -73,8 +73,6 @@ class Run:
             if checkpoint is not None:
                 Checkpoint.refuse_overwrite(checkpoint)
             return Checkpoint(settings, start, {}, History())
-        if checkpoint is None:
-            raise ValueError("resume: expected a checkpoint to resume from, got none")
         state = Checkpoint.load(checkpoint, settings)
         if state.vector.shape != start.shape or len(state.history) > self.steps:
             raise ValueError(f"{checkpoint}: damaged checkpoint: it does not fit the network")
