@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import jotlight as jl
-from jotlight.estimators.merge_near import diffuse, merge_near
+from jotlight.estimators.merge_near import diffuse, merge_near, merge_near_neighbors
 from jotlight.estimators.merge_readings import reference_sensor
 from jotlight.sensing.joint_likelihood import joint_likelihood
 
@@ -112,3 +112,25 @@ def test_debts_are_paid_by_the_next_pixels():
     # No more than one of them is.
     whole = diffuse(np.array([[-50.0, 1.5, 1.0, 1.0]]), np.ones((1, 4), bool))
     np.testing.assert_array_equal(whole, [[0, 0, 1, 1]])
+
+
+def test_averages_over_neighbors_are_of_the_same_filter():
+    sensor = jl.Sensor(frames=4, gain=GAINS)
+    pattern = np.indices(SHAPE).sum(axis=0) % 2
+    light = np.where(pattern, 0.9, 0.1)
+    bits = sensor.expose(light, rng=0)
+    joint = joint_likelihood(bits, sensor, None)
+    merged = merge_near_neighbors(joint, pattern)
+    expected = merge_near(joint, light, pattern=pattern)
+    for each in (0, 1):
+        own = pattern == each
+        p = -np.expm1(-merged.sensor.light_per_intensity * light[own].mean())
+        found = merged.ones[own].sum() / merged.trials[own].sum()
+        assert found == pytest.approx(p, rel=0.05)
+        assert merged.trials[own].mean() == pytest.approx(expected.trials[own].mean(), rel=0.1)
+    # Without the pattern, dark pixels would be compared with bright neighbors.
+    mixed = merge_near_neighbors(joint)
+    dark = pattern == 0
+    assert np.ptp([mixed.trials[dark].mean(), mixed.trials[~dark].mean()]) < 0.3 * np.ptp(
+        [merged.trials[dark].mean(), merged.trials[~dark].mean()]
+    )

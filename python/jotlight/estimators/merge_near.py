@@ -1,12 +1,16 @@
-"""Equivalent counts near known intensities, for networks."""
+"""Equivalent counts near estimates of the intensities, for networks."""
+
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.merge_readings import (
     MAX_TRIALS,
+    least_light,
     linear_counts,
     mean_response,
+    merge_joint,
     reference_sensor,
 )
 from jotlight.sensing.joint_likelihood import JointLikelihood
@@ -19,12 +23,74 @@ _LEAST_SHARE = 1e-5
 _LARGEST_DEBT = 1.0
 """Most ones below 0 that the next pixels of a row make up for."""
 
+_ROUNDS = 3
+"""Number of averages near which readings are merged, one after the other."""
+
+_SIGMA, _MAX_FILTERS = 1.0, 16
+"""Standard deviation of an average, in pixels, if all pixels have the same filter, and the most
+filters for which it is wider, so that it is over as many pixels."""
+
+_LARGEST_FRACTION = 1 - 1e-6
+"""Largest fraction of ones of an average."""
+
 _GOLDEN_RATIO = 0.6180339887498949
 """Multiples of it, without their whole parts, are spread evenly over [0, 1)."""
 
 
+def merge_near_neighbors(
+    joint: JointLikelihood, pattern: npt.NDArray[np.integer] | None = None
+) -> Merged:
+    """Return counts as :func:`merge_near` does, near averages over the neighbors of each pixel.
+
+    Parameters
+    ----------
+    joint : JointLikelihood
+        The likelihood of the readings.
+    pattern : ndarray of int, shape (H, W), optional
+        The filter of each pixel of a mosaic. Only neighbors with the same one are averaged.
+        Default: all pixels have the same one.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.bits import Bits
+    >>> from jotlight.sensing.joint_likelihood import joint_likelihood
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> sensor = Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0])
+    >>> bits = sensor.expose(np.full((64, 64), 0.6), rng=0)
+    >>> merged = merge_near_neighbors(joint_likelihood(bits, sensor, None))
+    >>> bool(abs(merged.ones.sum() / merged.trials.sum() - (1 - np.exp(-0.6))) < 0.02)
+    True
+    """
+    merged = merge_joint(joint)
+    if joint.sensor.has_plain_bits:
+        return merged
+    for _ in range(_ROUNDS):
+        merged = merge_near(joint, _average(merged, pattern), pattern=pattern)
+    return merged
+
+
+def _average(merged: Merged, pattern: npt.NDArray[np.integer] | None) -> Array:
+    """Return the intensities of averages over neighbors with the same filter, (H, W)."""
+    from scipy.ndimage import gaussian_filter
+
+    trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
+    fraction = np.zeros(merged.shape)
+    for own in _of_each_filter(pattern, merged.shape):
+        sigma = _SIGMA / np.sqrt(max(own.mean(), 1 / _MAX_FILTERS))
+        ones, number = (
+            gaussian_filter(np.where(own, part, 0.0), sigma) for part in (merged.ones, trials)
+        )
+        fraction = np.where(own, ones / np.maximum(number, 1e-9), fraction)
+    rate = -np.log1p(-np.clip(fraction, 0, _LARGEST_FRACTION)) - merged.dark_counts
+    slope = np.maximum(merged.efficiency, 1e-9) * merged.sensor.light_per_intensity
+    return np.asarray(np.maximum(rate, 0) / slope)
+
+
 def merge_near(
-    joint: JointLikelihood, intensity: npt.NDArray[np.floating], sigma: float = 0.0
+    joint: JointLikelihood,
+    intensity: npt.NDArray[np.floating],
+    sigma: float = 0.0,
+    pattern: npt.NDArray[np.integer] | None = None,
 ) -> Merged:
     """Return counts whose likelihood near known intensities is that of the readings.
 
@@ -41,6 +107,9 @@ def merge_near(
         Intensities in [0, S] near the true ones.
     sigma : float
         Standard deviation of the Gaussian filter of the counts, in pixels. 0: none.
+    pattern : ndarray of int, shape (H, W), optional
+        The filter of each pixel of a mosaic. Errors of rounding cancel among pixels with the same
+        filter. Default: all pixels have the same one.
 
     Examples
     --------
@@ -56,7 +125,8 @@ def merge_near(
 
     reference, largest = reference_sensor(joint.sensor), joint.sensor.max_intensity
     efficiency, dark_counts = mean_response(reference)
-    near = np.clip(intensity.astype(np.float64), _LEAST_SHARE * largest, largest)
+    least = np.maximum(_LEAST_SHARE * largest, least_light(joint))
+    near = np.clip(intensity.astype(np.float64), least, largest)
     slope = efficiency * reference.light_per_intensity
     rate = slope * near + dark_counts
     is_known = joint.trials > 0
@@ -66,9 +136,22 @@ def merge_near(
     if sigma > 0:
         ones, trials = gaussian_filter(ones, sigma), gaussian_filter(trials, sigma)
     trials = np.minimum(trials, MAX_TRIALS)
-    whole = diffuse(np.minimum(ones, MAX_TRIALS), trials > 0)
+    ones = np.minimum(ones, MAX_TRIALS)
+    whole = np.zeros(ones.shape)
+    for own in _of_each_filter(pattern, ones.shape):
+        whole += diffuse(np.where(own, ones, 0.0), own & (trials > 0))
     trials = np.maximum(trials, whole)
     return Merged(whole.astype(np.int32), trials, reference, dark_counts, efficiency)
+
+
+def _of_each_filter(
+    pattern: npt.NDArray[np.integer] | None, shape: tuple[int, ...]
+) -> Iterator[npt.NDArray[np.bool_]]:
+    """Yield the pixels (H, W) of each filter."""
+    if pattern is None:
+        yield np.ones(shape, bool)
+    else:
+        yield from (pattern == each for each in np.unique(pattern))
 
 
 def diffuse(values: Array, is_known: npt.NDArray[np.bool_]) -> Array:

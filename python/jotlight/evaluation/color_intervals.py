@@ -277,7 +277,7 @@ def mosaic_uncertainty(
     images = gray_images(prepared)
     pixels = []
     for one in images.data:
-        counted, own = count_image(one, gray, threads)
+        counted, own = count_image(one, gray, threads, mosaic)
         pixels.append(MosaicPixels.of(counted, own, mosaic, threads))
         check_color_errors_known(float(np.median(pixels[-1].trials)))
     expected = *images.layout.shape, *pixels[0].trials.shape, 3

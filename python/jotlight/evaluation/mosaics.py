@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import TITLES, choose_demosaicing, demosaic
-from jotlight.estimators.merge_readings import merge_images
+from jotlight.estimators.merge_near import merge_near_neighbors
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
     JOINT,
@@ -29,13 +29,13 @@ from jotlight.networks.pretrained import (
     pretrained_color,
     pretrained_conditional,
 )
+from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.output_images import OutputImages
 from jotlight.sensing.pixel_counts import (
     Data,
     GrayData,
-    GrayImages,
     PixelCounts,
     count_pixels,
     gray_images,
@@ -123,7 +123,7 @@ def reconstruct_mosaic(
             "data: expected gray bits or counts, because the pixels of a mosaic have one color "
             "each, got color channels; sensor.replace(mosaic=None) is a sensor of color channels"
         )
-    counted = [count_image(one, gray, threads) for one in images.data]
+    counted = [count_image(one, gray, threads, mosaic) for one in images.data]
     output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0][0].counts.shape, out)
     found: list[Image] = []
     infos: list[Info] = []
@@ -218,8 +218,21 @@ def takes_colors(data: object, trials: npt.ArrayLike | None = None) -> bool:
     return not are_unusual and not any(isinstance(one, Merged) for one in each)
 
 
-def count_image(one: GrayData, sensor: Sensor, threads: int | None) -> tuple[PixelCounts, Sensor]:
+def count_image(
+    one: GrayData, sensor: Sensor, threads: int | None, mosaic: Mosaic | None = None
+) -> tuple[PixelCounts, Sensor]:
     """Return the counts of the pixels of one image, with their sensor, which has plain bits.
+
+    Parameters
+    ----------
+    one : Bits, Readings, or ndarray of int
+        The data of the image.
+    sensor : Sensor
+        Their sensor, without its mosaic.
+    threads : int, optional
+        The number of threads. Default: all cores.
+    mosaic : Mosaic, optional
+        The mosaic of the sensor.
 
     Examples
     --------
@@ -231,6 +244,7 @@ def count_image(one: GrayData, sensor: Sensor, threads: int | None) -> tuple[Pix
         counted = count_pixels(one, sensor, threads)
         if not counted.varies_within_pixels:
             return counted, sensor
-    single = GrayImages([one], Layout()) if not isinstance(one, np.ndarray) else gray_images(one)
-    merged: Any = merge_images(single, sensor, threads).data[0]
+    joint = joint_likelihood(one, sensor, threads)
+    pattern = None if mosaic is None else mosaic.full(*joint.shape)
+    merged = merge_near_neighbors(joint, pattern)
     return count_pixels(merged, merged.sensor, threads), merged.sensor
