@@ -9,6 +9,9 @@ from jotlight.checks import require_intensities
 from jotlight.interrupts import interruptible
 from jotlight.layout import Layout
 
+WINDOW = 11
+"""Side of the window of SSIM, in pixels."""
+
 
 def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1.0) -> float:
     """Return the peak signal-to-noise ratio in dB, 10 log10(R² / mean((ĉ - c)²)).
@@ -100,8 +103,8 @@ def ssim(
     a, b = _pair(estimate, truth)
     layout = Layout.of("estimate", a, channel_axis)
     a, b = layout.split(a), layout.split(b)
-    if min(a.shape[1:]) < 11:
-        raise ValueError(f"ssim: expected at least 11 x 11 pixels, got {a.shape[1:]}")
+    if min(a.shape[1:]) < WINDOW:
+        raise ValueError(f"ssim: expected at least {WINDOW} x {WINDOW} pixels, got {a.shape[1:]}")
     of_each = [
         interruptible(structural_similarity)(
             *pair,
@@ -113,6 +116,24 @@ def ssim(
         for pair in zip(a, b, strict=True)
     ]
     return float(np.mean(of_each))
+
+
+def ssim_or_none(
+    estimate: npt.NDArray[np.floating],
+    truth: npt.NDArray[np.floating],
+    channel_axis: int | None,
+) -> float | None:
+    """Return the structural similarity, or None for images smaller than its window.
+
+    Examples
+    --------
+    >>> ssim_or_none(np.ones((16, 16, 3)), np.ones((16, 16, 3)), -1)
+    1.0
+    >>> ssim_or_none(np.ones((10, 16)), np.ones((10, 16)), None)
+    """
+    if min(Layout(channel_axis=channel_axis).moved(truth).shape[-2:]) < WINDOW:
+        return None
+    return ssim(estimate, truth, channel_axis=channel_axis)
 
 
 def _pair(

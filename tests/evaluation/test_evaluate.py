@@ -61,6 +61,18 @@ def test_color_images_are_scored():
     )
 
 
+def test_images_of_a_mosaic_have_their_colors_on_the_last_axis():
+    sensor = SENSOR.replace(mosaic="RGGB")
+    images = np.random.default_rng(9).random((2, 12, 13, 3), np.float32)
+    result = jl.evaluate("mle", images, sensor, channel_axis=-1)
+    assert jl.evaluate("mle", images, sensor) == jl.evaluate("mle", list(images), sensor) == result
+    estimate = jl.reconstruct(sensor.expose(images[0], rng=0), sensor, method="mle")
+    expected = jl.metrics.ssim(estimate, images[0], channel_axis=-1)
+    assert result.scores[0].ssim == expected
+    with pytest.raises(ValueError, match="image: expected red, green, and blue"):
+        jl.evaluate("mle", list(images[..., 0]), sensor)
+
+
 def test_the_method_receives_sensor_and_threads():
     calls = []
 

@@ -124,7 +124,8 @@ def evaluate(
     sensor : Sensor
         Sensor that exposes the images.
     channel_axis : int, optional
-        Axis of each image that holds color channels. Default: none.
+        Axis of each image that holds color channels. Default: the last one if the sensor has a
+        mosaic, and else none.
     names : sequence of str, optional
         Names of the images. Default: their indices.
     rng : int
@@ -157,6 +158,8 @@ def evaluate(
     if not isinstance(rng, int | np.integer):
         raise TypeError(f"rng: expected an int, the seed of the first image, got {rng!r}")
     require_any_sensor(sensor)
+    if sensor.mosaic is not None and channel_axis is None:
+        channel_axis = -1  # where the mosaic finds the colors
     images = _list_images(images, channel_axis)
     names = [str(number) for number in range(len(images))] if names is None else names
     if len(names) != len(images):
@@ -169,9 +172,7 @@ def evaluate(
             if channel_axis is not None:  # the estimate has the channels last
                 image = np.moveaxis(image, channel_axis, -1)
             axis = None if channel_axis is None else -1
-            sizes = image.shape[-2:] if axis is None else image.shape[-3:-1]
-            is_large = min(sizes) >= 11
-            ssim = metrics.ssim(estimate, image, channel_axis=axis) if is_large else None
+            ssim = metrics.ssim_or_none(estimate, image, axis)
             scores.append(
                 Score(name, metrics.psnr(estimate, image), metrics.snr(estimate, image), ssim)
             )
@@ -189,7 +190,8 @@ def _list_images(
     if not listed:
         raise ValueError("images: expected at least one, got none")
     expected = "(N, H, W)" if channel_axis is None else "(N, ...) whose images have channels"
-    if listed[0].ndim < (2 if channel_axis is None else 3):
+    # A gray image in a list is refused with its own message, which names no axis of a list.
+    if listed[0].ndim < (3 if whole and channel_axis is not None else 2):
         raise ValueError(
             f"images: expected a list of images, or an array {expected}, got "
             f"{f'shape {whole}' if whole else f'images of shape {listed[0].shape}'}; "
