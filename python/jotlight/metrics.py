@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import require_intensities
+from jotlight.checks import refuse_masked, require_intensities
 from jotlight.interrupts import interruptible
 from jotlight.layout import Layout
 
@@ -28,7 +28,7 @@ def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1
     Raises
     ------
     TypeError, ValueError
-        When the images are not floats, are empty, or have different shapes.
+        When the images are not plain arrays of floats, are empty, or have different shapes.
 
     Examples
     --------
@@ -52,7 +52,7 @@ def snr(estimate: npt.ArrayLike, truth: npt.ArrayLike) -> float:
     Raises
     ------
     TypeError, ValueError
-        When the images are not floats, are empty, or have different shapes.
+        When the images are not plain arrays of floats, are empty, or have different shapes.
 
     Examples
     --------
@@ -89,8 +89,8 @@ def ssim(
     Raises
     ------
     TypeError, ValueError
-        When the images are not floats, are too small, have different shapes, or look like color
-        although there is no channel axis.
+        When the images are not plain arrays of floats, are too small, have different shapes, or
+        look like color although there is no channel axis.
 
     Examples
     --------
@@ -141,6 +141,8 @@ def _pair(
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     pair: list[npt.NDArray[np.float64]] = []
     for name, image in (("estimate", estimate), ("truth", truth)):
+        advice = "pass the data of a part without masked pixels, such as image.data[:64, :64]"
+        refuse_masked(name, image, advice)
         array: npt.NDArray[Any] = np.asarray(image)
         require_intensities(name, array)
         if array.ndim < 2 or array.size == 0:

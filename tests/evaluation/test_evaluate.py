@@ -188,6 +188,7 @@ def test_a_perfect_estimate_has_an_infinite_psnr_also_in_the_csv(tmp_path):
         (IMAGES, {"names": ["a"]}, ValueError, "names: expected one for each of 4 images, got 1"),
         ([np.zeros((4, 4), int)], {}, TypeError, "image: expected floats"),
         ([np.full((4, 4), np.nan)], {}, ValueError, "finite"),
+        (np.ma.ones((2, 4, 4)), {}, TypeError, "images: .* got a masked one"),
         ([np.zeros((0, 4))], {}, ValueError, "image: expected"),
         ([np.zeros(4)], {}, ValueError, "images: expected a list"),
         (np.zeros((9, 8, 3)), {}, ValueError, r"shape \(9, 8, 3\) looks like color; put one"),

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight.metrics as metrics
-from jotlight.checks import require_image_list
+from jotlight.checks import refuse_masked, require_image_list
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.layout import looks_like_color
@@ -186,6 +186,8 @@ def _list_images(
     """Return a sequence of images, or an array of them, as a list. Refuse a single image."""
     require_image_list(images)
     whole = images.shape if isinstance(images, np.ndarray) else ()
+    for image in images:
+        refuse_masked("images", image)
     listed = [np.asarray(image) for image in images]
     if not listed:
         raise ValueError("images: expected at least one, got none")
