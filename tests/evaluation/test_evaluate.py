@@ -160,6 +160,15 @@ def test_the_csv_has_a_row_for_each_image_in_order(tmp_path):
         assert back == pytest.approx([score.psnr, score.snr, score.ssim], abs=5.1e-7)
 
 
+def test_the_name_of_the_csv_is_a_text_or_a_path(tmp_path):
+    result = evaluation_of((0, 20.0))
+    result.write_csv(str(tmp_path / "text.csv"))
+    result.write_csv(tmp_path / "path.csv")
+    assert read(tmp_path / "text.csv") == read(tmp_path / "path.csv")
+    with pytest.raises(TypeError, match=r'as in evaluation.write_csv\("scores.csv"\), got int'):
+        result.write_csv(3)
+
+
 def test_images_too_small_for_ssim_have_no_value_and_a_blank_in_the_csv(tmp_path):
     result = jl.evaluate(jl.mle, [np.full((10, 30), 0.5), np.full((11, 11), 0.5)], SENSOR)
     assert result.scores[0].ssim is None

@@ -2,17 +2,19 @@
 
 import csv
 import dataclasses
+import io
 import math
+import os
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight.metrics as metrics
-from jotlight.checks import refuse_masked, require_image_list
+from jotlight.checks import as_path, refuse_masked, require_image_list
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.files import write_file
 from jotlight.layout import looks_like_color
 from jotlight.networks.network import Network
 from jotlight.notebook import card, table_of, text_table
@@ -91,14 +93,25 @@ class Evaluation:
         title = f"Evaluation of {number} image{'' if number == 1 else 's'}"
         return card(title, {}) + table_of(COLUMNS, self.rows())
 
-    def write_csv(self, path: Path) -> None:
-        """Write a CSV file with one row for each image."""
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(["image", "psnr_db", "snr_db", "ssim"])
-            for score in self.scores:
-                ssim = "" if score.ssim is None else f"{score.ssim:.6f}"
-                writer.writerow([score.image, f"{score.psnr:.6f}", f"{score.snr:.6f}", ssim])
+    def write_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write a CSV file with one row for each image, completely or not at all.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> path = pathlib.Path(tempfile.mkdtemp()) / "scores.csv"
+        >>> Evaluation([Score("a.png", 20.0, 15.0, None)]).write_csv(path)
+        >>> path.read_text().splitlines()
+        ['image,psnr_db,snr_db,ssim', 'a.png,20.000000,15.000000,']
+        """
+        path = as_path(path, 'evaluation.write_csv("scores.csv")')
+        text = io.StringIO(newline="")
+        writer = csv.writer(text)
+        writer.writerow(["image", "psnr_db", "snr_db", "ssim"])
+        for score in self.scores:
+            ssim = "" if score.ssim is None else f"{score.ssim:.6f}"
+            writer.writerow([score.image, f"{score.psnr:.6f}", f"{score.snr:.6f}", ssim])
+        write_file(path, text.getvalue())
 
 
 def evaluate(
