@@ -182,6 +182,18 @@ def test_images_too_small_for_ssim_have_no_value_and_a_blank_in_the_csv(tmp_path
     assert float(full["ssim"]) == pytest.approx(result.scores[1].ssim, abs=1e-6)
 
 
+def test_the_means_of_ssim_are_over_the_images_that_have_one():
+    scores = [Score(str(i), 20.0, 15.0, ssim) for i, ssim in enumerate([None, 0.5, 0.75, None])]
+    result = Evaluation(scores)
+    assert (result.mean("ssim"), result.mean_of_worst("ssim", 0.5)) == (0.625, 0.5)
+    assert [row[-1] for row in result.rows()] == [
+        "0.625 (2 of 4 images)",
+        "0.500 (2 of 4 images)",
+        "0.500 (2 of 4 images)",
+    ]
+    assert [row[-1] for row in Evaluation(scores[:1]).rows()] == ["none"] * 3
+
+
 def test_a_perfect_estimate_has_an_infinite_psnr_also_in_the_csv(tmp_path):
     result = jl.evaluate(lambda bits, sensor, threads: IMAGES[0], IMAGES[:1], SENSOR)
     assert result.mean("psnr") == math.inf

@@ -53,11 +53,13 @@ class Evaluation:
         return np.array([getattr(score, metric) for score in self.scores], np.float64)
 
     def mean(self, metric: str) -> float:
-        """Return the mean of a metric over the images."""
-        return float(np.mean(self.values(metric)))
+        """Return the mean of a metric over the images that have a value, NaN if none has one."""
+        return self.mean_of_worst(metric, 1)
 
     def mean_of_worst(self, metric: str, fraction: float) -> float:
         """Return the mean of a metric over the worst fraction of the images, rounded up.
+
+        These are the images that have a value. The result is NaN if none has one.
 
         Examples
         --------
@@ -68,20 +70,31 @@ class Evaluation:
         if not 0 < fraction <= 1:
             raise ValueError(f"fraction: expected a number in (0, 1], got {fraction}")
         # 0.07 * 100 rounds to just above 7; the tolerance keeps it from becoming 8.
-        number = math.ceil(fraction * len(self.scores) - 1e-9)
-        return float(np.mean(np.sort(self.values(metric))[:number]))
+        values = np.sort(self._known(metric))
+        number = math.ceil(fraction * values.size - 1e-9)
+        return float(np.mean(values[:number])) if number else math.nan
+
+    def _known(self, metric: str) -> npt.NDArray[np.float64]:
+        """Return a metric of the images that have a value."""
+        values = self.values(metric)
+        return values[~np.isnan(values)]
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Return the title and the PSNR, SNR, and SSIM of all and of the worst images as texts."""
+        """Return the title and the PSNR, SNR, and SSIM of all and of the worst images as texts.
+
+        The texts state how many images have an SSIM, if only some do.
+        """
         values: dict[str, Callable[[str], float]] = {
             "mean": self.mean,
             "worst 5 %": lambda metric: self.mean_of_worst(metric, 0.05),
             "worst 1 %": lambda metric: self.mean_of_worst(metric, 0.01),
         }
+        known, number = self._known("ssim").size, len(self.scores)
+        note = "" if known == number else f" ({known} of {number} images)"
         rows: list[tuple[str, ...]] = []
         for title, value in values.items():
             psnr, snr, ssim = (value(metric) for metric in METRICS)
-            text = "none" if math.isnan(ssim) else f"{ssim:.3f}"
+            text = "none" if math.isnan(ssim) else f"{ssim:.3f}{note}"
             rows.append((title, f"{psnr:.2f} dB", f"{snr:.2f} dB", text))
         return rows
 
