@@ -317,7 +317,7 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     """
     refuse_masked("counts", data)
     counts = np.asarray(data)
-    if counts.dtype.kind not in "iu":
+    if counts.dtype.kind not in "iu" and counts.size:  # an empty list has the type of floats
         raise TypeError(
             f"data: expected jotlight.Bits or an image of counts in whole numbers, got "
             f"{counts.dtype}; pass frames of bool to jotlight.Bits.from_array(frames, sensor), and "
