@@ -88,6 +88,8 @@ def test_black_truth_has_no_signal():
     [
         (np.ones((16, 16), int), np.ones((16, 16)), TypeError, "estimate: expected floats"),
         (np.ones((16, 16)), np.ones((16, 16), np.uint8), TypeError, "truth: expected floats"),
+        (np.ma.ones((16, 16)), np.ones((16, 16)), TypeError, "estimate: .* got a masked one"),
+        (np.ones((16, 16)), np.ma.ones((16, 16)), TypeError, "truth: .* got a masked one"),
         (np.ones((16, 16)), np.ones((16, 17)), ValueError, "expected the same shape"),
         (np.ones((16, 16)), np.ones((16, 16, 1)), ValueError, "expected the same shape"),
         (np.ones(16), np.ones(16), ValueError, "estimate: expected shape"),
@@ -97,6 +99,14 @@ def test_black_truth_has_no_signal():
 def test_other_types_and_shapes_are_refused(function, estimate, truth, error, message):
     with pytest.raises(error, match=message):
         function(estimate, truth)
+
+
+def test_a_part_without_masked_pixels_is_compared():
+    image = np.ma.masked_array(np.full((80, 64), 0.5), np.arange(80 * 64).reshape(80, 64) > 70 * 64)
+    with pytest.raises(TypeError, match=r"such as (.+)$") as error:
+        metrics.psnr(image, image.data)
+    part = eval(re.search(r"such as (.+)$", str(error.value))[1], {"image": image})
+    assert metrics.psnr(part, part + 0.1) == pytest.approx(20)
 
 
 def test_integer_images_are_divided_by_their_white_level():

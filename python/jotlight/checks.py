@@ -150,13 +150,12 @@ def real_number(value: Any) -> float:
     return array.item() if array.ndim == 0 and array.dtype.kind in "iuf" else math.nan
 
 
-def refuse_masked(name: str, data: object) -> None:
+def refuse_masked(
+    name: str, data: object, advice: str = "fill it, and pass its mask to the sensor"
+) -> None:
     """Raise TypeError for a masked array, because its mask would be ignored."""
     if isinstance(data, np.ma.MaskedArray):
-        raise TypeError(
-            f"{name}: expected a plain array, got a masked one; "
-            "fill it, and pass its mask to the sensor"
-        )
+        raise TypeError(f"{name}: expected a plain array, got a masked one; {advice}")
 
 
 def whole_numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
@@ -318,7 +317,7 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     """
     refuse_masked("counts", data)
     counts = np.asarray(data)
-    if counts.dtype.kind not in "iu":
+    if counts.dtype.kind not in "iu" and counts.size:  # an empty list has the type of floats
         raise TypeError(
             f"data: expected jotlight.Bits or an image of counts in whole numbers, got "
             f"{counts.dtype}; pass frames of bool to jotlight.Bits.from_array(frames, sensor), and "

@@ -5,9 +5,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import require_intensities
+from jotlight.checks import refuse_masked, require_intensities
 from jotlight.interrupts import interruptible
 from jotlight.layout import Layout
+
+WINDOW = 11
+"""Side of the window of SSIM, in pixels."""
 
 
 def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1.0) -> float:
@@ -25,7 +28,7 @@ def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1
     Raises
     ------
     TypeError, ValueError
-        When the images are not floats, are empty, or have different shapes.
+        When the images are not plain arrays of floats, are empty, or have different shapes.
 
     Examples
     --------
@@ -49,7 +52,7 @@ def snr(estimate: npt.ArrayLike, truth: npt.ArrayLike) -> float:
     Raises
     ------
     TypeError, ValueError
-        When the images are not floats, are empty, or have different shapes.
+        When the images are not plain arrays of floats, are empty, or have different shapes.
 
     Examples
     --------
@@ -86,8 +89,8 @@ def ssim(
     Raises
     ------
     TypeError, ValueError
-        When the images are not floats, are too small, have different shapes, or look like color
-        although there is no channel axis.
+        When the images are not plain arrays of floats, are too small, have different shapes, or
+        look like color although there is no channel axis.
 
     Examples
     --------
@@ -100,8 +103,8 @@ def ssim(
     a, b = _pair(estimate, truth)
     layout = Layout.of("estimate", a, channel_axis)
     a, b = layout.split(a), layout.split(b)
-    if min(a.shape[1:]) < 11:
-        raise ValueError(f"ssim: expected at least 11 x 11 pixels, got {a.shape[1:]}")
+    if min(a.shape[1:]) < WINDOW:
+        raise ValueError(f"ssim: expected at least {WINDOW} x {WINDOW} pixels, got {a.shape[1:]}")
     of_each = [
         interruptible(structural_similarity)(
             *pair,
@@ -115,11 +118,31 @@ def ssim(
     return float(np.mean(of_each))
 
 
+def ssim_or_none(
+    estimate: npt.NDArray[np.floating],
+    truth: npt.NDArray[np.floating],
+    channel_axis: int | None,
+) -> float | None:
+    """Return the structural similarity, or None for images smaller than its window.
+
+    Examples
+    --------
+    >>> ssim_or_none(np.ones((16, 16, 3)), np.ones((16, 16, 3)), -1)
+    1.0
+    >>> ssim_or_none(np.ones((10, 16)), np.ones((10, 16)), None)
+    """
+    if min(Layout(channel_axis=channel_axis).moved(truth).shape[-2:]) < WINDOW:
+        return None
+    return ssim(estimate, truth, channel_axis=channel_axis)
+
+
 def _pair(
     estimate: npt.ArrayLike, truth: npt.ArrayLike
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     pair: list[npt.NDArray[np.float64]] = []
     for name, image in (("estimate", estimate), ("truth", truth)):
+        advice = "pass the data of a part without masked pixels, such as image.data[:64, :64]"
+        refuse_masked(name, image, advice)
         array: npt.NDArray[Any] = np.asarray(image)
         require_intensities(name, array)
         if array.ndim < 2 or array.size == 0:

@@ -61,6 +61,18 @@ def test_color_images_are_scored():
     )
 
 
+def test_images_of_a_mosaic_have_their_colors_on_the_last_axis():
+    sensor = SENSOR.replace(mosaic="RGGB")
+    images = np.random.default_rng(9).random((2, 12, 13, 3), np.float32)
+    result = jl.evaluate("mle", images, sensor, channel_axis=-1)
+    assert jl.evaluate("mle", images, sensor) == jl.evaluate("mle", list(images), sensor) == result
+    estimate = jl.reconstruct(sensor.expose(images[0], rng=0), sensor, method="mle")
+    expected = jl.metrics.ssim(estimate, images[0], channel_axis=-1)
+    assert result.scores[0].ssim == expected
+    with pytest.raises(ValueError, match="image: expected red, green, and blue"):
+        jl.evaluate("mle", list(images[..., 0]), sensor)
+
+
 def test_the_method_receives_sensor_and_threads():
     calls = []
 
@@ -148,6 +160,15 @@ def test_the_csv_has_a_row_for_each_image_in_order(tmp_path):
         assert back == pytest.approx([score.psnr, score.snr, score.ssim], abs=5.1e-7)
 
 
+def test_the_name_of_the_csv_is_a_text_or_a_path(tmp_path):
+    result = evaluation_of((0, 20.0))
+    result.write_csv(str(tmp_path / "text.csv"))
+    result.write_csv(tmp_path / "path.csv")
+    assert read(tmp_path / "text.csv") == read(tmp_path / "path.csv")
+    with pytest.raises(TypeError, match=r'as in evaluation.write_csv\("scores.csv"\), got int'):
+        result.write_csv(3)
+
+
 def test_images_too_small_for_ssim_have_no_value_and_a_blank_in_the_csv(tmp_path):
     result = jl.evaluate(jl.mle, [np.full((10, 30), 0.5), np.full((11, 11), 0.5)], SENSOR)
     assert result.scores[0].ssim is None
@@ -159,6 +180,18 @@ def test_images_too_small_for_ssim_have_no_value_and_a_blank_in_the_csv(tmp_path
     blank, full = read(tmp_path / "scores.csv")
     assert blank["ssim"] == ""
     assert float(full["ssim"]) == pytest.approx(result.scores[1].ssim, abs=1e-6)
+
+
+def test_the_means_of_ssim_are_over_the_images_that_have_one():
+    scores = [Score(str(i), 20.0, 15.0, ssim) for i, ssim in enumerate([None, 0.5, 0.75, None])]
+    result = Evaluation(scores)
+    assert (result.mean("ssim"), result.mean_of_worst("ssim", 0.5)) == (0.625, 0.5)
+    assert [row[-1] for row in result.rows()] == [
+        "0.625 (2 of 4 images)",
+        "0.500 (2 of 4 images)",
+        "0.500 (2 of 4 images)",
+    ]
+    assert [row[-1] for row in Evaluation(scores[:1]).rows()] == ["none"] * 3
 
 
 def test_a_perfect_estimate_has_an_infinite_psnr_also_in_the_csv(tmp_path):
@@ -176,6 +209,7 @@ def test_a_perfect_estimate_has_an_infinite_psnr_also_in_the_csv(tmp_path):
         (IMAGES, {"names": ["a"]}, ValueError, "names: expected one for each of 4 images, got 1"),
         ([np.zeros((4, 4), int)], {}, TypeError, "image: expected floats"),
         ([np.full((4, 4), np.nan)], {}, ValueError, "finite"),
+        (np.ma.ones((2, 4, 4)), {}, TypeError, "images: .* got a masked one"),
         ([np.zeros((0, 4))], {}, ValueError, "image: expected"),
         ([np.zeros(4)], {}, ValueError, "images: expected a list"),
         (np.zeros((9, 8, 3)), {}, ValueError, r"shape \(9, 8, 3\) looks like color; put one"),

@@ -108,9 +108,7 @@ def compare_methods(
         start = time.perf_counter()
         estimate = method.run(bits, sensor, threads=threads, **options)
         seconds = time.perf_counter() - start
-        axis = last_channel_axis(image)
-        is_large = min(image.shape[:2]) >= 11
-        ssim = metrics.ssim(estimate, image, channel_axis=axis) if is_large else None
+        ssim = metrics.ssim_or_none(estimate, image, last_channel_axis(image))
         results.append(MethodResult(name, estimate, metrics.psnr(estimate, image), ssim, seconds))
     return results
 

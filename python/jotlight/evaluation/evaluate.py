@@ -2,17 +2,19 @@
 
 import csv
 import dataclasses
+import io
 import math
+import os
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight.metrics as metrics
-from jotlight.checks import require_image_list
+from jotlight.checks import as_path, refuse_masked, require_image_list
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.files import write_file
 from jotlight.layout import looks_like_color
 from jotlight.networks.network import Network
 from jotlight.notebook import card, table_of, text_table
@@ -51,11 +53,13 @@ class Evaluation:
         return np.array([getattr(score, metric) for score in self.scores], np.float64)
 
     def mean(self, metric: str) -> float:
-        """Return the mean of a metric over the images."""
-        return float(np.mean(self.values(metric)))
+        """Return the mean of a metric over the images that have a value, NaN if none has one."""
+        return self.mean_of_worst(metric, 1)
 
     def mean_of_worst(self, metric: str, fraction: float) -> float:
         """Return the mean of a metric over the worst fraction of the images, rounded up.
+
+        These are the images that have a value. The result is NaN if none has one.
 
         Examples
         --------
@@ -66,20 +70,31 @@ class Evaluation:
         if not 0 < fraction <= 1:
             raise ValueError(f"fraction: expected a number in (0, 1], got {fraction}")
         # 0.07 * 100 rounds to just above 7; the tolerance keeps it from becoming 8.
-        number = math.ceil(fraction * len(self.scores) - 1e-9)
-        return float(np.mean(np.sort(self.values(metric))[:number]))
+        values = np.sort(self._known(metric))
+        number = math.ceil(fraction * values.size - 1e-9)
+        return float(np.mean(values[:number])) if number else math.nan
+
+    def _known(self, metric: str) -> npt.NDArray[np.float64]:
+        """Return a metric of the images that have a value."""
+        values = self.values(metric)
+        return values[~np.isnan(values)]
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Return the title and the PSNR, SNR, and SSIM of all and of the worst images as texts."""
+        """Return the title and the PSNR, SNR, and SSIM of all and of the worst images as texts.
+
+        The texts state how many images have an SSIM, if only some do.
+        """
         values: dict[str, Callable[[str], float]] = {
             "mean": self.mean,
             "worst 5 %": lambda metric: self.mean_of_worst(metric, 0.05),
             "worst 1 %": lambda metric: self.mean_of_worst(metric, 0.01),
         }
+        known, number = self._known("ssim").size, len(self.scores)
+        note = "" if known == number else f" ({known} of {number} images)"
         rows: list[tuple[str, ...]] = []
         for title, value in values.items():
             psnr, snr, ssim = (value(metric) for metric in METRICS)
-            text = "none" if math.isnan(ssim) else f"{ssim:.3f}"
+            text = "none" if math.isnan(ssim) else f"{ssim:.3f}{note}"
             rows.append((title, f"{psnr:.2f} dB", f"{snr:.2f} dB", text))
         return rows
 
@@ -91,14 +106,25 @@ class Evaluation:
         title = f"Evaluation of {number} image{'' if number == 1 else 's'}"
         return card(title, {}) + table_of(COLUMNS, self.rows())
 
-    def write_csv(self, path: Path) -> None:
-        """Write a CSV file with one row for each image."""
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(["image", "psnr_db", "snr_db", "ssim"])
-            for score in self.scores:
-                ssim = "" if score.ssim is None else f"{score.ssim:.6f}"
-                writer.writerow([score.image, f"{score.psnr:.6f}", f"{score.snr:.6f}", ssim])
+    def write_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write a CSV file with one row for each image, completely or not at all.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> path = pathlib.Path(tempfile.mkdtemp()) / "scores.csv"
+        >>> Evaluation([Score("a.png", 20.0, 15.0, None)]).write_csv(path)
+        >>> path.read_text().splitlines()
+        ['image,psnr_db,snr_db,ssim', 'a.png,20.000000,15.000000,']
+        """
+        path = as_path(path, 'evaluation.write_csv("scores.csv")')
+        text = io.StringIO(newline="")
+        writer = csv.writer(text)
+        writer.writerow(["image", "psnr_db", "snr_db", "ssim"])
+        for score in self.scores:
+            ssim = "" if score.ssim is None else f"{score.ssim:.6f}"
+            writer.writerow([score.image, f"{score.psnr:.6f}", f"{score.snr:.6f}", ssim])
+        write_file(path, text.getvalue())
 
 
 def evaluate(
@@ -124,7 +150,8 @@ def evaluate(
     sensor : Sensor
         Sensor that exposes the images.
     channel_axis : int, optional
-        Axis of each image that holds color channels. Default: none.
+        Axis of each image that holds color channels. Default: the last one if the sensor has a
+        mosaic, and else none.
     names : sequence of str, optional
         Names of the images. Default: their indices.
     rng : int
@@ -157,6 +184,8 @@ def evaluate(
     if not isinstance(rng, int | np.integer):
         raise TypeError(f"rng: expected an int, the seed of the first image, got {rng!r}")
     require_any_sensor(sensor)
+    if sensor.mosaic is not None and channel_axis is None:
+        channel_axis = -1  # where the mosaic finds the colors
     images = _list_images(images, channel_axis)
     names = [str(number) for number in range(len(images))] if names is None else names
     if len(names) != len(images):
@@ -169,9 +198,7 @@ def evaluate(
             if channel_axis is not None:  # the estimate has the channels last
                 image = np.moveaxis(image, channel_axis, -1)
             axis = None if channel_axis is None else -1
-            sizes = image.shape[-2:] if axis is None else image.shape[-3:-1]
-            is_large = min(sizes) >= 11
-            ssim = metrics.ssim(estimate, image, channel_axis=axis) if is_large else None
+            ssim = metrics.ssim_or_none(estimate, image, axis)
             scores.append(
                 Score(name, metrics.psnr(estimate, image), metrics.snr(estimate, image), ssim)
             )
@@ -185,11 +212,14 @@ def _list_images(
     """Return a sequence of images, or an array of them, as a list. Refuse a single image."""
     require_image_list(images)
     whole = images.shape if isinstance(images, np.ndarray) else ()
+    for image in images:
+        refuse_masked("images", image)
     listed = [np.asarray(image) for image in images]
     if not listed:
         raise ValueError("images: expected at least one, got none")
     expected = "(N, H, W)" if channel_axis is None else "(N, ...) whose images have channels"
-    if listed[0].ndim < (2 if channel_axis is None else 3):
+    # A gray image in a list is refused with its own message, which names no axis of a list.
+    if listed[0].ndim < (3 if whole and channel_axis is not None else 2):
         raise ValueError(
             f"images: expected a list of images, or an array {expected}, got "
             f"{f'shape {whole}' if whole else f'images of shape {listed[0].shape}'}; "

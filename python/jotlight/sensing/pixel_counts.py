@@ -13,6 +13,7 @@ from jotlight.layout import Layout, join
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.counting import count_ones
+from jotlight.sensing.data_lists import list_of_data
 from jotlight.sensing.maps import constant_or_map, pixel_means, stack_maps
 from jotlight.sensing.merged import Merged, refuse_finer_grid
 from jotlight.sensing.periodic_rates import warn_about_periods
@@ -164,7 +165,7 @@ def carried_sensor(data: Data) -> Sensor | None:
     TypeError, ValueError
         When the sensor of the bits is not a :class:`jotlight.Sensor`, or those of a list differ.
     """
-    if sensors := [carried_sensor(each) for each in _list_of_data(data)]:
+    if sensors := [carried_sensor(each) for each in list_of_data(data)]:
         if any(each != sensors[0] for each in sensors):
             raise ValueError("data: expected bits of the same sensor, got different ones")
         return sensors[0]
@@ -225,7 +226,7 @@ def prepare_data(
     require_sensor(sensor, may_differ=may_differ)
     # The rates follow a map of thresholds or a mosaic.
     may_repeat = has_mosaic or np.ndim(sensor.threshold) == 2
-    several = _list_of_data(data)
+    several = list_of_data(data)
     if isinstance(data, Bits | Readings | Merged | GrayImages) or several:
         warn_about_periods([] if may_repeat else several or [data])
         for name, value in (("trials", trials), ("channel_axis", channel_axis)):
@@ -253,12 +254,6 @@ def prepare_data(
         own = layout.split(checked) if isinstance(checked, np.ndarray) else [checked] * len(images)
         images = [_merge_counts(*each, sensor) for each in zip(images, own, strict=True)]
     return (images[0] if layout.is_single else GrayImages(images, layout)), sensor
-
-
-def _list_of_data(data: Data) -> list[Bits | Readings | Merged]:
-    """Return a list of bits, readings, or merged counts. Return an empty one for other data."""
-    each = list(data) if isinstance(data, list | tuple) else []
-    return each if all(isinstance(one, Bits | Readings | Merged) for one in each) else []
 
 
 def _gray_images_of_list(data: Sequence[Bits | Readings | Merged]) -> GrayImages:

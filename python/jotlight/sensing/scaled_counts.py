@@ -211,7 +211,7 @@ def check_whole(data: object, trials: int) -> None:
     """
     refuse_masked("counts", data)
     values = np.asarray(data)
-    if values.dtype.kind != "f":
+    if values.dtype.kind != "f" or values.size == 0:  # an empty list has the type of floats
         return
     raise TypeError(
         f"data: expected jotlight.Bits or an image of counts in whole numbers, got "
