@@ -105,6 +105,22 @@ def test_the_coverage_reaches_the_confidence_level_where_jots_of_a_pixel_differ(
         assert covered.min() >= stats.binom.ppf(1e-6, runs, 0.9)
 
 
+def test_intervals_contain_their_estimate_where_jots_of_a_pixel_differ():
+    rng = np.random.default_rng(8)
+    sensor = jl.Sensor(
+        oversampling=2,
+        frames=2,
+        gain=16.0,
+        dark_counts=rng.uniform(0, 0.6, (128, 128)),
+        efficiency=rng.uniform(0.05, 1, (128, 128)),
+        mask=rng.random((128, 128)) < 0.02,
+    )
+    bits = sensor.expose(rng.uniform(0, 1, (64, 64)), rng=9)
+    estimate = jl.mle(bits)
+    result = jl.uncertainty(bits, confidence_level=0.5, method="mle")
+    assert ((result.low <= estimate) & (estimate <= result.high)).all()
+
+
 def test_jots_that_differ_negligibly_have_the_uncertainty_of_equal_jots():
     rng = np.random.default_rng(1)
     dark = np.full((8, 8), 0.1, np.float32)

@@ -212,3 +212,34 @@ def test_data_that_do_not_fit_the_sensor_are_refused(name, run, data, sensor, er
 def test_a_sensor_without_a_live_jot_is_refused(run):
     with pytest.raises(ValueError, match="at least one pixel with a valid bit"):
         run(BITS, SENSOR.replace(mask=np.ones((24, 24), bool)))
+
+
+@pytest.mark.parametrize("changes", [{"read_noise": 0.3}, {"bit_depth": 3}, {"gain": [1, 2]}])
+@pytest.mark.parametrize(
+    "method", ["mle", "mle-iterative", "admm-tv", "noniterative-tv", "network-small", None]
+)
+def test_a_sensor_of_other_readings_without_a_live_jot_is_refused(method, changes):
+    sensor = jl.Sensor(frames=2, mask=np.ones((8, 8), bool), **changes)
+    data = sensor.expose(np.full((8, 8), 0.5), rng=0)
+    for function in (jl.reconstruct, jl.uncertainty):
+        with pytest.raises(ValueError, match="at least one pixel with a valid bit"):
+            function(data, method=method)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"efficiency": [[0.5]]}, {"dark_counts": [[0.1]]}, {"mask": np.zeros((1, 1), bool)}],
+    ids=str,
+)
+@pytest.mark.parametrize(
+    "method", ["mle", "mle-iterative", "admm-tv", "noniterative-tv", "network-small", None]
+)
+def test_images_of_one_pixel_with_a_map_are_estimated_as_alone(method, changes):
+    sensor = jl.Sensor(frames=4, max_intensity=9.0, **changes)
+    stack = np.array([[[2]], [[3]]])
+    alone = np.stack([jl.reconstruct(one, sensor, method=method) for one in stack])
+    np.testing.assert_array_equal(jl.reconstruct(stack, sensor, method=method), alone)
+    color = jl.reconstruct(stack.reshape(1, 1, 2), sensor, method=method, channel_axis=-1)
+    assert color.shape == (1, 1, 2)
+    bits = [jl.Bits.from_array(np.arange(4)[:, None, None] < one, sensor) for one in stack]
+    np.testing.assert_array_equal(jl.reconstruct(bits, method=method), alone)

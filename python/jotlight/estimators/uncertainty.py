@@ -166,7 +166,8 @@ def exact_uncertainty(
     least `confidence_level` for any number of bits and any true intensity in [0, S]. It is well
     above that near 0, near saturation, and with few bits. Where the jots of one pixel differ, p
     is their mean. The sum of unequal bits varies less than a binomial count (Hoeffding 1956), so
-    the coverage holds and the interval is somewhat wider than necessary. This case requires bits,
+    the coverage holds and the interval is somewhat wider than necessary. The estimate then depends
+    on which jots reported 1, and the interval is extended to include it. This case requires bits,
     as in `jotlight.mle`.
     """
     warn_about_smooth_kernel(sensor)
@@ -193,8 +194,11 @@ def _uncertainty(
     )
     scale, max_intensity = 1 / sensor.light_per_intensity, sensor.max_intensity
     low, high = (np.clip(invert(p, rest) * scale, 0, max_intensity) for p, rest in interval)
+    estimate = _silent_mle(images, sensor, threads) if pixels.varies_within_pixels else None
+    if estimate is not None:
+        low, high = np.minimum(low, estimate), np.maximum(high, estimate)
     low[dead], high[dead | saturated] = 0, max_intensity
-    light = _regular_light(images, pixels, unique, invert, threads)
+    light = _regular_light(pixels, unique, invert, estimate)
     return Uncertainty(
         standard_error=_standard_error(pixels, trials, light, threads),
         low=low.astype(np.float32),
@@ -248,22 +252,19 @@ def clopper_pearson(
 
 
 def _regular_light(
-    images: GrayImages,
-    pixels: PixelCounts,
-    unique: UniqueCounts,
-    invert: LightInverse,
-    threads: int | None,
+    pixels: PixelCounts, unique: UniqueCounts, invert: LightInverse, estimate: Estimate | None
 ) -> Array:
-    """Return the estimated light, where counts of 0 and n are moved inward by half a count."""
+    """Return the estimated light, where counts of 0 and n are moved inward by half a count.
+
+    The estimate is given where the jots of a pixel differ.
+    """
     light_per_intensity = pixels.sensor.light_per_intensity
     bits = np.maximum(unique.bits, 1)
     inside = np.clip(unique.ones, 0.5, bits - 0.5) / bits
     light = invert(inside, 1 - inside)
-    if pixels.varies_within_pixels:
+    if estimate is not None:
         extreme = (pixels.counts == 0) | (pixels.counts == unique.expand(unique.bits))
-        light = np.where(
-            extreme, light, _silent_mle(images, pixels.sensor, threads) * light_per_intensity
-        )
+        light = np.where(extreme, light, estimate * light_per_intensity)
     return np.clip(light, 0, pixels.sensor.max_intensity * light_per_intensity)
 
 

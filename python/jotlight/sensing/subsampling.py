@@ -3,6 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
+_MAX_PART = 10**9
+"""NumPy draws from fewer ones and fewer zeros than this."""
+
 LongCounts = npt.NDArray[np.int64]
 """Numbers of ones or of bits, (H, W)."""
 
@@ -42,4 +45,42 @@ def subsample_counts(
     """
     ones = np.asarray(ones, np.int64)
     zeros = np.asarray(trials, np.int64) - ones
-    return np.random.default_rng(rng).hypergeometric(ones, zeros, np.asarray(subset, np.int64))
+    ones, zeros, number = np.broadcast_arrays(ones, zeros, np.asarray(subset, np.int64))
+    return _draw(ones, zeros, number, np.random.default_rng(rng))
+
+
+def _draw(
+    ones: LongCounts, zeros: LongCounts, subset: LongCounts, rng: np.random.Generator
+) -> LongCounts:
+    """Return hypergeometric numbers of ones, also for more bits than NumPy takes."""
+    is_large = np.maximum(ones, zeros) >= _MAX_PART
+    if not is_large.any():
+        return rng.hypergeometric(ones, zeros, subset)
+    if ((ones < 0) | (zeros < 0) | (subset > ones + zeros)).any():
+        raise ValueError("ones, subset: expected at most the number of bits of each pixel")
+    drawn = np.zeros_like(ones)
+    drawn[~is_large] = rng.hypergeometric(ones[~is_large], zeros[~is_large], subset[~is_large])
+    is_large &= subset > 0
+    if is_large.any():
+        drawn[is_large] = _draw_large(ones[is_large], zeros[is_large], subset[is_large], rng)
+    return drawn
+
+
+def _draw_large(
+    ones: LongCounts, zeros: LongCounts, subset: LongCounts, rng: np.random.Generator
+) -> LongCounts:
+    """Return hypergeometric numbers of ones from binomial ones.
+
+    Bits that are taken independently of each other are a random subset, whatever their number. The
+    few in excess are removed at random, and the few that lack are drawn from the rest.
+    """
+    share = subset / (ones + zeros)
+    own_ones, own_zeros = rng.binomial(ones, share), rng.binomial(zeros, share)
+    excess = own_ones + own_zeros - subset
+    others = _draw(
+        np.where(excess > 0, own_ones, ones - own_ones),
+        np.where(excess > 0, own_zeros, zeros - own_zeros),
+        np.abs(excess),
+        rng,
+    )
+    return np.asarray(own_ones - np.sign(excess) * others)
