@@ -212,3 +212,15 @@ def test_data_that_do_not_fit_the_sensor_are_refused(name, run, data, sensor, er
 def test_a_sensor_without_a_live_jot_is_refused(run):
     with pytest.raises(ValueError, match="at least one pixel with a valid bit"):
         run(BITS, SENSOR.replace(mask=np.ones((24, 24), bool)))
+
+
+@pytest.mark.parametrize("changes", [{"read_noise": 0.3}, {"bit_depth": 3}, {"gain": [1, 2]}])
+@pytest.mark.parametrize(
+    "method", ["mle", "mle-iterative", "admm-tv", "noniterative-tv", "network-small", None]
+)
+def test_a_sensor_of_other_readings_without_a_live_jot_is_refused(method, changes):
+    sensor = jl.Sensor(frames=2, mask=np.ones((8, 8), bool), **changes)
+    data = sensor.expose(np.full((8, 8), 0.5), rng=0)
+    for function in (jl.reconstruct, jl.uncertainty):
+        with pytest.raises(ValueError, match="at least one pixel with a valid bit"):
+            function(data, method=method)

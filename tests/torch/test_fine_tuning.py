@@ -262,7 +262,7 @@ UNEVEN = jl.Sensor(oversampling=2, frames=2, efficiency=np.linspace(0.5, 1, 9216
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"data": MASKED.expose(SCENE, rng=0)}, "pixels with valid bits, got none"),
+        ({"data": MASKED.expose(SCENE, rng=0)}, "at least one pixel with a valid bit, got none"),
         ({"network": UNTIED, "data": UNTIED.sensor.expose(SCENE, rng=0)}, "tied"),
         (
             {"network": jl.Network.initial(CUBIC), "data": CUBIC.expose(SCENE, rng=0)},

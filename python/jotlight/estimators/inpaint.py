@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
+from jotlight.sensing.values import check_any_valid
 
 _TOLERANCE = 1e-6
 """The tolerance of the linear equations, relative to their largest right-hand side."""
@@ -118,21 +119,6 @@ def warn_about_dead_pixels(dead: npt.NDArray[np.bool_]) -> None:
         f"{images}{range_} of {dead[0].size} pixels {NO_VALID_BIT} and were filled from their "
         "neighbors"
     )
-
-
-def check_any_valid(valid: npt.ArrayLike) -> None:
-    """Raise ValueError unless some pixel has a valid bit, in each image of a stack (N, H, W).
-
-    Examples
-    --------
-    >>> check_any_valid([[True, False], [False, False]])
-    """
-    values = np.asarray(valid)
-    if not values.any(axis=tuple(range(max(0, values.ndim - 2), values.ndim))).all():
-        raise ValueError(
-            "trials: expected at least one pixel with a valid bit, got none; the sensor's mask "
-            "marks all jots as dead, or all trials are 0"
-        )
 
 
 def _fill_inwards(

@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.convergence import ConvergenceHistory, ConvergenceMonitor
-from jotlight.estimators.inpaint import check_any_valid
 from jotlight.estimators.mle import require_bits
 from jotlight.layout import Layout
 from jotlight.sensing.bits import Bits
@@ -27,6 +26,7 @@ from jotlight.sensing.pixel_counts import (
 )
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.values import check_any_valid
 
 ConvergenceHistories = ConvergenceHistory | list[ConvergenceHistory]
 """The history of a gray image, or a list with that of each image of a stack and each channel."""

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.estimators.inpaint import check_any_valid
 from jotlight.sensing.pixel_counts import MAX_PIXELS, PixelCounts
+from jotlight.sensing.values import check_any_valid
 
 Image = npt.NDArray[np.float32]
 

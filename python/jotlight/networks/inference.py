@@ -11,7 +11,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.checks import check_threads
 from jotlight.chunks import frame_chunks
-from jotlight.estimators.inpaint import check_any_valid, fill_dead_pixels, warn_about_dead_pixels
+from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.estimators.trial_levels import LocalTrials, count_local_trials
 from jotlight.networks.engine_backed import sensor_model
@@ -22,6 +22,7 @@ from jotlight.sensing.output_images import OutputImages
 from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages, PixelCounts
 from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.sensor import Sensor
+from jotlight.sensing.values import check_any_valid
 
 _MAX_BYTES = 1 << 28
 """Maximum number of bytes of the bits in one call, if they are those of several images."""

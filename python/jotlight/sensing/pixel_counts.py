@@ -20,7 +20,7 @@ from jotlight.sensing.photon_readings import Readings, image_of_readings
 from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.scaled_counts import check_range, check_whole, warn_about_frames
 from jotlight.sensing.sensor import Sensor, require_sensor
-from jotlight.sensing.values import checked_trials
+from jotlight.sensing.values import check_any_valid, checked_trials
 
 Estimate = npt.NDArray[np.float32]
 """Intensities of an image, (H, W), or of several images or channels."""
@@ -189,14 +189,13 @@ def prepare_data(
     unless the caller `takes_mosaics`: the returned sensor is without its mosaic.
 
     Stacks and color counts become gray images. Counts with `trials` become merged counts. Pixels
-    that the sensor's mask marks have no trials. Bits, and counts of single jots, are tested for
-    periodic rates; :class:`GrayImages` were tested before.
+    that the mask marks have no trials. Bits and counts of single jots are tested for periods.
 
     Raises
     ------
     TypeError, ValueError
-        When there is no sensor, or bits or merged counts come with `trials` or `channel_axis`, or
-        these do not fit the counts.
+        When there is no sensor, all its jots are dead, or bits or merged counts come with `trials`
+        or `channel_axis`, or these do not fit the counts.
 
     Warns
     -----
@@ -223,6 +222,7 @@ def prepare_data(
     if has_mosaic := takes_mosaics and sensor.mosaic is not None:
         sensor = without_mosaic(sensor)
     require_sensor(sensor, may_differ=may_differ)
+    check_any_valid(True if sensor.mask is None else ~sensor.mask)
     # The rates follow a map of thresholds or a mosaic.
     may_repeat = has_mosaic or np.ndim(sensor.threshold) == 2
     several = _list_of_data(data)

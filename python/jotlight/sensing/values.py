@@ -116,3 +116,18 @@ def checked_trials(
             f"the index {index}"
         )
     return checked
+
+
+def check_any_valid(valid: npt.ArrayLike) -> None:
+    """Raise ValueError unless some pixel has a valid bit, in each image of a stack (N, H, W).
+
+    Examples
+    --------
+    >>> check_any_valid([[True, False], [False, False]])
+    """
+    values = np.asarray(valid)
+    if not values.any(axis=tuple(range(max(0, values.ndim - 2), values.ndim))).all():
+        raise ValueError(
+            "trials: expected at least one pixel with a valid bit, got none; the sensor's mask "
+            "marks all jots as dead, or all trials are 0"
+        )
