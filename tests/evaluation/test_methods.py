@@ -224,3 +224,22 @@ def test_a_sensor_of_other_readings_without_a_live_jot_is_refused(method, change
     for function in (jl.reconstruct, jl.uncertainty):
         with pytest.raises(ValueError, match="at least one pixel with a valid bit"):
             function(data, method=method)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"efficiency": [[0.5]]}, {"dark_counts": [[0.1]]}, {"mask": np.zeros((1, 1), bool)}],
+    ids=str,
+)
+@pytest.mark.parametrize(
+    "method", ["mle", "mle-iterative", "admm-tv", "noniterative-tv", "network-small", None]
+)
+def test_images_of_one_pixel_with_a_map_are_estimated_as_alone(method, changes):
+    sensor = jl.Sensor(frames=4, max_intensity=9.0, **changes)
+    stack = np.array([[[2]], [[3]]])
+    alone = np.stack([jl.reconstruct(one, sensor, method=method) for one in stack])
+    np.testing.assert_array_equal(jl.reconstruct(stack, sensor, method=method), alone)
+    color = jl.reconstruct(stack.reshape(1, 1, 2), sensor, method=method, channel_axis=-1)
+    assert color.shape == (1, 1, 2)
+    bits = [jl.Bits.from_array(np.arange(4)[:, None, None] < one, sensor) for one in stack]
+    np.testing.assert_array_equal(jl.reconstruct(bits, method=method), alone)

@@ -1,6 +1,7 @@
 """Numbers and maps as the engine expects them."""
 
 import numpy as np
+import pytest
 
 from jotlight.sensing.values import flatten
 
@@ -17,3 +18,11 @@ def test_a_strided_map_is_flattened_in_row_major_order():
 
 def test_a_number_stays_a_number():
     assert flatten(0.5) == 0.5
+
+
+@pytest.mark.parametrize("stack", [(2, 1, 1), (2, 1, 3), (2, 3, 1)])
+def test_a_map_that_images_share_is_contiguous(stack):
+    map_ = np.broadcast_to(np.full(stack[1:], 0.5), stack)
+    flat = flatten(map_)
+    assert flat.flags.c_contiguous
+    assert flat.tolist() == [0.5] * map_.size

@@ -11,12 +11,14 @@ from jotlight.checks import MAX_SHOWN, refuse_masked, shown
 def flatten(value: Any) -> Any:
     """Return a map as a flat array, without a copy if it is contiguous. Return a number unchanged.
 
+    A map of one pixel that many images share has a stride of 0, and is copied.
+
     Examples
     --------
     >>> flatten(np.arange(4).reshape(2, 2)), flatten(0.5)
     (array([0, 1, 2, 3]), 0.5)
     """
-    return value.reshape(-1) if isinstance(value, np.ndarray) else value
+    return np.ascontiguousarray(value.reshape(-1)) if isinstance(value, np.ndarray) else value
 
 
 def as_doubles(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
