@@ -89,6 +89,18 @@ def test_data_sensor_and_start_that_do_not_fit_are_refused(
         method(data, sensor, **options)
 
 
+@pytest.mark.parametrize("method", ["mle-iterative", "admm-tv"])
+@pytest.mark.parametrize("changes", [{"gain": [1, 2, 3]}, {"bit_depth": 3}, {"read_noise": 0.2}])
+def test_other_readings_with_a_smooth_kernel_are_refused_with_advice_that_works(method, changes):
+    sensor = SMOOTH.replace(frames=3, **changes)
+    data = sensor.expose(scene(8, 8), rng=0)
+    expected = "kernel: expected 'box', got 'cubic': deconvolution needs plain bits"
+    with pytest.raises(ValueError, match=expected):
+        jl.reconstruct(data, method=method)
+    estimate = jl.reconstruct(data, sensor.replace(kernel="box"), method=method)
+    assert estimate.shape == (8, 8)
+
+
 def test_an_operator_whose_light_does_not_fit_the_bits_is_refused():
     with pytest.raises(ValueError, match=r"operator: .* bits' shape \(4,\), got \(5,\)"):
         jl.Problem(jl.operators.spread((5,)), jl.Likelihood([0, 1, 1, 0]))

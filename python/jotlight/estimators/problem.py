@@ -13,6 +13,7 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.counting import count_ones
 from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.likelihood import Likelihood, Problem
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.operators import scaling, spread
 from jotlight.sensing.output_images import OutputImages
 from jotlight.sensing.pixel_counts import (
@@ -219,6 +220,7 @@ def _jot_problem(
 ) -> Problem:
     reason = "jots of one pixel differ in their efficiency or dark counts"
     if sensor.kernel != "box":
+        _refuse_merged(images, sensor)
         reason = f"the light of a {sensor.kernel} kernel differs from jot to jot"
     bits = [require_bits(image, reason) for image in images.data]
     ones = count_ones(bits, 1, mask=sensor.mask, threads=threads)
@@ -245,3 +247,14 @@ def _jot_problem(
         threads=threads,
     )
     return Problem(light, likelihood, sensor.max_intensity)
+
+
+def _refuse_merged(images: GrayImages, sensor: Sensor) -> None:
+    """Raise ValueError for merged counts of a sensor with a smooth kernel."""
+    if any(isinstance(image, Merged) for image in images.data):
+        raise ValueError(
+            f"kernel: expected 'box', got {sensor.kernel!r}: deconvolution needs plain bits, but "
+            "these are merged counts, also made of readings of several bits, with read noise, or "
+            'with different gains or thresholds; state kernel="box" (--kernel box) for the mean '
+            "light of each pixel"
+        )
