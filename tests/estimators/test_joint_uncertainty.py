@@ -5,8 +5,9 @@ import pytest
 from scipy import stats
 
 import jotlight as jl
-from jotlight.estimators.joint_uncertainty import distribution_of_total
+from jotlight.estimators.joint_uncertainty import find_zeros
 from jotlight.sensing.joint_likelihood import joint_likelihood
+from jotlight.sensing.multibit import reading_probability
 from jotlight.sensing.response import detection_probability
 
 BRACKET = {"frames": 48, "gain": np.repeat([1 / 64, 1 / 8, 1.0], 16), "max_intensity": 2000.0}
@@ -74,15 +75,7 @@ def test_for_one_gain_and_threshold_the_interval_is_that_of_clopper_and_pearson(
             assert -np.expm1(-result.high[0, count]) == pytest.approx(exact.high, abs=1e-6)
 
 
-@pytest.mark.parametrize("sensor", SENSORS, ids=repr)
-def test_the_distribution_agrees_with_single_convolutions(sensor):
-    terms = joint_likelihood(all_totals(sensor), sensor, None).terms
-    levels = np.geomspace(1e-4, 1, 9) * sensor.max_intensity
-    expected = [exact_distribution(sensor, level) for level in levels]
-    np.testing.assert_allclose(distribution_of_total(terms, levels), expected, atol=1e-13)
-
-
-def test_pixels_with_different_readings_have_wider_intervals_with_the_same_coverage():
+def test_pixels_with_different_readings_keep_the_coverage():
     sensor = jl.Sensor(**BRACKET)
     bits = all_totals(sensor)
     mask = np.zeros((2, 49), bool)
@@ -127,3 +120,102 @@ def test_units_need_one_gain():
     result = jl.uncertainty(bits, method="mle", units="photons")
     plain = jl.uncertainty(bits, method="mle")
     np.testing.assert_allclose(result.low, 2 * plain.low)
+
+
+def readings_of_all_totals(sensor):
+    """Readings whose pixels in column L have the total L, as far as it is possible."""
+    rows, side = (len(sensor.mask) // sensor.oversampling, sensor.oversampling)
+    columns = sensor.mask.shape[1] // side
+    live = ~sensor.mask.reshape(rows, side, columns, side)
+    data = np.zeros((sensor.frames, *live.shape), int)
+    rest = np.broadcast_to(np.arange(columns), (rows, columns)).copy()
+    for frame, i, j in np.ndindex(sensor.frames, side, side):
+        own = np.where(live[:, i, :, j], np.minimum(rest, sensor.max_reading), 0)
+        data[frame, :, i, :, j], rest = own, rest - own
+    flat = data.reshape(sensor.frames, *sensor.mask.shape)
+    return jl.Readings(flat, sensor) if sensor.bit_depth > 1 else jl.Bits.from_array(flat, sensor)
+
+
+def distribution_of_row(sensor, row, intensity):
+    """The probabilities of the totals of the pixels of a row: a convolution, one by one."""
+    side, levels = sensor.oversampling, np.arange(sensor.max_reading + 1)
+    gains = np.broadcast_to(sensor.gain, sensor.frames)
+    share = 1 / side**2 / (1 if np.ndim(sensor.gain) else sensor.frames)
+    maps = [np.broadcast_to(m, sensor.mask.shape) for m in (sensor.efficiency, sensor.dark_counts)]
+    result = np.ones(1)
+    for gain in gains:
+        for i, j in np.ndindex(side, side):
+            place = row * side + i, j
+            if not sensor.mask[place]:
+                rate = maps[0][place] * gain * share * intensity + maps[1][place]
+                options = {"bit_depth": sensor.bit_depth, "read_noise": sensor.read_noise}
+                result = np.convolve(result, reading_probability(levels, rate, **options))
+    return result
+
+
+def with_maps(sensor, columns, **rows):
+    """The sensor with maps whose rows of jots are given, repeated along all columns of pixels."""
+    maps = {name: np.tile(np.array(values), (1, columns)) for name, values in rows.items()}
+    own = {"mask": np.zeros_like(next(iter(maps.values())), bool), **maps}
+    return sensor.replace(**own)
+
+
+ONE_READING = jl.Sensor(frames=1, gain=1.0, bit_depth=8, max_intensity=100.0)
+TWO_BITS = jl.Sensor(frames=2, gain=4.0, bit_depth=2, read_noise=0.3, max_intensity=30.0)
+MAPS = {"efficiency": [[0.3], [0.5], [0.9]], "dark_counts": [[0.0], [0.2], [3.0]]}
+PATTERN = {
+    "efficiency": [[0.3, 0.9], [0.9, 0.5]] * 2,
+    "mask": [[False, False]] * 3 + [[True, False]],
+}
+BITS = TWO_BITS.replace(bit_depth=1, frames=6, gain=[1.0, 5.0] * 3)
+WITH_MAPS = {
+    "mask": with_maps(ONE_READING, 256, mask=[[False], [True]]),
+    "maps": with_maps(ONE_READING, 256, **MAPS),
+    "a long total": with_maps(ONE_READING.replace(frames=9, gain=1.0), 160, **MAPS),
+    "read noise": with_maps(TWO_BITS, 7, **MAPS),
+    "bracket": with_maps(TWO_BITS.replace(gain=[1.0, 5.0]), 7, **MAPS),
+    "bits": with_maps(BITS, 7, **MAPS),
+    "many kinds of bits": with_maps(BITS, 7, dark_counts=np.geomspace(0.01, 2, 65)[:, None]),
+    "jots that differ": with_maps(TWO_BITS.replace(oversampling=2), 25, **PATTERN),
+}
+
+
+@pytest.mark.filterwarnings("ignore:.*no valid bit")
+@pytest.mark.parametrize("level", [0.9, 0.99, 0.9999])
+@pytest.mark.parametrize("name", WITH_MAPS)
+def test_the_coverage_reaches_the_confidence_level_with_masks_and_maps(name, level):
+    sensor = WITH_MAPS[name]
+    data = readings_of_all_totals(sensor)
+    data.tested_for_periods = True
+    result = jl.uncertainty(data, method="mle", confidence_level=level)
+    estimate = jl.mle(data)
+    assert ((result.low <= estimate) & (estimate <= result.high))[~result.dead].all()
+    for row in np.flatnonzero(~result.dead.all(axis=1)):
+        for intensity in [0.0, *np.geomspace(1e-2, 1, 25) * min(sensor.max_intensity, 40)]:
+            distribution = distribution_of_row(sensor, row, intensity)
+            known = min(len(distribution), result.low.shape[1])
+            contains = (result.low[row] <= intensity) & (intensity <= result.high[row])
+            missed = distribution[:known][~contains[:known]].sum() + distribution[known:].sum()
+            assert missed <= 1 - level + 1e-9
+
+
+def test_intervals_with_a_mask_are_those_without_it():
+    masked = readings_of_all_totals(WITH_MAPS["mask"])
+    known = jl.uncertainty(masked, method="mle", confidence_level=0.99)
+    alone = jl.Readings(np.asarray(masked)[:, :1], ONE_READING)
+    expected = jl.uncertainty(alone, method="mle", confidence_level=0.99)
+    np.testing.assert_array_equal(known.low[0], expected.low[0])
+    np.testing.assert_array_equal(known.high[0], expected.high[0])
+    # Poisson counts have an interval in closed form.
+    totals = np.arange(1, 60)
+    np.testing.assert_allclose(known.low[0, 1:60], stats.chi2.ppf(0.005, 2 * totals) / 2, rtol=1e-6)
+    high = stats.chi2.ppf(0.995, 2 * totals + 2) / 2
+    np.testing.assert_allclose(known.high[0, 1:60], high, rtol=1e-6)
+
+
+def test_a_zero_outside_of_the_range_has_its_end():
+    targets = np.array([1e-300, 0.25, 7.0])
+    low, high = find_zeros(lambda x, places: x - targets[places], 3, 2.0)
+    np.testing.assert_allclose(low, [0, 0.25, 2], rtol=1e-8)
+    assert 0 < high[0] < 1e-30
+    np.testing.assert_allclose(high[1:], [0.25, 2], rtol=1e-8)

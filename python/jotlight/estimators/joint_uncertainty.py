@@ -1,22 +1,36 @@
 """The uncertainty of maximum likelihood for readings with different gains and thresholds."""
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.joint_mle import maximize, regular_maximum, solve_expected_total
+from jotlight.estimators.pixel_kinds import PixelKind, find_kinds
 from jotlight.estimators.uncertainty import Uncertainty, clopper_pearson
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
-from jotlight.sensing.joint_term import Term
-from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.pixel_counts import GrayImages
-from jotlight.sensing.response import Array, detection_probability, silence_probability
+from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
-_MAX_EXACT_TOTAL = {True: 256, False: 1024}
-"""Maximum total of the readings of a pixel, of one bit and of several, whose distribution is
-computed."""
+MAX_EXACT_TOTAL = {True: 256, False: 1024}
+"""Maximum total of the readings of a pixel, of one bit and of several, whose interval is exact."""
+
+_LENGTHS = np.array([16, 64, 256, 1024])
+"""Maximum totals whose intervals are computed together."""
+
+_LEAST = 1e-300
+"""Probability in place of 0, whose logarithm is finite."""
+
+_RANGE = 92.0
+"""Logarithm of the range of levels of light in which ends are searched."""
+
+_TOLERANCE = 1e-9
+"""Relative accuracy of the ends of exact intervals."""
+
+_MAX_STEPS = 100
+"""Maximum number of steps of the search."""
 
 _STEPS = 48
 """Number of bisections of an end of an interval."""
@@ -48,13 +62,18 @@ def joint_uncertainty(
 
     The interval is that of the total of the readings L, whose distribution rises with the
     intensity; for bits, it is the number of ones. The probability of L or more at the lower end is
-    (1 - `confidence_level`)/2, and so is that of L or less at the upper end. If all pixels are
-    alike, and L is at most 256 for bits and 1024 for readings of several bits, the distribution is
-    the exact one, a convolution of those of the readings. Otherwise that of bits is bounded by the
-    binomial distribution with the same mean (Hoeffding 1956), so that the interval is wider than
-    necessary. The coverage is at least `confidence_level` in both cases. Longer totals of several
-    bits are taken as normal, with their exact mean and variance (Wilson 1927) and half a photon
-    on each side. Intervals are extended to include the estimate.
+    (1 - `confidence_level`)/2, and so is that of L or less at the upper end. The distribution is
+    the exact one, a convolution of those of the readings, if L is at most 256 for bits and 1024
+    for readings of several bits, and if the live pixels are of at most 64 kinds
+    (:func:`jotlight.estimators.pixel_kinds.find_kinds`). A mask makes a few kinds. Maps of
+    efficiency and dark counts make none, unless the jots of a pixel differ, or dark counts differ
+    and so do the gains or thresholds. Otherwise that of bits is bounded by the binomial
+    distribution with the same mean (Hoeffding 1956), so that the interval is wider than necessary.
+    The coverage is at least `confidence_level` in both cases.
+
+    Other totals of several bits are taken as normal, with their exact mean and variance (Wilson
+    1927) and half a photon on each side. The coverage is then only about `confidence_level`.
+    Intervals are extended to include the estimate.
     """
     each = [
         _uncertainty(joint_likelihood(one, sensor, threads), confidence_level)
@@ -88,28 +107,40 @@ def _uncertainty(joint: JointLikelihood, confidence_level: float) -> Uncertainty
 
 def _interval(joint: JointLikelihood, tail: float) -> tuple[Array, Array]:
     """Return the ends of the interval of each pixel."""
-    total, largest = joint.total, joint.max_total
+    total, highest = joint.total.reshape(-1), joint.sensor.max_intensity
     are_bits = joint.sensor.bit_depth == 1
-    if joint.uniform:
-        distinct, places = np.unique(total, return_inverse=True)
-        if largest.flat[0] <= _MAX_EXACT_TOTAL[are_bits]:
-            first, last = _exact_ends(joint, distinct.astype(np.int64), tail)
-            return first[places].reshape(total.shape), last[places].reshape(total.shape)
-        if not are_bits:
-            first, last = _normal_ends(joint, distinct, tail)
-            return first[places].reshape(total.shape), last[places].reshape(total.shape)
-    if not are_bits:
-        return _normal_ends(joint, total, tail)
-    probabilities = clopper_pearson(total, largest, tail, jots_differ=True)
+    low, high = np.zeros(total.shape), np.full(total.shape, highest)
+    remain = joint.trials.reshape(-1) > 0
+    for kind in find_kinds(joint):
+        exact = kind.pixels[total[kind.pixels] <= MAX_EXACT_TOTAL[are_bits]]
+        if not len(exact):
+            continue
+        own = kind.select(exact)
+        low[exact], high[exact] = _exact_ends(own, total[exact], tail, highest)
+        remain[exact] = False
+    if remain.any():
+        ends = _bounded_ends if are_bits else _normal_ends
+        rest = ends(joint, tail)
+        low[remain], high[remain] = (end.reshape(-1)[remain] for end in rest)
+    return low.reshape(joint.shape), high.reshape(joint.shape)
+
+
+def _bounded_ends(joint: JointLikelihood, tail: float) -> tuple[Array, Array]:
+    """Return the ends for numbers of ones, from the binomial distribution that bounds theirs."""
+    largest = joint.max_total
+    probabilities = clopper_pearson(joint.total, largest, tail, jots_differ=True)
     low, high = (solve_expected_total(joint, largest * p) for p, _ in probabilities)
     return low, high
 
 
-def _normal_ends(joint: JointLikelihood, total: Array, tail: float) -> tuple[Array, Array]:
+def _normal_ends(joint: JointLikelihood, tail: float) -> tuple[Array, Array]:
     """Return the intensities at which totals are as many standard deviations off as a tail says."""
     from scipy.special import ndtri
 
     deviations = -float(ndtri(tail))
+    total, places = joint.total, None
+    if joint.uniform:
+        total, places = np.unique(total, return_inverse=True)
 
     def is_below(intensity: Array, side: float) -> npt.NDArray[np.bool_]:
         mean, _, variance = joint.expected_total(intensity)
@@ -118,7 +149,9 @@ def _normal_ends(joint: JointLikelihood, total: Array, tail: float) -> tuple[Arr
     shape, highest = total.shape, joint.sensor.max_intensity
     low, _ = _bisect(lambda intensity: is_below(intensity, 1.0), shape, highest)
     _, high = _bisect(lambda intensity: is_below(intensity, -1.0), shape, highest)
-    return low, high
+    if places is None:
+        return low, high
+    return low[places].reshape(joint.shape), high[places].reshape(joint.shape)
 
 
 def _bisect(
@@ -133,53 +166,91 @@ def _bisect(
     return low, high
 
 
-def _exact_ends(
-    joint: JointLikelihood, ones: npt.NDArray[np.int64], tail: float
+def _exact_ends(kind: PixelKind, total: Array, tail: float, highest: float) -> tuple[Array, Array]:
+    """Return the ends of the intervals of some totals of pixels of one kind."""
+    distinct, places = np.unique(total.astype(np.int64), return_inverse=True)
+    max_level = float(np.max(kind.scale * highest + kind.offset))
+    low, high = np.zeros(len(distinct)), np.full(len(distinct), max_level)
+    # Short distributions suffice for small totals.
+    for longest in np.unique(_LENGTHS[np.searchsorted(_LENGTHS, distinct)]):
+        own = np.flatnonzero(_LENGTHS[np.searchsorted(_LENGTHS, distinct)] == longest)
+        low[own], high[own] = _level_ends(kind, distinct[own], tail, max_level)
+    ends = ((end[places] - kind.offset) / kind.scale for end in (low, high))
+    low, high = (np.clip(end, 0, highest) for end in ends)
+    return low, high
+
+
+def _level_ends(
+    kind: PixelKind, total: npt.NDArray[np.int64], tail: float, max_level: float
 ) -> tuple[Array, Array]:
-    """Return the ends of the intervals of some totals in a uniform image."""
-    places, highest = np.arange(len(ones)), joint.sensor.max_intensity
+    """Return the levels of light at the ends of the intervals of some totals."""
+    length = int(total.max()) + 1
 
-    def cumulative(intensity: Array) -> Array:
-        return np.asarray(distribution_of_total(joint.terms, intensity).cumsum(axis=1))
+    def excess(level: Array, places: npt.NDArray[np.int64], *, is_low: bool) -> Array:
+        """Return what rises with the level, and is 0 at an end."""
+        cumulative = kind.distribution(level, length).cumsum(axis=1)
+        rows, own = np.arange(len(level)), total[places]
+        if is_low:  # the probability of this total or more is `tail`
+            rest = 1 - cumulative[rows, np.maximum(own - 1, 0)]
+            return np.asarray(np.log(np.maximum(rest, _LEAST) / tail))
+        return np.asarray(-np.log(np.maximum(cumulative[rows, own], _LEAST) / tail))
 
-    # At the lower end, the probability of these ones or more is `tail`; at the upper end, that of
-    # these or fewer.
-    fewer = np.maximum(ones - 1, 0)
-    shape = ones.shape
-    low, _ = _bisect(lambda x: 1 - cumulative(x)[places, fewer] < tail, shape, highest)
-    _, high = _bisect(lambda x: cumulative(x)[places, ones] > tail, shape, highest)
-    return np.where(ones > 0, low, 0.0), np.where(ones < joint.max_total.flat[0], high, highest)
+    number = len(total)
+    low, _ = find_zeros(functools.partial(excess, is_low=True), number, max_level)
+    _, high = find_zeros(functools.partial(excess, is_low=False), number, max_level)
+    return np.where(total > 0, low, 0.0), np.where(total < kind.max_total, high, max_level)
 
 
-def distribution_of_total(terms: tuple[Term, ...], intensity: Array) -> Array:
-    """Return the probabilities of totals from 0 to N of a pixel at each intensity, (len, N + 1).
+def find_zeros(
+    function: Callable[[Array, npt.NDArray[np.int64]], Array], number: int, highest: float
+) -> tuple[Array, Array]:
+    """Return close bounds of the zeros of rising functions of positive numbers up to `highest`.
 
-    It is the convolution of the distributions of the groups, which are binomial for bits.
+    Parameters
+    ----------
+    function : callable
+        It takes numbers and the places of their functions.
+    number : int
+        The number of functions.
+    highest : float
+        The bound where the zero of a function is larger.
+
+    Notes
+    -----
+    Chandrupatla (1997): bisection of the logarithm, with inverse quadratic interpolation where
+    this is safe.
 
     Examples
     --------
-    >>> from jotlight.sensing.bits import Bits
-    >>> joint = joint_likelihood(
-    ...     Bits.from_array([[[1]], [[0]]]), Sensor(frames=2, gain=[np.log(2), np.log(4)]), None
-    ... )
-    >>> distribution_of_total(joint.terms, np.array([1.0])).round(4)  # p = 1/2 and 3/4
-    array([[0.125, 0.5  , 0.375]])
+    >>> find_zeros(lambda x, places: x - np.array([0.5, 3.0])[places], 2, 2.0)[0].round(6)
+    array([0.5, 2. ])
     """
-    from scipy.special import gammaln, xlogy
-
-    length = 1 + sum(term.max_reading * int(float(np.max(term.trials))) for term in terms)
-    product = np.ones((len(intensity), length // 2 + 1), np.complex128)
-    for term in terms:
-        cells, number = term.cells, int(float(np.max(term.trials)))
-        if isinstance(cells, ReadingLikelihood):
-            one_reading = cells.distribution(term.light * intensity)
-            product *= np.fft.rfft(one_reading, length, axis=1) ** number
-            continue
-        rate = cells.efficiency * term.light * intensity[:, None] + cells.dark_counts
-        one = detection_probability(cells.threshold, rate)
-        zero = silence_probability(cells.threshold, rate)
-        counts = np.arange(number + 1.0)
-        logarithms = xlogy(counts, one) + xlogy(number - counts, zero) + gammaln(number + 1)
-        logarithms -= gammaln(counts + 1) + gammaln(number - counts + 1)
-        product *= np.fft.rfft(np.exp(logarithms), length, axis=1)
-    return np.asarray(np.clip(np.fft.irfft(product, length, axis=1), 0, 1))
+    low, high = np.zeros(number), np.full(number, highest)
+    places = np.arange(number)
+    x1, x2 = np.full(number, np.log(highest)), np.full(number, np.log(highest) - _RANGE)
+    f1, f2 = function(np.exp(x1), places), function(np.exp(x2), places)
+    low[f1 < 0], high[f2 >= 0] = highest, np.exp(x2[f2 >= 0])
+    share = np.full(number, 0.5)
+    is_open = (f1 >= 0) & (f2 < 0)
+    for _ in range(_MAX_STEPS):
+        places, share = places[is_open], share[is_open]
+        x1, x2, f1, f2 = (values[is_open] for values in (x1, x2, f1, f2))
+        if not len(places):
+            break
+        x = x1 + share * (x2 - x1)
+        f = function(np.exp(x), places)
+        same = np.sign(f) == np.sign(f1)
+        x3, f3 = np.where(same, x1, x2), np.where(same, f1, f2)
+        x2, f2 = np.where(same, x2, x1), np.where(same, f2, f1)
+        x1, f1 = x, f
+        other = np.where(f1 == 0, x1, x2)
+        low[places], high[places] = np.exp(np.minimum(x1, other)), np.exp(np.maximum(x1, other))
+        least = _TOLERANCE / np.abs(x2 - x1)
+        xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2)
+        is_safe = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inverse = f1 / (f2 - f1) * f3 / (f2 - f3)
+            inverse += (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2)
+        share = np.clip(np.where(is_safe, inverse, 0.5), least, 1 - least)
+        is_open = (least < 0.5) & (f1 != 0)
+    return low, high

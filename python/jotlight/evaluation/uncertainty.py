@@ -104,8 +104,11 @@ def uncertainty(
     -----
     For "mle", each interval is exact: that of Clopper and Pearson. Its coverage is at least
     `confidence_level` for any number of bits and any intensity in [0, S]. Where readings differ in
-    their gain or threshold, it is that of the total number of ones, with the same coverage
-    (:func:`jotlight.estimators.joint_uncertainty.joint_uncertainty`).
+    their gain or threshold, it is that of the total number of ones, with the same coverage. For
+    readings of several bits, it is that of their total. Its coverage is the same for totals of up
+    to 1,024, and only approximate for larger ones. It is approximate too if the live pixels are of
+    more than 64 kinds, which takes jots of one pixel that differ, or a map of dark counts together
+    with different gains (:func:`jotlight.estimators.joint_uncertainty.joint_uncertainty`).
 
     For other methods, the coverage is an average over the pixels of photographs (conformal
     prediction), and `docs/results/uncertainty.md` states it for many cases. The errors of "medium",
