@@ -263,7 +263,6 @@ def test_anything_but_a_network_is_refused(network, received):
 UNTIED = jl.Network.initial(jl.Sensor(oversampling=2), tied=False)
 CUBIC = jl.Sensor(frames=8, kernel="cubic")
 MASKED = jl.Sensor(mask=np.ones(SCENE.shape, bool))
-UNKNOWN = jl.Merged(np.zeros(SCENE.shape, int), np.zeros(SCENE.shape), jl.Sensor())
 UNEVEN = jl.Sensor(oversampling=2, frames=2, efficiency=np.linspace(0.5, 1, 9216).reshape(96, 96))
 
 
@@ -271,7 +270,6 @@ UNEVEN = jl.Sensor(oversampling=2, frames=2, efficiency=np.linspace(0.5, 1, 9216
     ("options", "message"),
     [
         ({"data": MASKED.expose(SCENE, rng=0)}, "at least one pixel with a valid bit, got none"),
-        ({"data": UNKNOWN}, "pixels with valid bits, got none"),
         ({"network": UNTIED, "data": UNTIED.sensor.expose(SCENE, rng=0)}, "tied"),
         (
             {"network": jl.Network.initial(CUBIC), "data": CUBIC.expose(SCENE, rng=0)},

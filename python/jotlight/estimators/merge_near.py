@@ -119,7 +119,7 @@ def merge_near(
     >>> sensor = Sensor(frames=2, gain=[1.0, 3.0], max_intensity=9.0)
     >>> joint = joint_likelihood(Bits.from_array([[[1, 0]], [[1, 0]]]), sensor, None)
     >>> merge_near(joint, np.full((1, 2), 0.5)).trials.round(2)
-    array([[3.08, 3.08]])
+    array([[2.68, 2.68]])
     """
     from scipy.ndimage import gaussian_filter
 
