@@ -126,6 +126,7 @@ def test_progress_is_reported_for_a_known_number_of_images(tmp_path):
         ([["a"]], {}, TypeError, "array of numbers"),
         (np.ones((2, 3, 4)), {"white": -1.0}, ValueError, "white: expected"),
         (np.ones((2, 3, 4)), {"fps": 0}, ValueError, "fps: expected"),
+        (np.ma.ones((2, 3, 4)), {}, TypeError, "image: .* got a masked one"),
         (np.ones((2, 3, 4)), {"white": "1"}, ValueError, "white: expected a finite number .* '1'"),
         (np.ones((2, 3, 4)), {"fps": "25"}, ValueError, "fps: expected images per .*, got '25'"),
         (np.ones((2, 3, 4)), {"fps": None}, ValueError, "fps: expected images per .*, got None"),
