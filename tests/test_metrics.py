@@ -101,6 +101,13 @@ def test_other_types_and_shapes_are_refused(function, estimate, truth, error, me
         function(estimate, truth)
 
 
+@pytest.mark.parametrize("function", [metrics.psnr, metrics.ssim])
+@pytest.mark.parametrize("peak", [0, -1.0, np.nan, np.inf, "1", None, [1.0, 2.0]])
+def test_the_range_is_a_finite_number_above_0(function, peak):
+    with pytest.raises(ValueError, match="data_range: expected a finite number above 0, got "):
+        function(np.ones((16, 16)), np.zeros((16, 16)), data_range=peak)
+
+
 def test_a_part_without_masked_pixels_is_compared():
     image = np.ma.masked_array(np.full((80, 64), 0.5), np.arange(80 * 64).reshape(80, 64) > 70 * 64)
     with pytest.raises(TypeError, match=r"such as (.+)$") as error:

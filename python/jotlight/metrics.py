@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import refuse_masked, require_intensities
+from jotlight.checks import positive_number, refuse_masked, require_intensities
 from jotlight.interrupts import interruptible
 from jotlight.layout import Layout
 
@@ -23,12 +23,13 @@ def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1
     estimate, truth : array_like of float, shape (H, W) or with more axes
         ĉ and c, images of the same shape.
     data_range : float
-        R: the largest possible intensity.
+        R: the largest possible intensity, above 0.
 
     Raises
     ------
     TypeError, ValueError
-        When the images are not plain arrays of floats, are empty, or have different shapes.
+        When the images are not plain arrays of floats, are empty, or have different shapes, or the
+        range is no finite number above 0.
 
     Examples
     --------
@@ -36,7 +37,8 @@ def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1
     20.0
     """
     a, b = _pair(estimate, truth)
-    return _decibel(data_range**2, np.mean((a - b) ** 2))
+    peak = positive_number("data_range", data_range)
+    return _decibel(peak**2, np.mean((a - b) ** 2))
 
 
 def snr(estimate: npt.ArrayLike, truth: npt.ArrayLike) -> float:
@@ -82,7 +84,7 @@ def ssim(
     estimate, truth : array_like of float, shape (..., H, W)
         ĉ and c, images of the same shape, with at least 11 x 11 pixels.
     data_range : float
-        R: the largest possible intensity.
+        R: the largest possible intensity, above 0.
     channel_axis : int, optional
         The axis of color channels. Default: none.
 
@@ -90,7 +92,7 @@ def ssim(
     ------
     TypeError, ValueError
         When the images are not plain arrays of floats, are too small, have different shapes, or
-        look like color although there is no channel axis.
+        look like color although there is no channel axis, or the range is no finite number above 0.
 
     Examples
     --------
@@ -100,6 +102,7 @@ def ssim(
     """
     from skimage.metrics import structural_similarity
 
+    peak = positive_number("data_range", data_range)
     a, b = _pair(estimate, truth)
     layout = Layout.of("estimate", a, channel_axis)
     a, b = layout.split(a), layout.split(b)
@@ -108,7 +111,7 @@ def ssim(
     of_each = [
         interruptible(structural_similarity)(
             *pair,
-            data_range=data_range,
+            data_range=peak,
             gaussian_weights=True,
             sigma=1.5,
             use_sample_covariance=False,

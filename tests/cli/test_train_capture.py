@@ -93,7 +93,10 @@ def test_a_network_can_be_trained_for_fewer_frames_and_for_counts(run, tmp_path,
             "synthetic --calibration x.safetensors",
             "calibration: is for a capture; name one with --sensor",
         ),
-        ("--sensor counts.npy --frames 16 --seconds 0", "seconds: expected a number above 0"),
+        (
+            "--sensor counts.npy --frames 16 --seconds 0",
+            "seconds: expected a finite number above 0",
+        ),
         ("--sensor counts.npy --frames 16 --calibration x.safetensors", "got jotlight network"),
     ],
 )

@@ -161,9 +161,10 @@ def test_a_smooth_kernel_is_refused_except_for_maximum_likelihood():
         jl.uncertainty(bits, method="mle")
 
 
-def test_a_bad_confidence_level_is_refused():
+@pytest.mark.parametrize("level", [0.3, 1, np.nan, "0.9", None, [0.9, 0.95]])
+def test_a_bad_confidence_level_is_refused(level):
     with pytest.raises(ValueError, match=r"confidence_level: expected a coverage from 0\.5"):
-        jl.uncertainty(COUNTS, SENSOR, confidence_level=0.3)
+        jl.uncertainty(COUNTS, SENSOR, confidence_level=level)
 
 
 def test_bits_that_speak_against_the_estimate_are_flagged():

@@ -39,6 +39,11 @@ def test_bits_and_merged_counts_carry_their_sensor(run):
         run(COUNTS)
 
 
+def test_a_masked_map_of_trials_is_refused(run):
+    with pytest.raises(TypeError, match="trials: expected a plain array, got a masked one"):
+        run(COUNTS, SENSOR, trials=np.ma.masked_array(np.full(COUNTS.shape, 16.0), COUNTS > 8))
+
+
 def test_a_map_of_real_trials_with_zeros_works(run):
     trials = np.linspace(0.5, 40, IMAGE.shape[1]) * np.ones(IMAGE.shape)
     trials[8:11, 12:16] = 0

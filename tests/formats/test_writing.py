@@ -90,6 +90,12 @@ def test_what_is_neither_bits_nor_counts_is_refused(tmp_path, other):
     assert not list(tmp_path.iterdir())
 
 
+def test_masked_counts_are_refused(tmp_path):
+    with pytest.raises(TypeError, match="data: expected a plain array, got a masked one"):
+        jl.save(np.ma.ones((2, 3), int), tmp_path / "capture.npy")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_name_that_implies_no_format_is_refused(tmp_path):
     with pytest.raises(ValueError, match="this name implies no single format"):
         jl.save(BITS, tmp_path / "capture.bin")

@@ -115,6 +115,8 @@ def test_numbers_for_measurements_are_not_clipped(tmp_path, name):
         ([["a"]], {}, TypeError, "array of numbers"),
         (np.full((2, 2), np.nan), {}, ValueError, "finite values"),
         (np.ones((2, 2)), {"white": 0.0}, ValueError, "white: expected"),
+        (np.ma.ones((2, 2)), {}, TypeError, r"got a masked one; pass image\.filled\(0\)"),
+        (np.ones((2, 2)), {"white": "1"}, ValueError, "white: expected a finite number .* '1'"),
         (np.ones((2, 2)), {"depth": 12}, ValueError, "depth: expected 8, or 16"),
     ],
 )

@@ -4,6 +4,7 @@ import tifffile
 from PIL import Image
 
 from jotlight.errors import JotlightWarning
+from jotlight.images.io import read_image
 from jotlight.images.sets import ENDINGS, read_image_set
 
 LEVELS = np.random.default_rng(0).integers(0, 256, (12, 15), np.uint8)
@@ -140,11 +141,12 @@ def test_white_scales_images_and_floats_too(tmp_path):
     np.testing.assert_allclose(read_image_set(tmp_path, white=100)[1][0], LEVELS / 100, rtol=1e-6)
 
 
-@pytest.mark.parametrize("white", [0, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize("white", [0, -1.0, np.nan, np.inf, "1", [1, 2]])
 def test_a_white_level_that_is_not_positive_and_finite_is_refused(tmp_path, white):
-    path = save_as(tmp_path / "a.npy", np.zeros((2, 3, 4)))
-    with pytest.raises(ValueError, match="white: expected"):
-        read_image_set(path, white=white)
+    path = save_as(tmp_path / "a.npy", np.zeros((2, 3, 3)))
+    for read in (read_image_set, read_image):
+        with pytest.raises(ValueError, match="white: expected a finite number above 0, got "):
+            read(path, white=white)
 
 
 def test_a_key_chooses_an_array_of_several(tmp_path):

@@ -112,6 +112,8 @@ def test_gray_levels_are_reported():
         ({"patch": 2}, ValueError, "patch"),
         ({"batch": 0}, ValueError, "batch: expected at least 1"),
         ({"steps": -1}, ValueError, "steps: expected at least 0, got -1"),
+        ({"seconds": 0}, ValueError, "seconds: expected a finite number above 0, got 0"),
+        ({"seconds": "5"}, ValueError, "seconds: expected a finite number above 0, got '5'"),
         ({"optimizer": "sgd"}, ValueError, "gauss-newton, adam, projected-gradient, got 'sgd'"),
         ({"sensor": jl.Sensor(oversampling=2)}, ValueError, "sensor: the network needs data with"),
         ({"sensor": jl.Sensor(oversampling=3, gain=3.0)}, ValueError, "sensor: the network needs"),

@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import real_number, shown
 from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
@@ -136,9 +137,10 @@ def uncertainty(
     >>> bool(0.8 < ((result.low <= image) & (image <= result.high)).mean() < 0.99)
     True
     """
-    if not 0.5 <= confidence_level < 1:
+    if not 0.5 <= real_number(confidence_level) < 1:
         raise ValueError(
-            f"confidence_level: expected a coverage from 0.5 to below 1, got {confidence_level!r}"
+            "confidence_level: expected a coverage from 0.5 to below 1, got "
+            f"{shown(confidence_level)}"
         )
     stated = carried_sensor(data) if sensor is None else sensor
     if isinstance(stated, Sensor) and stated.mosaic is not None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts, as_path
+from jotlight.checks import Counts, as_path, refuse_masked
 from jotlight.errors import warn
 from jotlight.formats.labels import make_counts_label
 from jotlight.formats.registry import WRITERS
@@ -101,6 +101,7 @@ def save(
     <Bits: 1 frame of 10 x 10 jots>
     """
     path = as_path(path, 'jotlight.save(bits, "capture.npy")')
+    refuse_masked("data", data)
     if not isinstance(data, Bits | Readings):
         if not isinstance(data, np.ndarray) or data.dtype.kind not in "iu":
             kind = getattr(data, "dtype", type(data).__name__)

@@ -3,7 +3,6 @@
 import contextlib
 import io
 import json
-import math
 import os
 import zlib
 from collections.abc import Callable, Mapping
@@ -13,7 +12,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_path
+from jotlight.checks import as_path, positive_number
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
 from jotlight.formats.images.tiff_directories import open_checked_tiff
@@ -93,9 +92,7 @@ def read_image(
     if array.dtype.kind == "f":
         scale = 1.0
     if white is not None:
-        if not 0 < white < math.inf:
-            raise ValueError(f"white: expected a finite level above 0, got {white}")
-        scale = white
+        scale = positive_number("white", white)
     if scale is None:
         raise ValueError(
             f"{path}: the scale of its {array.dtype} values is unknown; state the level of "

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_path
+from jotlight.checks import as_path, positive_number, refuse_masked
 from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.formats.capture import CountStack
@@ -78,7 +78,7 @@ def save_image(
         )
     values = _checked(image, path.suffix.lower() in DISPLAYED)
     if path.suffix.lower() in DISPLAYED:
-        white = find_white(values) if white is None else _checked_white(white)
+        white = find_white(values) if white is None else positive_number("white", white)
     write = image_writer(path, depth=depth, white=white or 1.0)
     if white is not None and path.suffix.lower() in DISPLAYED:
         _warn_of_negatives("image", values, white, depth)
@@ -160,7 +160,7 @@ def save_film(
     True
     """
     path = as_path(path, 'jotlight.save_film("a.gif", images)')
-    tone = None if white is None else Tone("linear", _checked_white(white))
+    tone = None if white is None else Tone("linear", positive_number("white", white))
     number = len(images) if isinstance(images, _SEQUENCES) else None
     is_displayed = not is_floats(path)
     _check_shape(images)
@@ -203,6 +203,7 @@ def _checked(image: npt.ArrayLike, is_displayed: bool) -> npt.NDArray[Any]:
 
     An image for display has finite values only.
     """
+    refuse_masked("image", image, "pass image.filled(0), or another value for masked pixels")
     values = np.asarray(image)
     if values.dtype.kind not in "biuf":
         raise TypeError(f"image: expected an array of numbers, got {values.dtype}")
@@ -213,12 +214,6 @@ def _checked(image: npt.ArrayLike, is_displayed: bool) -> npt.NDArray[Any]:
     if is_displayed and not np.isfinite(values).all():
         raise ValueError("image: expected finite values, got NaN or infinity")
     return values
-
-
-def _checked_white(white: float) -> float:
-    if not 0 < white < np.inf:
-        raise ValueError(f"white: expected a finite value above 0, got {white}")
-    return white
 
 
 class _Exposure(NamedTuple):

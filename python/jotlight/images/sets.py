@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import positive_number
 from jotlight.formats.archives import read_npz
 from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.file_systems import explained, find_files, open_file_system
@@ -119,8 +120,8 @@ def _read_stack(
                 "intensity 1 with white= (--white)"
             )
         white = 255.0 if array.dtype == np.uint8 else 1.0
-    elif not (np.isfinite(white) and white > 0):
-        raise ValueError(f"white: expected a number above 0, got {white}")
+    else:
+        white = positive_number("white", white)
     stack = (np.asarray(array) / np.float64(white)).astype(np.float32)
     digits = len(str(len(array) - 1))
     names = [f"{number:0{digits}d}" for number in range(len(array))]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import real_number, shown
 from jotlight.errors import MissingExtraError
 from jotlight.files import atomic_folder, atomic_write
 from jotlight.images.color import FloatImage
@@ -58,8 +59,8 @@ def check_fps(path: Path, fps: float) -> None:
     --------
     >>> check_fps(Path("a.gif"), 25.0)
     """
-    if not 0 < fps < 1e4:
-        raise ValueError(f"fps: expected images per second above 0, got {fps:g}")
+    if not 0 < real_number(fps) < 1e4:
+        raise ValueError(f"fps: expected images per second above 0, got {shown(fps)}")
     if path.suffix.lower() == ".gif" and fps > MAX_FPS:
         raise ValueError(
             f"fps: expected up to {MAX_FPS} images per second for a .gif, because viewers show "

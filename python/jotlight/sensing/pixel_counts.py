@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts, check_threads, refuse_frames, refuse_path
+from jotlight.checks import as_counts, check_threads, refuse_frames, refuse_masked, refuse_path
 from jotlight.layout import Layout, join
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
@@ -248,6 +248,7 @@ def prepare_data(
     warn_about_frames(images, sensor)
     if trials is not None:
         _check_jots(images, sensor)
+        refuse_masked("trials", trials)
         if np.ndim(trials) == 2 and np.shape(trials) == images.shape[1:]:
             trials = layout.arrange(np.broadcast_to(trials, images.shape))
         checked = checked_trials(trials, counts)

@@ -171,8 +171,7 @@ def train(
     filter_dtype = filter_dtype_of(precision)
     if optimizer not in OPTIMIZERS:
         raise ValueError(f"optimizer: expected one of {', '.join(OPTIMIZERS)}, got {optimizer!r}")
-    if seconds is not None and not seconds > 0:
-        raise ValueError(f"seconds: expected a number above 0, got {seconds}")
+    seconds = None if seconds is None else positive_number("seconds", seconds)
     source = as_patch_source(images)
     if isinstance(source, ImagePatches):
         warn_about_scale("images", source.images, sensor.max_intensity)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import check_threads, whole_number
+from jotlight.checks import check_threads, positive_number, whole_number
 from jotlight.networks.graph import is_sequential
 from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
@@ -139,8 +139,7 @@ def train(
     seed = Checkpoint.choose_seed(rng, checkpoint, resume)
     admissible = SafeSet() if admissible is None else admissible
     check_threads(threads)
-    if seconds is not None and not seconds > 0:
-        raise ValueError(f"seconds: expected a number above 0, got {seconds}")
+    seconds = None if seconds is None else positive_number("seconds", seconds)
     sampler = PatchSampler.for_network(network, sensor, images, patch, batch, chosen.pixels, seed)
     tests = None if test is None else sampler.whole_images(check_images(test))
     run = Run(network, sampler, tests, chosen, admissible, steps, threads)
