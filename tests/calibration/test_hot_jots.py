@@ -112,6 +112,7 @@ def test_counts_of_color_need_their_axis_and_stacks_are_refused(shape, message):
         ({"trials": 4}, ValueError, "counts: expected at most 4 trials, got 5"),
         ({"trials": 0}, ValueError, "trials: expected at least 1"),
         ({"trials": 9, "false_positive_rate": 0.5}, ValueError, r"a number in \(0, 0.01\]"),
+        ({"trials": 9, "false_positive_rate": "0"}, ValueError, r"in \(0, 0.01\], got '0'"),
         ({"trials": 9, "mask": np.zeros((3, 4), bool)}, ValueError, r"mask: expected shape"),
     ],
 )

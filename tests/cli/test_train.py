@@ -232,7 +232,7 @@ def test_on_a_terminal_a_live_line_shows_the_run(photo_folder, tmp_path):
         ),
         (["photos", "-o", NETWORK, "--steps", -1], "steps: expected at least 0"),
         (["photos", "-o", NETWORK, "--batch", 0], "batch: expected at least 1"),
-        (["photos", "-o", NETWORK, "--sigma", 0], "sigma: expected a number above 0"),
+        (["photos", "-o", NETWORK, "--sigma", 0], "sigma: expected a finite number above 0"),
         (["photos", "-o", NETWORK, "--plot", "run.gif"], "ends in .png"),
         (["photos", "-o", NETWORK, "--plot", "nowhere/run.png"], "there is no folder nowhere"),
         (["photos", "-o", NETWORK, "--plot", "photos/0.png"], "this file is read"),

@@ -144,6 +144,7 @@ def test_the_plan_takes_the_information_of_the_sensor():
     ("options", "message"),
     [
         ({"speed": -1.0}, "speed: expected pixels per frame from 0 to 1000, got -1"),
+        ({"speed": "1"}, "speed: expected pixels per frame from 0 to 1000, got '1'"),
         ({"speed": float("nan")}, "speed: expected pixels per frame"),
         ({"speed": 1.0, "size": (0, 4)}, "size: expected H and W in pixels"),
         ({"speed": 1.0, "size": (4,)}, "size: expected H and W in pixels"),

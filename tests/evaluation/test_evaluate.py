@@ -131,7 +131,7 @@ def test_each_metric_has_its_own_worst_images():
     assert worst == [10.0, 5.0, 0.2]
 
 
-@pytest.mark.parametrize("fraction", [0, -0.1, 1.01, math.nan])
+@pytest.mark.parametrize("fraction", [0, -0.1, 1.01, math.nan, "0.5", None])
 def test_a_fraction_outside_its_range_is_refused(fraction):
     with pytest.raises(ValueError, match=r"fraction: expected a number in \(0, 1\]"):
         evaluation_of((0, 1.0)).mean_of_worst("psnr", fraction)

@@ -93,7 +93,9 @@ def test_initial_estimates_lie_in_0_to_s(most):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"sigma": 0}, "sigma: expected a number above 0"),
+        ({"sigma": 0}, "sigma: expected a finite number above 0"),
+        ({"sigma": "1"}, "sigma: expected a finite number above 0, got '1'"),
+        ({"nu": "1"}, "nu: expected .*, got '1'"),
         ({"sigma": np.nan}, "sigma"),
         ({"taps": 4}, "taps: expected an odd number, got 4"),
         ({"taps": -1}, "taps"),

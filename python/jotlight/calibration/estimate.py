@@ -8,10 +8,11 @@ import numpy.typing as npt
 
 from jotlight.calibration.bulk import fit_bulk
 from jotlight.calibration.flat import measure_response
+from jotlight.calibration.hot_jots import check_false_positive_rate
 from jotlight.calibration.rates import detections, variance
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import Steadiness, steadiness
-from jotlight.checks import Counts, as_counts, refuse_path
+from jotlight.checks import Counts, as_counts, positive_number, real_number, refuse_path, shown
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import Mosaic, Pattern
@@ -179,12 +180,8 @@ class JotSums:
 
 def check_limits(false_positive_rate: float, max_dark: float) -> None:
     """Raise ValueError for a rate or a number of dark counts out of range."""
-    if not 0 < false_positive_rate <= 0.01:
-        raise ValueError(
-            f"false_positive_rate: expected a number in (0, 0.01], got {false_positive_rate!r}"
-        )
-    if not 0 < max_dark < np.inf:
-        raise ValueError(f"max_dark: expected a finite number above 0, got {max_dark!r}")
+    check_false_positive_rate(false_positive_rate)
+    positive_number("max_dark", max_dark)
 
 
 def calibrate_sums(
@@ -294,7 +291,9 @@ def count_jots(
                 "channel by itself"
             )
         if frames is not None and frames != len(data):
-            raise ValueError(f"frames: expected the {len(data)} of the {name} bits, got {frames}")
+            raise ValueError(
+                f"frames: expected the {len(data)} of the {name} bits, got {shown(frames)}"
+            )
         ones = data.counts(1, threads=threads)
         return JotSums(ones, len(data), steadiness(data, threads=threads, progress=progress))
     ones = as_counts(data)
@@ -308,10 +307,11 @@ def count_jots(
             f"frames: {name} holds counts, and their number of frames is unknown; pass frames "
             "(--frames, --flat-frames)"
         )
-    if not (1 <= frames < 2**31 and ones.max() <= frames):
+    number = real_number(frames)
+    if not (1 <= number < 2**31 and ones.max() <= number and number == int(number)):
         raise ValueError(
-            f"frames: expected at least the largest of the {name} counts, {ones.max()}, "
-            f"got {frames}"
+            f"frames: expected a whole number, at least the largest of the {name} counts, "
+            f"{ones.max()}, got {shown(frames)}"
         )
     return JotSums(ones, int(frames), None)
 

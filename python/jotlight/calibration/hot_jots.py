@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts, whole_number
+from jotlight.checks import as_counts, real_number, shown, whole_number
 from jotlight.interrupts import interruptible
 from jotlight.layout import image_channels
 from jotlight.sensing.bits import Bits
@@ -35,6 +35,17 @@ its neighbors. With this exponent, their contrast explains the star.
 """
 
 Array = npt.NDArray[np.float64]
+
+
+def check_false_positive_rate(rate: float) -> None:
+    """Raise ValueError unless a false-positive rate is a number above 0 and up to 0.01.
+
+    Examples
+    --------
+    >>> check_false_positive_rate(1e-6)
+    """
+    if not 0 < real_number(rate) <= 0.01:
+        raise ValueError(f"false_positive_rate: expected a number in (0, 0.01], got {shown(rate)}")
 
 
 def find_hot_jots(
@@ -102,10 +113,7 @@ def find_hot_jots(
     >>> np.argwhere(find_hot_jots(bits)).tolist()
     [[5, 7]]
     """
-    if not 0 < false_positive_rate <= 0.01:
-        raise ValueError(
-            f"false_positive_rate: expected a number in (0, 0.01], got {false_positive_rate!r}"
-        )
+    check_false_positive_rate(false_positive_rate)
     if isinstance(data, Bits):
         counts, number = data.counts(1, threads=threads, progress=progress), len(data)
         if isinstance(data.sensor, Sensor):

@@ -31,6 +31,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import real_number, shown
 from jotlight.sensing.response import Array
 
 _FREQUENCIES = 128
@@ -106,8 +107,10 @@ class SceneModel:
 
 def check_motion(speed: float, size: tuple[int, int]) -> None:
     """Raise ValueError for a speed or a size that is out of range."""
-    if not 0 <= speed <= _MAX_SPEED:
-        raise ValueError(f"speed: expected pixels per frame from 0 to {_MAX_SPEED:g}, got {speed}")
+    if not 0 <= real_number(speed) <= _MAX_SPEED:
+        raise ValueError(
+            f"speed: expected pixels per frame from 0 to {_MAX_SPEED:g}, got {shown(speed)}"
+        )
     if len(size) != 2 or min(size) < 1:
         raise ValueError(f"size: expected H and W in pixels, 1 or more, got {size}")
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight.metrics as metrics
-from jotlight.checks import as_path, refuse_masked, require_image_list
+from jotlight.checks import as_path, real_number, refuse_masked, require_image_list, shown
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.files import write_file
@@ -67,8 +67,8 @@ class Evaluation:
         >>> Evaluation(scores).mean_of_worst("psnr", 0.5)
         25.0
         """
-        if not 0 < fraction <= 1:
-            raise ValueError(f"fraction: expected a number in (0, 1], got {fraction}")
+        if not 0 < real_number(fraction) <= 1:
+            raise ValueError(f"fraction: expected a number in (0, 1], got {shown(fraction)}")
         # 0.07 * 100 rounds to just above 7; the tolerance keeps it from becoming 8.
         values = np.sort(self._known(metric))
         number = math.ceil(fraction * values.size - 1e-9)

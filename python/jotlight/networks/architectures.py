@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import positive_number, real_number, shown
 from jotlight.estimators import vst
 from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.layer import Layer
@@ -93,15 +94,14 @@ def build_two_layer(
     [0, S], so every output lies in [0, S].
     """
     require_trainable(sensor)
-    if not (math.isfinite(sigma) and sigma > 0):
-        raise ValueError(f"sigma: expected a number above 0, got {sigma}")
+    sigma = positive_number("sigma", sigma)
     taps, coefficients = operator.index(taps), operator.index(coefficients)
     if taps < 1 or taps % 2 == 0:
         raise ValueError(f"taps: expected an odd number, got {taps}")
     if coefficients < 5:
         raise ValueError(f"coefficients: expected at least 5, got {coefficients}")
-    if not (math.isfinite(nu) and nu >= 0):
-        raise ValueError(f"nu: expected a number of 0 or more, got {nu}")
+    if not 0 <= real_number(nu) < math.inf:
+        raise ValueError(f"nu: expected a number of 0 or more, got {shown(nu)}")
     trials = sensor.trials
     low, high = vst.anscombe([0, trials], trials).astype(float)
 
