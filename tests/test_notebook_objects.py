@@ -240,9 +240,11 @@ def test_uncertainty_is_summarized_also_without_information():
     error, width = UNCERTAINTY.plot().axes[:2]
     np.testing.assert_array_equal(error.images[0].get_array(), UNCERTAINTY.standard_error)
     np.testing.assert_array_equal(width.images[0].get_array(), UNCERTAINTY.high - UNCERTAINTY.low)
-    masked = jl.Sensor(frames=4, mask=np.ones((4, 6), bool), efficiency=0.5)
+    mask = np.ones((4, 6), bool)
+    mask[2, 3] = False
+    masked = jl.Sensor(frames=4, mask=mask, efficiency=0.5)
     dead = jl.uncertainty(np.zeros((4, 6), int), masked, method="mle")
-    assert "dead 100.00%" in repr(dead)
+    assert "dead 95.83%" in repr(dead)
     assert "<img" in dead._repr_html_()
     assert dead.plot()._repr_png_().startswith(b"\x89PNG")
     color = jl.uncertainty(RANDOM.integers(0, 4, (4, 6, 3)), jl.Sensor(frames=4))
