@@ -7,20 +7,20 @@ import numpy.typing as npt
 
 from jotlight.estimators.merge_readings import (
     MAX_TRIALS,
-    least_light,
     linear_counts,
     mean_response,
     merge_joint,
+    min_light,
     reference_sensor,
 )
 from jotlight.sensing.joint_likelihood import JointLikelihood
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.response import Array
 
-_LEAST_SHARE = 1e-5
+_MIN_SHARE = 1e-5
 """Smallest intensity near which readings are merged, as a share of the largest one."""
 
-_LARGEST_DEBT = 1.0
+_MAX_DEBT = 1.0
 """Most ones below 0 that the next pixels of a row make up for."""
 
 _ROUNDS = 3
@@ -30,7 +30,7 @@ _SIGMA, _MAX_FILTERS = 1.0, 16
 """Standard deviation of an average, in pixels, if all pixels have the same filter, and the most
 filters for which it is wider, so that it is over as many pixels."""
 
-_LARGEST_FRACTION = 1 - 1e-6
+_MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
 
 _GOLDEN_RATIO = 0.6180339887498949
@@ -81,7 +81,7 @@ def _average(merged: Merged, pattern: npt.NDArray[np.integer] | None) -> Array:
             gaussian_filter(np.where(own, part, 0.0), sigma) for part in (merged.ones, trials)
         )
         fraction = np.where(own, ones / np.maximum(number, 1e-9), fraction)
-    rate = -np.log1p(-np.clip(fraction, 0, _LARGEST_FRACTION)) - merged.dark_counts
+    rate = -np.log1p(-np.clip(fraction, 0, _MAX_FRACTION)) - merged.dark_counts
     slope = np.maximum(merged.efficiency, 1e-9) * merged.sensor.light_per_intensity
     return np.asarray(np.maximum(rate, 0) / slope)
 
@@ -125,7 +125,7 @@ def merge_near(
 
     reference, largest = reference_sensor(joint.sensor), joint.sensor.max_intensity
     efficiency, dark_counts = mean_response(reference)
-    least = np.maximum(_LEAST_SHARE * largest, least_light(joint))
+    least = np.maximum(_MIN_SHARE * largest, min_light(joint))
     near = np.clip(intensity.astype(np.float64), least, largest)
     slope = efficiency * reference.light_per_intensity
     rate = slope * near + dark_counts
@@ -179,5 +179,5 @@ def diffuse(values: Array, is_known: npt.NDArray[np.bool_]) -> Array:
     for column in range(values.shape[1]):
         wanted = values[:, column] + error
         whole[:, column] = np.where(is_known[:, column], np.maximum(np.floor(wanted), 0), 0)
-        error = np.clip(wanted - whole[:, column], -_LARGEST_DEBT, 1)
+        error = np.clip(wanted - whole[:, column], -_MAX_DEBT, 1)
     return whole

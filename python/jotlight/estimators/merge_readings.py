@@ -193,7 +193,7 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     efficiency, dark_counts = mean_response(reference)
     intensity = regular_maximum(joint)
     gradient = joint.gradient_and_curvature(intensity)[0]
-    least = np.maximum(intensity, least_light(joint))
+    least = np.maximum(intensity, min_light(joint))
     information = joint.information(least)
     slope = efficiency * reference.light_per_intensity
     is_known = joint.trials > 0
@@ -280,7 +280,7 @@ def linear_counts(
     return trials * one + gradient * one / slope, trials
 
 
-def least_light(joint: JointLikelihood) -> float | Array:
+def min_light(joint: JointLikelihood) -> float | Array:
     """Return the intensity of half a photon in all readings of a pixel, 0 without read noise."""
     if joint.sensor.read_noise == 0:
         return 0.0
