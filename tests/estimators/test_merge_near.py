@@ -70,11 +70,11 @@ def test_the_trials_do_not_depend_on_the_noise():
     _, first = merged_near(sensor, 0.5)
     _, second = merged_near(sensor, 0.5, rng=1)
     assert (first.ones != second.ones).any()
-    # Except where rounding has made more ones than trials.
-    assert (np.unique(first.trials)[0], np.unique(second.trials)[0]) == (
-        pytest.approx(float(np.median(first.trials))),
-        pytest.approx(float(np.median(first.trials))),
-    )
+    for merged in (first, second):
+        # Rounding may make more ones than trials, which are then as many.
+        usual = merged.trials[merged.ones < merged.trials]
+        assert usual.size > 0.8 * merged.trials.size
+        np.testing.assert_allclose(usual, first.trials.min(), rtol=1e-12)
 
 
 def test_a_wrong_intensity_changes_the_result_less_than_it_is_wrong():

@@ -15,7 +15,7 @@ from jotlight.estimators.merge_readings import (
 )
 from jotlight.sensing.joint_likelihood import JointLikelihood
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.response import Array
+from jotlight.sensing.response import Array, inverse_detection_probability
 
 _MIN_SHARE = 1e-5
 """Smallest intensity near which readings are merged, as a share of the largest one."""
@@ -27,8 +27,9 @@ _ROUNDS = 3
 """Number of averages near which readings are merged, one after the other."""
 
 _SIGMA, _MAX_FILTERS = 1.0, 16
-"""Standard deviation of an average, in pixels, if all pixels have the same filter, and the most
-filters for which it is wider, so that it is over as many pixels."""
+"""Standard deviation of an average in pixels, if all pixels have the same filter, and a number of
+filters. With more filters, the average is wider, so that it has as many pixels of its own filter.
+Beyond this number, it grows no further."""
 
 _MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
@@ -81,7 +82,8 @@ def _average(merged: Merged, pattern: npt.NDArray[np.integer] | None) -> Array:
             gaussian_filter(np.where(own, part, 0.0), sigma) for part in (merged.ones, trials)
         )
         fraction = np.where(own, ones / np.maximum(number, 1e-9), fraction)
-    rate = -np.log1p(-np.clip(fraction, 0, _MAX_FRACTION)) - merged.dark_counts
+    fraction = np.clip(fraction, 0, _MAX_FRACTION)
+    rate = inverse_detection_probability(1, fraction, 1 - fraction) - merged.dark_counts
     slope = np.maximum(merged.efficiency, 1e-9) * merged.sensor.light_per_intensity
     return np.asarray(np.maximum(rate, 0) / slope)
 

@@ -81,9 +81,8 @@ def with_one_response(
 def _merge_for_network(joint: JointLikelihood, threads: int | None) -> Merged:
     """Return equivalent counts of a gray image for a network.
 
-    Networks expect numbers of trials that do not depend on the noise. At the most likely
-    intensities they do, because a pixel with more ones seems to be brighter. So the counts are
-    those near the estimates of a network.
+    Networks expect numbers of trials that do not depend on the noise. Those at the most likely
+    intensity of each pixel depend on it. So the counts are those near estimates of a network.
     """
     merged = merge_joint(joint)
     if joint.sensor.has_plain_bits:
