@@ -38,6 +38,7 @@ def test_the_image_is_that_of_the_merged_bits(run, moving, tmp_path):
     merged = jl.merge(moving, motion=motion)
     expected = jl.pretrained(moving.sensor).reconstruct(merged)
     np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), expected)
+    np.testing.assert_array_equal(jl.reconstruct(jl.merge(moving, at=10)), expected)
     np.testing.assert_array_equal(jl.Motion.load("m.safetensors").nodes, motion.nodes)
     with np.load("maps.npz") as maps:
         assert set(maps) == {"trials", "acceptance", "posterior_error", "flags"}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from moving import aligned, constant_motion, moved
+from moving import aligned, constant_motion, moved, record
 
 module = sys.modules["jotlight.motion.merge"]
 
@@ -62,6 +62,28 @@ def test_whole_shifts_give_the_sums_of_shifted_frames_bit_for_bit(step):
     ones, trials = sums_of(bits, step)
     assert_sums(merged, ones, trials)
     np.testing.assert_allclose(merged.acceptance, merged.trials / np.maximum(trials, 1), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("motion", "at", "upsample"),
+    [
+        ("shake", None, 1),
+        ("shake", 20.5, 2),
+        ("fast", None, 2),
+        pytest.param("layers", None, 1, marks=pytest.mark.slow),
+        pytest.param("sheet", None, 1, marks=pytest.mark.slow),
+    ],
+)
+def test_merging_alone_is_merging_along_what_align_returns(tmp_path, motion, at, upsample):
+    """Bit for bit, also if the motion was saved."""
+    _, bits = record(motion, shape=(128, 128))
+    motion = jl.align(bits, at=at)
+    motion.save(tmp_path / "m.safetensors")
+    alone = jl.merge(bits, at=at, upsample=upsample)
+    for each in (motion, jl.Motion.load(tmp_path / "m.safetensors")):
+        merged = jl.merge(bits, at=at, motion=each, upsample=upsample)
+        for name in ("ones", "trials", "acceptance", "posterior_error", "flags"):
+            np.testing.assert_array_equal(getattr(merged, name), getattr(alone, name))
 
 
 def test_merged_counts_estimate_the_image():

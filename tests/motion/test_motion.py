@@ -32,6 +32,11 @@ def test_displacements_are_linear_in_time():
     assert motion.at(3).shape == (2, 40, 70)
 
 
+def test_known_displacements_are_not_rounded():
+    motion = random_motion()
+    np.testing.assert_array_equal(motion.nodes_at_times(motion.times), motion.nodes)
+
+
 def test_each_pixel_follows_its_own_field():
     motion = random_motion()
     nodes = motion.nodes[:, 1] + (2.5 / 4) * (motion.nodes[:, 2] - motion.nodes[:, 1])

@@ -1,5 +1,7 @@
 """Tracks and paths: counts along displacements that change between and within blocks."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -86,6 +88,35 @@ def test_whole_shifts_in_each_frame_give_the_sum_of_shifted_frames():
     total = np.sum([(track.sums(n).ones, track.sums(n).trials) for n in range(6)], axis=0)
     np.testing.assert_array_equal(total[0], ones)
     np.testing.assert_array_equal(total[1], trials)
+
+
+@pytest.mark.parametrize("change", [0.0, 0.03, 2.0])
+@pytest.mark.parametrize("step", [1, 2])
+def test_exact_tracks_count_along_their_own_displacements(change, step):
+    """Sums that were counted along other displacements, however near, are counted again."""
+    track, _ = random_track(6)
+    track = track.over(dataclasses.replace(track.blocks, step=step))
+    for block in range(6):
+        track.sums(block)
+    track.nodes += change
+    exact = track.exact(dataclasses.replace(track.blocks, step=1))
+    nodes = track.nodes.astype(np.float32)
+    np.testing.assert_array_equal(exact.nodes, nodes)
+    fresh = Track(exact.blocks, 12, nodes.astype(float), track.known, track.information)
+    for block in range(6):
+        for name in ("ones", "trials", "remainders"):
+            expected = getattr(fresh.sums(block), name)
+            np.testing.assert_array_equal(getattr(exact.sums(block), name), expected)
+
+
+def test_tracks_with_other_known_blocks_are_never_the_same():
+    """A block whose neighbors are not known may move alike, but is interpolated in another way."""
+    track, _ = random_track(6)
+    track.nodes[:] = 0.5
+    curve = track._curve(3)
+    other = dataclasses.replace(curve, fields=curve.fields[:2], times=curve.times[:2])
+    assert curve.distance(curve) == 0
+    assert 0 < other.distance(curve) < 1e-9
 
 
 def test_each_pixel_counts_along_its_own_track():

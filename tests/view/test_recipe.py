@@ -17,6 +17,7 @@ from jotlight.view.recipe import recipe
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
 from jotlight.view.viewed import Viewed
+from moving import record
 
 PHOTO = jl.datasets.photograph("camera")[100:140, 180:240]
 
@@ -42,6 +43,7 @@ def folder(tmp_path, monkeypatch):
     jl.save(bayer.expose(color, rng=0), "mosaic.npy")
     scene = jl.datasets.moving(color, sensor=bayer, photons=0.6, rng=4)
     jl.save(scene.bits, "shaken.npy")
+    jl.save(record("shake", shape=(128, 128))[1], "gray.npy")
     mask = np.zeros(PHOTO.shape, bool)
     mask[3, 4] = True
     np.save("mask.npy", mask)
@@ -79,7 +81,10 @@ CASES = [
     ("mosaic.npy", "", ViewState(4, 50, "mle", align=True, white=0.8)),
     ("shaken.npy", "", ViewState(0, 60, "network-color", align=True, white=0.8)),
     ("shaken.npy", "", ViewState(0, 60, "mle", align=True, white=0.8)),
+    ("gray.npy", "", ViewState(0, 48, "mle", align=True, white=0.8)),
+    ("gray.npy", "", ViewState(2, 44, "network-medium", align=True, white=0.8)),
     ("color.npy", "", ViewState(4, 50, "network-color", white=0.8)),
+    ("color.npy", "", ViewState(4, 50, "mle", align=True, white=0.8)),
 ]
 
 
@@ -110,6 +115,7 @@ def test_both_make_the_saved_image(folder, name, options, state):
     [
         ("own sensor.npy", "", ViewState(5, 20, "counts")),
         ("own sensor.npy", "", ViewState(5, 20, "mle", "admm-tv")),
+        ("gray.npy", "", ViewState(0, 48, "mle", "network-small", align=True)),
         ("counts.npy", "--frames 60 --counts", ViewState(1, 4, "counts")),
     ],
 )

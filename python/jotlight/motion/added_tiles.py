@@ -87,7 +87,7 @@ def add_tiles(
                 best, most = more, gain
     if best is paths or consistent is None:
         return best, consistent
-    others = find_consistent(best.with_all_frames())
+    others = find_consistent(best.exact())
     if others.accepted.mean() < consistent.accepted.mean() - _MAX_LOSS:
         return paths, consistent
     return best, others

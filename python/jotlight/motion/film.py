@@ -66,6 +66,11 @@ def film(
     TypeError, ValueError
         When the data do not fit the sensor, or an argument is out of its range.
 
+    Notes
+    -----
+    Films test with a faster network than :func:`jotlight.merge` which bits agree. So a few pixels
+    of an image may count other bits than ``merge(data[start : start + window], motion=motion)``.
+
     Examples
     --------
     >>> from jotlight.datasets import moving

@@ -74,7 +74,8 @@ def merge(
         The time that the image shows, from 0 to T - 1 in frames. Default: the reference time of
         the motion, or the middle, T // 2.
     motion : Motion, optional
-        The motion of the scene. Default: :func:`jotlight.align` estimates it.
+        The motion of the scene. Default: the one that :func:`jotlight.align` returns for the same
+        data, sensor, and time. The result is the same, bit for bit, as if it was passed.
     upsample : {1, 2}
         2 merges onto a grid of half pixels, with twice as many rows and columns. Each reading
         integrates over 2 x 2 pixels of this grid, which K-conditioned networks take into account.

@@ -106,7 +106,7 @@ def find_paths(
     advance(0.0)
     if model == "none":
         advance(1.0)
-        return Found(still.with_all_frames(), model, None)
+        return Found(still.exact(), model, None)
     divisions = find_segments(blocks, reference)
     advance(0.2)
     best, most = Found(still, "none", None), 0.0
@@ -123,7 +123,7 @@ def find_paths(
     if best.model == "tiles" and model == "auto" and len(best.paths.tracks) == 2:
         best = _slow_segments(blocks, reference, best)
     advance(1.0)
-    return dataclasses.replace(best, paths=best.paths.with_all_frames())
+    return dataclasses.replace(best, paths=best.paths.exact())
 
 
 def _slow_segments(blocks: Blocks, reference: int, found: Found) -> Found:
@@ -263,13 +263,13 @@ def _with_objects(paths: Paths) -> tuple[Paths, Consistent]:
 
     The given paths are returned if no object is found, or if they explain the bits better.
     """
-    consistent = find_consistent(paths.with_all_frames())
+    consistent = find_consistent(paths.exact())
     if _OBJECTS_UNKNOWN[0] < share_of_unknown(consistent) < _OBJECTS_UNKNOWN[1]:
         more = add_objects(paths)
         if more is not paths:
             more = _more_likely(paths, more)
         if more is not paths:
-            return more, find_consistent(more.with_all_frames())
+            return more, find_consistent(more.exact())
     return paths, consistent
 
 

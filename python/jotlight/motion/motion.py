@@ -146,12 +146,13 @@ class Motion:
 
     def nodes_at_times(self, times: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:
         """Return u at the centers of the tiles at n times, (m, n, 2, rows, columns)."""
-        index = np.searchsorted(self.times, times, "right") - 1
-        index = np.clip(index, 0, len(self.times) - 2)
-        before, after = self.times[index], self.times[index + 1]
-        fraction = np.clip((times - before) / (after - before), -1e9, 1e9).astype(np.float32)
-        start = self.nodes[:, index]
-        nodes = start + fraction[:, None, None, None] * (self.nodes[:, index + 1] - start)
+        known = np.clip(np.searchsorted(self.times, times, "right") - 1, 0, len(self.times) - 1)
+        first = np.minimum(known, len(self.times) - 2)
+        step = self.times[first + 1] - self.times[first]
+        fraction = np.clip((times - self.times[known]) / step, -1e9, 1e9).astype(np.float32)
+        # From the nearest known time, so that no known displacement is rounded.
+        change = self.nodes[:, first + 1] - self.nodes[:, first]
+        nodes = self.nodes[:, known] + fraction[:, None, None, None] * change
         return np.asarray(np.clip(nodes, -MAX_DISPLACEMENT, MAX_DISPLACEMENT))
 
     def at(self, time: float) -> npt.NDArray[np.float32]:

@@ -59,7 +59,7 @@ class _Curve:
         """Return the largest difference of the displacements in pixels.
 
         It is that of the fields, or of the first, the middle, and the last frame if there are not
-        equally many fields.
+        equally many fields. Then it is never 0, because other fields round differently.
         """
         if len(self.times) == len(other.times):
             return float(abs(self.fields - other.fields).max())
@@ -69,7 +69,7 @@ class _Curve:
             _weights(three, tuple(each.times.tolist())) @ each.fields.reshape(len(each.fields), -1)
             for each in (self, other)
         )
-        return float(abs(one - two).max())
+        return max(float(abs(one - two).max()), np.finfo(float).tiny)
 
 
 class _Kept:
@@ -123,6 +123,8 @@ class Track:
     """Information about the displacements in nats/px², (n, 3, rows, columns)."""
     pixels: npt.NDArray[np.bool_] | None = None
     """The pixels that are counted, (H, W). Default: all."""
+    tolerance: float = _SAME
+    """Change of the displacements in pixels up to which :meth:`sums` does not count bits again."""
     _kept: dict[int, _Kept] = dataclasses.field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -138,13 +140,25 @@ class Track:
 
     def inside(self, pixels: npt.NDArray[np.bool_] | None) -> "Track":
         """Return the same motion, where only some pixels (H, W) are counted, or all for None."""
-        part = dataclasses.replace(self, pixels=pixels)
-        part._kept, part._places = self._kept, self._places
-        return part
+        return self._sharing(dataclasses.replace(self, pixels=pixels))
+
+    def exact(self, blocks: Blocks) -> "Track":
+        """Return the track that a motion holds, over other frames of the same blocks.
+
+        Its displacements have single precision, and bits are counted along exactly these.
+        """
+        nodes = self.nodes.astype(np.float32).astype(np.float64)
+        exact = dataclasses.replace(self, blocks=blocks, nodes=nodes, tolerance=0.0)
+        return self._sharing(exact) if blocks.step == self.blocks.step else exact
+
+    def _sharing(self, other: "Track") -> "Track":
+        """Return another track over the same frames, which shares the sums that are kept."""
+        other._kept, other._places = self._kept, self._places
+        return other
 
     def sums(self, block: int) -> Sums:
         """Return the sums of a block along the motion. Their arrays must not be changed."""
-        return self._counted(_SAME, block)
+        return self._counted(self.tolerance, block)
 
     def nearby_sums(self, block: int) -> Sums:
         """Return the sums of a block along nearly the same motion, with the right remainders.
@@ -233,11 +247,13 @@ class Paths:
         """Time at which displacements are 0."""
         return self.tracks[0].reference
 
-    def with_all_frames(self) -> "Paths":
-        """Return the same paths over all frames of the blocks."""
+    def exact(self) -> "Paths":
+        """Return the paths that a motion holds, over all frames of the blocks.
+
+        So the sums along them are those along the motion, whoever merges it.
+        """
         blocks = dataclasses.replace(self.blocks, step=1)
-        tracks = [track.over(blocks) for track in self.tracks]
-        return dataclasses.replace(self, tracks=tracks)
+        return dataclasses.replace(self, tracks=[track.exact(blocks) for track in self.tracks])
 
     def sums(self, block: int) -> Sums:
         """Return the sums of a block, of each pixel along its own track while it is not hidden."""
