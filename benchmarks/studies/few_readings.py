@@ -3,12 +3,16 @@
     python benchmarks/studies/few_readings.py
 
 The first table is for parts of three photographs that come with scikit-image, 256 x 256 pixels. It
-states the mean PSNR of networks that get the counts of `jotlight.merge_readings`, of the default
-method, which gets counts near an estimate, and of total variation. *bias* is the mean relative
-error of the mean intensity. *single* is the default method for bits with one gain, and with as much
-light in as many frames.
+states the mean PSNR of networks that get the counts of `jotlight.merge_readings`, and of the
+default method, which gets counts near an estimate; then the same for `noniterative-tv`; and that of
+`admm-tv`. *bias* is the mean relative error of the mean intensity. *single* is the default method
+for bits with one gain, and with as much light in as many frames.
 
-The second table is for "camera" at half size, 16 frames, and a checkerboard of thresholds 1 and q,
+The second table is for the same sensors with a Bayer mosaic and two color photographs: planes by
+the network "medium" with color differences, the default method, which is the color network, and
+*single*.
+
+The last table is for "camera" at half size, 16 frames, and a checkerboard of thresholds 1 and q,
 with q photons per jot and frame at intensity 1. It shows the default method without and with the
 average over neighbors.
 """
@@ -18,7 +22,7 @@ from unittest.mock import patch
 import numpy as np
 
 import jotlight as jl
-from jotlight.evaluation import different_readings
+from jotlight.estimators import merge_near
 
 SENSORS = {
     "gains 1, 2, 3, 4": jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0]),
@@ -38,56 +42,90 @@ SENSORS = {
     ),
 }
 PHOTOGRAPHS = "camera", "astronaut", "coins"
+COLORS = "astronaut", "coffee"
+PART = slice(40, 296), slice(100, 356)
 
 
 def main() -> None:
-    """Print both tables."""
-    images = [
-        jl.datasets.photograph(name, gray=True)[40:296, 100:356].astype(float)
-        for name in PHOTOGRAPHS
-    ]
-    print("| sensor | merge_readings, dB | bias | default, dB | bias | admm-tv, dB | single, dB |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
+    """Print the three tables."""
+    images = [jl.datasets.photograph(name, gray=True)[PART].astype(float) for name in PHOTOGRAPHS]
+    methods = "merge_readings", "default", "merge_readings, tv", "noniterative-tv"
+    print(f"| sensor | {' | bias | '.join(methods)} | bias | admm-tv | single |")
+    print(f"| --- |{' ---: |' * 10}")
     for name, sensor in SENSORS.items():
         rows = [measure(sensor, image) for image in images]
-        dB = np.mean([quality for quality, _ in rows], axis=0)
-        bias = np.mean([ratio for _, ratio in rows], axis=0)
-        single = f"{dB[3]:.2f}" if len(dB) > 3 else ""
-        print(
-            f"| {name} | {dB[0]:.2f} | {bias[0]:+.1%} | {dB[1]:.2f} | {bias[1]:+.1%} | "
-            f"{dB[2]:.2f} | {single} |",
-            flush=True,
-        )
-    print("\n| q | network-medium, no average, dB | network-medium, dB | admm-tv, dB |")
-    print("| --- | --- | --- | --- |")
+        print(f"| {name} | {cells(rows, biases=4)} |", flush=True)
+    print("\n| sensor, RGGB | differences | bias | default | bias | single |")
+    print(f"| --- |{' ---: |' * 5}")
+    images = [jl.datasets.photograph(name)[PART].astype(float) for name in COLORS]
+    for name, sensor in SENSORS.items():
+        rows = [measure_colors(sensor.replace(mosaic="RGGB"), image) for image in images]
+        print(f"| {name} | {cells(rows, biases=2)} |", flush=True)
+    print("\n| q | network-medium, no average | network-medium | noniterative-tv | admm-tv |")
+    print("| --- | ---: | ---: | ---: | ---: |")
     camera = jl.datasets.photograph("camera")[::2, ::2].astype(float)
     for q in (2, 4, 8):
         print(f"| {q} | {' | '.join(f'{psnr:.2f}' for psnr in checkerboard(camera, q))} |")
 
 
-def measure(sensor: jl.Sensor, image: np.ndarray) -> tuple[list[float], list[float]]:
-    """Return the PSNR of each column, and the relative errors of the mean intensity."""
+Row = list[tuple[float, float]]
+"""PSNR and relative error of the mean intensity of each estimate."""
+
+
+def measure(sensor: jl.Sensor, image: np.ndarray) -> Row:
+    """Return the row of a gray image."""
     readings = sensor.expose(image, rng=0)
     network = jl.pretrained(sensor, "medium")
+    merged = jl.merge_readings(readings)
     estimates = [
-        network.reconstruct(jl.merge_readings(readings)),
+        network.reconstruct(merged),
         jl.reconstruct(readings),
+        jl.reconstruct(merged, method="noniterative-tv"),
+        jl.reconstruct(readings, method="noniterative-tv"),
         jl.reconstruct(readings, method="admm-tv"),
+        *single(sensor, image),
     ]
-    if np.ndim(sensor.gain) == 1 and sensor.bit_depth == 1:
-        one_gain = sensor.replace(gain=float(np.sum(sensor.gain)))
-        estimates.append(jl.reconstruct(one_gain.expose(image, rng=0)))
-    ratios = [float(estimate.mean() / image.mean()) - 1 for estimate in estimates]
-    return [jl.metrics.psnr(estimate, image) for estimate in estimates], ratios
+    return [errors(estimate, image) for estimate in estimates]
+
+
+def measure_colors(sensor: jl.Sensor, image: np.ndarray) -> Row:
+    """Return the row of a color image."""
+    readings = sensor.expose(image, rng=0, channel_axis=-1)
+    planes = jl.reconstruct(readings, method="network-medium", demosaicing="differences")
+    estimates = [planes, jl.reconstruct(readings), *single(sensor, image)]
+    return [errors(estimate, image) for estimate in estimates]
+
+
+def single(sensor: jl.Sensor, image: np.ndarray) -> list[np.ndarray]:
+    """Return the default estimate from bits with one gain and as much light, if gains differ."""
+    if np.ndim(sensor.gain) == 0 or sensor.bit_depth > 1:
+        return []
+    one_gain = sensor.replace(gain=float(np.sum(sensor.gain)))
+    channel_axis = -1 if image.ndim == 3 else None
+    return [jl.reconstruct(one_gain.expose(image, rng=0, channel_axis=channel_axis))]
+
+
+def errors(estimate: np.ndarray, image: np.ndarray) -> tuple[float, float]:
+    """Return the PSNR, and the relative error of the mean intensity."""
+    return jl.metrics.psnr(estimate, image), float(estimate.mean() / image.mean()) - 1
+
+
+def cells(rows: list[Row], biases: int) -> str:
+    """Return the mean PSNR of each estimate, and the mean bias of some of the first ones."""
+    means = np.mean(rows, axis=0)
+    texts = []
+    for number, (psnr, bias) in enumerate(means):
+        texts += [f"{psnr:.2f}", f"{bias:+.1%}"] if number < biases else [f"{psnr:.2f}"]
+    return " | ".join(texts)
 
 
 def checkerboard(image: np.ndarray, q: int) -> list[float]:
-    """Return the PSNR without and with the average over neighbors, and of total variation."""
+    """Return the PSNR of networks without and with the average, and of total variation."""
     board = np.where(np.indices(image.shape).sum(axis=0) % 2, 1, q)
     bits = jl.Sensor(frames=16, gain=16.0 * q, threshold=board).expose(image, rng=0)
-    with patch.object(different_readings, "_SIGMA", 0.0):
+    with patch.object(merge_near, "_MAP_SIGMA", 0.0):
         alone = jl.reconstruct(bits)
-    others = jl.reconstruct(bits), jl.reconstruct(bits, method="admm-tv")
+    others = [jl.reconstruct(bits, method=name) for name in (None, "noniterative-tv", "admm-tv")]
     return [jl.metrics.psnr(estimate, image) for estimate in (alone, *others)]
 
 

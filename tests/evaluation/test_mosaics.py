@@ -94,7 +94,8 @@ def test_dead_pixels_are_filled_by_the_color_network():
 
 
 @pytest.mark.parametrize(
-    "options", [{"frames": 2000}, {"frames": 8, "bit_depth": 3}, {"frames": 8, "trials": True}]
+    "options",
+    [{"frames": 2000}, {"frames": 8, "gain": 800.0, "bit_depth": 8}, {"frames": 8, "trials": True}],
 )
 def test_other_data_have_planes_by_default(options):
     has_map = options.pop("trials", False)
@@ -106,6 +107,23 @@ def test_other_data_have_planes_by_default(options):
     assert "color differences" in info.title
     with pytest.raises(ValueError, match='demosaicing: "network" estimates colors from the bits'):
         jl.reconstruct(*arguments, demosaicing="network", **maps)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"frames": 4, "gain": [1.0, 2.0, 3.0, 4.0]},
+        {"frames": 2, "gain": 3.0, "threshold": [1, 2]},
+        {"frames": 8, "gain": 8.0, "bit_depth": 3, "read_noise": 0.3},
+    ],
+    ids=repr,
+)
+def test_the_color_network_takes_readings_that_differ(options):
+    readings = jl.Sensor(mosaic="RGGB", **options).expose(SCENE, rng=0)
+    found, info = jl.reconstruct(readings, return_info=True)
+    assert info.method == "network-color"
+    assert found.mean() == pytest.approx(SCENE.mean(), rel=0.05)
+    assert psnr(found) > psnr(jl.reconstruct(readings, demosaicing="differences")) + 0.5
 
 
 @pytest.mark.parametrize(

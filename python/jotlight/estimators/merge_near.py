@@ -1,4 +1,4 @@
-"""Equivalent counts near estimates of the intensities, for networks."""
+"""Equivalent counts near estimates of the intensities, for methods that take counts."""
 
 from collections.abc import Iterator
 
@@ -26,10 +26,19 @@ _MAX_DEBT = 1.0
 _ROUNDS = 3
 """Number of averages near which readings are merged, one after the other."""
 
-_SIGMA, _MAX_FILTERS = 1.0, 16
-"""Standard deviation of an average in pixels, if all pixels have the same filter, and a number of
-filters. With more filters, the average is wider, so that it has as many pixels of its own filter.
-Beyond this number, it grows no further."""
+_SIGMA, _MIN_SIGMA, _MAX_SIGMA = 4.0, 1.0, 3.0
+"""Standard deviation of an average in pixels, for one reading per pixel, and its limits. For n
+readings, it is divided by √n. The noise of narrow averages of few readings biases the counts."""
+
+_MAX_FILTERS = 16
+"""With more filters, an average is wider, so that it has as many pixels of its own filter. Beyond
+this number, it grows no further."""
+
+_MAP_SIGMA = 0.4
+"""Standard deviation of the filter of the counts, in pixels, for maps of thresholds.
+
+Some of their pixels say much and their neighbors little, and denoisers take both for equally good.
+"""
 
 _MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
@@ -65,19 +74,24 @@ def merge_near_neighbors(
     merged = merge_joint(joint)
     if joint.sensor.has_plain_bits:
         return merged
+    readings = float(np.mean(joint.trials))
+    sigma = min(max(_SIGMA / np.sqrt(max(readings, 1)), _MIN_SIGMA), _MAX_SIGMA)
     for _ in range(_ROUNDS):
-        merged = merge_near(joint, _average(merged, pattern), pattern=pattern)
+        merged = merge_near(joint, _average(merged, sigma, pattern), pattern)
     return merged
 
 
-def _average(merged: Merged, pattern: npt.NDArray[np.integer] | None) -> Array:
-    """Return the intensities of averages over neighbors with the same filter, (H, W)."""
+def _average(merged: Merged, spread: float, pattern: npt.NDArray[np.integer] | None) -> Array:
+    """Return the intensities of averages over neighbors with the same filter, (H, W).
+
+    `spread` is the standard deviation of an average in pixels if all have the same filter.
+    """
     from scipy.ndimage import gaussian_filter
 
     trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
     fraction = np.zeros(merged.shape)
     for own in _of_each_filter(pattern, merged.shape):
-        sigma = _SIGMA / np.sqrt(max(own.mean(), 1 / _MAX_FILTERS))
+        sigma = spread / np.sqrt(max(own.mean(), 1 / _MAX_FILTERS))
         ones, number = (
             gaussian_filter(np.where(own, part, 0.0), sigma) for part in (merged.ones, trials)
         )
@@ -91,7 +105,6 @@ def _average(merged: Merged, pattern: npt.NDArray[np.integer] | None) -> Array:
 def merge_near(
     joint: JointLikelihood,
     intensity: npt.NDArray[np.floating],
-    sigma: float = 0.0,
     pattern: npt.NDArray[np.integer] | None = None,
 ) -> Merged:
     """Return counts whose likelihood near known intensities is that of the readings.
@@ -99,7 +112,8 @@ def merge_near(
     The derivative g and the information I are those at the given intensities, instead of at the
     most likely intensity of each pixel (:func:`jotlight.merge_readings`). So the trials do not
     depend on the noise of a pixel, and the ones are a linear function of its readings, without
-    bias. They are rounded such that the errors of neighbors cancel.
+    bias. They are rounded such that the errors of neighbors cancel. Counts of a map of thresholds
+    are averaged over the nearest neighbors, unless there is a mosaic.
 
     Parameters
     ----------
@@ -107,8 +121,6 @@ def merge_near(
         The likelihood of the readings.
     intensity : ndarray of float, shape (H, W)
         Intensities in [0, S] near the true ones.
-    sigma : float
-        Standard deviation of the Gaussian filter of the counts, in pixels. 0: none.
     pattern : ndarray of int, shape (H, W), optional
         The filter of each pixel of a mosaic. Errors of rounding cancel among pixels with the same
         filter. Default: all pixels have the same one.
@@ -135,8 +147,8 @@ def merge_near(
     gradient = np.where(is_known, joint.gradient_and_curvature(near)[0], 0.0)
     information = np.where(is_known, joint.information(near), 0.0)
     ones, trials = linear_counts(gradient, information, slope, rate, rate)
-    if sigma > 0:
-        ones, trials = gaussian_filter(ones, sigma), gaussian_filter(trials, sigma)
+    if pattern is None and np.ndim(joint.sensor.threshold) == 2:
+        ones, trials = (gaussian_filter(part, _MAP_SIGMA) for part in (ones, trials))
     trials = np.minimum(trials, MAX_TRIALS)
     ones = np.minimum(ones, MAX_TRIALS)
     whole = np.zeros(ones.shape)

@@ -71,9 +71,9 @@ def merge_readings(
     same derivative at the intensity at which half a one or half a zero is expected. Ones are
     rounded to whole numbers. Trials are then scaled such that the maximum stays the same.
 
-    The trials depend on the noise of the readings. So networks are biased if there are few of them.
-    :func:`jotlight.reconstruct` and :func:`jotlight.uncertainty` of the readings make better counts
-    for networks.
+    The trials depend on the noise of the readings. So denoisers are biased if there are few of
+    them. :func:`jotlight.reconstruct` and :func:`jotlight.uncertainty` of the readings make better
+    counts.
 
     Examples
     --------

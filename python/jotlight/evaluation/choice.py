@@ -5,6 +5,7 @@ from collections.abc import Collection
 from typing import Any
 
 from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
+from jotlight.estimators.typical_trials import typical_trials
 from jotlight.evaluation.held_out import smooth_kernel_reason
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
@@ -177,7 +178,7 @@ def choose_method(
         method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
     else:
         is_large = sensor.trials > LARGE_TRIALS and sensor.kernel == "box"
-        is_color = is_color and sensor.kernel == "box" and sensor.has_plain_bits
+        is_color = is_color and sensor.kernel == "box" and typical_trials(sensor) <= LARGE_TRIALS
         default = COLOR_NETWORK if is_color else DEFAULT_METHOD
         method = requested or (LARGE_METHOD if is_large else default)
         if requested is None:

@@ -1,12 +1,11 @@
 """Readings that a count of ones does not describe, for methods that take counts."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-import numpy as np
-
-from jotlight.estimators.merge_near import merge_near
-from jotlight.estimators.merge_readings import merge_images, merge_joint, reference_sensor
+from jotlight.estimators.merge_near import merge_near, merge_near_neighbors
+from jotlight.estimators.merge_readings import merge_joint, reference_sensor
 from jotlight.evaluation.methods import LARGE_METHOD, find_method
 from jotlight.motion.scoring import blur
 from jotlight.networks.color_network import AnyNetwork
@@ -18,6 +17,9 @@ from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.sensor import Sensor
 
+_ITERATIVE = "mle-iterative"
+"""Name of iterative maximum likelihood."""
+
 _ROUNDS = 2
 """Number of estimates near which readings are merged, one after the other."""
 
@@ -28,13 +30,6 @@ Their own noise would bias the counts.
 """
 
 
-_SIGMA = 0.4
-"""Standard deviation of the filter of the counts, in pixels, for maps of thresholds.
-
-Some of their pixels say much and their neighbors little, and networks take both for equally good.
-"""
-
-
 def with_one_response(
     images: GrayImages,
     sensor: Sensor,
@@ -42,6 +37,11 @@ def with_one_response(
     threads: int | None,
 ) -> tuple[GrayImages, Sensor]:
     """Return equivalent counts for a method, and their sensor, which has plain bits.
+
+    Denoisers expect numbers of trials that do not depend on the noise. Those at the most likely
+    intensity of each pixel depend on it. So networks get counts near estimates of a network, and
+    other methods counts near averages over neighbors. Iterative maximum likelihood gets those at
+    the maximum, as it searches for it.
 
     Parameters
     ----------
@@ -71,27 +71,31 @@ def with_one_response(
     """
     if isinstance(method, Network) and method.trials_range is None:
         require_plain_bits(sensor)
-    if not _is_network(method):
-        return merge_images(images, sensor, threads), reference_sensor(sensor)
-    joints = (joint_likelihood(one, sensor, threads) for one in images.data)
-    each = [_merge_for_network(joint, threads) for joint in joints]
+    merge = _merging_for(method, threads)
+    each = [merge(joint_likelihood(one, sensor, threads)) for one in images.data]
     return GrayImages(each, images.layout), reference_sensor(sensor)
 
 
-def _merge_for_network(joint: JointLikelihood, threads: int | None) -> Merged:
-    """Return equivalent counts of a gray image for a network.
+def _merging_for(
+    method: str | AnyNetwork | Callable[..., Any] | None, threads: int | None
+) -> Callable[[JointLikelihood], Merged]:
+    """Return the function from a likelihood to the equivalent counts for a method."""
+    if method == _ITERATIVE:
+        return merge_joint
+    if _is_network(method):
+        return partial(_merge_for_network, threads=threads)
+    return merge_near_neighbors
 
-    Networks expect numbers of trials that do not depend on the noise. Those at the most likely
-    intensity of each pixel depend on it. So the counts are those near estimates of a network.
-    """
+
+def _merge_for_network(joint: JointLikelihood, threads: int | None) -> Merged:
+    """Return equivalent counts of a gray image near estimates of a network."""
     merged = merge_joint(joint)
     if joint.sensor.has_plain_bits:
         return merged
-    sigma = _SIGMA if np.ndim(joint.sensor.threshold) == 2 else 0.0
     network = pretrained_conditional(merged.sensor, CONDITIONAL_SIZE)
     for _ in range(_ROUNDS):
         estimate = network.reconstruct(merged, threads=threads)
-        merged = merge_near(joint, blur(estimate, _NEIGHBORHOOD, threads), sigma)
+        merged = merge_near(joint, blur(estimate, _NEIGHBORHOOD, threads))
     return merged
 
 

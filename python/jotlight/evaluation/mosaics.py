@@ -47,8 +47,8 @@ Image = npt.NDArray[np.float32]
 
 LIMITS = (
     "estimates colors from the bits itself: it takes no method, quality, fallback, or options. Its "
-    "data are bits, or counts of single bits, with the same trials in all pixels, up to "
-    f'{LARGE_TRIALS:,}; demosaicing="differences" takes all data'
+    "data are bits or counts with the same trials in all pixels, up to "
+    f'{LARGE_TRIALS:,}, or readings that say as much; demosaicing="differences" takes all data'
 )
 """What the color network takes, for messages."""
 
@@ -198,8 +198,8 @@ def check_color_data(sensor: Sensor, *, takes: bool) -> None:
     if not takes or choose_method(sensor, is_color=True).method != COLOR_NETWORK:
         raise ValueError(
             "method: a color network takes bits of a sensor with a mosaic, with the same trials in "
-            "all pixels, or of three channels (channel_axis=-1 for counts), single ones with the "
-            f"box kernel, up to {LARGE_TRIALS:,} per pixel; got other data"
+            "all pixels, or of three channels (channel_axis=-1 for counts), with the box kernel, "
+            f"up to {LARGE_TRIALS:,} per pixel or readings that say as much; got other data"
         )
 
 
