@@ -79,3 +79,8 @@ pub mod threads;
 pub mod tv;
 pub mod values;
 pub mod vst;
+
+/// The examples of the README, which compile.
+#[cfg(all(doctest, feature = "safetensors"))]
+#[doc = include_str!("../README.md")]
+struct Readme;
