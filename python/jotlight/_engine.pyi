@@ -33,6 +33,7 @@ __all__ = [
     "detection_probability",
     "differences",
     "differences_adjoint",
+    "diffuse",
     "disagreement",
     "displacement_equations",
     "draw_counts",
@@ -531,6 +532,12 @@ def joint_solution(
     highest: float,
     offset: float,
     intensity: npt.NDArray[np.float64],
+    threads: int | None,
+) -> None: ...
+def diffuse(
+    values: npt.NDArray[np.float64],
+    is_known: npt.NDArray[np.bool_],
+    out: npt.NDArray[np.float64],
     threads: int | None,
 ) -> None: ...
 def draw_readings(

@@ -7,9 +7,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import jotlight as jl
+import jotlight._engine as engine
 from jotlight.estimators.merge_near import diffuse, merge_near, merge_near_neighbors
 from jotlight.estimators.merge_readings import reference_sensor
 from jotlight.sensing.joint_likelihood import joint_likelihood
+from reference import methods
 
 SHAPE = 80, 90
 GAINS = np.array([1.0, 2.0, 3.0, 4.0])
@@ -112,6 +114,22 @@ def test_debts_are_paid_by_the_next_pixels():
     # No more than one of them is.
     whole = diffuse(np.array([[-50.0, 1.5, 1.0, 1.0]]), np.ones((1, 4), bool))
     np.testing.assert_array_equal(whole, [[0, 0, 1, 1]])
+
+
+@pytest.mark.parametrize("shape", [(0, 4), (4, 0), (1, 1), (8, 64), (43, 65), (300, 207)])
+def test_whole_numbers_are_those_of_the_twin_bit_for_bit(shape):
+    rng = np.random.default_rng(0)
+    values = rng.uniform(-2, 20, shape) * rng.choice([0, 1e-9, 1, 1e7], shape)
+    is_known = rng.random(shape) < 0.9
+    expected = methods.diffuse(values, is_known)
+    assert diffuse(values, is_known).tobytes() == expected.tobytes()
+    for threads in (1, 2, 5):
+        out = np.full(shape, np.nan)
+        engine.diffuse(values, is_known, out, threads)
+        assert out.tobytes() == expected.tobytes()
+    strided, known = np.asfortranarray(values)[::-2, ::3], is_known[::-2, ::3]
+    expected = methods.diffuse(strided, known)
+    assert diffuse(strided, known).tobytes() == expected.tobytes()
 
 
 def test_averages_over_neighbors_are_of_the_same_filter():

@@ -1,6 +1,7 @@
 """Splines in PyTorch: those of the engine, and those of PyTorch operations alone."""
 
 import copy
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,6 +9,8 @@ import pytest
 from reference import networks
 
 torch = pytest.importorskip("torch")
+from torch.autograd import forward_ad  # noqa: E402
+
 from jotlight.torch import Spline, spline  # noqa: E402
 from jotlight.torch.splines import spline_reference  # noqa: E402
 
@@ -97,6 +100,52 @@ def test_the_transforms_of_torch_func_agree_with_those_of_pytorch_operations():
         batched = torch.func.vmap(gradient, in_dims=(0, None))(batch, coefficients)
         results.append((*gradient(z, coefficients), *batched, hessian))
     torch.testing.assert_close(*results)
+
+
+def cost(function, z, coefficients):
+    return function(z, coefficients, *KNOTS[1][1:]).square().sum()
+
+
+# PyTorch itself compiles some derivatives with it.
+of_pytorch = pytest.mark.filterwarnings("ignore:`torch.jit.script` is deprecated")
+
+FORWARD_MODE = {
+    "jvp": lambda f, x, t: torch.func.jvp(f, x, t),
+    "jvp of coefficients": lambda f, x, t: torch.func.jvp(partial(f, x[0]), x[1:], t[1:]),
+    "jacfwd": lambda f, x, t: torch.func.jacfwd(f, argnums=(0, 1))(*x),
+    "hessian": lambda f, x, t: torch.func.hessian(f)(*x),
+    "jvp of grad": lambda f, x, t: torch.func.jvp(torch.func.grad(f), x, t),
+    "vmap of jvp": lambda f, x, t: torch.func.vmap(
+        lambda t: torch.func.jvp(lambda z: f(z, x[1]), x[:1], (t,))
+    )(torch.stack([t[0], 2 * t[0]])),
+}
+
+
+@of_pytorch
+@pytest.mark.parametrize("transform", FORWARD_MODE.values(), ids=FORWARD_MODE)
+def test_forward_mode_derivatives_agree_with_those_of_pytorch_operations(transform):
+    x = tuple(x.detach() for x in random_planes((2, 3, 5), *KNOTS[1], torch.float64))
+    t = tuple(torch.randn_like(x) for x in x)
+    results = [transform(partial(cost, function), x, t) for function in (spline, spline_reference)]
+    torch.testing.assert_close(*results)
+
+
+@of_pytorch
+@pytest.mark.parametrize("dtype", [torch.bfloat16, torch.float32, torch.float64])
+def test_dual_numbers_agree_with_reverse_mode(dtype):
+    z, coefficients = random_planes((2, 3, 5), *KNOTS[1], dtype)
+    tangents = torch.randn(z.shape, dtype=dtype), torch.randn(coefficients.shape, dtype=dtype)
+    pair = z.detach(), coefficients.detach()
+    with forward_ad.dual_level():
+        duals = (forward_ad.make_dual(*each) for each in zip(pair, tangents, strict=True))
+        values, tangent = forward_ad.unpack_dual(spline(*duals, *KNOTS[1][1:]))
+    expected = spline(z, coefficients, *KNOTS[1][1:])
+    gradients = torch.autograd.grad(expected.sum(), (z, coefficients))
+    assert (values.dtype, tangent.dtype) == (dtype, dtype)
+    tolerance = {"atol": 0.05 if dtype == torch.bfloat16 else 1e-5, "rtol": 0.02}
+    torch.testing.assert_close(values, expected.detach(), **tolerance)
+    total = sum((g * t).sum() for g, t in zip(gradients, tangents, strict=True))
+    torch.testing.assert_close(tangent.sum(), total, **tolerance | {"atol": 1e-3})
 
 
 @pytest.mark.parametrize("function", [spline, spline_reference])
@@ -224,6 +273,19 @@ def test_a_spline_compiles_into_one_graph():
     compiled = torch.compile(module, fullgraph=True, backend="aot_eager")
     z = torch.randn(2, 3, 5, 6)
     torch.testing.assert_close(compiled(z), module(z))
+
+
+@of_pytorch
+@pytest.mark.slow
+def test_compiled_forward_mode_derivatives_are_those_of_pytorch_operations():
+    x = tuple(x.detach() for x in random_planes((2, 3, 5), *KNOTS[1], torch.float64))
+
+    def derivative(function):
+        return torch.func.jvp(lambda *x: function(*x, *KNOTS[1][1:]), x, x)
+
+    torch._dynamo.reset()
+    compiled = torch.compile(derivative, backend="aot_eager")
+    torch.testing.assert_close(compiled(spline), derivative(spline_reference))
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@
 mod arguments;
 mod bits;
 mod cpu;
+mod diffusion;
 mod joint;
 mod likelihood;
 mod mle;
@@ -39,6 +40,8 @@ mod _engine {
     };
     #[pymodule_export]
     use super::cpu::{choose_cpu_level, cpu_level, cpu_levels, multiply_adds, read_words};
+    #[pymodule_export]
+    use super::diffusion::diffuse;
     #[pymodule_export]
     use super::joint::{joint_maximum, joint_solution};
     #[pymodule_export]

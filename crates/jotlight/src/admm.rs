@@ -4,7 +4,8 @@
 //! x = A c. It sets x to the proximal map of f/ρ at (relaxed A c + dual). Then it sets the dual to
 //! (relaxed A c + dual − x).
 
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::values::check_positive;
 
 /// The parameters of one ADMM update.
 #[derive(Clone, Copy, Debug)]
@@ -17,16 +18,13 @@ pub struct AdmmStep {
 }
 
 impl AdmmStep {
+    pub(crate) fn check(&self) -> Result<()> {
+        check_positive("penalty", self.penalty)?;
+        check_positive("relaxation", self.relaxation)
+    }
+
     /// Return the relaxed value: `target`, which is the new value of A c, extrapolated from `x`.
     pub(crate) fn relax(&self, target: f64, x: f64) -> f64 {
         self.relaxation * target + (1.0 - self.relaxation) * x
-    }
-}
-
-pub(crate) fn check_penalty(penalty: f64) -> Result<()> {
-    if penalty > 0.0 && penalty.is_finite() {
-        Ok(())
-    } else {
-        Err(Error::range("penalty", "a finite number above 0", penalty))
     }
 }

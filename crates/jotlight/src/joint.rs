@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::likelihood::Readings;
 use crate::multibit::Cells;
+use crate::values::{check_not_negative, check_positive};
 
 /// The maximum number of steps of Newton's method with bisection. Most pixels need less than ten.
 const MAX_STEPS: usize = 200;
@@ -71,15 +72,19 @@ impl<'a> JointReadings<'a> {
     ///
     /// # Errors
     /// [`Error::Shape`] if a term has another number of cells. [`Error::Range`] for a cell index
-    /// beyond the cells.
+    /// beyond the cells, and for light that is not finite or negative.
     pub fn new(terms: Vec<Term<'a>>, height: usize, width: usize) -> Result<Self> {
-        let pixels = height * width;
+        let pixels = height.saturating_mul(width);
         for term in &terms {
-            let cells = pixels * term.side * term.side;
+            // Slices are shorter than the largest number.
+            let cells = [term.side; 2]
+                .into_iter()
+                .fold(pixels, usize::saturating_mul);
             let given = term.places.map_or(term.cells.len(), <[i32]>::len);
             if given != cells {
                 return Err(Error::shape("cells", cells, given));
             }
+            check_not_negative("light", &[term.light])?;
             let number = term.cells.len();
             let beyond = |&&place: &&i32| place >= 0 && place as usize >= number;
             if let Some(place) = term.places.and_then(|places| places.iter().find(beyond)) {
@@ -97,8 +102,10 @@ impl<'a> JointReadings<'a> {
     /// likelihood is highest. `offset` is δ.
     ///
     /// # Errors
-    /// [`Error::Shape`] for another number of intensities.
+    /// [`Error::Shape`] for another number of intensities. [`Error::Range`] if `highest` is not finite
+    /// and above 0, or `offset` is not finite or negative.
     pub fn maximize(&self, highest: f64, offset: f64, intensity: &mut [f64]) -> Result<()> {
+        check_search(highest, offset)?;
         self.for_each_pixel(intensity, |pixel, start| {
             let derivatives = |x: f64| {
                 let (gradient, curvature) = self.derivatives(pixel, x);
@@ -118,7 +125,8 @@ impl<'a> JointReadings<'a> {
     /// expected sum of the readings is `total`. `offset` is δ.
     ///
     /// # Errors
-    /// [`Error::Shape`] for another number of intensities or totals.
+    /// [`Error::Shape`] for another number of intensities or totals. [`Error::Range`] if `highest` is
+    /// not finite and above 0, or `offset` is not finite or negative.
     pub fn solve_total(
         &self,
         total: &[f64],
@@ -129,6 +137,7 @@ impl<'a> JointReadings<'a> {
         if total.len() != self.pixels {
             return Err(Error::shape("total", self.pixels, total.len()));
         }
+        check_search(highest, offset)?;
         self.for_each_pixel(intensity, |pixel, start| {
             let evaluate = |x: f64| {
                 let (expected, slope) = self.expected_total(pixel, x);
@@ -220,6 +229,12 @@ impl<'a> JointReadings<'a> {
             }
         }
     }
+}
+
+/// Check the bound and the offset of the intensities.
+fn check_search(highest: f64, offset: f64) -> Result<()> {
+    check_positive("highest intensity", highest)?;
+    check_not_negative("offset", &[offset])
 }
 
 /// Return the zero of a function in (0, `highest`) that is above 0 at 0 and below 0 at `highest`.

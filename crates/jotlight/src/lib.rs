@@ -27,26 +27,27 @@
 //!    information, and the proximal map (section 2.2.1, equation (4)).
 //! 6. [`multibit`] does the same for readings of several bits and read noise, and draws them.
 //! 7. [`joint`] maximizes the likelihood of readings with different gains and thresholds.
-//! 8. [`mle`] computes the maximum-likelihood estimate for the box kernel (equation (5)).
-//! 9. [`tv`] computes the total variation, its proximal map, and its ADMM update.
-//! 10. [`admm`] holds the parameters that the ADMM updates of `likelihood` and `tv` share.
-//! 11. [`vst`] computes the Anscombe transform and its inverses (section 2.2.2, equations (6) and
+//! 8. [`diffusion`] rounds real counts such that the errors of neighbors cancel.
+//! 9. [`mle`] computes the maximum-likelihood estimate for the box kernel (equation (5)).
+//! 10. [`tv`] computes the total variation, its proximal map, and its ADMM update.
+//! 11. [`admm`] holds the parameters that the ADMM updates of `likelihood` and `tv` share.
+//! 12. [`vst`] computes the Anscombe transform and its inverses (section 2.2.2, equations (6) and
 //!     (7)).
 //!
 //! The learned network:
 //!
-//! 12. [`network`] evaluates layers of linear filters and splines (section 3.1, equations (8) to
+//! 13. [`network`] evaluates layers of linear filters and splines (section 3.1, equations (8) to
 //!     (11)), and computes the derivatives for training (section 3.3, equations (12) and (14) to
 //!     (19)).
 //!
 //! General modules:
 //!
-//! 13. [`error`] defines the error type.
-//! 14. [`values`] defines parameters that are either one value or one value per element.
-//! 15. [`numbers`] defines the floating-point types and their SIMD vectors.
-//! 16. [`cpu`] selects the instruction set.
-//! 17. [`threads`] runs calls on a number of threads, and interrupts them.
-//! 18. [`roofline`] measures the peak speed of the processor for the benchmarks.
+//! 14. [`error`] defines the error type.
+//! 15. [`values`] defines parameters that are either one value or one value per element.
+//! 16. [`numbers`] defines the floating-point types and their SIMD vectors.
+//! 17. [`cpu`] selects the instruction set.
+//! 18. [`threads`] runs calls on a number of threads, and interrupts them.
+//! 19. [`roofline`] measures the peak speed of the processor for the benchmarks.
 //!
 //! # Example
 //!
@@ -62,6 +63,7 @@
 pub mod admm;
 pub mod bits;
 pub mod cpu;
+pub mod diffusion;
 pub mod error;
 mod interrupt;
 pub mod joint;
@@ -79,3 +81,8 @@ pub mod threads;
 pub mod tv;
 pub mod values;
 pub mod vst;
+
+/// The examples of the README, which compile.
+#[cfg(all(doctest, feature = "safetensors"))]
+#[doc = include_str!("../README.md")]
+struct Readme;

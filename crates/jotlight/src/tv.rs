@@ -4,7 +4,7 @@
 use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis, Zip, s};
 use rayon::prelude::*;
 
-use crate::admm::{AdmmStep, check_penalty};
+use crate::admm::AdmmStep;
 use crate::error::{Error, Result};
 use crate::values::Values;
 use crate::{interrupt, memory};
@@ -126,7 +126,7 @@ pub fn adjoint(differences: ArrayView3<'_, f64>, mut out: ArrayViewMut2<'_, f64>
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a threshold
-/// below 0, or if the image is empty.
+/// that is not finite or below 0, or if the image is empty.
 pub fn shrink(
     mut differences: ArrayViewMut3<'_, f64>,
     threshold: Values<'_, f64>,
@@ -134,7 +134,7 @@ pub fn shrink(
 ) -> Result<()> {
     let (directions, height, width) = differences.dim();
     check_shapes((height, width), (directions, height, width))?;
-    check_weights("threshold", threshold, height * width)?;
+    threshold.check("threshold", height * width)?;
     let (mut down, mut right) = differences.multi_slice_mut((s![0, .., ..], s![1, .., ..]));
     down.axis_iter_mut(Axis(0))
         .into_par_iter()
@@ -158,8 +158,9 @@ pub fn shrink(
 /// `x` and `dual` have the shape `(2, H, W)`.
 ///
 /// # Errors
-/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a penalty that
-/// is not above 0, for a weight below 0, or if the image is empty.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a penalty or a
+/// relaxation that is not finite and above 0, for a weight that is not finite or below 0, or if the
+/// image is empty.
 pub fn admm_update(
     step: &AdmmStep,
     weight: Values<'_, f64>,
@@ -170,9 +171,9 @@ pub fn admm_update(
 ) -> Result<f64> {
     check_shapes(image.dim(), x.dim())?;
     check_shapes(image.dim(), dual.dim())?;
-    check_penalty(step.penalty)?;
+    step.check()?;
     let (height, width) = image.dim();
-    check_weights("weight", weight, height * width)?;
+    weight.check("weight", height * width)?;
     let (mut x_down, mut x_right) = x.multi_slice_mut((s![0, .., ..], s![1, .., ..]));
     let (mut dual_down, mut dual_right) = dual.multi_slice_mut((s![0, .., ..], s![1, .., ..]));
     let rows = x_down
@@ -215,8 +216,8 @@ pub fn admm_update(
 /// differences.
 ///
 /// # Errors
-/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a weight below
-/// 0, or if the image is empty.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] for a weight that
+/// is not finite or below 0, or if the image is empty.
 pub fn total_variation(
     differences: ArrayView3<'_, f64>,
     weight: Values<'_, f64>,
@@ -224,7 +225,7 @@ pub fn total_variation(
 ) -> Result<f64> {
     let (directions, height, width) = differences.dim();
     check_shapes((height, width), (directions, height, width))?;
-    check_weights("weight", weight, height * width)?;
+    weight.check("weight", height * width)?;
     // Each row has its own sum, and these sums are added in order, so that the result is the same
     // for any number of threads.
     memory::check::<f64>("sums of the rows", &[height])?;
@@ -242,18 +243,6 @@ pub fn total_variation(
         })
         .collect();
     Ok(rows.iter().sum())
-}
-
-fn check_weights(what: &'static str, weights: Values<'_, f64>, length: usize) -> Result<()> {
-    weights.check_length(what, length)?;
-    let is_invalid = |weight: &f64| weight.is_nan() || *weight < 0.0;
-    let invalid = match weights {
-        Values::Same(weight) => Some(weight).filter(is_invalid),
-        Values::Each(weights) => weights.iter().copied().find(is_invalid),
-    };
-    invalid.map_or(Ok(()), |weight| {
-        Err(Error::range(what, "0 or more", weight))
-    })
 }
 
 fn check_shapes(image: (usize, usize), differences: (usize, usize, usize)) -> Result<()> {

@@ -186,18 +186,11 @@ pub fn map_with_trials(
     mut out: ArrayViewMut1<'_, f32>,
     function: impl Fn(f64, f64) -> f64 + Sync,
 ) -> Result<()> {
-    trials.check_length("trials", values.len())?;
-    let is_invalid = |trials: &f64| !(0.0..f64::INFINITY).contains(trials);
+    trials.check("trials", values.len())?;
     let trials = match trials {
-        Values::Same(trials) if is_invalid(&trials) => {
-            return Err(Error::range("trials", "finite, 0 or more", trials));
-        }
         Values::Same(trials) => return map(values, out, |value| function(value, trials)),
         Values::Each(trials) => trials,
     };
-    if let Some(invalid) = trials.iter().copied().find(is_invalid) {
-        return Err(Error::range("trials", "finite, 0 or more", invalid));
-    }
     if values.len() != out.len() {
         return Err(Error::shape("out", values.len(), out.len()));
     }

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.estimators.merge_readings import (
     MAX_TRIALS,
     linear_counts,
@@ -19,9 +20,6 @@ from jotlight.sensing.response import Array, inverse_detection_probability
 
 _MIN_SHARE = 1e-5
 """Smallest intensity near which readings are merged, as a share of the largest one."""
-
-_MAX_DEBT = 1.0
-"""Most ones below 0 that the next pixels of a row make up for."""
 
 _ROUNDS = 3
 """Number of averages near which readings are merged, one after the other."""
@@ -42,9 +40,6 @@ Some of their pixels say much and their neighbors little, and denoisers take bot
 
 _MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
-
-_GOLDEN_RATIO = 0.6180339887498949
-"""Multiples of it, without their whole parts, are spread evenly over [0, 1)."""
 
 
 def merge_near_neighbors(
@@ -173,11 +168,12 @@ def diffuse(values: Array, is_known: npt.NDArray[np.bool_]) -> Array:
 
     The error of a pixel is added to the next pixel of its row. So the mean of a region stays right
     even if all its values are alike, which are all rounded in the same direction otherwise. Rows
-    begin with different errors, so that they make no pattern together.
+    begin with different errors, so that they make no pattern together. If the numbers are negative,
+    the next pixels make up for at most one 1.
 
     Parameters
     ----------
-    values : ndarray of float, shape (H, W)
+    values : ndarray of float64, shape (H, W)
         The numbers.
     is_known : ndarray of bool, shape (H, W)
         Where the result may be above 0.
@@ -188,10 +184,6 @@ def diffuse(values: Array, is_known: npt.NDArray[np.bool_]) -> Array:
     array([[0, 0, 0, 1, 0, 0, 0, 1],
            [0, 1, 0, 0, 0, 1, 0, 0]])
     """
-    whole = np.zeros(values.shape)
-    error = np.arange(len(values)) * _GOLDEN_RATIO % 1
-    for column in range(values.shape[1]):
-        wanted = values[:, column] + error
-        whole[:, column] = np.where(is_known[:, column], np.maximum(np.floor(wanted), 0), 0)
-        error = np.clip(wanted - whole[:, column], -_MAX_DEBT, 1)
+    whole = np.empty(values.shape)
+    engine.diffuse(values, is_known, whole, None)
     return whole

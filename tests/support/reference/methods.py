@@ -61,3 +61,14 @@ def exact_inverse(z, bits):
     if z >= anscombe(bits, bits):
         return float(bits)
     return bits * brentq(lambda p: stabilized_moments(p, bits)[0] - z, 0, 1, xtol=1e-13)
+
+
+def diffuse(values, is_known):
+    """Whole numbers from 0 with about the same sum along each row, column by column."""
+    whole = np.zeros(values.shape)
+    error = np.arange(len(values)) * 0.6180339887498949 % 1
+    for column in range(values.shape[1]):
+        wanted = values[:, column] + error
+        whole[:, column] = np.where(is_known[:, column], np.maximum(np.floor(wanted), 0), 0)
+        error = np.clip(wanted - whole[:, column], -1, 1)
+    return whole

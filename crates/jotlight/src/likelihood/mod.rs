@@ -44,7 +44,7 @@ impl<'a> Readings<'a> {
     ///
     /// # Errors
     /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count
-    /// outside 0 to n.
+    /// outside 0 to n, and for an efficiency or dark counts that are not finite or below 0.
     pub fn new(
         threshold: Threshold,
         ones: &'a [i32],
@@ -53,8 +53,8 @@ impl<'a> Readings<'a> {
         dark_counts: Values<'a, f64>,
     ) -> Result<Self> {
         trials.check_length("trials", ones.len())?;
-        efficiency.check_length("efficiency", ones.len())?;
-        dark_counts.check_length("dark counts", ones.len())?;
+        efficiency.check("efficiency", ones.len())?;
+        dark_counts.check("dark counts", ones.len())?;
         check_counts(ones, trials)?;
         Ok(Self {
             threshold,

@@ -8,9 +8,10 @@ use rayon::prelude::*;
 
 use super::chunk::{Chunk, ELEMENTS_PER_CHUNK, Element};
 use super::{Readings, one_photon};
-use crate::admm::{AdmmStep, check_penalty};
+use crate::admm::AdmmStep;
 use crate::error::{Error, Result};
 use crate::interrupt;
+use crate::values::check_positive;
 
 /// The maximum relative size of the last Newton step of the proximal map. The error of the result
 /// is then about the square of this size, 1e-10.
@@ -39,7 +40,6 @@ pub(super) struct ProximalProblem {
 
 impl ProximalProblem {
     fn new(penalty: f64, max_light: f64, tolerance: f64) -> Result<Self> {
-        check_penalty(penalty)?;
         if !(0.0..=MAX_LIGHT).contains(&max_light) {
             return Err(Error::range(
                 "maximum of the light",
@@ -84,6 +84,7 @@ impl Readings<'_> {
     ) -> Result<()> {
         self.check_length(point.len())?;
         self.check_length(guess.len())?;
+        check_positive("penalty", penalty)?;
         let problem = ProximalProblem::new(penalty, max_light, PROXIMAL_TOLERANCE)?;
         point
             .par_chunks_mut(ELEMENTS_PER_CHUNK)
@@ -103,8 +104,8 @@ impl Readings<'_> {
     /// squared primal residual ‖light − x‖².
     ///
     /// # Errors
-    /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a penalty
-    /// that is not above 0, or for a `max_light` outside 0 to 10³⁰⁰.
+    /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a penalty or
+    /// a relaxation that is not finite and above 0, or for a `max_light` outside 0 to 10³⁰⁰.
     pub fn admm_update(
         &self,
         step: &AdmmStep,
@@ -116,6 +117,7 @@ impl Readings<'_> {
         self.check_length(light.len())?;
         self.check_length(x.len())?;
         self.check_length(dual.len())?;
+        step.check()?;
         let problem = ProximalProblem::new(step.penalty, max_light, ADMM_TOLERANCE)?;
         let squared_residuals: Vec<f64> = x
             .par_chunks_mut(ELEMENTS_PER_CHUNK)

@@ -92,7 +92,8 @@ impl PixelResponse {
 ///
 /// # Errors
 /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside 0
-/// to the number of frames, or an oversampling of 0.
+/// to the number of frames, an oversampling of 0, and parameters of the response that are not finite,
+/// or negative.
 pub fn from_jots(
     response: &PixelResponse,
     counts: &JotCounts<'_>,
@@ -119,7 +120,7 @@ pub fn from_jots(
         return Err(Error::range("width", expected, width));
     }
     check_counts(counts.ones, Values::Same(f64::from(counts.frames)))?;
-    counts.responses.check_length(jots)?;
+    counts.responses.check(jots)?;
     if let Some(dead) = counts.dead
         && dead.len() != jots
     {

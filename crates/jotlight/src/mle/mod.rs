@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::likelihood::one_photon::{ELEMENTS_PER_GROUP, inverse_detection_probability};
 use crate::likelihood::{Threshold, check_counts};
-use crate::values::Values;
+use crate::values::{Values, check_not_negative, check_positive};
 
 use table::look_up_all;
 
@@ -64,9 +64,16 @@ impl JotResponses<'_> {
         }
     }
 
-    fn check_length(&self, length: usize) -> Result<()> {
-        self.efficiency.check_length("efficiency", length)?;
-        self.dark_counts.check_length("dark counts", length)
+    fn check(&self, length: usize) -> Result<()> {
+        self.efficiency.check("efficiency", length)?;
+        self.dark_counts.check("dark counts", length)
+    }
+}
+
+impl JotResponse {
+    pub(crate) fn check(&self) -> Result<()> {
+        check_positive("efficiency", self.efficiency)?;
+        check_not_negative("dark counts", &[self.dark_counts])
     }
 }
 
@@ -85,13 +92,9 @@ impl PixelResponse {
         intensity.max(0.0).min(self.max_intensity)
     }
 
-    /// Check that [0, S] is an interval.
-    fn check(&self) -> Result<()> {
-        if self.max_intensity >= 0.0 {
-            return Ok(());
-        }
-        let received = self.max_intensity;
-        Err(Error::range("maximum intensity", "0 or more", received))
+    pub(crate) fn check(&self) -> Result<()> {
+        check_positive("light at intensity 1", self.light_per_intensity)?;
+        check_not_negative("maximum intensity", &[self.max_intensity])
     }
 
     /// Return the intensity of a pixel with L = `ones` among `trials` readings. It is NaN if there
@@ -111,7 +114,8 @@ impl PixelResponse {
 ///
 /// # Errors
 /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside
-/// 0 to `trials`. Values that were written to `out` before have no meaning.
+/// 0 to `trials`, and for parameters of the response that are not finite, or negative. Values that
+/// were written to `out` before have no meaning.
 pub fn from_counts(
     response: &PixelResponse,
     counts: &[i32],
@@ -151,7 +155,8 @@ pub fn from_counts(
 /// non-iterative method (section 2.2.2).
 ///
 /// # Errors
-/// [`Error::Shape`] if the lengths of the arrays do not match.
+/// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for parameters of the
+/// response that are not finite, or negative, and for an efficiency of 0.
 pub fn from_probability(
     response: &PixelResponse,
     probability: &[f32],
@@ -162,6 +167,7 @@ pub fn from_probability(
         return Err(Error::shape("out", probability.len(), out.len()));
     }
     response.check()?;
+    jot.check()?;
     if response.threshold.photons() > 1 {
         for_each_pixel(out, |index| {
             response.intensity(f64::from(probability[index]), jot) as f32
@@ -217,7 +223,7 @@ fn one_photon_intensities_inlined(
 ///
 /// # Errors
 /// [`Error::Shape`] if the lengths of the arrays do not match. [`Error::Range`] for a count outside
-/// 0 to `trials`.
+/// 0 to `trials`, and for other parameters that are not finite, or negative.
 pub fn equivalent_counts(
     response: &PixelResponse,
     counts: &[i32],
@@ -227,6 +233,9 @@ pub fn equivalent_counts(
     reference: JotResponse,
     out: &mut [f32],
 ) -> Result<()> {
+    response.check()?;
+    reference.check()?;
+    check_not_negative("trials of equivalent pixels", &[reference_trials])?;
     check_lengths(counts, trials, jots, out)?;
     check_counts(counts, trials)?;
     let threshold = response.threshold;
@@ -267,7 +276,7 @@ fn check_lengths(
     out: &[f32],
 ) -> Result<()> {
     trials.check_length("trials", counts.len())?;
-    jots.check_length(counts.len())?;
+    jots.check(counts.len())?;
     if out.len() != counts.len() {
         return Err(Error::shape("out", counts.len(), out.len()));
     }

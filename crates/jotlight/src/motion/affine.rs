@@ -4,6 +4,7 @@ use ndarray::{Array2, Array3, ArrayView2, ArrayView3, Axis};
 
 use super::equations::EquationsView;
 use crate::error::{Error, Result};
+use crate::values::check_not_negative;
 
 /// The number of functions of the place of a tile: 1, its row, and its column.
 const FUNCTIONS: usize = 3;
@@ -60,16 +61,8 @@ pub fn fit_affine(
     if weights.dim() != size {
         return Err(Error::shape("weights of tiles", size, weights.dim()));
     }
-    if let Some(weight) = weights
-        .iter()
-        .find(|&&weight| !(weight >= 0.0 && weight.is_finite()))
-    {
-        return Err(Error::range(
-            "weights of tiles",
-            "finite numbers of at least 0",
-            weight,
-        ));
-    }
+    let weights: Vec<f64> = weights.iter().copied().collect();
+    check_not_negative("weights of tiles", &weights)?;
     let basis = read_basis(basis, size)?;
     let (information, right) = (
         equations.information_of_tiles(),
@@ -82,7 +75,6 @@ pub fn fit_affine(
             solve_tile([rows + ROUNDING, mixed, columns + ROUNDING], right)
         })
         .collect();
-    let weights: Vec<f64> = weights.iter().copied().collect();
     let mut errors = vec![[0.0; 2]; own.len()];
     let mut matrix = [[0.0; COEFFICIENTS]; COEFFICIENTS];
     for _ in 0..ROUNDS {

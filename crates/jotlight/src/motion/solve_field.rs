@@ -6,6 +6,7 @@ use super::affine::{nearest_affine, read_basis, vectors_of_tiles};
 use super::equations::EquationsView;
 use super::tile_matrix::{Matrix, PRIOR, Weights};
 use crate::error::{Error, Result};
+use crate::values::{check_not_negative, check_positive};
 
 /// The factors of λ2 in the rounds that reweight the differences of neighbors.
 const REWEIGHTINGS: [f64; 3] = [0.1, 1.0, 1.0];
@@ -117,18 +118,6 @@ fn check(start: Start<'_>, size: (usize, usize), smoothness: Smoothness) -> Resu
         to_affine,
         outline,
     } = smoothness;
-    for weight in [to_prediction, to_affine] {
-        if !(weight >= 0.0 && weight.is_finite()) {
-            let expected = "finite numbers of at least 0";
-            return Err(Error::range("weights of differences", expected, weight));
-        }
-    }
-    if !(outline > 0.0 && outline.is_finite()) {
-        return Err(Error::range(
-            "difference at outlines",
-            "a positive number",
-            outline,
-        ));
-    }
-    Ok(())
+    check_not_negative("weights of differences", &[to_prediction, to_affine])?;
+    check_positive("difference at outlines", outline)
 }

@@ -24,7 +24,7 @@ const JOTS_PER_SEGMENT: usize = 2048;
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the window
-/// exceeds the image, or if there are too many frames, rows, or channels for the random streams.
+/// exceeds the image, if a parameter of the sensor is not finite or negative, or if there are too many frames, rows, or channels for the random streams.
 pub fn draw(
     sensor: &Sensor<'_>,
     response: &Response,
@@ -37,6 +37,7 @@ pub fn draw(
     sensor.check(&image)?;
     window.check(image.shape())?;
     let oversampling = sensor.kernel.oversampling();
+    sensor.check_values(window.rows.start * oversampling..window.rows.end * oversampling)?;
     check_size(channel, window.frames.end, sensor.jots(&image)?.0)?;
     let expected = (
         window.frames.len(),

@@ -36,7 +36,8 @@ impl<'a> Cells<'a> {
     ///
     /// # Errors
     /// [`Error::Shape`] if the lengths do not match. [`Error::Range`] for a reading above the
-    /// highest one, or a negative number in a histogram.
+    /// highest one, a negative number in a histogram, and for an efficiency or dark counts that are
+    /// not finite or below 0.
     pub fn new(
         response: &'a Response,
         sample: Sample<'a>,
@@ -44,8 +45,8 @@ impl<'a> Cells<'a> {
         efficiency: Values<'a, f64>,
         dark_counts: Values<'a, f64>,
     ) -> Result<Self> {
-        efficiency.check_length("efficiency", number)?;
-        dark_counts.check_length("dark counts", number)?;
+        efficiency.check("efficiency", number)?;
+        dark_counts.check("dark counts", number)?;
         let (values, top) = match sample {
             Sample::Histograms(values) => (values, i32::MAX),
             Sample::Readings(values) => (values, response.max_reading() as i32),

@@ -26,7 +26,7 @@ const MIN_JOTS_PER_TASK: usize = 1 << 15;
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the window
-/// exceeds the image, or if there are too many frames, rows, or channels for the random streams.
+/// exceeds the image, if a parameter of the sensor is not finite or negative, or if there are too many frames, rows, or channels for the random streams.
 pub fn expose(
     sensor: &Sensor<'_>,
     image: Image<'_>,
@@ -38,6 +38,7 @@ pub fn expose(
     sensor.check(&image)?;
     window.check(image.shape())?;
     let oversampling = sensor.kernel.oversampling();
+    sensor.check_values(window.rows.start * oversampling..window.rows.end * oversampling)?;
     check_size(channel, window.frames.end, sensor.jots(&image)?.0)?;
     let expected = (
         window.frames.len(),

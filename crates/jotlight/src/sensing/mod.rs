@@ -22,10 +22,11 @@ pub(crate) use kernel::mirror_index;
 
 use std::ops::Range;
 
-use ndarray::ArrayView2;
+use ndarray::{ArrayView2, s};
 
 use crate::error::{Error, Result};
 use crate::likelihood::Threshold;
+use crate::values::check_not_negative;
 
 pub use count::draw_counts;
 pub use expose::expose;
@@ -69,6 +70,20 @@ impl PerJot<'_> {
             _ => Ok(()),
         }
     }
+
+    /// Check that the values of rows of jots are finite and at least 0.
+    fn check_values(&self, what: &'static str, rows: Range<usize>) -> Result<()> {
+        match self {
+            Self::Same(value) => check_not_negative(what, &[*value]),
+            Self::Map(map) => {
+                let rows = map.slice(s![rows, ..]);
+                match rows.to_slice() {
+                    Some(values) => check_not_negative(what, values),
+                    None => check_not_negative(what, &rows.iter().copied().collect::<Vec<_>>()),
+                }
+            }
+        }
+    }
 }
 
 /// The properties of a sensor that determine its bits.
@@ -90,6 +105,7 @@ pub struct Sensor<'a> {
 }
 
 impl Sensor<'_> {
+    /// Check the shapes of the image and the maps.
     pub(crate) fn check(&self, image: &Image<'_>) -> Result<()> {
         let (height, width) = image.shape();
         if height == 0 || width == 0 {
@@ -108,6 +124,13 @@ impl Sensor<'_> {
             return Err(Error::shape("mask", jots, dead.dim()));
         }
         Ok(())
+    }
+
+    /// Check that the parameters of some rows of jots are finite and at least 0.
+    pub(crate) fn check_values(&self, rows: Range<usize>) -> Result<()> {
+        check_not_negative("gain per frame", &[self.gain_per_frame])?;
+        self.efficiency.check_values("efficiency", rows.clone())?;
+        self.dark_counts.check_values("dark counts", rows)
     }
 
     /// Return the numbers of rows and of columns of jots.

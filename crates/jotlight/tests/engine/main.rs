@@ -15,6 +15,7 @@ mod model_data;
 mod motion_velocity;
 mod network;
 mod network_gradients;
+mod parameters;
 mod sensing;
 mod splines;
 mod spread;

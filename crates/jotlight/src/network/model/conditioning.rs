@@ -16,10 +16,19 @@ pub(super) const MIN_SETS: usize = 4;
 /// most four of them are not 0, and their sum is 1.
 ///
 /// # Errors
-/// [`Error::Range`] for a K outside of the range, and for fewer than 4 sets.
+/// [`Error::Range`] for a K outside of the range, for fewer than 4 sets, and for a range that is empty
+/// or does not lie above 0.
 pub fn conditioning_weights(trials: f64, (min, max): (f64, f64), sets: usize) -> Result<Vec<f64>> {
     if sets < MIN_SETS {
         return Err(Error::range("sets", "at least 4 of them", sets));
+    }
+    if !(min > 0.0 && min < max && max.is_finite()) {
+        let expected = "two finite numbers above 0, the smaller one first";
+        return Err(Error::range(
+            "range of K",
+            expected,
+            format!("{min} and {max}"),
+        ));
     }
     if !(min..=max).contains(&trials) {
         let expected = format!("{min} to {max}, the K that the parameters are for");
@@ -116,6 +125,9 @@ mod tests {
             assert!(conditioning_weights(trials, (1.0, 256.0), 6).is_err());
         }
         assert!(conditioning_weights(2.0, (1.0, 256.0), 3).is_err());
+        for range in [(0.0, 4.0), (2.0, 2.0), (4.0, 1.0), (1.0, f64::INFINITY)] {
+            assert!(conditioning_weights(2.0, range, 6).is_err(), "{range:?}");
+        }
         Ok(())
     }
 }

@@ -79,15 +79,20 @@ impl LocalTrials {
 /// Return the number of trials that states the noise around each pixel.
 ///
 /// The noise of a fraction of ones is inversely proportional to its trials. A denoiser weighs a pixel
-/// against its neighbors, so the mean noise around the pixel counts: the harmonic mean of the trials,
-/// which are above 0. Where it is nearly the same everywhere, the result is one whole number.
+/// against its neighbors, so the mean noise around the pixel counts: the harmonic mean of the trials.
+/// Where it is nearly the same everywhere, the result is one whole number.
 ///
 /// # Errors
-/// [`Error::Range`] for an image without pixels.
+/// [`Error::Range`] for an image without pixels, and for trials that are not finite and above 0.
 pub fn local_trials(trials: ArrayView2<'_, f64>) -> Result<LocalTrials> {
     let Some(&first) = trials.first() else {
         return Err(Error::range("trials", "at least one pixel", 0));
     };
+    let is_wrong = |trials: &&f64| !(**trials > 0.0 && trials.is_finite());
+    if let Some(wrong) = trials.iter().find(is_wrong) {
+        let expected = "finite numbers above 0; fill pixels without readings before";
+        return Err(Error::range("trials", expected, wrong));
+    }
     if trials.iter().all(|other| other.total_cmp(&first).is_eq()) {
         return Ok(LocalTrials::Same(whole_trials(first)));
     }

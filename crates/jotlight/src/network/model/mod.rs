@@ -93,6 +93,15 @@ pub struct SensorModel {
 }
 
 impl SensorModel {
+    /// Check that the numbers are those of a sensor.
+    fn check(&self) -> Result<()> {
+        if self.trials == 0 {
+            return Err(Error::range("trials per pixel", "at least 1", 0));
+        }
+        self.response.check()?;
+        self.jot.check()
+    }
+
     /// Return η α/K: the expected detections of a jot per frame at intensity 1.
     fn detected_light(&self) -> f64 {
         self.jot.efficiency * self.response.light_per_intensity
@@ -150,8 +159,8 @@ impl Network {
     ///
     /// # Errors
     /// [`Error::Shape`] and [`Error::Range`] if the layers do not match, if layers have different
-    /// numbers of sets of parameters, or sets without a range of K, or if data exist for which a
-    /// value in the network could overflow.
+    /// numbers of sets of parameters, or sets without a range of K, if a parameter of the sensor is
+    /// out of range, or if data exist for which a value in the network could overflow.
     pub fn new(layers: Vec<LayerParameters>, served: Served) -> Result<Self> {
         let mut network = Self {
             layers: Arc::new(layers),
@@ -163,6 +172,9 @@ impl Network {
             bounds: Vec::new(),
             kept: Arc::default(),
         };
+        if let Served::Sensor(sensor) = served {
+            sensor.check()?;
+        }
         let sets = network.sets()?;
         match (served, served.range()) {
             (_, Some((min, max))) if min < 1 || min >= max => {
@@ -251,7 +263,8 @@ impl Network {
     /// The layers for one K are computed only once, so one network serves all images of a film.
     ///
     /// # Errors
-    /// [`Error::Range`] if the network does not serve the sensor.
+    /// [`Error::Range`] if the network does not serve the sensor, or if the light, the largest
+    /// intensity, the efficiency, or the dark counts are not finite, or negative.
     pub fn prepare(&self, sensor: SensorModel) -> Result<Reconstruction<'_>> {
         Reconstruction::new(self, sensor)
     }

@@ -110,22 +110,11 @@ impl Reconstruction<'_> {
         out.into_iter().try_for_each(|out| self.to_intensities(out))
     }
 
-    /// Return the local trials of pixels, after checks.
+    /// Return the local trials of pixels.
     pub(super) fn local_trials_of(&self, pixels: &Pixels<'_>) -> Result<LocalTrials> {
-        let check = |trials: f64| {
-            if trials > 0.0 && trials.is_finite() {
-                return Ok(());
-            }
-            let expected = "finite numbers above 0; fill pixels without readings before";
-            Err(Error::range("trials", expected, trials))
-        };
         match pixels.trials {
-            Values::Same(trials) => {
-                check(trials)?;
-                local_trials(ArrayView2::from(&[[trials]]))
-            }
+            Values::Same(trials) => local_trials(ArrayView2::from(&[[trials]])),
             Values::Each(trials) => {
-                trials.iter().try_for_each(|&trials| check(trials))?;
                 if let Served::Sensor(_) = self.network.served {
                     let expected = "a network for many K";
                     return Err(Error::range("network", expected, "one for a single K"));

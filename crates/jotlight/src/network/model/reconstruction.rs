@@ -25,6 +25,7 @@ pub struct Reconstruction<'a> {
 
 impl<'a> Reconstruction<'a> {
     pub(super) fn new(network: &'a Network, sensor: SensorModel) -> Result<Self> {
+        sensor.check()?;
         match network.served {
             Served::Trials { min, .. } if sensor.trials < min => {
                 let expected = format!("{min} or more, the smallest K of the network");

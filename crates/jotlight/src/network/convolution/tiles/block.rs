@@ -246,10 +246,7 @@ fn multiply_groups<U: TileUnit>(
     sums: &mut [f32],
 ) {
     let tile = filters.shape.outputs;
-    unit.zero::<0>();
-    unit.zero::<1>();
-    unit.zero::<2>();
-    unit.zero::<3>();
+    clear_sums(unit);
     for step in 0..filters.chunks * FILTER_SIZE {
         let planes = planes_of(filters, pairs, row, step);
         let lines = &filters.lines[(step * filters.groups + group) * tile..];
@@ -263,12 +260,8 @@ fn multiply_groups<U: TileUnit>(
         unit.multiply::<3, 5, 7>();
     }
     let length = filters.shape.outputs * ROWS * COLUMNS;
-    let first = &mut sums[group * length + place * COLUMNS..];
-    unit.store::<0>(first, ROWS * COLUMNS);
-    unit.store::<1>(&mut first[SIDE..], ROWS * COLUMNS);
-    let second = &mut sums[(group + 1) * length + place * COLUMNS..];
-    unit.store::<2>(second, ROWS * COLUMNS);
-    unit.store::<3>(&mut second[SIDE..], ROWS * COLUMNS);
+    let first = group * length + place * COLUMNS;
+    store_sums(unit, [first, first + length], sums);
 }
 
 /// Add up two rows of the block for a single group of outputs.
@@ -281,10 +274,7 @@ fn multiply_rows<U: TileUnit>(
     sums: &mut [f32],
 ) {
     let tile = filters.shape.outputs;
-    unit.zero::<0>();
-    unit.zero::<1>();
-    unit.zero::<2>();
-    unit.zero::<3>();
+    clear_sums(unit);
     for step in 0..filters.chunks * FILTER_SIZE {
         unit.load_filters::<4>(&filters.lines[step * tile..]);
         let planes = planes_of(filters, pairs, row, step);
@@ -298,12 +288,25 @@ fn multiply_rows<U: TileUnit>(
         unit.load_planes::<7>(&planes[SIDE..], COLUMNS);
         unit.multiply::<3, 4, 7>();
     }
-    let first = &mut sums[place * COLUMNS..];
-    unit.store::<0>(first, ROWS * COLUMNS);
-    unit.store::<1>(&mut first[SIDE..], ROWS * COLUMNS);
-    let second = &mut sums[next_place * COLUMNS..];
-    unit.store::<2>(second, ROWS * COLUMNS);
-    unit.store::<3>(&mut second[SIDE..], ROWS * COLUMNS);
+    store_sums(unit, [place * COLUMNS, next_place * COLUMNS], sums);
+}
+
+/// Set the four tiles of sums to 0.
+#[inline(always)]
+fn clear_sums<U: TileUnit>(unit: &mut U) {
+    unit.zero::<0>();
+    unit.zero::<1>();
+    unit.zero::<2>();
+    unit.zero::<3>();
+}
+
+/// Write the four tiles of sums: two from each of two places on, side by side.
+#[inline(always)]
+fn store_sums<U: TileUnit>(unit: &mut U, [first, second]: [usize; 2], sums: &mut [f32]) {
+    unit.store::<0>(&mut sums[first..], ROWS * COLUMNS);
+    unit.store::<1>(&mut sums[first + SIDE..], ROWS * COLUMNS);
+    unit.store::<2>(&mut sums[second..], ROWS * COLUMNS);
+    unit.store::<3>(&mut sums[second + SIDE..], ROWS * COLUMNS);
 }
 
 /// Return the pairs from those on that a step for a row of the region reads. A step is a chunk and a

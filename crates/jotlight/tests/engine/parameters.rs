@@ -1,0 +1,315 @@
+//! Parameters that are NaN, infinite, or negative are errors.
+
+use jotlight::admm::AdmmStep;
+use jotlight::error::{Error, Result};
+use jotlight::joint::{JointReadings, Term, TermCells};
+use jotlight::likelihood::{Readings, Threshold};
+use jotlight::mle::{
+    JotCounts, JotResponse, JotResponses, PixelResponse, equivalent_counts, from_counts, from_jots,
+    from_probability,
+};
+use jotlight::multibit::{self, Cells, Response, Sample};
+use jotlight::network::{Network, SensorModel, Served, local_trials};
+use jotlight::sensing::{
+    Image, Kernel, PerJot, Sensor, Window, draw_counts, expose, probability, rate,
+};
+use jotlight::tv::{self, Norm};
+use jotlight::values::Values;
+use ndarray::{Array2, Array3, array};
+
+use crate::model::{identity, sensor};
+
+const NEVER: [f64; 4] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.5];
+
+/// Check that a function refuses impossible values of a parameter, and 0 unless it is possible.
+fn assert_refused<R>(
+    name: &'static str,
+    zero_is_possible: bool,
+    function: impl Fn(f64) -> Result<R>,
+) {
+    let zero = (!zero_is_possible).then_some(0.0);
+    for value in NEVER.into_iter().chain(zero) {
+        let refused = function(value).err();
+        let is_named = matches!(refused, Some(Error::Range { what, .. }) if what == name);
+        assert!(is_named, "{name} = {value}: {refused:?}");
+    }
+    for value in [0.5].into_iter().chain(zero_is_possible.then_some(0.0)) {
+        assert!(function(value).is_ok(), "{name} = {value}");
+    }
+}
+
+/// Check that a function refuses impossible parameters of a pixel.
+fn assert_response_is_checked(function: impl Fn(PixelResponse) -> Result<()>) -> Result<()> {
+    let response = sensor(16, 1.0)?.response;
+    assert_refused("light at intensity 1", false, |light_per_intensity| {
+        function(PixelResponse {
+            light_per_intensity,
+            ..response
+        })
+    });
+    assert_refused("maximum intensity", true, |max_intensity| {
+        function(PixelResponse {
+            max_intensity,
+            ..response
+        })
+    });
+    Ok(())
+}
+
+/// Check that a function refuses impossible parameters of the jot of a whole sensor.
+fn assert_jot_is_checked(function: impl Fn(JotResponse) -> Result<()>) {
+    let (efficiency, dark_counts) = (0.8, 0.1);
+    assert_refused("efficiency", false, |efficiency| {
+        function(JotResponse {
+            efficiency,
+            dark_counts,
+        })
+    });
+    assert_refused("dark counts", true, |dark_counts| {
+        function(JotResponse {
+            efficiency,
+            dark_counts,
+        })
+    });
+}
+
+/// Check that a function refuses impossible parameters of two jots, with one value or two of them.
+fn assert_jots_are_checked(function: impl Fn(Values<'_, f64>, Values<'_, f64>) -> Result<()>) {
+    let known = Values::Same(0.5);
+    for is_second in [false, true] {
+        let name = ["efficiency", "dark counts"][usize::from(is_second)];
+        let call = |values: Values<'_, f64>| {
+            if is_second {
+                function(known, values)
+            } else {
+                function(values, known)
+            }
+        };
+        assert_refused(name, true, |value| call(Values::Same(value)));
+        assert_refused(name, true, |value| call(Values::Each(&[0.5, value])));
+    }
+}
+
+#[test]
+fn networks_are_not_prepared_for_impossible_sensors() -> Result<()> {
+    let own = sensor(16, 1.0)?;
+    let many = Network::new(vec![identity(1)], Served::Trials { min: 4, max: 64 })?;
+    let prepare = |sensor: SensorModel| {
+        // A network for one sensor is made for it, and refuses it then.
+        let single = Network::new(vec![identity(1)], Served::Sensor(sensor));
+        let refused = single.map(|_| ());
+        let result = many.prepare(sensor).map(|_| ());
+        assert_eq!(format!("{refused:?}"), format!("{result:?}"));
+        result
+    };
+    assert_response_is_checked(|response| prepare(SensorModel { response, ..own }))?;
+    assert_jot_is_checked(|jot| prepare(SensorModel { jot, ..own }));
+    let none = Served::Sensor(SensorModel { trials: 0, ..own });
+    assert!(Network::new(vec![identity(1)], none).is_err());
+    assert_refused("trials", false, |trials| {
+        local_trials(array![[4.0, trials]].view())
+    });
+    Ok(())
+}
+
+fn jots<'a>(efficiency: Values<'a, f64>, dark_counts: Values<'a, f64>) -> JotResponses<'a> {
+    JotResponses {
+        efficiency,
+        dark_counts,
+    }
+}
+
+#[test]
+fn estimates_of_impossible_sensors_are_errors() -> Result<()> {
+    let own = sensor(16, 1.0)?;
+    let (counts, known) = ([3, 4], Values::Same(0.5));
+    let estimate = |response: &PixelResponse, jots: JotResponses<'_>| {
+        from_counts(response, &counts, Values::Same(16.0), &jots, &mut [0.0; 2])?;
+        let jots = JotCounts {
+            ones: &counts,
+            responses: jots,
+            dead: None,
+            frames: 16,
+            oversampling: 1,
+        };
+        from_jots(response, &jots, 1, &mut [0.0; 2])
+    };
+    assert_response_is_checked(|response| estimate(&response, jots(known, known)))?;
+    assert_jots_are_checked(|first, second| estimate(&own.response, jots(first, second)));
+    let from_half = |response, jot| from_probability(&response, &[0.5, 0.5], jot, &mut [0.0; 2]);
+    assert_response_is_checked(|response| from_half(response, own.jot))?;
+    assert_jot_is_checked(|jot| from_half(own.response, jot));
+    let equivalent = |response, jots: JotResponses<'_>, trials, reference| {
+        let all = Values::Same(16.0);
+        equivalent_counts(
+            &response,
+            &counts,
+            all,
+            &jots,
+            trials,
+            reference,
+            &mut [0.0; 2],
+        )
+    };
+    let alike = jots(known, known);
+    assert_response_is_checked(|response| equivalent(response, alike, 8.0, own.jot))?;
+    assert_jot_is_checked(|jot| equivalent(own.response, alike, 8.0, jot));
+    assert_jots_are_checked(|first, second| {
+        equivalent(own.response, jots(first, second), 8.0, own.jot)
+    });
+    assert_refused("trials of equivalent pixels", true, |trials| {
+        equivalent(own.response, alike, trials, own.jot)
+    });
+    Ok(())
+}
+
+#[test]
+fn likelihoods_of_impossible_sensors_are_errors() -> Result<()> {
+    let (q, ones, all) = (Threshold::new(1)?, [3, 4], Values::Same(16.0));
+    assert_jots_are_checked(|first, second| {
+        Readings::new(q, &ones, all, first, second).map(|_| ())
+    });
+    let response = Response::new(15, 0.0, 1)?;
+    assert_jots_are_checked(|first, second| {
+        Cells::new(&response, Sample::Readings(&ones), 2, first, second).map(|_| ())
+    });
+    let readings = Readings::new(q, &ones, all, Values::Same(1.0), Values::Same(0.0))?;
+    let term = |light| Term {
+        cells: TermCells::Bits(readings),
+        light,
+        side: 1,
+        places: None,
+    };
+    assert_refused("light", true, |light| {
+        JointReadings::new(vec![term(light)], 1, 2)
+    });
+    for (height, width) in [(usize::MAX, 2), (1 << 63, 1 << 63)] {
+        let result = JointReadings::new(vec![term(1.0)], height, width);
+        assert!(matches!(result, Err(Error::Shape { what: "cells", .. })));
+    }
+    let joint = JointReadings::new(vec![term(1.0)], 1, 2)?;
+    let start = || [0.1; 2];
+    for search in [
+        |joint: &JointReadings<'_>, highest, offset, start: &mut [f64]| {
+            joint.maximize(highest, offset, start)
+        },
+        |joint: &JointReadings<'_>, highest, offset, start: &mut [f64]| {
+            joint.solve_total(&[1.0; 2], highest, offset, start)
+        },
+    ] {
+        assert_refused("highest intensity", false, |highest| {
+            search(&joint, highest, 0.0, &mut start())
+        });
+        assert_refused("offset", true, |offset| {
+            search(&joint, 1.0, offset, &mut start())
+        });
+    }
+    Ok(())
+}
+
+/// Call the functions that simulate a sensor, and return their common result.
+fn see<'a>(gain_per_frame: f64, efficiency: PerJot<'a>, dark_counts: PerJot<'a>) -> Result<()> {
+    let image = array![[0.5, 0.6]];
+    let window = Window {
+        frames: 0..1,
+        rows: 0..1,
+        columns: 0..2,
+    };
+    let response = Response::new(15, 0.0, 1)?;
+    let sensor = Sensor {
+        kernel: Kernel::new(0, 1)?,
+        gain_per_frame,
+        efficiency,
+        dark_counts,
+        dead: None,
+        threshold: Threshold::new(1)?,
+    };
+    let (light, mut out) = (Image::F64(image.view()), Array2::zeros((1, 2)));
+    let mut bits = Array3::zeros((1, 1, 1));
+    let mut numbers = Array3::zeros((1, 1, 2));
+    let results = [
+        rate(&sensor, light, 0, out.view_mut()),
+        probability(&sensor, light, 0, out.view_mut()),
+        expose(&sensor, light, [0; 32], 0, &window, bits.view_mut()),
+        multibit::draw(
+            &sensor,
+            &response,
+            light,
+            [0; 32],
+            0,
+            &window,
+            numbers.view_mut(),
+        ),
+    ];
+    assert!(results.iter().all(|result| *result == results[0]));
+    if let (PerJot::Same(_), PerJot::Same(_)) = (efficiency, dark_counts) {
+        let mut counts = Array2::zeros((1, 2));
+        let result = draw_counts(&sensor, 1, light, [0; 32], 0, counts.view_mut());
+        assert_eq!(result, results[0]);
+    }
+    results.into_iter().collect::<Result<()>>()
+}
+
+fn known<'a>() -> PerJot<'a> {
+    PerJot::Same(0.5)
+}
+
+#[test]
+fn impossible_sensors_see_nothing() {
+    assert_refused("gain per frame", true, |gain| see(gain, known(), known()));
+    assert_refused("efficiency", true, |value| {
+        see(1.0, PerJot::Same(value), known())
+    });
+    assert_refused("dark counts", true, |value| {
+        see(1.0, known(), PerJot::Same(value))
+    });
+    let map = |value: f64| array![[0.5, value as f32]];
+    assert_refused("efficiency", true, |value| {
+        see(1.0, PerJot::Map(map(value).view()), known())
+    });
+    assert_refused("dark counts", true, |value| {
+        see(1.0, known(), PerJot::Map(map(value).view()))
+    });
+}
+
+#[test]
+fn impossible_parameters_of_iterations_are_errors() -> Result<()> {
+    let (q, all) = (Threshold::new(1)?, Values::Same(16.0));
+    let readings = Readings::new(q, &[3, 4], all, Values::Same(1.0), Values::Same(0.0))?;
+    let weigh = |weight: Values<'_, f64>| {
+        let mut planes = Array3::from_elem((2, 1, 2), 0.5);
+        tv::total_variation(planes.view(), weight, Norm::Isotropic)?;
+        let step = AdmmStep {
+            penalty: 1.0,
+            relaxation: 1.5,
+        };
+        let (image, mut x, mut dual) = (Array2::zeros((1, 2)), planes.clone(), planes.clone());
+        let (x, dual) = (x.view_mut(), dual.view_mut());
+        tv::admm_update(&step, weight, Norm::Isotropic, image.view(), x, dual)?;
+        tv::shrink(planes.view_mut(), Values::Same(0.0), Norm::Isotropic)
+    };
+    assert_refused("weight", true, |weight| weigh(Values::Same(weight)));
+    assert_refused("weight", true, |weight| weigh(Values::Each(&[1.0, weight])));
+    assert_refused("threshold", true, |threshold| {
+        let mut planes = Array3::zeros((2, 1, 2));
+        tv::shrink(
+            planes.view_mut(),
+            Values::Same(threshold),
+            Norm::Anisotropic,
+        )
+    });
+    let update = |penalty, relaxation| {
+        let step = AdmmStep {
+            penalty,
+            relaxation,
+        };
+        let (mut x, mut dual) = ([0.1; 2], [0.0; 2]);
+        readings.admm_update(&step, 1.0, &[0.1; 2], &mut x, &mut dual)
+    };
+    assert_refused("penalty", false, |penalty| update(penalty, 1.5));
+    assert_refused("relaxation", false, |relaxation| update(1.0, relaxation));
+    assert_refused("penalty", false, |penalty| {
+        readings.proximal(penalty, 1.0, &[0.1; 2], &mut [0.1; 2])
+    });
+    Ok(())
+}
