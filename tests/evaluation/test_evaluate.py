@@ -207,6 +207,8 @@ def test_a_perfect_estimate_has_an_infinite_psnr_also_in_the_csv(tmp_path):
         ([], {}, ValueError, "images: expected at least one, got none"),
         (np.empty((0, 4, 4)), {}, ValueError, "images: expected at least one, got none"),
         (IMAGES, {"names": ["a"]}, ValueError, "names: expected one for each of 4 images, got 1"),
+        (IMAGES, {"names": 1}, TypeError, "names: expected a list with a name .*, got 1"),
+        (IMAGES, {"names": "abcd"}, TypeError, "names: expected a list with a name .*, got 'abcd'"),
         ([np.zeros((4, 4), int)], {}, TypeError, "image: expected floats"),
         ([np.full((4, 4), np.nan)], {}, ValueError, "finite"),
         (np.ma.ones((2, 4, 4)), {}, TypeError, "images: .* got a masked one"),

@@ -187,9 +187,7 @@ def evaluate(
     if sensor.mosaic is not None and channel_axis is None:
         channel_axis = -1  # where the mosaic finds the colors
     images = _list_images(images, channel_axis)
-    names = [str(number) for number in range(len(images))] if names is None else names
-    if len(names) != len(images):
-        raise ValueError(f"names: expected one for each of {len(images)} images, got {len(names)}")
+    names = _list_names(names, len(images))
     scores = []
     with shown_progress(progress, "reconstructing") as update:
         for number, (name, image) in enumerate(zip(names, images, strict=True)):
@@ -204,6 +202,20 @@ def evaluate(
             )
             update((number + 1) / len(images))
     return Evaluation(scores)
+
+
+def _list_names(names: Sequence[str] | None, number: int) -> list[str]:
+    """Return the names of a number of images: those of the caller, or their indices."""
+    if names is None:
+        return [str(index) for index in range(number)]
+    if isinstance(names, str) or not hasattr(names, "__len__"):
+        raise TypeError(
+            f"names: expected a list with a name for each image, such as ['a', 'b'], got "
+            f"{shown(names)}"
+        )
+    if len(names) != number:
+        raise ValueError(f"names: expected one for each of {number} images, got {len(names)}")
+    return [str(name) for name in names]
 
 
 def _list_images(
