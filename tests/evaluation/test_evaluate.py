@@ -238,3 +238,12 @@ def test_anything_but_a_list_of_images_is_refused(images):
 def test_anything_but_a_sensor_is_refused():
     with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, .*got 8"):
         jl.evaluate("mle", [np.full((16, 16), 0.5)], 8)
+
+
+def test_a_network_is_evaluated_in_the_requested_precision():
+    network = jl.pretrained(SENSOR, "small")
+    expected = jl.evaluate(network.with_precision("bf16"), IMAGES[:1], SENSOR)
+    assert jl.evaluate("network-small", IMAGES[:1], SENSOR, precision="bf16") == expected
+    assert jl.evaluate("network-small", IMAGES[:1], SENSOR) != expected
+    with pytest.raises(ValueError, match="precision: expected f32 for mle, got bf16"):
+        jl.evaluate("mle", IMAGES[:1], SENSOR, precision="bf16")

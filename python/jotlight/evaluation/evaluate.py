@@ -134,6 +134,7 @@ def evaluate(
     *,
     channel_axis: int | None = None,
     names: Sequence[str] | None = None,
+    precision: str | None = None,
     rng: int = 0,
     threads: int | None = None,
     progress: Progress = None,
@@ -154,6 +155,8 @@ def evaluate(
         mosaic, and else none.
     names : sequence of str, optional
         Names of the images. Default: their indices.
+    precision : {"f32", "bf16"}, optional
+        Precision of the products of a deep network, as for :func:`jotlight.reconstruct`.
     rng : int
         Seed of the bits of the first image. Each further image uses the next integer.
     threads : int, optional
@@ -192,7 +195,9 @@ def evaluate(
     with shown_progress(progress, "reconstructing") as update:
         for number, (name, image) in enumerate(zip(names, images, strict=True)):
             bits = sensor.expose(image, rng + number, channel_axis=channel_axis, threads=threads)
-            estimate = reconstruct(bits, sensor, method=method, threads=threads)
+            estimate = reconstruct(
+                bits, sensor, method=method, precision=precision, threads=threads
+            )
             if channel_axis is not None:  # the estimate has the channels last
                 image = np.moveaxis(image, channel_axis, -1)
             axis = None if channel_axis is None else -1
