@@ -53,7 +53,7 @@ _MAX_ERROR = 0.5
 """Largest error of the displacements in pixels with which frames can be aligned."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class MotionPlan:
     """The expected quality of a moving scene, with and without alignment.
 

@@ -44,7 +44,7 @@ _MAX_BITS = 2**31 - 1
 """The maximum number of trials per pixel."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Plan:
     """The expected quality of `jotlight.mle` for N levels of light and M numbers of frames.
 

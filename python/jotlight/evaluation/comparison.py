@@ -33,7 +33,7 @@ COLUMNS = "method", "PSNR", "SSIM", "time"
 """Titles of the columns of the table."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Comparison:
     """Estimates of one image by several methods: a table when printed, and a figure."""
 
