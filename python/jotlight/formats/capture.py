@@ -235,6 +235,7 @@ def as_count_stack(
     label: str | None = None,
     *,
     means: bool = False,
+    is_stack: bool = False,
 ) -> CountStack:
     """Return images of counts as a stack.
 
@@ -249,6 +250,8 @@ def as_count_stack(
         The label that jotlight wrote into the file, which states the number of trials.
     means : bool
         Whether the numbers are means of frames, which may be floats.
+    is_stack : bool
+        Whether the first axis is known to be that of the images.
 
     Raises
     ------
@@ -278,7 +281,7 @@ def as_count_stack(
     provenance = provenance.converted_from(origin)
     if trials is not None:
         provenance = provenance.with_notes(f"counts out of {trials}, as the file states")
-    if is_single_image(shape):
+    if not is_stack and is_single_image(shape):
         images = np.asarray(images)[None]
     return CountStack(images, provenance, trials)
 
