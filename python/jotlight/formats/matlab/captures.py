@@ -156,7 +156,9 @@ def _write_bits(bits: Bits, path: Path) -> None:
     from scipy.io import savemat
 
     if len(bits.shape) != 3:
-        raise ValueError("matlab: expected bits of one channel")
+        raise ValueError(
+            f"matlab: expected bits of one channel, got {bits.shape[3]}; write to a name in .npy"
+        )
     frames, height, width = bits.shape
     part_frames = max(1, min(_FRAMES_PER_PART, _BYTES_PER_PART // (height * width)))
     checksums = {}
