@@ -71,6 +71,13 @@ def test_frames_that_are_not_a_slice_are_refused(tmp_path, kind, frames):
         jl.open(tmp_path / "a.npy", frames=frames)
 
 
+@pytest.mark.parametrize("name", ["a.npy", "a.tif", "a.bin", "a.npy.gz", "a"])
+def test_an_empty_file_is_called_empty(tmp_path, name):
+    (tmp_path / name).touch()
+    with pytest.raises(ValueError, match=f"{name}: expected a capture, got an empty file$"):
+        jl.open(tmp_path / name)
+
+
 @pytest.mark.parametrize("extension", [".npz", ".mat", ".h5"])
 def test_the_error_of_a_missing_key_has_the_names_of_the_arrays(tmp_path, extension):
     path, arrays = tmp_path / f"a{extension}", {"dark": np.eye(3), "flat": np.eye(4)}
@@ -85,6 +92,11 @@ def test_the_error_of_a_missing_key_has_the_names_of_the_arrays(tmp_path, extens
         jl.open(path)
     assert raised.value.names == ("dark", "flat")
     assert str(path) in str(raised.value)
+    kind = "variables" if extension == ".mat" else "arrays"
+    expected = f"expected key= (--key) to name one of its {kind}: dark, flat"
+    assert str(raised.value).endswith(expected)
+    with pytest.raises(SeveralArraysError, match=r"dark, flat; got 'bright'$"):
+        jl.open(path, key="bright")
     assert pickle.loads(pickle.dumps(raised.value)).names == ("dark", "flat")
 
 
