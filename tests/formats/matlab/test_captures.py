@@ -193,3 +193,10 @@ def test_verification_counts_the_parts_and_their_description(tmp_path, monkeypat
     assert verify_capture(tmp_path / "a").startswith("4 files match their checksums; all 3 frames")
     (tmp_path / "a" / "info.json").unlink()
     assert verify_capture(tmp_path / "a").startswith("there is no checksum apart from those inside")
+
+
+def test_bits_of_several_channels_are_refused_with_their_number(tmp_path):
+    bits = jl.Bits.from_array(np.zeros((2, 4, 5, 3), bool))
+    with pytest.raises(ValueError, match=r"one channel, got 3; write to a name in \.npy"):
+        jl.save(bits, tmp_path / "folder", format="matlab")
+    assert not list(tmp_path.iterdir())
