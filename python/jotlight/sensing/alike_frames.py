@@ -24,7 +24,9 @@ def require_alike_frames(sensor: GroupedSensor) -> None:
       ...
     ValueError: sensor: expected one gain ... threshold, such as bits[:2] (--frame-range 0:2)
     """
-    per_frame = [each for each in (sensor.gain, sensor.threshold) if np.ndim(each) == 1]
+    per_frame = [
+        each for each in map(np.asarray, (sensor.gain, sensor.threshold)) if each.ndim == 1
+    ]
     advice = _ADVICE
     if per_frame:
         differ = np.any([each != each[0] for each in per_frame], axis=0)
