@@ -10,6 +10,7 @@ import jotlight as jl
 from examples.arrays import random_frames
 from jotlight.errors import SeveralArraysError
 from jotlight.formats.labels import AS_STATED
+from jotlight.formats.reading import open_capture
 from reference import formats as twin
 
 HALF = (256, 512)
@@ -135,3 +136,14 @@ def test_counts_that_a_file_states_are_not_read_as_readings(tmp_path, name):
     with pytest.raises(ValueError, match=message):
         jl.open(tmp_path / name, bit_depth=3)
     np.testing.assert_array_equal(jl.open(tmp_path / name), bits.counts())
+
+
+def test_a_slice_of_a_stack_of_counts_has_images(tmp_path):
+    np.save(tmp_path / "a.npy", np.ones((6, 4, 5), int))
+    stack = open_capture(tmp_path / "a.npy")
+    assert len(stack[1:4]) == 3
+    with pytest.raises(ValueError, match="counts: no frames in 4:2 of 6"):
+        stack[4:2]
+    with pytest.raises(TypeError, match=r"counts: .*, got \(Ellipsis, 3\); np\.asarray\(counts\)"):
+        stack[..., 3]
+    np.testing.assert_array_equal(np.asarray(stack)[..., 3], np.ones((6, 4)))

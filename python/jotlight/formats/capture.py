@@ -12,7 +12,7 @@ from jotlight.errors import warn
 from jotlight.formats.labels import read_counts_label, read_readings_label
 from jotlight.notebook import card, normalize
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, frame_index, read_in_chunks
+from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.scaled_counts import scaled_counts_hint
@@ -130,6 +130,7 @@ class CountStack:
         A slice reads nothing.
         """
         if isinstance(images, slice):
+            refuse_no_frames("counts", images, len(self))
             sensor = self.sensor and self.sensor.select_frames(images)
             return dataclasses.replace(self, images=self.images[images], sensor=sensor)
         index = frame_index("counts", images, len(self))

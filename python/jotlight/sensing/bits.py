@@ -21,6 +21,7 @@ from jotlight.sensing.frames import (
     format_frame_range,
     frame_index,
     read_in_chunks,
+    refuse_no_frames,
 )
 from jotlight.sensing.lazy import Chunks
 from jotlight.sensing.provenance import Provenance
@@ -165,9 +166,8 @@ class Bits(ArrayHints):
         """
         if not isinstance(frames, slice):
             return self._frame(frames)
+        refuse_no_frames("bits", frames, len(self))
         packed = self.packed[frames]
-        if len(packed) == 0:
-            raise ValueError(f"bits: no frames in {format_frame_range(frames)} of {len(self)}")
         sensor = self.sensor and self.sensor.select_frames(frames)
         provenance = self.provenance
         if provenance is not None and len(packed) < len(self):

@@ -263,6 +263,17 @@ def frame_index(name: str, index: object, number: int) -> int:
     return int(index) % number
 
 
+def refuse_no_frames(name: str, frames: slice, number: int) -> None:
+    """Raise ValueError when a slice selects none of a number of frames.
+
+    Examples
+    --------
+    >>> refuse_no_frames("bits", slice(2, 4), 8)
+    """
+    if len(range(number)[frames]) == 0:
+        raise ValueError(f"{name}: no frames in {format_frame_range(frames)} of {number}")
+
+
 def read_frames(frames: npt.NDArray[Any] | Frames, start: int, stop: int) -> npt.NDArray[Any]:
     """Return the frames from `start` to `stop` as an array. For an array, it is a view."""
     return frames.read(start, stop) if isinstance(frames, Frames) else frames[start:stop]

@@ -11,7 +11,7 @@ from jotlight.notebook import card, normalize
 from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.channels import channel_views
-from jotlight.sensing.frames import Frames, format_frame_range, frame_index, read_in_chunks
+from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
 
@@ -99,12 +99,10 @@ class Readings(ArrayHints):
     def __getitem__(self, frames: SupportsIndex | slice) -> npt.NDArray[np.uint16] | Self:
         """Return one frame as an array, or a view of several, whose sensor has as many frames."""
         if isinstance(frames, slice):
-            part = self.frames[frames]
-            if len(part) == 0:
-                raise ValueError(
-                    f"readings: no frames in {format_frame_range(frames)} of {len(self)}"
-                )
-            return type(self)(part, self.sensor.select_frames(frames), self.provenance)
+            refuse_no_frames("readings", frames, len(self))
+            return type(self)(
+                self.frames[frames], self.sensor.select_frames(frames), self.provenance
+            )
         index = frame_index("readings", frames, len(self))
         return np.asarray(self.read(index, index + 1)[0])
 
