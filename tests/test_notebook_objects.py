@@ -1,5 +1,6 @@
 """Results in notebooks and in terminals: short texts, small tables, thumbnails, and figures."""
 
+import copy
 import html.parser
 import re
 
@@ -298,3 +299,11 @@ def test_normalized_images_are_those_of_people():
     np.testing.assert_allclose(found, [[0, 0.5, 1, 1]], atol=0.01)
     assert normalize(np.ones((2, 3, 4))).shape == (2, 3)
     assert normalize(np.ones((2, 3, 3))).shape == (2, 3, 3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_objects_can_be_compared_and_collected(objects, name):
+    one, other = objects[name], copy.deepcopy(objects[name])
+    assert one == one
+    assert isinstance(one == other, bool)
+    assert one in [other, one]

@@ -13,7 +13,7 @@ import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextvars import ContextVar
-from typing import Any
+from typing import Any, Self
 
 _hidden: ContextVar[tuple[str, ...]] = ContextVar("hidden", default=())
 """Texts whose warnings this thread hides."""
@@ -49,6 +49,20 @@ class SeveralArraysError(ValueError):
     def __init__(self, message: str, names: Sequence[str] = ()) -> None:
         super().__init__(message)
         self.names = tuple(names)
+
+    @classmethod
+    def of_file(cls, path: object, names: Sequence[str], key: str | None, kind: str) -> Self:
+        """Return the error for a file of some arrays, and a key that is none of their names.
+
+        Examples
+        --------
+        >>> str(SeveralArraysError.of_file("a.npz", ["x", "y"], "z", "array"))
+        "a.npz: expected key= (--key) to name one of its arrays: x, y; got 'z'"
+        """
+        listed = ", ".join(map(str, names)) or f"it has no numeric {kind}"
+        got = "" if key is None else f"; got {key!r}"
+        text = f"{path}: expected key= (--key) to name one of its {kind}s: {listed}{got}"
+        return cls(text, names)
 
 
 class MissingExtraError(ImportError):

@@ -278,3 +278,18 @@ def test_a_file_of_gray_levels_is_reported_once_by_its_name(run, photo_folder):
     assert "; for an integer image, pass --white 255\n" in output
     assert "most intensities" not in run(*arguments, "--max-intensity", 255)[1]
     assert "most intensities" not in run(*arguments, "--white", 255)[1]
+
+
+def test_the_precision_of_the_products_is_an_option(run, tmp_path):
+    image = np.random.default_rng(1).random((1, 32, 32), np.float32)
+    np.save(tmp_path / "images.npy", image)
+    arguments = ["evaluate", "images.npy", "--quality", "small", "-k", 2, "--precision"]
+    for precision in ("f32", "bf16"):
+        assert run(*arguments, precision, "-o", f"{precision}.csv")[0] == 0
+        jl.evaluate(
+            "network-small", image, jl.Sensor(oversampling=2), names=["0"], precision=precision
+        ).write_csv(tmp_path / "expected.csv")
+        names = f"{precision}.csv", "expected.csv"
+        found, expected = ((tmp_path / name).read_text(encoding="utf-8") for name in names)
+        assert found == expected
+    assert (tmp_path / "f32.csv").read_bytes() != (tmp_path / "bf16.csv").read_bytes()

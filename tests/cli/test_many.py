@@ -337,3 +337,14 @@ def test_a_step_without_a_window_is_refused(run, captures, command):
     code, out = run(command, captures[0], "-o", "v.zarr", "--step", 4)
     assert code == 1
     assert out.startswith("error: step: is for the windows of a capture; add --window 4")
+
+
+@pytest.mark.parametrize("kind", ["counts", "readings of several bits"])
+def test_a_run_over_captures_says_which_one_has_no_bits(run, captures, kind):
+    sensor = jl.Sensor(frames=64, bit_depth=1 if kind == "counts" else 4)
+    data = sensor.expose(np.full((16, 24), 0.5), rng=0)
+    jl.save(data.counts() if kind == "counts" else data, "captures/other.npy")
+    code, out = run("reconstruct", "captures/other.npy", captures[0], "-o", "{name}.tif", "-t", 64)
+    assert code == 1
+    assert f"other.npy: expected bits in a run over captures or windows, got {kind}; run" in out
+    assert run("reconstruct", "captures/other.npy", "-o", "o.tif", "-t", 64)[0] == 0

@@ -215,6 +215,14 @@ def test_bad_input_gets_one_clear_line_and_leaves_no_files(
     assert files(tmp_path) == before
 
 
+def test_a_finer_grid_is_refused_for_a_mosaic_with_the_option_to_leave_out(run, tmp_path):
+    sensor = jl.Sensor(frames=16, mosaic="RGGB")
+    jl.save(sensor.expose(np.full((16, 16, 3), 0.5), rng=0, channel_axis=-1), tmp_path / "m.npy")
+    status, output = run("reconstruct", "m.npy", "-o", "a.png", "--motion", "--upsample", 2)
+    assert status == 1
+    assert "with a mosaic, got 2; leave out --upsample" in " ".join(output.split())
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="sends signals")
 def test_ctrl_c_stops_the_alignment_and_leaves_no_files(tmp_path):

@@ -129,6 +129,15 @@ def test_uncertainty_is_written_in_the_units_of_the_estimate(
     assert (planes[3] == expected.flags()).all()
 
 
+def test_uncertainty_is_that_of_the_estimate_in_its_precision(run, capture, tmp_path):
+    options = ["--precision", "bf16", "--uncertainty", "u.npz"]
+    assert run("reconstruct", "known.npy", "-o", "a.npy", *options)[0] == 0
+    expected = jl.uncertainty(capture, SENSOR, precision="bf16")
+    with np.load(tmp_path / "u.npz") as found:
+        np.testing.assert_array_equal(found["low"], expected.low)
+        np.testing.assert_array_equal(found["high"], expected.high)
+
+
 def test_unknown_errors_are_reported_before_the_work(run, tmp_path):
     sensor = jl.Sensor(oversampling=2, frames=4, kernel="linear")
     jl.save(sensor.expose(np.full((16, 16), 0.5), rng=0), tmp_path / "smooth.npy")

@@ -17,7 +17,7 @@ def test_the_command_prints_the_required_frames_and_draws_the_figure(run, tmp_pa
         1000,
         "-q",
         2,
-        "--target",
+        "--target-psnr",
         20,
         "--plot",
         "a.png",
@@ -100,7 +100,8 @@ def test_the_frames_that_help_at_a_speed_are_printed(run):
     ("arguments", "expected"),
     [
         (["1:2", "--speed", -1], "speed: expected pixels per frame from 0 to 1000, got -1"),
-        (["2:1"], "MIN:MAX"),
+        (["1", "--target-psnr", 201], "target_psnr: expected a number from 0 to 200, got 201"),
+        (["2:1"], "from the darkest to the brightest point as MIN:MAX, such as 0.01:1, or one"),
         (["1:2", "--size", "256"], "size: expected HEIGHTxWIDTH in jots"),
         (["1:2", "--size", "0x9"], "size: expected HEIGHTxWIDTH in jots"),
         (["dim"], "MIN:MAX"),

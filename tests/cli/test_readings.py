@@ -38,7 +38,8 @@ def test_info_shows_the_values(run, files):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["film", "bracket.npy", "--window", 4], "the sensor has a gain for each frame"),
+        (["film", "bracket.npy", "--window", 4], "got a gain for each frame; jotlight.reconstruct"),
+        (["film", "map.npy", "--window", 4], "got a threshold for each jot; jotlight.reconstruct"),
         (["reconstruct", "map.npy", "--find-hot-jots"], "find-hot-jots: expected one threshold"),
         (["view", "bracket.npy"], "expected one gain and one threshold"),
     ],

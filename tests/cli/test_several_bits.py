@@ -76,8 +76,8 @@ def test_noisy_bits_are_simulated_and_reconstructed(run, photo):
     [
         (["simulate", "photo.png", "-o", "x.npy", "--bit-depth", 4, "-q", 3], "threshold: expec"),
         (["simulate", "photo.png", "-o", "x.npy", "--bit-depth", 40], "bit_depth: expected"),
-        (["film", "r.npy", "-o", "x.gif", "--window", 4], "expected bits without read noise"),
-        (["reconstruct", "r.npy", "-o", "e.npy", "--motion"], "expected bits without read noise"),
+        (["film", "r.npy", "-o", "x.gif", "--window", 4], "expected single bits without noise"),
+        (["reconstruct", "r.npy", "-o", "e.npy", "--motion"], "expected single bits without noise"),
     ],
 )
 def test_what_needs_single_bits_says_so(run, photo, arguments, message):

@@ -146,10 +146,13 @@ def test_the_plan_takes_the_information_of_the_sensor():
         ({"speed": -1.0}, "speed: expected pixels per frame from 0 to 1000, got -1"),
         ({"speed": "1"}, "speed: expected pixels per frame from 0 to 1000, got '1'"),
         ({"speed": float("nan")}, "speed: expected pixels per frame"),
-        ({"speed": 1.0, "size": (0, 4)}, "size: expected H and W in pixels"),
-        ({"speed": 1.0, "size": (4,)}, "size: expected H and W in pixels"),
+        ({"speed": 1.0, "size": (0, 4)}, "size: expected at least 1, got 0"),
+        ({"speed": 1.0, "size": (4, 2.5)}, "size: expected a whole number, got 2.5"),
+        ({"speed": 1.0, "size": (4,)}, r"size: expected \(H, W\) in pixels, .*, got \(4,\)"),
+        ({"size": 256}, r"size: expected \(H, W\) in pixels, such as \(256, 512\), got 256"),
+        ({"size": "ab"}, r"size: expected \(H, W\) in pixels, .*, got 'ab'"),
     ],
 )
 def test_bad_input_is_refused(options, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((TypeError, ValueError), match=message):
         jl.plan(jl.Sensor(), 0.3, **options)

@@ -114,11 +114,17 @@ def test_estimates_are_clipped_to_the_maximum_intensity():
     [
         (0.0, {}, "above 0"),
         ((2.0, 1.0), {}, "the minimum and the maximum"),
-        (1.0, {"frames": []}, "whole numbers of at least 1"),
-        (1.0, {"frames": [0, 1]}, "whole numbers of at least 1"),
-        (1.0, {"frames": [2**40]}, "at most"),
-        (1.0, {"target_psnr": -3.0}, "between 0 and 200"),
-        (1.0, {"max_intensity": 0.0}, "above 0"),
+        (1.0, {"frames": []}, r"frames: expected a list such as \[16, 256\], got \[\]"),
+        (1.0, {"frames": 16}, r"frames: expected a list such as \[16, 256\], got 16"),
+        (1.0, {"frames": "16"}, r"frames: expected a list such as \[16, 256\], got '16'"),
+        (1.0, {"frames": [0, 1]}, "frames: expected a whole number from 1 to 2147483647, got 0"),
+        (1.0, {"frames": [2**40]}, "frames: expected a whole number from 1 to 2147483647"),
+        (1.0, {"frames": [1.5]}, "frames: expected a whole number .*, got 1.5"),
+        (1.0, {"frames": ["a"]}, "frames: expected a whole number .*, got 'a'"),
+        (1.0, {"target_psnr": -3.0}, "target_psnr: expected a number from 0 to 200, got -3.0"),
+        (1.0, {"target_psnr": "1"}, "target_psnr: expected a number from 0 to 200, got '1'"),
+        (1.0, {"max_intensity": 0.0}, "max_intensity: expected a finite number above 0, got 0.0"),
+        (1.0, {"max_intensity": "1"}, "max_intensity: expected a finite number above 0, got '1'"),
     ],
 )
 def test_invalid_arguments_are_refused(light, options, message):

@@ -207,6 +207,8 @@ def test_a_perfect_estimate_has_an_infinite_psnr_also_in_the_csv(tmp_path):
         ([], {}, ValueError, "images: expected at least one, got none"),
         (np.empty((0, 4, 4)), {}, ValueError, "images: expected at least one, got none"),
         (IMAGES, {"names": ["a"]}, ValueError, "names: expected one for each of 4 images, got 1"),
+        (IMAGES, {"names": 1}, TypeError, "names: expected a list with a name .*, got 1"),
+        (IMAGES, {"names": "abcd"}, TypeError, "names: expected a list with a name .*, got 'abcd'"),
         ([np.zeros((4, 4), int)], {}, TypeError, "image: expected floats"),
         ([np.full((4, 4), np.nan)], {}, ValueError, "finite"),
         (np.ma.ones((2, 4, 4)), {}, TypeError, "images: .* got a masked one"),
@@ -236,3 +238,12 @@ def test_anything_but_a_list_of_images_is_refused(images):
 def test_anything_but_a_sensor_is_refused():
     with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, .*got 8"):
         jl.evaluate("mle", [np.full((16, 16), 0.5)], 8)
+
+
+def test_a_network_is_evaluated_in_the_requested_precision():
+    network = jl.pretrained(SENSOR, "small")
+    expected = jl.evaluate(network.with_precision("bf16"), IMAGES[:1], SENSOR)
+    assert jl.evaluate("network-small", IMAGES[:1], SENSOR, precision="bf16") == expected
+    assert jl.evaluate("network-small", IMAGES[:1], SENSOR) != expected
+    with pytest.raises(ValueError, match="precision: expected f32 for mle, got bf16"):
+        jl.evaluate("mle", IMAGES[:1], SENSOR, precision="bf16")

@@ -187,3 +187,27 @@ def test_the_flags_of_noise_alone_are_rare():
         for trials in (4, 16, 64)
     ]
     assert max(fractions) < 0.005
+
+
+def fields(known):
+    return [known.standard_error, known.low, known.high, known.flags()]
+
+
+@pytest.mark.parametrize("mosaic", [None, "RGGB"])
+def test_the_interval_in_a_precision_is_that_of_the_estimate_in_it(mosaic):
+    sensor = SENSOR.replace(mosaic=mosaic)
+    image = CAMERA if mosaic is None else np.stack([CAMERA, 0.7 * CAMERA, 0.4 * CAMERA], -1)
+    bits = sensor.expose(image, rng=3, channel_axis=None if mosaic is None else -1)
+    found, f32 = jl.uncertainty(bits, precision="bf16"), jl.uncertainty(bits)
+    estimate = jl.reconstruct(bits, precision="bf16")
+    expected = jl.uncertainty(bits, estimate=estimate)
+    for one, other in zip(fields(found), fields(expected), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert (found.low <= estimate).all()
+    assert (estimate <= found.high).all()
+    assert (found.low != f32.low).any()
+
+
+def test_maximum_likelihood_has_no_precision():
+    with pytest.raises(ValueError, match="precision: expected f32 for mle, got bf16"):
+        jl.uncertainty(COUNTS, SENSOR, method="mle", precision="bf16")

@@ -23,7 +23,7 @@ OBJECTS = npy_bytes(np.array([[[{}]]], object), allow_pickle=True)
         (CUBE[:100], "damaged"),
         (CUBE[:8], "damaged"),
         (CUBE[:6], "damaged"),
-        (b"", "does not begin like one"),
+        (b"", "got an empty file"),
         (b"PK" + CUBE, "does not begin like one"),
         (pickle.dumps(np.zeros(3)), "does not begin like one"),
         (OBJECTS, "Python objects, which can run code and are never read"),

@@ -10,6 +10,7 @@ import jotlight as jl
 from examples.arrays import random_frames
 from jotlight.errors import SeveralArraysError
 from jotlight.formats.labels import AS_STATED
+from jotlight.formats.reading import open_capture
 from reference import formats as twin
 
 HALF = (256, 512)
@@ -71,6 +72,13 @@ def test_frames_that_are_not_a_slice_are_refused(tmp_path, kind, frames):
         jl.open(tmp_path / "a.npy", frames=frames)
 
 
+@pytest.mark.parametrize("name", ["a.npy", "a.tif", "a.bin", "a.npy.gz", "a"])
+def test_an_empty_file_is_called_empty(tmp_path, name):
+    (tmp_path / name).touch()
+    with pytest.raises(ValueError, match=f"{name}: expected a capture, got an empty file$"):
+        jl.open(tmp_path / name)
+
+
 @pytest.mark.parametrize("extension", [".npz", ".mat", ".h5"])
 def test_the_error_of_a_missing_key_has_the_names_of_the_arrays(tmp_path, extension):
     path, arrays = tmp_path / f"a{extension}", {"dark": np.eye(3), "flat": np.eye(4)}
@@ -85,6 +93,11 @@ def test_the_error_of_a_missing_key_has_the_names_of_the_arrays(tmp_path, extens
         jl.open(path)
     assert raised.value.names == ("dark", "flat")
     assert str(path) in str(raised.value)
+    kind = "variables" if extension == ".mat" else "arrays"
+    expected = f"expected key= (--key) to name one of its {kind}: dark, flat"
+    assert str(raised.value).endswith(expected)
+    with pytest.raises(SeveralArraysError, match=r"dark, flat; got 'bright'$"):
+        jl.open(path, key="bright")
     assert pickle.loads(pickle.dumps(raised.value)).names == ("dark", "flat")
 
 
@@ -123,3 +136,14 @@ def test_counts_that_a_file_states_are_not_read_as_readings(tmp_path, name):
     with pytest.raises(ValueError, match=message):
         jl.open(tmp_path / name, bit_depth=3)
     np.testing.assert_array_equal(jl.open(tmp_path / name), bits.counts())
+
+
+def test_a_slice_of_a_stack_of_counts_has_images(tmp_path):
+    np.save(tmp_path / "a.npy", np.ones((6, 4, 5), int))
+    stack = open_capture(tmp_path / "a.npy")
+    assert len(stack[1:4]) == 3
+    with pytest.raises(ValueError, match="counts: no frames in 4:2 of 6"):
+        stack[4:2]
+    with pytest.raises(TypeError, match=r"counts: .*, got \(Ellipsis, 3\); np\.asarray\(counts\)"):
+        stack[..., 3]
+    np.testing.assert_array_equal(np.asarray(stack)[..., 3], np.ones((6, 4)))

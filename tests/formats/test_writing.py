@@ -81,11 +81,19 @@ def test_the_provenance_is_saved_and_becomes_the_origin(tmp_path):
     assert (origin.name, origin.notes) == ("first.npy", ("frames 0:2 of 3",))
 
 
-@pytest.mark.parametrize("other", [np.ones((2, 3)), np.ones((2, 3), bool), "capture.npy", None])
-def test_what_is_neither_bits_nor_counts_is_refused(tmp_path, other):
-    with pytest.raises(
-        TypeError, match=r"data: expected jotlight\.Bits or an array of counts, got"
-    ):
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        (np.ones((2, 3)), r"float64; jotlight\.save_image\("),
+        (np.ones((2, 3), bool), r"bool; jotlight\.Bits\.from_array\(frames, sensor\)"),
+        (jl.Network.initial(jl.Sensor()), "Network; their own method save"),
+        ("capture.npy", "str$"),
+        (None, "NoneType$"),
+    ],
+)
+def test_what_is_neither_bits_nor_counts_is_refused(tmp_path, other, message):
+    expected = r"data: expected jotlight\.Bits or an array of counts, got "
+    with pytest.raises(TypeError, match=expected + message):
         jl.save(other, tmp_path / "capture.npy")
     assert not list(tmp_path.iterdir())
 

@@ -95,8 +95,26 @@ def test_one_channel_is_gray_and_integers_stay_integers(tmp_path):
     counts = RANDOM.integers(0, 2**31 - 1, (9, 7), np.int32)
     jl.save_image(tmp_path / "a.npy", counts)
     np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), counts)
-    with pytest.raises(TypeError, match=r"got Bits; take one frame, bits\[0\]"):
-        jl.save_image(tmp_path / "b.png", jl.Bits.from_array(image[..., 0] > 0.5))
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (jl.Bits.from_array(np.eye(4, dtype=bool)), r"got Bits; take one frame, bits\[0\]"),
+        (
+            jl.Readings(np.eye(4, dtype=int), jl.Sensor(bit_depth=2)),
+            r"got Readings; take one frame, readings\[0\], or readings\.sum\(\)",
+        ),
+        (
+            jl.Merged(np.eye(4, dtype=int), 2, jl.Sensor(frames=2)),
+            r"got Merged; take an estimate, such as jotlight\.reconstruct\(merged\)",
+        ),
+    ],
+    ids=["bits", "readings", "merged"],
+)
+def test_data_are_refused_with_the_image_to_save(tmp_path, data, message):
+    with pytest.raises(TypeError, match=message):
+        jl.save_image(tmp_path / "a.png", data)
 
 
 @pytest.mark.parametrize("name", ["a.tif", "a.npy"])

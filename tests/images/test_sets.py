@@ -153,9 +153,9 @@ def test_a_key_chooses_an_array_of_several(tmp_path):
     path = tmp_path / "a.npz"
     np.savez(path, one=np.zeros((2, 3, 4)), two=np.ones((5, 3, 4)))
     assert len(read_image_set(path, key="two")[1]) == 5
-    with pytest.raises(ValueError, match=r"a\.npz: expected the name of an array .*one, two$"):
+    with pytest.raises(ValueError, match=r"a\.npz: expected key= \(--key\) to name .*one, two$"):
         read_image_set(path)
-    with pytest.raises(ValueError, match="one, two, got 'three'"):
+    with pytest.raises(ValueError, match="one, two; got 'three'"):
         read_image_set(path, key="three")
 
 

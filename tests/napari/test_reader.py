@@ -190,7 +190,11 @@ def test_a_labeled_array_is_the_only_layer(tmp_path):
     [
         ({"a": np.ones(3), "b": np.ones(4)}, None, "none of its arrays is a capture"),
         ({f"a{i}": np.ones((2, 2), int) for i in range(17)}, None, "Open a capture"),
-        ({"a": np.ones((2, 2), int), "b": np.ones((2, 2), int)}, "c", "name of an array.*got 'c'"),
+        (
+            {"a": np.ones((2, 2), int), "b": np.ones((2, 2), int)},
+            "c",
+            "to name one of its arrays: a, b; got 'c'",
+        ),
     ],
 )
 def test_files_without_a_choice_are_refused(tmp_path, arrays, key, message):

@@ -99,11 +99,13 @@ def test_initial_estimates_lie_in_0_to_s(most):
         ({"sigma": np.nan}, "sigma"),
         ({"taps": 4}, "taps: expected an odd number, got 4"),
         ({"taps": -1}, "taps"),
+        ({"taps": "1"}, "taps: expected a whole number, got '1'"),
         ({"coefficients": 4}, "coefficients: expected at least 5"),
+        ({"coefficients": None}, "coefficients: expected a whole number, got None"),
     ],
 )
 def test_parameters_of_the_initial_network_out_of_range_are_refused(options, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((TypeError, ValueError), match=message):
         jl.Network.initial(jl.Sensor(), **options)
 
 

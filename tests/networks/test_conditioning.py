@@ -79,6 +79,9 @@ def test_conditioned_layers_are_weighted_sums_of_the_sets(bits):
             (16, 16),
             "trials_range: expected the smallest and the largest K of a tied network",
         ),
+        (3, "trials_range: expected the smallest and the largest K of .*, got 3"),
+        ("ab", "trials_range: expected the smallest and the largest K of .*, got 'ab'"),
+        ((1.5, 9), r"trials_range: expected .*, got \(1.5, 9\)"),
     ],
 )
 def test_parameter_sets_need_a_range_of_k(bits, message):

@@ -120,6 +120,9 @@ def test_readings_are_indexed_and_read_like_bits():
     np.testing.assert_array_equal(readings.sum(), array.sum(axis=0))
     assert "<th>" in readings._repr_html_()
     assert "4 bits" in repr(readings)
+    for wrong in ((..., 3), [0, 2], 1.0):
+        with pytest.raises(TypeError, match=r"readings: .* slice .* np\.asarray\(readings\)"):
+            readings[wrong]
     with pytest.raises(IndexError, match="frame from 0 to 3"):
         readings[4]
     with pytest.raises(ValueError, match="no frames in 4:"):

@@ -299,5 +299,5 @@ def test_sensors_that_a_network_does_not_serve_are_refused():
 
 @pytest.mark.parametrize("sensor", [jl.Sensor(bit_depth=4), jl.Sensor(read_noise=0.3)])
 def test_readings_that_are_not_plain_bits_are_refused(sensor):
-    with pytest.raises(ValueError, match="sensor: expected bits without read noise"):
+    with pytest.raises(ValueError, match="sensor: expected single bits without noise"):
         Network(conditional("small"))(torch.zeros(1, 1, 4, 4), sensor)

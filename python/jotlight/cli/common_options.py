@@ -7,6 +7,7 @@ from cyclopts import Group, Parameter
 
 from jotlight.evaluation.methods import METHODS
 from jotlight.networks.architectures import QUALITIES
+from jotlight.networks.precision import F32, PRECISIONS
 
 METHOD_PANEL = Group("Iterative methods", sort_key=1)
 TRAINING_PANEL = Group("Training", sort_key=2)
@@ -46,6 +47,13 @@ Quality = Annotated[
     Parameter(
         help=f"Size of the trained network to use in place of a method: {', '.join(QUALITIES)}. "
         "Default: that of --method."
+    ),
+]
+Precision = Annotated[
+    str | None,
+    Parameter(
+        help=f"Precision of the products of a deep network: {' or '.join(PRECISIONS)}. bf16 is "
+        f"faster on processors with AMX, and emulated on others. Default: {F32}."
     ),
 ]
 Threads = Annotated[int | None, Parameter(help="Number of threads. Default: all cores.")]

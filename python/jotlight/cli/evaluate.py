@@ -12,6 +12,7 @@ from jotlight.cli.common_options import (
     OWN,
     ImageKey,
     Model,
+    Precision,
     Quality,
     Seed,
     Threads,
@@ -50,6 +51,7 @@ def evaluate(
     ] = None,
     quality: Quality = None,
     model: Model = None,
+    precision: Precision = None,
     output: Annotated[
         Path | None, Parameter(alias="-o", help="A .csv with a row for each image. Default: none.")
     ] = None,
@@ -95,6 +97,7 @@ def evaluate(
                 scenes,
                 exposed,
                 names=names,
+                precision=precision,
                 rng=seed,
                 threads=threads,
                 progress=begin("reconstructing"),

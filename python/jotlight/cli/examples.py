@@ -50,7 +50,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "jotlight reproduce fig7 --method mine:denoise",
     ),
     "plan": (
-        "jotlight plan 0.01:1 --target 30",
+        "jotlight plan 0.01:1 --target-psnr 30",
         "jotlight plan 100:10000 --frame-rate 100000 --plot plan.png",
     ),
     "info": ("jotlight info capture.npy", "jotlight info mine.safetensors"),

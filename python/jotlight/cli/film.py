@@ -42,7 +42,6 @@ from jotlight.networks.precision import F32
 from jotlight.networks.pretrained import pretrained_film
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
-from jotlight.sensing.readings import FRAMES_ADVICE, require_plain_bits, without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -124,7 +123,6 @@ def film(
     job = inputs.prepare(outputs.output, window=outputs.window)
     if motion.recurrent:
         job = _by_film_network(job)
-    require_plain_bits(without_mosaic(job.captured.sensor), FRAMES_ADVICE)
     spans = windows(len(job.captured.data), outputs.window, outputs.step)
     brightness = _write(job, outputs, motion, spans, threads)
     report_assumptions(job, brightness)

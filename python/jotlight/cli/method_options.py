@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from jotlight.cli.common_options import METHOD_PANEL, NAMES, Model, Quality
+from jotlight.cli.common_options import METHOD_PANEL, NAMES, Model, Precision, Quality
 from jotlight.estimators.demosaicing import TITLES
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
@@ -18,7 +18,6 @@ from jotlight.evaluation.methods import (
     LARGE_TRIALS,
 )
 from jotlight.networks.architectures import QUALITIES
-from jotlight.networks.precision import F32, PRECISIONS
 
 
 @Parameter(name="*")
@@ -36,13 +35,7 @@ class MethodOptions:
     ] = None
     quality: Quality = None
     model: Model = None
-    precision: Annotated[
-        str | None,
-        Parameter(
-            help=f"Precision of the products of a deep network: {' or '.join(PRECISIONS)}. bf16 is "
-            f"faster on processors with AMX, and emulated on others. Default: {F32}."
-        ),
-    ] = None
+    precision: Precision = None
     fallback: Annotated[
         bool,
         Parameter(

@@ -15,7 +15,7 @@ from jotlight.cli.console import progress
 from jotlight.formats.checksums import file_checksum
 from jotlight.images.image_stack import stack_writer
 from jotlight.motion.align import align
-from jotlight.motion.merge import merge
+from jotlight.motion.merge import check_upsample, merge
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.sensing.merged import Merged
 
@@ -183,8 +183,7 @@ class ImageMotionOptions(MotionOptions):
         The counts are None for a scene that stands still behind a mosaic.
         """
         data, sensor = captured.data, captured.sensor
-        if self.factor > 1 and sensor.mosaic is not None:
-            raise ValueError(f"upsample: expected 1 for a sensor with a mosaic, got {self.factor}")
+        check_upsample(self.factor, sensor)
         with progress(1) as begin:
             if self.motion_file is None:
                 show = begin("aligning", _ALIGNING)

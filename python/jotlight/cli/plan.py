@@ -33,7 +33,7 @@ class PlanOptions:
             help="Frames per second. The light is then per second. Default: it is per frame."
         ),
     ] = None
-    target: Annotated[
+    target_psnr: Annotated[
         float | None,
         Parameter(help="A PSNR in dB. The last line states the frames it takes. Default: none."),
     ] = None
@@ -97,7 +97,7 @@ def plan(
         planned,
         (minimum / rate, maximum / rate),
         frames=_frame_numbers(last),
-        target_psnr=options.target,
+        target_psnr=options.target_psnr,
         max_intensity=sensor.max_intensity,
         speed=None if options.speed is None else options.speed / rate,
         size=(max(1, height // planned.oversampling), max(1, width // planned.oversampling)),
@@ -132,7 +132,8 @@ def _light_range(text: str) -> tuple[float, float]:
         numbers = []
     if len(numbers) not in (1, 2) or not 0 < numbers[0] <= numbers[-1] < float("inf"):
         raise ValueError(
-            f"light: expected MIN:MAX in photons, above 0, such as 0.01:1, got {text!r}"
+            "light: expected photons from the darkest to the brightest point as MIN:MAX, such as "
+            f"0.01:1, or one number, above 0, got {text!r}"
         )
     return numbers[0], numbers[-1]
 

@@ -47,8 +47,8 @@ class MotionOptions:
     photons: Annotated[
         float | None,
         Parameter(
-            help="Mean number of photons per jot and frame, in place of --gain. Default: as --gain "
-            "states."
+            help="Mean number of photons per jot and frame, to which --gain is scaled. Default: as "
+            "--gain states."
         ),
     ] = None
     truth: Annotated[

@@ -14,8 +14,8 @@ from jotlight.cli.console import caution, report
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.formats.locations import is_url
+from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.readings import FRAMES_ADVICE, require_plain_bits, without_mosaic
 from jotlight.view.access import LOOPBACK, is_loopback
 from jotlight.view.extra import require_server
 from jotlight.view.live.options import LiveOptions, open_live
@@ -124,7 +124,7 @@ def _open(path: str, capture: CaptureOptions, sensor: CapturedSensorOptions) -> 
         raise ValueError("frames: the page selects them; --frame-range leaves some of them out")
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
     captured = add_sensor(opened, path, sensor.to_kwargs(), calibration)
-    require_plain_bits(without_mosaic(captured.sensor), FRAMES_ADVICE)
+    require_alike_frames(captured.sensor)
     if sensor.find_hot_jots:
         captured = mask_hot_jots(captured)
     is_known = captured.has_own_sensor or sensor.max_intensity is not None

@@ -105,7 +105,11 @@ class _HashableOptions(dict[str, Any]):
 def _open(path: str, options: _HashableOptions) -> Bits:
     capture = open_capture(path, **options)
     if not isinstance(capture, Bits):
-        raise ValueError(f"{path}: holds counts, but this run needs bits")
+        kind = "counts" if capture.sensor is None else "readings of several bits"
+        raise ValueError(
+            f"{path}: expected bits in a run over captures or windows, got {kind}; run this "
+            "capture by itself, without --window"
+        )
     return capture
 
 

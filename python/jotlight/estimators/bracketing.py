@@ -23,7 +23,7 @@ _MAX_EXCHANGES = 1000
 """Maximum number of frames that move to another setting after rounding."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class BracketPlan:
     """The gains and thresholds of frames for a range of light, and the SNR that they allow.
 

@@ -53,7 +53,7 @@ Residuals = Mapping[str, npt.NDArray[np.float64]]
 """Residuals by name, one number for each image or each iteration."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class ConvergenceHistory:
     """The history of an iterative method for one channel."""
 

@@ -31,7 +31,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import real_number, shown
+from jotlight.checks import real_number, shown, whole_number
 from jotlight.sensing.response import Array
 
 _FREQUENCIES = 128
@@ -53,7 +53,7 @@ _MAX_ERROR = 0.5
 """Largest error of the displacements in pixels with which frames can be aligned."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class MotionPlan:
     """The expected quality of a moving scene, with and without alignment.
 
@@ -106,13 +106,15 @@ class SceneModel:
 
 
 def check_motion(speed: float, size: tuple[int, int]) -> None:
-    """Raise ValueError for a speed or a size that is out of range."""
+    """Raise TypeError or ValueError for a speed or a size that is out of range."""
     if not 0 <= real_number(speed) <= _MAX_SPEED:
         raise ValueError(
             f"speed: expected pixels per frame from 0 to {_MAX_SPEED:g}, got {shown(speed)}"
         )
-    if len(size) != 2 or min(size) < 1:
-        raise ValueError(f"size: expected H and W in pixels, 1 or more, got {size}")
+    if np.shape(size) != (2,):
+        raise ValueError(f"size: expected (H, W) in pixels, such as (256, 512), got {shown(size)}")
+    for side in size:
+        whole_number("size", side, 1)
 
 
 def plan_motion(

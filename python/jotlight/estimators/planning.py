@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import number_in_range, positive_number, shown, whole_number_in_range
 from jotlight.estimators.figure import draw_psnr, draw_snr
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
 from jotlight.estimators.planned_motion import MotionPlan, check_motion, plan_motion
@@ -43,7 +44,7 @@ _MAX_BITS = 2**31 - 1
 """The maximum number of trials per pixel."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Plan:
     """The expected quality of `jotlight.mle` for N levels of light and M numbers of frames.
 
@@ -149,7 +150,7 @@ def plan(
     frames : sequence of int, optional
         The numbers of frames. Default: the powers of two from 1 to 4096.
     target_psnr : float, optional
-        A PSNR in dB, in (0, 200). The plan then includes the number of frames that reaches it.
+        A PSNR in dB, in [0, 200]. The plan then includes the number of frames that reaches it.
     max_intensity : float, optional
         S of the estimates. Default: for each number of frames, the intensity half a count below
         saturation, which is the default of ``jotlight reconstruct`` for captures.
@@ -160,7 +161,7 @@ def plan(
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         When a number is out of its range.
 
     Notes
@@ -190,11 +191,11 @@ def plan(
     levels = _light_levels(light)
     max_frames = _MAX_BITS // sensor.oversampling**2
     numbers = _frame_numbers(frames, max_frames)
-    if target_psnr is not None and not 0 < target_psnr < 200:
-        raise ValueError(f"target_psnr: expected a PSNR in dB between 0 and 200, got {target_psnr}")
-    check_motion(speed or 0, size)
-    if max_intensity is not None and not 0 < max_intensity < np.inf:
-        raise ValueError(f"max_intensity: expected a number above 0, got {max_intensity}")
+    if target_psnr is not None:
+        target_psnr = number_in_range("target_psnr", target_psnr, 0, 200)
+    check_motion(0 if speed is None else speed, size)
+    if max_intensity is not None:
+        max_intensity = positive_number("max_intensity", max_intensity)
     pixel = (_Pixel if sensor.has_plain_bits else PlannedReadings)(sensor, max_intensity)
     scene = _Scene(pixel, levels[0], levels[-1])
     errors = [pixel.bias_and_mse(int(number), levels) for number in numbers]
@@ -322,12 +323,11 @@ def _light_levels(light: float | tuple[float, float]) -> Array:
 
 
 def _frame_numbers(frames: Sequence[int] | None, max_frames: int) -> npt.NDArray[np.int64]:
-    numbers = np.array([2**n for n in range(13)] if frames is None else frames, np.int64)
-    if numbers.ndim != 1 or len(numbers) == 0 or not 1 <= numbers.min() <= numbers.max():
-        raise ValueError(f"frames: expected whole numbers of at least 1, got {frames!r}")
-    if numbers.max() > max_frames:
-        raise ValueError(f"frames: expected at most {max_frames}, got {numbers.max()}")
-    return numbers
+    if frames is None:
+        return 2 ** np.arange(13)
+    if np.ndim(frames) != 1 or len(frames) == 0:
+        raise ValueError(f"frames: expected a list such as [16, 256], got {shown(frames)}")
+    return np.array([whole_number_in_range("frames", each, 1, max_frames) for each in frames])
 
 
 def _binomial_weights(bits: int, probability: float) -> tuple[Array, Array]:

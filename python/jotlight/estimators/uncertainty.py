@@ -40,7 +40,7 @@ _FLAGS = "unlit", "saturated", "dead", "unlikely"
 """Names of the arrays of flags."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Uncertainty:
     """The uncertainty of each pixel's intensity. All arrays have the shape of the estimate."""
 

@@ -21,7 +21,7 @@ _SMALL_SIDE = 16
 """Side of the flat image on which methods first run, in pixels."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class MethodResult:
     """The estimate of one method, its quality, and its computing time."""
 

@@ -33,7 +33,7 @@ COLUMNS = "method", "PSNR", "SSIM", "time"
 """Titles of the columns of the table."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Comparison:
     """Estimates of one image by several methods: a table when printed, and a figure."""
 
@@ -99,7 +99,7 @@ def compare(
         Names of methods, as :func:`jotlight.reconstruct` takes them, networks, and functions
         ``f(bits, sensor)`` or ``f(bits)``; or a mapping of titles to them, where None is the
         recommended method. Without a mapping, None: all methods that are installed and serve the
-        sensor.
+        sensor. ``network.with_precision("bf16")`` is a network in another precision.
     image : array_like of float, shape (H, W)
         Intensities. With `channel_axis` also of a color image, which a sensor with a mosaic needs.
     sensor : Sensor

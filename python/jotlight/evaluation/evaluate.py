@@ -134,6 +134,7 @@ def evaluate(
     *,
     channel_axis: int | None = None,
     names: Sequence[str] | None = None,
+    precision: str | None = None,
     rng: int = 0,
     threads: int | None = None,
     progress: Progress = None,
@@ -154,6 +155,8 @@ def evaluate(
         mosaic, and else none.
     names : sequence of str, optional
         Names of the images. Default: their indices.
+    precision : {"f32", "bf16"}, optional
+        Precision of the products of a deep network, as for :func:`jotlight.reconstruct`.
     rng : int
         Seed of the bits of the first image. Each further image uses the next integer.
     threads : int, optional
@@ -187,14 +190,14 @@ def evaluate(
     if sensor.mosaic is not None and channel_axis is None:
         channel_axis = -1  # where the mosaic finds the colors
     images = _list_images(images, channel_axis)
-    names = [str(number) for number in range(len(images))] if names is None else names
-    if len(names) != len(images):
-        raise ValueError(f"names: expected one for each of {len(images)} images, got {len(names)}")
+    names = _list_names(names, len(images))
     scores = []
     with shown_progress(progress, "reconstructing") as update:
         for number, (name, image) in enumerate(zip(names, images, strict=True)):
             bits = sensor.expose(image, rng + number, channel_axis=channel_axis, threads=threads)
-            estimate = reconstruct(bits, sensor, method=method, threads=threads)
+            estimate = reconstruct(
+                bits, sensor, method=method, precision=precision, threads=threads
+            )
             if channel_axis is not None:  # the estimate has the channels last
                 image = np.moveaxis(image, channel_axis, -1)
             axis = None if channel_axis is None else -1
@@ -204,6 +207,20 @@ def evaluate(
             )
             update((number + 1) / len(images))
     return Evaluation(scores)
+
+
+def _list_names(names: Sequence[str] | None, number: int) -> list[str]:
+    """Return the names of a number of images: those of the caller, or their indices."""
+    if names is None:
+        return [str(index) for index in range(number)]
+    if isinstance(names, str) or not hasattr(names, "__len__"):
+        raise TypeError(
+            f"names: expected a list with a name for each image, such as ['a', 'b'], got "
+            f"{shown(names)}"
+        )
+    if len(names) != number:
+        raise ValueError(f"names: expected one for each of {number} images, got {len(names)}")
+    return [str(name) for name in names]
 
 
 def _list_images(

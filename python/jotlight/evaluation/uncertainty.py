@@ -1,5 +1,8 @@
 """The uncertainty of each pixel of the estimate of any method."""
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
@@ -8,7 +11,7 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
 from jotlight.evaluation.channels import takes_channels
-from jotlight.evaluation.choice import check_demosaicing, choose_method
+from jotlight.evaluation.choice import check_demosaicing, check_precision_of, choose_method
 from jotlight.evaluation.color_intervals import check_color_errors_known, mosaic_uncertainty
 from jotlight.evaluation.different_readings import with_one_response
 from jotlight.evaluation.intervals import find_intervals
@@ -52,6 +55,7 @@ def uncertainty(
     channel_axis: int | None = None,
     units: str = "intensity",
     demosaicing: str | None = None,
+    precision: str | None = None,
     threads: int | None = None,
 ) -> Uncertainty:
     """Return the standard error and an interval of the intensity for each pixel of an estimate.
@@ -81,6 +85,9 @@ def uncertainty(
         The units of the result, as for `jotlight.reconstruct`.
     demosaicing : {"network", "menon", "differences"}, optional
         For a sensor with a mosaic: how planes become colors, as for `jotlight.reconstruct`.
+    precision : {"f32", "bf16"}, optional
+        The precision of the products of a deep network whose estimate is computed, as for
+        `jotlight.reconstruct`.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -142,6 +149,7 @@ def uncertainty(
             "confidence_level: expected a coverage from 0.5 to below 1, got "
             f"{shown(confidence_level)}"
         )
+    run = partial(reconstruct, method=method, quality=quality, precision=precision, threads=threads)
     stated = carried_sensor(data) if sensor is None else sensor
     if isinstance(stated, Sensor) and stated.mosaic is not None:
         is_default = method is None and quality is None and takes_colors(data, trials)
@@ -149,16 +157,8 @@ def uncertainty(
         def colors() -> npt.ArrayLike:
             if estimate is not None:
                 return estimate
-            return reconstruct(
-                data,
-                stated,
-                method=method,
-                quality=quality,
-                trials=trials,
-                channel_axis=channel_axis,
-                demosaicing=demosaicing,
-                threads=threads,
-            )
+            arrays = {"trials": trials, "channel_axis": channel_axis}
+            return run(data, stated, demosaicing=demosaicing, **arrays)
 
         found = mosaic_uncertainty(
             data,
@@ -174,8 +174,14 @@ def uncertainty(
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     check_demosaicing(demosaicing, sensor)
     scale = unit_scale(sensor, units)
+    if method == EXACT_METHOD:
+        check_precision_of(precision, EXACT_METHOD)
+    images = gray_images(data)
+    if estimate is not None:
+        shape = images.layout.shape_of(_size(images, sensor))
+        estimate = read_estimate(estimate, shape, sensor.max_intensity)
     found = _of_gray_images(
-        gray_images(data), sensor, method, quality, estimate, confidence_level, threads
+        images, sensor, method, quality, estimate, run, confidence_level, threads
     )
     return found.scaled(scale)
 
@@ -186,24 +192,25 @@ def _of_gray_images(
     method: Method | None,
     quality: str | None,
     estimate: npt.ArrayLike | None,
+    run: Callable[[GrayImages, Sensor], npt.ArrayLike],
     confidence_level: float,
     threads: int | None,
 ) -> Uncertainty:
-    """Return the uncertainty of the estimates of gray images, in units of intensity."""
-    if estimate is not None:
-        shape = images.layout.shape_of(_size(images, sensor))
-        estimate = read_estimate(estimate, shape, sensor.max_intensity)
+    """Return the uncertainty of the estimates of gray images, in units of intensity.
+
+    Without an estimate, `run` computes it.
+    """
     if not sensor.has_plain_bits and method == EXACT_METHOD:
         return joint_uncertainty(images, sensor, confidence_level, threads)
     if not sensor.has_plain_bits:
         if estimate is None:
-            estimate = reconstruct(images, sensor, method=method, quality=quality, threads=threads)
+            estimate = run(images, sensor)
         images, sensor = with_one_response(images, sensor, method, threads)
     if method == EXACT_METHOD:
         return exact_uncertainty(images, sensor, confidence_level, threads)
     network, is_own = _reference(method, quality, images, sensor)
     if estimate is None:
-        estimate = reconstruct(images, sensor, method=method, quality=quality, threads=threads)
+        estimate = run(images, sensor)
     values = images.layout.split(np.asarray(estimate, np.float32))
     return find_intervals(
         images,

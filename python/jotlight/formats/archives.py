@@ -101,10 +101,7 @@ def select_npz_array(path: Path, key: str | None) -> str:
     if key is None and len(names) == 1:
         return names[0]
     if key is None or key not in names:
-        got = "" if key is None else f", got {key!r}"
-        raise SeveralArraysError(
-            f"{path}: expected the name of an array (--key): {', '.join(names)}{got}", names
-        )
+        raise SeveralArraysError.of_file(path, names, key, "array")
     return key
 
 

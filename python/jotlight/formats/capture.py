@@ -1,7 +1,6 @@
 """The results of reading a file: frames of bits, or images of counts."""
 
 import dataclasses
-import operator
 from collections.abc import Callable, Iterator
 from typing import Any, Self, SupportsIndex, overload
 
@@ -13,7 +12,7 @@ from jotlight.errors import warn
 from jotlight.formats.labels import read_counts_label, read_readings_label
 from jotlight.notebook import card, normalize
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, read_in_chunks
+from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.scaled_counts import scaled_counts_hint
@@ -23,7 +22,7 @@ _MAX_COUNT = 2**31 - 1
 """Largest count of an image, and of the sum of all."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class CountStack:
     """Images of counts. Reconstruction uses their sum.
 
@@ -131,12 +130,10 @@ class CountStack:
         A slice reads nothing.
         """
         if isinstance(images, slice):
+            refuse_no_frames("counts", images, len(self))
             sensor = self.sensor and self.sensor.select_frames(images)
             return dataclasses.replace(self, images=self.images[images], sensor=sensor)
-        index = operator.index(images)
-        if not -len(self) <= index < len(self):
-            raise IndexError(f"counts: expected an image from 0 to {len(self) - 1}, got {index}")
-        index %= len(self)
+        index = frame_index("counts", images, len(self))
         image: npt.NDArray[Any] = np.asarray(self.images[index : index + 1])[0]
         return image
 
@@ -239,6 +236,7 @@ def as_count_stack(
     label: str | None = None,
     *,
     means: bool = False,
+    is_stack: bool = False,
 ) -> CountStack:
     """Return images of counts as a stack.
 
@@ -253,6 +251,8 @@ def as_count_stack(
         The label that jotlight wrote into the file, which states the number of trials.
     means : bool
         Whether the numbers are means of frames, which may be floats.
+    is_stack : bool
+        Whether the first axis is known to be that of the images.
 
     Raises
     ------
@@ -282,7 +282,7 @@ def as_count_stack(
     provenance = provenance.converted_from(origin)
     if trials is not None:
         provenance = provenance.with_notes(f"counts out of {trials}, as the file states")
-    if is_single_image(shape):
+    if not is_stack and is_single_image(shape):
         images = np.asarray(images)[None]
     return CountStack(images, provenance, trials)
 

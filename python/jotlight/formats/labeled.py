@@ -93,11 +93,7 @@ def _select_key(arrays: dict[str, StoredArray], name: str, key: str | None) -> s
     if key is None and (len(arrays) == 1 or len(labeled) == 1):
         return next(iter(labeled or arrays))
     if key is None or key not in arrays:
-        got = "" if key is None else f", got {key!r}"
-        keys = ", ".join(arrays) or "it has no numeric array"
-        raise SeveralArraysError(
-            f"{name}: expected the name of an array (--key): {keys}{got}", list(arrays)
-        )
+        raise SeveralArraysError.of_file(name, list(arrays), key, "array")
     return key
 
 

@@ -10,7 +10,7 @@ from jotlight.checks import require_slice
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.orientation import orient_image, orient_packed, parse_orientation
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.frames import Frames, format_frame_range, read_frames
+from jotlight.sensing.frames import Frames, read_frames, refuse_no_frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
 
@@ -70,10 +70,8 @@ def select(
             stated = stated if frames is None else stated.select_frames(frames)
             stated = _orient_sensor(stated, images.shape[1:3], quarters, flip)
         if frames is not None:
+            refuse_no_frames("frames", frames, len(images))
             images = images[frames]
-            if len(images) == 0:
-                wanted = format_frame_range(frames)
-                raise ValueError(f"frames: no frames in {wanted} of {len(capture.images)}")
             provenance = provenance.with_notes(
                 f"{len(images)} images of a stack of {len(capture.images)}"
             )

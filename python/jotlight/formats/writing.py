@@ -57,6 +57,15 @@ def choose_output_format(path: Path, name: str | None = None) -> str:
     return name
 
 
+def _advice(data: object) -> str:
+    """Return what writes data that are neither bits nor counts."""
+    if isinstance(data, np.ndarray) and data.dtype == np.bool_:
+        return "; jotlight.Bits.from_array(frames, sensor) packs frames of bits"
+    if isinstance(data, np.ndarray) and data.dtype.kind == "f":
+        return '; jotlight.save_image("image.tif", image) writes an image'
+    return "; their own method save writes them" if hasattr(data, "save") else ""
+
+
 def save(
     data: Bits | Readings | Counts, path: str | os.PathLike[str], *, format: str | None = None
 ) -> None:
@@ -105,7 +114,9 @@ def save(
     if not isinstance(data, Bits | Readings):
         if not isinstance(data, np.ndarray) or data.dtype.kind not in "iu":
             kind = getattr(data, "dtype", type(data).__name__)
-            raise TypeError(f"data: expected jotlight.Bits or an array of counts, got {kind}")
+            raise TypeError(
+                f"data: expected jotlight.Bits or an array of counts, got {kind}{_advice(data)}"
+            )
         if data.ndim not in (2, 3) or data.size == 0:
             raise ValueError(f"data: expected counts (H, W) or (H, W, C), got shape {data.shape}")
         if data.min() < 0 or data.max() >= 2**31:

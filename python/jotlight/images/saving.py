@@ -19,6 +19,15 @@ from jotlight.images.video import is_floats, video_writer
 from jotlight.layout import looks_like_color
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.photon_readings import Readings
+
+_ADVICE: dict[type, str] = {
+    Bits: "take one frame, bits[0], or bits.counts()",
+    Readings: "take one frame, readings[0], or readings.sum()",
+    Merged: "take an estimate, such as jotlight.reconstruct(merged)",
+}
+"""What to save in place of data."""
 
 _DARK = 0.1
 """Images whose bright pixels are below this fraction of white are exposed automatically."""
@@ -72,10 +81,8 @@ def save_image(
     True
     """
     path = as_path(path, 'jotlight.save_image("a.png", image)')
-    if isinstance(image, Bits):
-        raise TypeError(
-            "image: expected an array, got Bits; take one frame, bits[0], or bits.counts()"
-        )
+    if (advice := _ADVICE.get(type(image))) is not None:
+        raise TypeError(f"image: expected an array, got {type(image).__name__}; {advice}")
     values = _checked(image, path.suffix.lower() in DISPLAYED)
     if path.suffix.lower() in DISPLAYED:
         white = find_white(values) if white is None else positive_number("white", white)

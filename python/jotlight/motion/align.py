@@ -19,11 +19,12 @@ from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
 from jotlight.progress import Progress, shown_progress
+from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.pixel_counts import carried_sensor
-from jotlight.sensing.readings import FRAMES_ADVICE, require_plain_bits, without_mosaic
+from jotlight.sensing.readings import refuse_mosaic, without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 _MIN_HOT_RATIO = 5.0
@@ -162,8 +163,8 @@ def _motion_behind_mosaic(
     progress: Callable[[float], object],
 ) -> Motion:
     """Return the motion of a scene behind a mosaic, from sums over squares of jots."""
+    require_alike_frames(sensor)
     gray = without_mosaic(sensor)
-    require_plain_bits(gray, FRAMES_ADVICE)
     squares, own = in_squares(bits, sensor, excluded_jots(gray))
     motion, _ = find_motion(squares, own, at, model, threads, progress)
     side = squares_side(sensor)
@@ -190,7 +191,8 @@ def prepare_burst(
             "arguments by their names, such as motion=motion"
         )
     if sensor is not None:
-        require_plain_bits(sensor, FRAMES_ADVICE)
+        refuse_mosaic(sensor)
+        require_alike_frames(sensor)
     if isinstance(data, CountStack):
         if sensor is not None and sensor.oversampling > 1:
             raise ValueError(

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.capture import CountStack
+from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, read_frames
 from jotlight.sensing.photon_readings import Readings
-from jotlight.sensing.readings import FRAMES_ADVICE, require_plain_bits, without_mosaic
 
 Planes = list[tuple[int, npt.NDArray[np.uint8]]]
 """Weights, each with packed bits of weight 1 (T, H, ceil(W / 8)). Their weighted sum are counts."""
@@ -118,7 +118,7 @@ def as_burst(data: Bits | CountStack | Readings) -> Burst:
     if not isinstance(data, Bits | CountStack):
         if isinstance(data, Readings):
             sensor: Any = data.sensor
-            require_plain_bits(without_mosaic(sensor), FRAMES_ADVICE)
+            require_alike_frames(sensor)
         raise TypeError(
             "data: expected jotlight.Bits, or a stack of counts that jotlight.open returns, got "
             f"{type(data).__name__}; Bits.from_array packs frames (T, H, W) of 0 and 1"

@@ -12,7 +12,7 @@ from jotlight.motion.film_image import FilmImage, FilmSettings
 from jotlight.motion.film_merging import FilmMerging
 from jotlight.motion.film_state import FilmState
 from jotlight.motion.memory import Memory
-from jotlight.motion.merge import paths_at
+from jotlight.motion.merge import check_upsample, paths_at
 from jotlight.motion.mosaic_colors import check_mergeable, join_colors, sensors_of_colors
 from jotlight.motion.mosaics import Counts, Squares, enlarge
 from jotlight.motion.motion import Motion
@@ -123,10 +123,7 @@ class ColorFilmState:
     """What is carried from image to image behind a mosaic."""
 
     def __init__(self, sensor: Sensor, settings: FilmSettings) -> None:
-        if settings.upsample > 1:
-            raise ValueError(
-                f"upsample: expected 1 for a sensor with a mosaic, got {settings.upsample}"
-            )
+        check_upsample(settings.upsample, sensor)
         check_mergeable(sensor)
         self.sensor, self._settings = sensor, settings
         self._colors: FilmColors | None = None

@@ -22,7 +22,7 @@ _PARTS = 4, 16
 """About a quarter and a sixteenth of the blocks of a window count as nearest to its image."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class FilmImage:
     """The bits of one image of a film, merged along the motion of the scene."""
 

@@ -6,8 +6,9 @@ import numpy.typing as npt
 from jotlight.checks import whole_number_in_range
 from jotlight.motion.film import begin_film
 from jotlight.motion.film_image import KEPT_WINDOWS, FilmImage, FilmSettings
+from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.sensor import Sensor, require_sensor
+from jotlight.sensing.sensor import Sensor, require_any_sensor
 
 
 class LiveFilm:
@@ -59,7 +60,8 @@ class LiveFilm:
         upsample: int = 1,
         threads: int | None = None,
     ) -> None:
-        require_sensor(sensor, takes_mosaics=True)
+        require_any_sensor(sensor)
+        require_alike_frames(sensor)
         self._window = whole_number_in_range("window", window, 1, 2**31 - 1)
         self._step = whole_number_in_range("step", step, 1, window)
         settings = FilmSettings(

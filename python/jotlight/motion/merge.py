@@ -138,8 +138,7 @@ def _merge_colors(
     progress: Progress,
 ) -> Merged:
     """Return the counts of red, green, and blue along the motion, from bits behind a mosaic."""
-    if whole_number_in_range("upsample", upsample, 1, 2) > 1:
-        raise ValueError(f"upsample: expected 1 for a sensor with a mosaic, got {upsample}")
+    check_upsample(upsample, sensor)
     of_colors = sensors_of_colors(sensor, (bits.shape[1], bits.shape[2]))
     merged = []
     with shown_progress(progress, "merging") as update:
@@ -236,7 +235,14 @@ def check_motion(motion: Motion, size: tuple[int, int], frames: int) -> None:
 
 def check_upsample(upsample: int, sensor: Sensor) -> None:
     """Raise ValueError unless the readings of a sensor can be merged onto a finer grid."""
-    if whole_number_in_range("upsample", upsample, 1, 2) > 1 and sensor.oversampling > 1:
+    if whole_number_in_range("upsample", upsample, 1, 2) == 1:
+        return
+    if sensor.mosaic is not None:
+        raise ValueError(
+            f"upsample: expected 1 for a sensor with a mosaic, got {upsample}; leave out "
+            "upsample= (--upsample)"
+        )
+    if sensor.oversampling > 1:
         raise ValueError(
             f"upsample: expected 1 for pixels of {sensor.oversampling} x {sensor.oversampling} "
             "jots; a sensor with an oversampling of 1 shows each jot as a pixel"

@@ -46,7 +46,7 @@ def check_mergeable(sensor: Sensor) -> None:
     if mosaic.filters != FILTERS or not mosaic.is_ideal:
         raise ValueError(
             "sensor: expected ideal filters R, G, and B to merge bits behind a mosaic, got "
-            f"{mosaic!r}; jotlight.align takes every mosaic"
+            f"{mosaic!r}; without motion, jotlight.reconstruct takes every mosaic"
         )
     raise ValueError(
         "sensor: expected a mosaic with the white balance 1 for merged counts, got "

@@ -2,13 +2,12 @@
 
 import dataclasses
 import math
-import operator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import positive_number, real_number, shown
+from jotlight.checks import positive_number, real_number, shown, whole_number
 from jotlight.estimators import vst
 from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.layer import Layer
@@ -95,11 +94,10 @@ def build_two_layer(
     """
     require_trainable(sensor)
     sigma = positive_number("sigma", sigma)
-    taps, coefficients = operator.index(taps), operator.index(coefficients)
-    if taps < 1 or taps % 2 == 0:
+    taps = whole_number("taps", taps, 1)
+    if taps % 2 == 0:
         raise ValueError(f"taps: expected an odd number, got {taps}")
-    if coefficients < 5:
-        raise ValueError(f"coefficients: expected at least 5, got {coefficients}")
+    coefficients = whole_number("coefficients", coefficients, 5)
     if not 0 <= real_number(nu) < math.inf:
         raise ValueError(f"nu: expected a number of 0 or more, got {shown(nu)}")
     trials = sensor.trials

@@ -4,6 +4,9 @@ import functools
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
+import numpy as np
+
+from jotlight.checks import shown
 from jotlight.networks.conditioning import count_sets
 from jotlight.networks.graph import size_divisor
 from jotlight.networks.layer import Layer
@@ -49,10 +52,12 @@ def check_layers(
         return
     count_sets(layers)
     is_tied = layers[0].shape[1:] == (1, 1, 1)
-    if not (is_tied and 1 <= trials_range[0] < trials_range[1]):
+    limits = np.asarray(trials_range)
+    is_range = limits.shape == (2,) and limits.dtype.kind in "iu" and 1 <= limits[0] < limits[1]
+    if not (is_tied and is_range):
         raise ValueError(
             "trials_range: expected the smallest and the largest K of a tied network, got "
-            f"{trials_range}"
+            f"{shown(trials_range)}"
         )
 
 

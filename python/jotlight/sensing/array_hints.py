@@ -1,16 +1,21 @@
-"""Errors for attributes of NumPy arrays that packed bits do not have."""
+"""Errors for attributes of NumPy arrays that bits and readings do not have."""
 
 from typing import Any, NoReturn
 
 import numpy as np
 
 _HINTS = {
-    "sum": "bits.counts(1) is the sum of the frames, computed without unpacking them",
-    "mean": "bits.counts(1) / len(bits) is the mean of the frames, computed without unpacking them",
-    "save": "jotlight.save(bits, path) writes them",
-    "numpy": "np.asarray(bits) unpacks them",
-    "to_numpy": "np.asarray(bits) unpacks them",
+    "bits": {
+        "sum": "bits.counts(1) is the sum of the frames, computed without unpacking them",
+        "mean": "bits.counts(1) / len(bits) is the mean of the frames, computed without unpacking "
+        "them",
+    },
+    "readings": {
+        "counts": "readings.sum() is the sum of the frames",
+        "mean": "readings.sum() / len(readings) is the mean of the frames",
+    },
 }
+"""What to write instead, for each class and attribute."""
 
 
 class ArrayHints:
@@ -18,16 +23,22 @@ class ArrayHints:
 
     Examples
     --------
-    >>> ArrayHints().sum()
+    >>> class Bits(ArrayHints): ...
+    >>> Bits().sum()
     Traceback (most recent call last):
       ...
-    AttributeError: 'ArrayHints' object has no attribute 'sum'; bits.counts(1) is the sum of ...
+    AttributeError: 'Bits' object has no attribute 'sum'; bits.counts(1) is the sum of ...
     """
 
     def __getattr__(self, name: str) -> NoReturn:
-        hint = _HINTS.get(name)
-        if hint is None and not name.startswith("_") and hasattr(np.ndarray, name):
-            hint = f"np.asarray(bits).{name} is that of the unpacked bits"
+        own = type(self).__name__.lower()
+        hint = _HINTS.get(own, {}).get(name)
+        if name == "save":
+            hint = f"jotlight.save({own}, path) writes them"
+        elif name in ("numpy", "to_numpy"):
+            hint = f"np.asarray({own}) is an array of them"
+        elif hint is None and not name.startswith("_") and hasattr(np.ndarray, name):
+            hint = f"np.asarray({own}).{name} is that of an array of them"
         text = f"{type(self).__name__!r} object has no attribute {name!r}"
         details: dict[str, Any] = {"name": name, "obj": self}
         raise AttributeError(f"{text}; {hint}" if hint else text, **details)

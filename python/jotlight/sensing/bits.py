@@ -19,7 +19,9 @@ from jotlight.sensing.frames import (
     Frames,
     check_unpacked_size,
     format_frame_range,
+    frame_index,
     read_in_chunks,
+    refuse_no_frames,
 )
 from jotlight.sensing.lazy import Chunks
 from jotlight.sensing.provenance import Provenance
@@ -164,9 +166,8 @@ class Bits(ArrayHints):
         """
         if not isinstance(frames, slice):
             return self._frame(frames)
+        refuse_no_frames("bits", frames, len(self))
         packed = self.packed[frames]
-        if len(packed) == 0:
-            raise ValueError(f"bits: no frames in {format_frame_range(frames)} of {len(self)}")
         sensor = self.sensor and self.sensor.select_frames(frames)
         provenance = self.provenance
         if provenance is not None and len(packed) < len(self):
@@ -179,15 +180,8 @@ class Bits(ArrayHints):
 
     def _frame(self, index: SupportsIndex) -> npt.NDArray[np.bool_]:
         """Return one frame, (H, W) or (H, W, C)."""
-        # Arrays with one element have __index__, too.
-        if isinstance(index, bool | np.bool_) or not isinstance(index, int | np.integer):
-            raise TypeError(
-                f"bits: expected the number of a frame, or a slice such as bits[:16], got "
-                f"{index!r}; bits[0] is an array, with indices such as bits[0][:, 5]"
-            )
-        if not -len(self) <= index < len(self):
-            raise IndexError(f"bits: expected a frame from 0 to {len(self) - 1}, got {index}")
-        return np.asarray(self[int(index) % len(self) :][:1].to_array()[0])
+        place = frame_index("bits", index, len(self))
+        return np.asarray(self[place:][:1].to_array()[0])
 
     def __iter__(self) -> Iterator[npt.NDArray[np.bool_]]:
         """Yield each frame as an array, (H, W) or (H, W, C)."""

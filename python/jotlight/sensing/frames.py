@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import shown
 from jotlight.memory import check_memory
 
 S = TypeVar("S")
@@ -236,6 +237,41 @@ def read_in_chunks(
     for start in range(0, len(frames), step):
         place = slice(start, min(start + step, len(frames)))
         yield place, read_frames(frames, place.start, place.stop)
+
+
+def frame_index(name: str, index: object, number: int) -> int:
+    """Return the index of one of a number of frames, from 0.
+
+    Raises
+    ------
+    TypeError, IndexError
+        For anything but a whole number, and when there is no such frame.
+
+    Examples
+    --------
+    >>> frame_index("bits", -1, 8)
+    7
+    """
+    # Arrays with one element have __index__, too.
+    if isinstance(index, bool | np.bool_) or not isinstance(index, int | np.integer):
+        raise TypeError(
+            f"{name}: expected the number of a frame, or a slice such as {name}[:16], got "
+            f"{shown(index)}; np.asarray({name}) is an array, which takes all indices of NumPy"
+        )
+    if not -number <= index < number:
+        raise IndexError(f"{name}: expected a frame from 0 to {number - 1}, got {index}")
+    return int(index) % number
+
+
+def refuse_no_frames(name: str, frames: slice, number: int) -> None:
+    """Raise ValueError when a slice selects none of a number of frames.
+
+    Examples
+    --------
+    >>> refuse_no_frames("bits", slice(2, 4), 8)
+    """
+    if len(range(number)[frames]) == 0:
+        raise ValueError(f"{name}: no frames in {format_frame_range(frames)} of {number}")
 
 
 def read_frames(frames: npt.NDArray[Any] | Frames, start: int, stop: int) -> npt.NDArray[Any]:

@@ -1,6 +1,5 @@
 """Readings of several bits, which state how many photons each jot has seen."""
 
-import operator
 from typing import Any, Self, SupportsIndex, overload
 
 import numpy as np
@@ -9,14 +8,15 @@ import numpy.typing as npt
 from jotlight.checks import refuse_masked
 from jotlight.layout import MAX_CHANNELS
 from jotlight.notebook import card, normalize
+from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.channels import channel_views
-from jotlight.sensing.frames import Frames, format_frame_range, read_in_chunks
+from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
 
 
-class Readings:
+class Readings(ArrayHints):
     """Readings of several bits: numbers from 0 to 2^b - 1, one for each jot and frame.
 
     Parameters
@@ -99,16 +99,11 @@ class Readings:
     def __getitem__(self, frames: SupportsIndex | slice) -> npt.NDArray[np.uint16] | Self:
         """Return one frame as an array, or a view of several, whose sensor has as many frames."""
         if isinstance(frames, slice):
-            part = self.frames[frames]
-            if len(part) == 0:
-                raise ValueError(
-                    f"readings: no frames in {format_frame_range(frames)} of {len(self)}"
-                )
-            return type(self)(part, self.sensor.select_frames(frames), self.provenance)
-        index = operator.index(frames)
-        if not -len(self) <= index < len(self):
-            raise IndexError(f"readings: expected a frame from 0 to {len(self) - 1}, got {index}")
-        index %= len(self)
+            refuse_no_frames("readings", frames, len(self))
+            return type(self)(
+                self.frames[frames], self.sensor.select_frames(frames), self.provenance
+            )
+        index = frame_index("readings", frames, len(self))
         return np.asarray(self.read(index, index + 1)[0])
 
     def read(self, start: int, stop: int) -> npt.NDArray[np.uint16]:

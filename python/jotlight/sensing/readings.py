@@ -262,13 +262,6 @@ COUNTS_ADVICE = (
 )
 """What to do with readings that a method of counts does not take."""
 
-FRAMES_ADVICE = (
-    "jotlight.reconstruct makes one image of all frames; motion, films, and the viewer take "
-    "single bits of one gain and threshold, such as a part of a bracket, bits[:16] "
-    "(--frame-range 0:16)"
-)
-"""What to do with readings where each frame is needed."""
-
 
 def require_plain_bits(sensor: GroupedSensor, advice: str = COUNTS_ADVICE) -> None:
     """Raise ValueError unless the readings are bits with one gain and threshold, without noise.
@@ -281,15 +274,15 @@ def require_plain_bits(sensor: GroupedSensor, advice: str = COUNTS_ADVICE) -> No
     >>> require_plain_bits(Sensor(frames=2, bit_depth=4))
     Traceback (most recent call last):
       ...
-    ValueError: sensor: expected bits without read noise, got readings of 4 bits; pass ...
+    ValueError: sensor: expected single bits without noise, got readings of 4 bits; pass ...
     """
     refuse_mosaic(sensor)
     if sensor.bit_depth == 1 and sensor.read_noise == 0:
         refuse_different_readings(sensor, advice)
         return
-    depth = f"readings of {sensor.bit_depth} bits" if sensor.bit_depth > 1 else "bits"
+    depth = f"readings of {sensor.bit_depth} bits" if sensor.bit_depth > 1 else "single bits"
     noise = f" with read noise {sensor.read_noise:g}" if sensor.read_noise else ""
-    raise ValueError(f"sensor: expected bits without read noise, got {depth}{noise}; {advice}")
+    raise ValueError(f"sensor: expected single bits without noise, got {depth}{noise}; {advice}")
 
 
 def without_mosaic(sensor: S) -> S:

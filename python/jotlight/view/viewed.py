@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.capture import Capture
+from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.readings import FRAMES_ADVICE, require_plain_bits, without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 MAX_BRIEF_BYTES = 1 << 23
@@ -157,7 +157,7 @@ class Viewed:
 
     def sensor(self, number: int) -> Sensor:
         """Return the sensor of a window of `number` frames."""
-        require_plain_bits(without_mosaic(self.sensor_of_all), FRAMES_ADVICE)
+        require_alike_frames(self.sensor_of_all)
         each = self.sensor_of_all.frames // len(self.data)
         return self.sensor_of_all.replace(frames=each * number)
 

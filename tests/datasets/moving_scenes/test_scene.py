@@ -222,6 +222,13 @@ def test_photons_are_the_mean_at_the_reference_and_leave_the_motion_alone():
     )
 
 
+def test_photons_scale_all_gains_of_a_bracket():
+    gain = np.repeat([8.0, 1.0], FRAMES // 2)
+    scene = scene_of("static", sensor=jl.Sensor(frames=FRAMES, gain=gain), photons=0.3)
+    assert scene.sensor.rate(scene.image()).mean() == pytest.approx(0.3, rel=1e-5)
+    np.testing.assert_allclose(scene.sensor.gain / scene.sensor.gain[-1], gain)
+
+
 def test_color_photographs_move_like_gray_ones():
     color = np.stack([CAMERA, CAMERA[::-1], CAMERA[:, ::-1]], axis=2)
     scene = scene_of("layers", color, np.stack([COINS] * 3, axis=2))

@@ -32,6 +32,21 @@ def test_a_tiff_holds_color_counts(tmp_path):
     np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), image)
 
 
+@pytest.mark.parametrize("width", [1, 2, 3, 4])
+def test_columns_of_narrow_images_are_not_channels(tmp_path, width):
+    image = COUNTS[0, :, :width].astype(np.int32)
+    for name in ("a.tif", "a.png"):
+        jl.save(image, tmp_path / name)
+        np.testing.assert_array_equal(jl.open(tmp_path / name), image)
+    for frames in (1, 3):
+        sensor = jl.Sensor(frames=frames, bit_depth=9)
+        for array in (COUNTS[:frames, :, :width], COUNTS[:frames, :, :width, None].repeat(3, 3)):
+            jl.save(jl.Readings(array, sensor), tmp_path / "r.tif")
+            opened = jl.open(tmp_path / "r.tif")
+            assert opened.sensor == sensor
+            np.testing.assert_array_equal(np.asarray(opened), array)
+
+
 def test_floats_are_refused_as_counts(tmp_path):
     tifffile.imwrite(tmp_path / "a.tif", np.ones((4, 5), np.float32))
     with pytest.raises(ValueError, match="floats are an image of intensities"):

@@ -39,8 +39,10 @@ def test_variables_are_chosen_by_name(tmp_path):
 
     savemat(tmp_path / "a.mat", {"x": COUNTS[0], "text": "words", "y": np.ones((2, 3), bool)})
     np.testing.assert_array_equal(jl.open(tmp_path / "a.mat", key="x", counts=True), COUNTS[0])
+    savemat(tmp_path / "narrow.mat", {"x": COUNTS[0, :, :3]})
+    np.testing.assert_array_equal(jl.open(tmp_path / "narrow.mat", counts=True), COUNTS[0, :, :3])
     assert jl.open(tmp_path / "a.mat", key="y").shape == (1, 2, 3)
-    with pytest.raises(ValueError, match=r"--key\): x, y"):
+    with pytest.raises(ValueError, match=r"key= \(--key\) to name one of its variables: x, y$"):
         jl.open(tmp_path / "a.mat")
     with pytest.raises(ValueError, match="0 and 1 only"):
         jl.open(tmp_path / "a.mat", key="x").counts()
@@ -191,3 +193,10 @@ def test_verification_counts_the_parts_and_their_description(tmp_path, monkeypat
     assert verify_capture(tmp_path / "a").startswith("4 files match their checksums; all 3 frames")
     (tmp_path / "a" / "info.json").unlink()
     assert verify_capture(tmp_path / "a").startswith("there is no checksum apart from those inside")
+
+
+def test_bits_of_several_channels_are_refused_with_their_number(tmp_path):
+    bits = jl.Bits.from_array(np.zeros((2, 4, 5, 3), bool))
+    with pytest.raises(ValueError, match=r"one channel, got 3; write to a name in \.npy"):
+        jl.save(bits, tmp_path / "folder", format="matlab")
+    assert not list(tmp_path.iterdir())

@@ -64,7 +64,7 @@ class MovingScene:
         self._samples = _centered_grid(size, self.detail)
         if sensor.bit_depth > 1:
             raise ValueError(
-                f"sensor: expected one of single bits for a moving scene, got {sensor.bit_depth} "
+                f"sensor: expected single bits for a moving scene, got {sensor.bit_depth} "
                 "bits per reading; leave out bit_depth= (--bit-depth)"
             )
         sensor.check_map_shapes(*(length * sensor.oversampling for length in size))
@@ -158,7 +158,8 @@ class MovingScene:
     def with_photons(self, photons: float) -> "MovingScene":
         """Return the same scene with another mean number of photons per jot and frame.
 
-        The gain of the sensor is changed, so that the image at the reference frame has this mean.
+        The gain of the sensor is scaled, so that the image at the reference frame has this mean.
+        The gains of a bracket keep their ratios.
 
         Examples
         --------
@@ -171,7 +172,8 @@ class MovingScene:
         mean = float((self.image() if mosaic is None else mosaic.light(self.image())).mean())
         if mean <= 0:
             raise ValueError("photons: expected a photograph that is not black")
-        sensor = self.sensor.replace(gain=photons / mean * self.sensor.trials)
+        shares = self.sensor.gain / np.sum(self.sensor.gain)  # of the frames of a bracket
+        sensor = self.sensor.replace(gain=photons / mean * self.sensor.trials * shares)
         height, width = self.shape[:2]
         return MovingScene(
             self._planes, sensor, (height, width), self._seed, self._samples_per_frame
@@ -264,8 +266,8 @@ def moving(
         Rows and columns of the recorded part, around the center. Default: those of the photograph,
         divided by `detail`.
     photons : float, optional
-        The mean number of photons per jot and frame, at the reference time. It replaces the gain of
-        the sensor.
+        The mean number of photons per jot and frame, at the reference time. The gain of the sensor
+        is scaled to it, or all gains of a bracket.
     samples_per_frame : int
         The number of times at which the light of a frame is sampled. The default 1 lets the scene
         stand still during each frame; more samples blur fast motion as a real sensor does.

@@ -88,7 +88,7 @@ def _open_images(
         provenance = provenance.with_notes("black-and-white images are frames of bits, white for 1")
         return Bits(pack_lazily(frames, path.name), frames.shape[2], provenance=provenance)
     label = labels[0] if len(files) == 1 else None
-    return as_count_stack(frames, provenance, label, means=means)
+    return as_count_stack(frames, provenance, label, means=means, is_stack=True)
 
 
 def _read_tiff(path: Path) -> tuple[Frames, str | None]:
@@ -100,7 +100,9 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
             series = tiff.series[0]
             shape, dtype = series.shape, series.dtype
             description = tiff.pages[0].description
-            single = is_single_image(shape)
+            is_own = any(parse_label(description, kind) for kind in (COUNTS, READINGS))
+            # Other programs may store channels as pages. Ours are samples.
+            single = series.axes in ("YX", "YXS") or (not is_own and is_single_image(shape))
             paged = not single and len(series.pages) == shape[0]
             size = series.size * dtype.itemsize
             frame_bytes = size // shape[0] if paged else size
@@ -108,7 +110,6 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
     except Exception as error:  # tifffile may raise any exception for a damaged file
         raise_failure([path])
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
-    is_own = any(parse_label(description, kind) for kind in (COUNTS, READINGS))
     if not verified and is_own:
         raise missing_error(path)
     if len(shape) not in (2, 3, 4) or dtype.kind not in "biuf":

@@ -70,7 +70,7 @@ def open_matlab(path: Path, options: OpenOptions) -> Capture:
         raise ValueError(f"{path}: expected frames without a dimension of 0, got {frames.shape}")
     provenance = Provenance("matlab", path.name, tuple(notes))
     if options.counts:
-        return as_count_stack(frames, provenance, means=options.means)
+        return as_count_stack(frames, provenance, means=options.means, is_stack=True)
     provenance = provenance.with_notes("each number is one bit, (H, W, T)")
     return Bits(pack_lazily(frames, path.name), frames.shape[2], provenance=provenance)
 
@@ -156,7 +156,9 @@ def _write_bits(bits: Bits, path: Path) -> None:
     from scipy.io import savemat
 
     if len(bits.shape) != 3:
-        raise ValueError("matlab: expected bits of one channel")
+        raise ValueError(
+            f"matlab: expected bits of one channel, got {bits.shape[3]}; write to a name in .npy"
+        )
     frames, height, width = bits.shape
     part_frames = max(1, min(_FRAMES_PER_PART, _BYTES_PER_PART // (height * width)))
     checksums = {}

@@ -145,11 +145,7 @@ def _select_variable(path: Path, variables: dict[str, Any], key: str | None) -> 
     if key is None and len(variables) == 1:
         return next(iter(variables))
     if key is None or key not in variables:
-        got = "" if key is None else f", got {key!r}"
-        names = ", ".join(map(str, variables)) or "it has no numeric variable"
-        raise SeveralArraysError(
-            f"{path}: expected the name of a variable (--key): {names}{got}", list(variables)
-        )
+        raise SeveralArraysError.of_file(path, list(variables), key, "variable")
     return key
 
 
