@@ -35,7 +35,7 @@ from jotlight.dask.running import (
 )
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
-from jotlight.errors import error_message
+from jotlight.errors import counted, error_message
 from jotlight.files import check_outputs
 from jotlight.formats.locations import file_state, is_url
 from jotlight.formats.writing import choose_output_format
@@ -115,8 +115,9 @@ def process(
                 part=part,
                 numbers=[target.number for target, _ in jobs],
                 captures=len(paths),
-                progress=begin(f"{len(chosen)} captures" if len(chosen) > 1 else names[0]),
-                warn=lambda text: caution("failed", text),
+                progress=begin(counted(len(chosen), "capture") if len(names) > 1 else names[0]),
+                # A single error is reported at the end.
+                warn=lambda text: caution("failed", text) if len(chosen) > 1 else None,
             )
     outcome.failed = {**refused, **outcome.failed}
     _report(outcome, {target.name: target for target in chosen}, part)
@@ -331,14 +332,14 @@ def _report(outcome: Outcome, targets: dict[str, Target], part: Part | None) -> 
         result = targets[outcome.made[0]].output
         size = sum(file.stat().st_size for file in [result, *result.rglob("*")] if file.is_file())
         report(f"{result}: {format_bytes(size)}")
-    report(f"{len(targets)} capture{'s' * (len(targets) > 1)}: {', '.join(lines)}")
+    report(f"{counted(len(targets), 'capture')}: {', '.join(lines)}")
     if outcome.partial:
         report("when all parts have ended, `jotlight gather` completes the results")
     if outcome.failed:
         shown = list(outcome.failed.items())[:_MAX_SHOWN]
         more = len(outcome.failed) - len(shown)
         text = "; ".join(f"{name}: {error}" for name, error in shown)
+        share = f"{len(outcome.failed)} of {len(targets)} captures failed: "
         raise ValueError(
-            f"{len(outcome.failed)} of {len(targets)} captures failed: {text}"
-            + (f"; and {more} more" if more else "")
+            ("" if len(targets) == 1 else share) + text + (f"; and {more} more" if more else "")
         )

@@ -1,0 +1,115 @@
+"""Runs that are refused, and captures that fail."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+
+
+@pytest.mark.parametrize("window", [(), ("--window", 16)])
+def test_results_are_not_written_to_urls(run, captures, window):
+    ending = "zarr" if window else "png"
+    output = f"s3://bucket/{{name}}.{ending}"
+    code, err = run("reconstruct", *captures, "-o", output, "-m", "mle", *window)
+    assert code == 1
+    assert "results are written to files of this machine, not to URLs" in err
+    code, err = run("reconstruct", captures[0], "-o", f"s3://bucket/a.{ending}", *window)
+    assert code == 1
+    assert "not to URLs" in err
+    assert not Path("s3:").exists()
+
+
+@pytest.mark.parametrize(
+    ("number", "message"), [(1, "error: 1: "), (2, "error: 1 of 2 captures failed: 1: ")]
+)
+def test_failed_captures_are_counted_if_there_are_several(run, captures, number, message):
+    Path("1").write_text("a file, so it contains no v.zarr")
+    base = ("reconstruct", *captures[:number], "-m", "mle", "--window", 16)
+    code, err = run(*base, "-o", "{name}/v.zarr")
+    assert code == 1
+    assert message in err
+    assert err.count("error:") == 1
+
+
+def test_results_of_another_run_are_refused(run, captures):
+    base = ("reconstruct", captures[0], "-o", "v.zarr", "-m", "mle", "--window")
+    assert run(*base, 16)[0] == 0
+    code, err = run(*base, 32)
+    assert code == 1
+    differing = "its step is 16, not 32, and its window is 16, not 32; delete it, or"
+    assert f"v.zarr: is of another run: {differing}" in err
+    code, err = run(*base, 16, "--efficiency", 0.5)
+    assert code == 1
+    assert "v.zarr: is of another run: its sensor efficiency is 1.0, not 0.5; delete it" in err
+
+
+def test_a_capture_that_changed_is_another_run(run, captures):
+    base = ("convert", captures[0], "-o", "v.zarr", "--window", 16)
+    assert run(*base)[0] == 0
+    jl.save(jl.Bits.from_array(np.ones((64, 16, 24), bool), jl.Sensor(frames=64)), captures[0])
+    code, err = run(*base)
+    assert code == 1
+    assert "v.zarr: is of another run: its" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("-o", "v.zarr"), "expected a name with {name} for the 3 captures"),
+        (("-o", "v/{name}.npy", "--window", 16), "expected a name in .zarr"),
+        (("-o", "v/{name}.zarr"), "pass --window"),
+        (("-o", "v/{name}.zarr", "--window", 65), "expected 1 to the capture's 64 frames"),
+        (("-o", "v/{name}.zarr", "--window", 16, "--chunks", "7B"), "which is one frame"),
+        (("-o", "v/{name}.zarr", "--window", 16, "--part", "4/3"), "expected a part such as"),
+        (("-o", "v/{name}.zarr", "--window", 16, "--workers", 0), "workers: expected 1 or more"),
+        (("-o", "{name}.tif", "--motion"), "motion: is for one image of one capture, but --wind"),
+        (("-o", "{name}.png", "--curve", "linear"), "film`, which takes --window and --curve"),
+        (("-o", "{name}.png", "--preview", "p.png"), "preview: is for one image of one capture"),
+        (
+            ("-o", "v/{name}.zarr", "--window", 16, "--part", "1/3", "--workers", 2),
+            "for job arrays without dask",
+        ),
+    ],
+)
+def test_bad_options_are_refused_before_work(run, captures, arguments, message):
+    code, err = run("reconstruct", "captures/*/*.npy", *arguments)
+    assert code == 1
+    assert message in " ".join(err.split())
+    assert sorted(path.name for path in Path.cwd().iterdir()) == ["captures"]
+
+
+def test_a_glob_that_matches_nothing_is_named(run):
+    code, err = run("reconstruct", "*.nothing", "-o", "a.tif", "--motion")
+    assert code == 1
+    assert "there is no file *.nothing: the pattern matches nothing" in err
+
+
+def test_a_capture_is_never_overwritten(run, captures):
+    before = captures[0].read_bytes()
+    code, err = run("convert", *captures, "-o", "captures/{name}.npy")
+    assert code == 1
+    assert "is read, so it is not overwritten" in err
+    assert captures[0].read_bytes() == before
+
+
+def test_no_capture_is_an_error(run):
+    assert run("reconstruct", "-o", "a.png")[0] == 1
+    assert run("convert", "-o", "a.npy")[0] == 1
+    assert run("gather")[0] == 1
+
+
+def test_a_wrong_number_of_threads_is_refused_before_anything_is_written(run, captures):
+    code, out = run("reconstruct", captures[0], "-o", "v.zarr", "--window", 16, "--threads", 0)
+    assert code == 1
+    expected = "error: threads: expected a whole number from 1 to 1024, got 0; leave it out for all"
+    assert out.startswith(expected)
+    assert [path.name for path in Path().iterdir()] == ["captures"]
+
+
+@pytest.mark.parametrize("command", ["reconstruct", "convert"])
+def test_a_step_without_a_window_is_refused(run, captures, command):
+    code, out = run(command, captures[0], "-o", "v.zarr", "--step", 4)
+    assert code == 1
+    assert out.startswith("error: step: is for the windows of a capture; add --window 4")
