@@ -37,7 +37,7 @@ from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.errors import counted, error_message
 from jotlight.files import check_outputs
-from jotlight.formats.locations import file_state, is_url
+from jotlight.formats.locations import is_url
 from jotlight.formats.writing import choose_output_format
 from jotlight.images.io import image_writer
 from jotlight.networks.color_network import ColorNetwork
@@ -143,12 +143,13 @@ def _make_jobs(
     OSError, ValueError
         The error of the first capture, when none can be opened.
     """
+    options = _opening(capture, run)
     jobs, refused, first = [], {}, None
     with progress(max(1, len(targets))) as begin:
         for target in targets:
             begin(f"opening {target.name}")
-            source = _source(target.path, capture, run)
             try:
+                source = _source(target.path, options)
                 jobs.append((target, make_job(target, source.open(), source)))
             except AnotherRunError:
                 raise
@@ -164,8 +165,10 @@ def _make_jobs(
     return jobs, refused
 
 
-def _source(path: str, capture: CaptureOptions, run: RunOptions) -> CaptureSource:
-    """Return a capture as the workers open it."""
+def _opening(capture: CaptureOptions, run: RunOptions) -> dict[str, Any]:
+    """Return the options with which the workers open the captures."""
+    if capture.counts_scale is not None or capture.trials is not None:
+        raise ValueError("counts-scale, trials: are for one capture of counts, not for a run")
     options: dict[str, Any] = {
         "format": capture.format,
         "width": capture.width,
@@ -176,13 +179,17 @@ def _source(path: str, capture: CaptureOptions, run: RunOptions) -> CaptureSourc
         "counts": capture.counts,
         "unpacked": capture.unpacked,
         "isolate": capture.isolate,
-        "storage_options": run.storage_options() if is_url(path) else None,
+        "storage_options": run.storage_options(),
     }
-    if capture.counts_scale is not None or capture.trials is not None:
-        raise ValueError("counts-scale, trials: are for one capture of counts, not for a run")
-    absolute = path if is_url(path) else str(Path(path).absolute())
-    kept = {name: value for name, value in options.items() if value is not None}
-    return CaptureSource(absolute, tuple(kept.items()))
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _source(path: str, options: dict[str, Any]) -> CaptureSource:
+    """Return a capture as the workers open it."""
+    if is_url(path):
+        return CaptureSource.of(path, options)
+    kept = {name: value for name, value in options.items() if name != "storage_options"}
+    return CaptureSource.of(str(Path(path).absolute()), kept)
 
 
 def reconstruction_job(
@@ -211,7 +218,7 @@ def reconstruction_job(
         side,
         estimator,
         target.output,
-        run_record(target.name, bits, source, _state(source), **facts),
+        run_record(target.name, bits, source, **facts),
         4 * math.prod(_result_shape(bits, 1, estimator)),
         depth,
     )
@@ -224,7 +231,7 @@ def conversion_job(
     if run.window is not None:
         return _video_job(target, bits, source, run, None, {"method": "counts"})
     name = choose_output_format(target.output, to)
-    record = run_record(target.name, bits, source, _state(source), to=name)
+    record = run_record(target.name, bits, source, to=name)
     return ConversionJob(target.name, source, target.output, name, record, bits.packed.nbytes)
 
 
@@ -251,7 +258,6 @@ def _video_job(
         target.name,
         bits,
         source,
-        _state(source),
         window=run.window,
         step=step,
         values=dtype,
@@ -314,10 +320,6 @@ def _method_facts(estimator: Estimator, job: Reconstruction, inputs: Inputs) -> 
         "maps_sha256": maps_sha256(sensor),
         "calibration": calibration and {"file": calibration.name, "sha256": calibration.sha256},
     }
-
-
-def _state(source: CaptureSource) -> tuple[int, int]:
-    return file_state(source.path, dict(source.options).get("storage_options"))
 
 
 def _report(outcome: Outcome, targets: dict[str, Target], part: Part | None) -> None:

@@ -22,6 +22,7 @@ from jotlight.dask.streaming import WindowCounter
 from jotlight.files import atomic_write_together, write_file
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.formats.checksums import file_checksum
+from jotlight.formats.locations import file_state
 from jotlight.formats.reading import open_capture
 from jotlight.formats.writing import write_capture
 from jotlight.images.io import DISPLAYED, image_writer
@@ -73,16 +74,30 @@ class CaptureSource:
     """A path or a URL."""
     options: tuple[tuple[str, Any], ...] = ()
     """Options of :func:`jotlight.formats.open_capture`."""
+    state: tuple[int, int] = (0, 0)
+    """Number of bytes of its files, and their last change in nanoseconds."""
+
+    @classmethod
+    def of(cls, path: str, options: dict[str, Any]) -> "CaptureSource":
+        """Return the source of a capture in its present state.
+
+        Raises
+        ------
+        OSError
+            When there is no such capture.
+        """
+        state = file_state(path, options.get("storage_options"))
+        return cls(path, tuple(options.items()), state)
 
     def open(self) -> Bits:
-        """Return the bits. A process keeps the captures that it used last.
+        """Return the bits. A process keeps the captures that it used last, until they change.
 
         Raises
         ------
         OSError, ValueError
             When the capture cannot be read, or holds counts.
         """
-        return _open(self.path, _HashableOptions(self.options))
+        return _open(self.path, _HashableOptions(self.options), self.state)
 
     def describe(self) -> Record:
         """Return the options that say how the capture is read, as values of JSON."""
@@ -102,7 +117,8 @@ class _HashableOptions(dict[str, Any]):
 
 
 @functools.lru_cache(_KEPT)
-def _open(path: str, options: _HashableOptions) -> Bits:
+def _open(path: str, options: _HashableOptions, _state: tuple[int, int]) -> Bits:
+    """Return the bits of a capture. Each state of it is opened by itself."""
     capture = open_capture(path, **options)
     if not isinstance(capture, Bits):
         raise ValueError(f"{path}: holds counts, but this run needs bits")
@@ -300,7 +316,6 @@ def run_record(
     name: str,
     bits: Bits,
     capture: CaptureSource,
-    size: tuple[int, int],
     **facts: Any,
 ) -> Record:
     """Return what a result is made of, and how, as values of JSON.
@@ -311,8 +326,6 @@ def run_record(
         Name of the capture.
     bits : Bits
     capture : CaptureSource
-    size : tuple of int
-        Number of bytes of the files of the capture, and their last change in nanoseconds.
     **facts
         Further facts.
     """
@@ -320,8 +333,8 @@ def run_record(
         "jotlight": __version__,
         "capture": name,
         "file": bits.provenance.name if bits.provenance else None,
-        "bytes": size[0],
-        "modified": size[1],
+        "bytes": capture.state[0],
+        "modified": capture.state[1],
         "format": bits.provenance.format if bits.provenance else None,
         "provenance": bits.provenance.describe() if bits.provenance else [],
         "read": capture.describe(),
