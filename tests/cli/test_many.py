@@ -11,7 +11,6 @@ import zarr
 
 import jotlight as jl
 from jotlight.dask.jobs import CaptureSource, ConversionJob
-from jotlight.dask.names import Part
 from jotlight.images.io import read_image
 
 
@@ -80,7 +79,7 @@ def test_windows_are_converted_to_counts(run, captures):
 
 def test_a_slurm_job_array_computes_parts(run, captures, monkeypatch):
     base = ("reconstruct", captures[0], "-o", "v.zarr", "--window", 4, "-m", "mle")
-    base += ("--chunks", "1KiB")
+    base += ("--chunks", "1KiB", "--part", "slurm")
     monkeypatch.setenv("SLURM_ARRAY_TASK_COUNT", "3")
     for task in (1, 2, 3):
         monkeypatch.setenv("SLURM_ARRAY_TASK_ID", str(task))
@@ -94,7 +93,18 @@ def test_a_slurm_job_array_computes_parts(run, captures, monkeypatch):
     code, out = run("gather", ".")
     assert (code, out) == (0, "1 of 1 result completed\n")
     assert zarr.open_array("v.zarr", mode="r").shape == (16, 16, 24)
-    assert Part.of_slurm() == Part(3, 3)
+
+
+def test_tasks_of_a_slurm_job_array_process_captures_of_their_own(run, captures, monkeypatch):
+    monkeypatch.setenv("SLURM_ARRAY_TASK_COUNT", "3")
+    for task, path in enumerate(captures, 1):
+        monkeypatch.setenv("SLURM_ARRAY_TASK_ID", str(task))
+        base = ("reconstruct", path, "-o", f"{task}.zarr", "--window", 16, "-m", "mle")
+        code, err = run(*base)
+        assert (code, "error: part: is needed in a Slurm job array" in err) == (1, True)
+        assert not Path(f"{task}.zarr.part").exists()
+        assert run(*base, "--part", "1/1")[0] == 0
+        assert zarr.open_array(f"{task}.zarr", mode="r").shape == (4, 16, 24)
 
 
 def test_a_result_is_not_a_capture(run, captures):

@@ -89,13 +89,12 @@ def process(
     """
     if run.step is not None and run.window is None:
         raise ValueError(f"step: is for the windows of a capture; add --window {run.step}")
-    part = None if run.part is None else Part.parse(run.part)
-    if part is None and run.scheduler is None and run.workers is None:
-        part = Part.of_slurm()
     if run.scheduler is not None and run.workers is not None:
         raise ValueError("expected one of --scheduler and --workers, got both")
-    if part is not None and (run.scheduler is not None or run.workers is not None):
+    has_cluster = run.scheduler is not None or run.workers is not None
+    if has_cluster and run.part is not None:
         raise ValueError("part: is for job arrays without dask; leave out --scheduler, --workers")
+    part = None if has_cluster else Part.requested(run.part)
     paths = find_captures(captures, run.storage_options())
     names = name_captures(paths)
     outputs = name_outputs(output, names)
