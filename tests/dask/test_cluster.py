@@ -99,7 +99,9 @@ def test_lazy_videos_do_not_depend_on_the_scheduler(capture, expected, scheduler
 def test_lazy_videos_do_not_depend_on_the_number_of_workers(capture, expected, workers):
     bits = jl.open(capture)
     with connected(None, workers):
-        video = jl.dask.reconstruct(bits.to_dask("128KiB"), bits.sensor, 40, 30, method="mle")
+        video = jl.dask.reconstruct(
+            bits.to_dask("128KiB"), bits.sensor, 40, 30, method="mle", width=96
+        )
         images = video.compute()
     assert [image.tobytes() for image in images] == [
         expected[f"c.{index}.0.0"][:-4] for index in range(len(images))
