@@ -276,6 +276,17 @@ def test_the_command_runs_on_a_scheduler(capture, expected, tmp_path, capsys):
     assert content(output) == expected
 
 
+def test_warnings_of_workers_are_issued_by_the_command(tmp_path, capfd):
+    mask = np.zeros((8, 9), bool)
+    mask[3, 4] = True
+    frames = np.random.default_rng(0).random((32, 8, 9)) < 0.3
+    jl.save(jl.Bits.from_array(frames, jl.Sensor(frames=32, mask=mask)), tmp_path / "a.npy")
+    command = ["reconstruct", str(tmp_path / "a.npy"), "-o", str(tmp_path / "a.zarr"), "-m", "mle"]
+    with pytest.warns(jl.JotlightWarning, match="1 of 72 pixels have no valid bit"):
+        assert run([*command, "--window", "16", "--workers", "1"]) == 0
+    assert "no valid bit" not in "".join(capfd.readouterr())
+
+
 @exhaustive
 def test_workers_that_die_while_they_start_are_replaced():
     import multiprocessing
