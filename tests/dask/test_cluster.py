@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import dask
 import distributed
@@ -267,13 +266,15 @@ def test_a_worker_with_another_version_that_joins_later_computes_nothing(tmp_pat
             task.result(timeout=60)
 
 
-def test_the_command_runs_on_a_scheduler(capture, expected, tmp_path, capsys):
+def test_the_command_runs_on_a_scheduler_whose_workers_are_in_another_folder(
+    capture, expected, tmp_path, capsys, monkeypatch
+):
     with connected(None, 2) as client:
-        output = Path(tmp_path / "video.zarr")
+        monkeypatch.chdir(tmp_path)
         address = ("--scheduler", client.scheduler.address)
-        assert run(["reconstruct", str(capture), "-o", str(output), *WINDOW, *address]) == 0
+        assert run(["reconstruct", str(capture), "-o", "video.zarr", *WINDOW, *address]) == 0
     assert "dashboard of dask: http" in capsys.readouterr().out
-    assert content(output) == expected
+    assert content(tmp_path / "video.zarr") == expected
 
 
 def test_warnings_of_workers_are_issued_by_the_command(tmp_path, capfd):

@@ -99,6 +99,8 @@ def process(
     names = name_captures(paths)
     outputs = name_outputs(output, names)
     check_outputs(outputs, [Path(path) for path in paths if not is_url(path)])
+    if has_cluster:  # whose workers may run in other folders
+        outputs = [path.absolute() for path in outputs]
     targets = [
         Target(*each, number) for number, each in enumerate(zip(paths, names, outputs, strict=True))
     ]
