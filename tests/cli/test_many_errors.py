@@ -31,6 +31,29 @@ def test_failed_captures_are_counted_if_there_are_several(run, captures, number,
     assert code == 1
     assert message in err
     assert err.count("error:") == 1
+    assert "cannot write 1/v.zarr: " in err
+
+
+@pytest.mark.parametrize(
+    ("command", "number", "options"),
+    [
+        ("reconstruct", 1, ("-o", "1.npy", "-m", "mle")),
+        ("reconstruct", 2, ("-o", "{name}.npy", "-m", "mle")),
+        ("film", 1, ("-o", "1.npy", "-m", "mle", "--window", 16)),
+        ("convert", 1, ("-o", "1.npy")),
+        ("convert", 2, ("-o", "{name}.npy")),
+    ],
+)
+def test_a_folder_that_is_not_writable_is_an_error_of_the_output(
+    run, captures, monkeypatch, command, number, options
+):
+    def refuse(*arguments):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("jotlight.files.reserve_temporary", refuse)
+    code, err = run(command, *captures[:number], *options)
+    assert code == 1
+    assert "cannot write 1.npy: Permission denied in folder" in err
 
 
 def test_results_of_another_run_are_refused(run, captures):

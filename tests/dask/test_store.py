@@ -180,3 +180,15 @@ def test_a_run_continues_with_the_groups_it_began_with(tmp_path):
     assert store_at(tmp_path / "v.zarr", group=3).resumed() == store
     other = store_at(tmp_path / "v.zarr", {**RUN, "method": "x"})
     assert other.resumed() is other
+
+
+def test_failed_writes_name_the_video(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    store.create()
+    store._chunk(1).mkdir()
+    with pytest.raises(OSError, match=r"cannot write .*v\.zarr: Is a directory"):
+        store.write_image(1, np.zeros(store.shape[1:], store.dtype))
+    (tmp_path / "file").touch()
+    with pytest.raises(OSError, match=r"cannot write .*file/v\.zarr: .* in folder"):
+        store_at(tmp_path / "file/v.zarr").create()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "v.zarr.part"]

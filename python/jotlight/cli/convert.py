@@ -83,7 +83,7 @@ def _convert_one(data: Path | str, output: Path, to: str | None, capture: Captur
         raise ValueError(f"{record}: the record of the copy belongs here; choose another name")
     run = _run(data, opened, name)
     content = "packed" if isinstance(opened, Bits) else "counts"
-    with atomic_write(record) as temporary:
+    with atomic_write(record, output=output) as temporary:
         # If there is no space for the record, nothing is written. It does not become longer.
         write_file(temporary, conversion_text(run, _bytes_of(opened), 0, content))
         written = _write(opened, output, name)

@@ -19,7 +19,7 @@ from jotlight.dask.records import Record, check_same_run, read_json
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import WindowCounter
-from jotlight.files import atomic_write_together, write_file
+from jotlight.files import atomic_write_together, create_parent, write_file
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.formats.checksums import file_checksum
 from jotlight.formats.locations import file_state
@@ -212,7 +212,7 @@ class ImageJob:
 
     def prepare(self) -> list[int]:
         """Return the only unit."""
-        self.output.parent.mkdir(parents=True, exist_ok=True)
+        create_parent(self.output)
         return [0]
 
     def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
@@ -235,7 +235,7 @@ class ImageJob:
         write = image_writer(self.output, depth=self.depth, note={"jotlight": record})
         if self.output.suffix.lower() in DISPLAYED:
             image = Tone("linear", find_white(image))(image)
-        with atomic_write_together([self.record, self.output]) as (text, file):
+        with atomic_write_together([self.output], [self.record]) as (file, text):
             write(file, image)
             content = {"format": "jotlight image", **record, "sha256": file_checksum(file)}
             write_file(text, json.dumps(content, indent=1))
@@ -272,18 +272,18 @@ class ConversionJob:
 
     def prepare(self) -> list[int]:
         """Return the only unit."""
-        self.output.parent.mkdir(parents=True, exist_ok=True)
+        create_parent(self.output)
         return [0]
 
     def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
         """Convert the capture, which must match its checksums, and write the record."""
-        write_file(self.record, json.dumps({"run": self.run}, indent=1))
+        write_file(self.record, json.dumps({"run": self.run}, indent=1), output=self.output)
         if self.output.is_dir():  # of the same run, which was killed before it wrote the record
             shutil.rmtree(self.output)
         bits, checksum = with_checksum(self.capture.open())
         assert isinstance(bits, Bits), "bits"
         write_capture(bits, self.output, self.format)
-        write_file(self.record, conversion_text(self.run, *checksum()))
+        write_file(self.record, conversion_text(self.run, *checksum()), output=self.output)
 
     def finish(self) -> None:
         """Do nothing: the copy is complete."""

@@ -28,7 +28,14 @@ import numpy.typing as npt
 
 from jotlight.dask.records import ATTRIBUTE, Record, check_same_run, read_json, read_record
 from jotlight.dask.streaming import Checksum
-from jotlight.files import atomic_write, flush_to_disk, write_file
+from jotlight.files import (
+    atomic_write,
+    create_parent,
+    explained_creation,
+    explained_failure,
+    flush_to_disk,
+    write_file,
+)
 from jotlight.formats.zarr.writing import import_zarr
 from jotlight.output_files import open_output
 
@@ -134,11 +141,26 @@ class VideoStore:
         """
         if self.is_complete() or self.part.exists():
             return
-        zarr = import_zarr()
         # Processes on other machines, or in containers, may have the same process id.
         temporary = self.part.with_name(f".{self.part.name}-{uuid.uuid4().hex}")
-        (temporary / "groups").mkdir(parents=True)
+        create_parent(self.path)
+        with explained_creation(self.path):
+            temporary.mkdir()
+        try:
+            with explained_failure(self.path, temporary):
+                self._create_in(temporary)
+            temporary.rename(self.part)
+        except OSError:
+            shutil.rmtree(temporary, ignore_errors=True)
+            if not self.is_complete() and not self.part.exists():
+                raise
+            # another process was faster, with the same run
+
+    def _create_in(self, temporary: Path) -> None:
+        """Create the array, and the files that describe it, in a new folder."""
+        zarr = import_zarr()
         codecs = zarr.codecs
+        (temporary / "groups").mkdir()
         zarr.create_array(
             str(temporary / "video.zarr"),
             shape=self.shape,
@@ -149,12 +171,7 @@ class VideoStore:
             chunk_key_encoding={"name": "default", "separator": "."},
         )
         content = {"run": self.run, "group": self.group, "shape": list(self.shape)}
-        write_file(temporary / "run.json", json.dumps(content, indent=1))
-        try:
-            temporary.rename(self.part)
-        except OSError:
-            shutil.rmtree(temporary, ignore_errors=True)
-            self.is_complete()  # another process was faster, with the same run
+        write_file(temporary / "run.json", json.dumps(content, indent=1), output=self.path)
 
     def write_image(self, index: int, image: npt.NDArray[Any]) -> None:
         """Write an image as the chunk that the zarr library would write, without its overhead."""
@@ -163,10 +180,10 @@ class VideoStore:
         array = np.ascontiguousarray(image, np.dtype(self.dtype).newbyteorder("<"))
         data: Any = array.reshape(-1).view(np.uint8)
         path = self._chunk(index)
-        with path.open("wb", buffering=0) as file:
+        with explained_failure(self.path, path), path.open("wb", buffering=0) as file:
             for content in (data, google_crc32c.value(data).to_bytes(4, "little")):
                 if file.write(content) != len(content):
-                    raise OSError(errno.ENOSPC, f"cannot write {path}", str(path))
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
             if hasattr(os, "posix_fadvise"):
                 # Linux then begins to write the image, and :meth:`finish` waits less for the disk.
                 os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
@@ -202,7 +219,10 @@ class VideoStore:
         Nothing waits for the disk: :meth:`finish` finds what a power failure has damaged.
         """
         path, content = self._marker(group), json.dumps(facts).encode()
-        with atomic_write(path, durable=False) as temporary, open_output(temporary) as file:
+        with (
+            atomic_write(path, durable=False, output=self.path) as temporary,
+            open_output(temporary) as file,
+        ):
             file.write(content)
 
     def missing(self) -> list[int]:
@@ -228,7 +248,8 @@ class VideoStore:
         record = {"run": self.run, **_summary(self._checked_facts())}
         zarr = import_zarr()
         array = self.part / "video.zarr"
-        zarr.open_array(str(array), mode="r+").attrs[ATTRIBUTE] = record
+        with explained_failure(self.path, array):
+            zarr.open_array(str(array), mode="r+").attrs[ATTRIBUTE] = record
         files = (Path(folder, name) for folder, _, names in os.walk(array) for name in names)
         for _ in _map_in_threads(flush_to_disk, files):
             pass
