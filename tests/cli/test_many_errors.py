@@ -81,6 +81,14 @@ def test_a_capture_that_changed_is_another_run(run, captures):
     ("arguments", "message"),
     [
         (("-o", "v.zarr"), "expected a name with {name} for the 3 captures"),
+        (("-o", "{name}.png", "-m", "wrong"), "method: there is no 'wrong'"),
+        (("-o", "{name}.png", "-m", "mle", "--weight", 3), "weight: is an option of admm-tv"),
+        (("-o", "{name}.gif"), "{name}.gif: expected a name that ends in .png"),
+        (("-o", "{name}.png", "--efficiency", 3), "efficiency: expected a number from"),
+        (("-o", "{name}.png", "--model", "no.safetensors"), "no network file no.safetensors"),
+        (("-o", "{name}.png", "--format", "wrong"), "format: expected one of"),
+        (("-o", "{name}.png", "--trials", 3), "trials: are for one capture of counts"),
+        (("-o", "{name}.png", "--frame-range", "x"), "frame-range: expected A:B"),
         (("-o", "v/{name}.npy", "--window", 16), "expected a name in .zarr"),
         (("-o", "v/{name}.zarr"), "pass --window"),
         (("-o", "v/{name}.zarr", "--window", 65), "expected 1 to the capture's 64 frames"),
@@ -100,7 +108,44 @@ def test_bad_options_are_refused_before_work(run, captures, arguments, message):
     code, err = run("reconstruct", "captures/*/*.npy", *arguments)
     assert code == 1
     assert message in " ".join(err.split())
+    assert err.startswith("error: ")
+    assert len(err.splitlines()) == 1
     assert sorted(path.name for path in Path.cwd().iterdir()) == ["captures"]
+
+
+@pytest.mark.parametrize("options", [("-o", "{name}.wrong"), ("-o", "{name}.npy", "--to", "wrong")])
+def test_a_wrong_format_of_all_copies_is_one_error(run, captures, options):
+    code, err = run("convert", *captures, *options)
+    assert code == 1
+    assert err.startswith("error: ")
+    assert len(err.splitlines()) == 1
+
+
+def test_an_option_that_fits_no_capture_is_one_error_beside_a_damaged_capture(run, captures):
+    captures[0].write_bytes(captures[0].read_bytes()[:200])
+    base = ("reconstruct", *captures, "-m", "mle", "-o", "{name}.zarr", "--window")
+    code, err = run(*base, 65)
+    assert code == 1
+    assert err == "error: window: expected 1 to the capture's 64 frames, got 65\n"
+    assert not Path("a").exists()
+
+
+def test_captures_that_fail_for_different_reasons_are_all_named(run, captures):
+    captures[0].write_bytes(captures[0].read_bytes()[:200])
+    captures[1].write_bytes(b"nothing")
+    code, err = run("reconstruct", *captures[:2], "-m", "mle", "-o", "{name}.png")
+    assert code == 1
+    assert err.startswith("error: 2 of 2 captures failed: 1: ")
+    assert "; 2: " in err
+
+
+def test_an_option_that_does_not_fit_some_captures_does_not_stop_the_others(run, captures):
+    jl.save(jl.Bits.from_array(np.zeros((32, 16, 24), bool), jl.Sensor(frames=32)), captures[0])
+    base = ("reconstruct", *captures, "-m", "mle", "-o", "{name}.zarr", "--window")
+    code, err = run(*base, 64)
+    assert code == 1
+    assert "failed: a/1: window: expected 1 to the capture's 32 frames, got 64" in err
+    assert "3 captures: 2 made, 1 failed" in err
 
 
 def test_a_glob_that_matches_nothing_is_named(run):
