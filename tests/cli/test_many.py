@@ -142,6 +142,32 @@ def test_info_shows_the_origin_of_a_video(run, captures):
     assert "weights" in out
 
 
+@pytest.mark.parametrize(
+    ("frames", "text"), [(16, "4 images match their"), (64, "1 image matches its")]
+)
+def test_the_images_of_a_video_are_verified(run, captures, frames, text):
+    assert run("convert", captures[0], "-o", "v.zarr", "--window", frames)[0] == 0
+    code, out = run("info", "v.zarr", "--verify")
+    assert (code, "counts of windows" in out) == (0, True)
+    assert f"verified  {text}" in " ".join(out.split("\n")).replace("   ", "")
+    image = Path("v.zarr/c.0.0.0")
+    content = image.read_bytes()
+    image.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    assert run("info", "v.zarr")[0] == 0
+    code, err = run("info", "v.zarr", "--verify")
+    assert (code, "images do not match their checksums, such as c.0.0.0" in err) == (1, True)
+    image.unlink()
+    code, err = run("info", "v.zarr")
+    assert (code, "images are missing or incomplete, such as c.0.0.0" in err) == (1, True)
+
+
+def test_only_finished_videos_are_verified(run, captures):
+    base = ("convert", captures[0], "-o", "v.zarr", "--window", 16, "--chunks", "1KiB")
+    assert run(*base, "--part", "1/2")[0] == 0
+    code, err = run("info", "v.zarr.part", "--verify")
+    assert (code, "v.zarr.part: --verify is for finished videos" in err) == (1, True)
+
+
 def test_info_shows_the_origin_of_an_image(run, captures):
     run("reconstruct", *captures, "-o", "i/{name}.npy", "-m", "mle")
     code, out = run("info", "i/a/1.npy")
