@@ -10,7 +10,6 @@ import pytest
 from jotlight.files import (
     atomic_folder,
     atomic_write,
-    atomic_write_together,
     check_outputs,
     delete_file,
     write_file,
@@ -336,25 +335,3 @@ def test_an_output_that_is_an_input_is_refused(tmp_path, name):
     (tmp_path / "link.npy").symlink_to("read.npy")
     with pytest.raises(ValueError, match=f"{name}: this file is read"):
         check_outputs([tmp_path / "new.npy", tmp_path / name], [tmp_path / "read.npy"])
-
-
-def test_a_failed_write_beside_an_output_names_the_output(tmp_path):
-    output, record = tmp_path / "a.npy", tmp_path / "a.npy.json"
-    with (
-        pytest.raises(OSError, match=r"cannot write .*a\.npy: No space left on device"),
-        atomic_write_together([output], [record]) as (_, text),
-    ):
-        raise OSError(errno.ENOSPC, "No space left on device", str(text))
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_that_is_not_writable_is_an_error_of_the_output(tmp_path, monkeypatch):
-    output, record = tmp_path / "a.npy", tmp_path / "a.npy.json"
-
-    def refuse(*arguments):
-        raise PermissionError(errno.EACCES, "Permission denied")
-
-    monkeypatch.setattr("jotlight.files.reserve_temporary", refuse)
-    message = r"cannot write .*a\.npy: Permission denied in folder"
-    with pytest.raises(PermissionError, match=message):
-        write_file(record, "{}", output=output)
