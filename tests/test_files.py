@@ -7,7 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from jotlight.files import atomic_folder, atomic_write, check_outputs, delete_file, write_file
+from jotlight.files import (
+    atomic_folder,
+    atomic_write,
+    check_outputs,
+    delete_file,
+    write_file,
+)
 from jotlight.temporary_names import reserve_temporary
 
 

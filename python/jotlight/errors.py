@@ -92,6 +92,17 @@ def error_message(error: BaseException) -> str:
     return "; ".join([str(error) or type(error).__name__, *notes])
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun, which is plural unless the number is 1.
+
+    Examples
+    --------
+    >>> counted(1, "capture"), counted(0, "capture")
+    ('1 capture', '0 captures')
+    """
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
 def import_extra(name: str, extra: str, purpose: str) -> Any:
     """Return an optional module.
 

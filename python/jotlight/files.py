@@ -70,9 +70,14 @@ def _identity(path: Path) -> Path | tuple[int, int]:
     return state.st_dev, state.st_ino
 
 
-def write_file(path: str | os.PathLike[str], content: bytes | str) -> None:
-    """Write bytes, or text in UTF-8, as a file, completely or not at all."""
-    with atomic_write(path) as temporary, open_output(temporary) as file:
+def write_file(
+    path: str | os.PathLike[str], content: bytes | str, *, output: Path | None = None
+) -> None:
+    """Write bytes, or text in UTF-8, as a file, completely or not at all.
+
+    If the file lies beside an output, errors name that `output`.
+    """
+    with atomic_write(path, output=output) as temporary, open_output(temporary) as file:
         file.write(content.encode() if isinstance(content, str) else content)
 
 
@@ -90,7 +95,9 @@ def remove_leftovers(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator[Path]:
+def atomic_write(
+    path: str | os.PathLike[str], *, durable: bool = True, output: Path | None = None
+) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`, and rename it to `path` when the block ends.
 
     The temporary file is created on entry. So if the folder is not writable, an error is raised
@@ -105,6 +112,8 @@ def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Itera
     durable : bool
         Whether the content is on the disk before the file is renamed, so that it also survives a
         power failure. This takes milliseconds.
+    output : path, optional
+        The output that errors name, if the file lies beside one. Default: the file.
 
     Raises
     ------
@@ -125,50 +134,66 @@ def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Itera
     if path in _unfinished:
         yield path
         return
-    with atomic_write_together([path], durable=durable) as (temporary,):
+    with atomic_write_together([], [path], durable=durable, output=output or path) as (temporary,):
         yield temporary
 
 
 @contextlib.contextmanager
-def atomic_write_together(paths: Sequence[Path], *, durable: bool = True) -> Iterator[list[Path]]:
-    """Yield a temporary path for each path, and rename all of them in order when the block ends.
+def atomic_write_together(
+    outputs: Sequence[Path],
+    beside: Sequence[Path] = (),
+    *,
+    durable: bool = True,
+    output: Path | None = None,
+) -> Iterator[list[Path]]:
+    """Yield a temporary path for each output and each file beside them, and rename all at the end.
 
     No file is renamed before the contents of all files are on the disk. So the renames together
     take microseconds. Only a process that is killed during this time leaves old files beside new
-    ones. In all other respects, this function is like :func:`atomic_write`.
+    ones: the outputs appear last. Errors about a file beside them, such as a record, name `output`,
+    which is the first one by default. In all other respects, this function is like
+    :func:`atomic_write`.
 
     Raises
     ------
     OSError
         See :func:`atomic_write`.
     """
+    paths = [*outputs, *beside]
     with contextlib.ExitStack() as stack:
-        temporaries = [stack.enter_context(_temporary_file(path)) for path in paths]
+        named = [*outputs, *[output or paths[0]] * len(beside)]
+        temporaries = [
+            stack.enter_context(_temporary_file(*each)) for each in zip(paths, named, strict=True)
+        ]
         yield temporaries
         for path, temporary in zip(paths, temporaries, strict=True):
             temporary.chmod(_permissions(path))
             if durable:
                 flush_to_disk(temporary)
-        for path, temporary in zip(paths, temporaries, strict=True):
+        pairs = list(zip(paths, temporaries, strict=True))
+        for path, temporary in pairs[len(outputs) :] + pairs[: len(outputs)]:
             temporary.replace(path)
         for folder in {path.parent for path in paths if durable}:
             flush_to_disk(folder)
 
 
 @contextlib.contextmanager
-def _temporary_file(path: Path) -> Iterator[Path]:
-    """Yield a new temporary file for a path. It is deleted at the end, if it still exists."""
+def _temporary_file(path: Path, named: Path) -> Iterator[Path]:
+    """Yield a new temporary file for a path. It is deleted at the end, if it still exists.
+
+    Errors of the disk or the folder name the path `named`.
+    """
     if path.is_dir():
         raise IsADirectoryError(f"cannot write {path}: it is a folder; pass the name of a file")
-    _check_parent(path)
+    _check_parent(named)
     if path.exists() and not os.access(path, os.W_OK):
         raise PermissionError(f"cannot write {path}: the file is read-only")
-    with _reserved(path) as temporary:
-        with _explained_creation(path):
+    with _reserved(path, named) as temporary:
+        with explained_creation(named):
             os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
         _unfinished.add(temporary)
         try:
-            with _explained_failure(path, temporary):
+            with explained_failure(named, temporary):
                 yield temporary
         finally:
             _unfinished.discard(temporary)
@@ -187,10 +212,10 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     if path.exists():
         raise FileExistsError(f"cannot write {path}: it already exists; choose another name")
     _check_parent(path)
-    with _reserved(path) as temporary:
-        with _explained_creation(path):
+    with _reserved(path, path) as temporary:
+        with explained_creation(path):
             temporary.mkdir(0o700)
-        with _explained_failure(path, temporary):
+        with explained_failure(path, temporary):
             yield temporary
             temporary.chmod(0o777 & ~_umask())
             for folder, _, names in os.walk(temporary):
@@ -202,10 +227,10 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 @contextlib.contextmanager
-def _reserved(path: Path) -> Iterator[Path]:
-    """Yield a temporary path. Errors of its reservation name `path`."""
+def _reserved(path: Path, named: Path) -> Iterator[Path]:
+    """Yield a temporary path. Errors of its reservation name the path `named`."""
     with contextlib.ExitStack() as stack:
-        with _explained_creation(path):
+        with explained_creation(named):
             temporary = stack.enter_context(reserve_temporary(path))
         yield temporary
 
@@ -233,8 +258,20 @@ def _check_parent(path: Path) -> None:
         )
 
 
+def create_parent(path: Path) -> None:
+    """Create the folder of an output, and the folders that contain it.
+
+    Raises
+    ------
+    OSError
+        When that is impossible. The error names the output.
+    """
+    with explained_creation(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+
+
 @contextlib.contextmanager
-def _explained_creation(path: Path) -> Iterator[None]:
+def explained_creation(path: Path) -> Iterator[None]:
     """Raise an error that names `path` and its folder if the temporary file cannot be created."""
     try:
         yield
@@ -245,7 +282,7 @@ def _explained_creation(path: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _explained_failure(path: Path, temporary: Path) -> Iterator[None]:
+def explained_failure(path: Path, temporary: Path) -> Iterator[None]:
     """Raise an OSError that names `path` if a write to its temporary file or folder failed."""
     try:
         yield

@@ -1,6 +1,7 @@
 """Fixtures that several files of tests of the command line use."""
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,3 +35,15 @@ def own_module(tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "own_cli_module", raising=False)
     yield "own_cli_module"
     sys.modules.pop("own_cli_module", None)
+
+
+@pytest.fixture
+def captures(tmp_path, monkeypatch):
+    """Return three captures below the current folder: a/1, a/2, and b/1."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(0)
+    for name in ("a/1", "a/2", "b/1"):
+        path = Path("captures", f"{name}.npy")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        jl.save(jl.Bits.from_array(rng.random((64, 16, 24)) < 0.4, jl.Sensor(frames=64)), path)
+    return sorted(Path("captures").rglob("*.npy"))

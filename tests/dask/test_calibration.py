@@ -18,7 +18,7 @@ def captures():
 @pytest.mark.parametrize("chunk", [pytest.param(7, marks=pytest.mark.slow), 90])
 def test_the_calibration_is_that_of_one_machine(chunk):
     dark, flat = captures()
-    lazy = jl.dask.calibrate(dark.to_dask(chunk), flat.to_dask(chunk))
+    lazy = jl.dask.calibrate(dark.to_dask(chunk), flat.to_dask(chunk), width=dark.width)
     found, expected = lazy.compute(), jl.calibrate(dark, flat)
     for name in ("dark_counts", "mask", "hot", "dead", "efficiency"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))

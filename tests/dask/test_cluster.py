@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import dask
 import distributed
@@ -99,7 +98,9 @@ def test_lazy_videos_do_not_depend_on_the_scheduler(capture, expected, scheduler
 def test_lazy_videos_do_not_depend_on_the_number_of_workers(capture, expected, workers):
     bits = jl.open(capture)
     with connected(None, workers):
-        video = jl.dask.reconstruct(bits.to_dask("128KiB"), bits.sensor, 40, 30, method="mle")
+        video = jl.dask.reconstruct(
+            bits.to_dask("128KiB"), bits.sensor, 40, 30, method="mle", width=96
+        )
         images = video.compute()
     assert [image.tobytes() for image in images] == [
         expected[f"c.{index}.0.0"][:-4] for index in range(len(images))
@@ -265,13 +266,26 @@ def test_a_worker_with_another_version_that_joins_later_computes_nothing(tmp_pat
             task.result(timeout=60)
 
 
-def test_the_command_runs_on_a_scheduler(capture, expected, tmp_path, capsys):
+def test_the_command_runs_on_a_scheduler_whose_workers_are_in_another_folder(
+    capture, expected, tmp_path, capsys, monkeypatch
+):
     with connected(None, 2) as client:
-        output = Path(tmp_path / "video.zarr")
+        monkeypatch.chdir(tmp_path)
         address = ("--scheduler", client.scheduler.address)
-        assert run(["reconstruct", str(capture), "-o", str(output), *WINDOW, *address]) == 0
+        assert run(["reconstruct", str(capture), "-o", "video.zarr", *WINDOW, *address]) == 0
     assert "dashboard of dask: http" in capsys.readouterr().out
-    assert content(output) == expected
+    assert content(tmp_path / "video.zarr") == expected
+
+
+def test_warnings_of_workers_are_issued_by_the_command(tmp_path, capfd):
+    mask = np.zeros((8, 9), bool)
+    mask[3, 4] = True
+    frames = np.random.default_rng(0).random((32, 8, 9)) < 0.3
+    jl.save(jl.Bits.from_array(frames, jl.Sensor(frames=32, mask=mask)), tmp_path / "a.npy")
+    command = ["reconstruct", str(tmp_path / "a.npy"), "-o", str(tmp_path / "a.zarr"), "-m", "mle"]
+    with pytest.warns(jl.JotlightWarning, match="1 of 72 pixels have no valid bit"):
+        assert run([*command, "--window", "16", "--workers", "1"]) == 0
+    assert "no valid bit" not in "".join(capfd.readouterr())
 
 
 @exhaustive

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 import jotlight as jl
 from jotlight.dask import counting, pieces
 
+SENSOR = jl.Sensor(frames=8)
+
 
 def random_bits(frames, height=6, width=13, channels=(), seed=0):
     rng = np.random.default_rng(seed)
@@ -90,7 +92,23 @@ def test_bad_arrays_are_refused(x, message):
 )
 def test_bad_options_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
-        jl.dask.count(random_bits(40).to_dask(), **options)
+        jl.dask.count(random_bits(40).to_dask(), **{"width": 13, **options})
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda x, **width: jl.dask.count(x, 8, **width),
+        lambda x, **width: jl.dask.reconstruct(x, SENSOR, 8, method="mle", **width),
+        lambda x, **width: jl.dask.calibrate(x, **width).mask,
+    ],
+)
+def test_an_array_of_packed_bits_needs_the_width(function):
+    bits = random_bits(40)
+    with pytest.raises(TypeError, match=r"width: .* 9 to 16, .* pass width=bits\.width, or bits"):
+        function(bits.to_dask())
+    assert function(bits).shape[-2:] == (6, 13)
+    assert function(bits.to_dask(), width=bits.width).shape[-2:] == (6, 13)
 
 
 def test_a_worker_with_another_version_is_refused(monkeypatch):

@@ -22,14 +22,38 @@ def test_each_unit_belongs_to_exactly_one_part(captures, total):
             assert owners[0].has_capture(capture, captures)
 
 
+def slurm(**values):
+    """Return the environment of a task of a Slurm job array."""
+    return {f"SLURM_ARRAY_TASK_{name}": str(value) for name, value in values.items()}
+
+
 def test_slurm_states_the_part():
-    assert Part.of_slurm({}) is None
-    task = {"SLURM_ARRAY_TASK_ID": "0", "SLURM_ARRAY_TASK_MIN": "0"}
-    assert Part.of_slurm({**task, "SLURM_ARRAY_TASK_COUNT": "4"}) == Part(1, 4)
-    step = {"SLURM_ARRAY_TASK_ID": "8", "SLURM_ARRAY_TASK_MIN": "4", "SLURM_ARRAY_TASK_STEP": "2"}
-    assert Part.of_slurm({**step, "SLURM_ARRAY_TASK_COUNT": "4"}) == Part(3, 4)
-    with pytest.raises(ValueError, match="SLURM_ARRAY_TASK_COUNT"):
-        Part.of_slurm(task)
+    assert Part.requested("slurm", slurm(ID=0, MIN=0, MAX=3, COUNT=4)) == Part(1, 4)
+    assert Part.requested("slurm", slurm(ID=8, MIN=4, MAX=10, STEP=2, COUNT=4)) == Part(3, 4)
+    assert Part.requested("slurm", slurm(ID=2, COUNT=4)) == Part(2, 4)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({}, "SLURM_ARRAY_TASK_ID is not set"),
+        ({"ID": 3}, "SLURM_ARRAY_TASK_COUNT is not set"),
+        ({"ID": 3, "MIN": 1, "MAX": 4, "COUNT": 3}, "got 3 tasks from 1 to 4"),
+        ({"ID": 12, "MIN": 7, "COUNT": 2}, "got 2 tasks from 7 to 12"),
+    ],
+)
+def test_job_arrays_that_state_no_part_are_refused(values, message):
+    with pytest.raises(ValueError, match=message):
+        Part.requested("slurm", slurm(**values))
+
+
+def test_a_task_of_a_job_array_does_not_guess_its_part():
+    for count in (3, ""):
+        with pytest.raises(ValueError, match=r"pass --part slurm .* or --part 1/1"):
+            Part.requested(None, slurm(ID=2, COUNT=count))
+    assert Part.requested("1/1", slurm(ID=2, COUNT=3)) == Part(1, 1)
+    assert Part.requested(None, slurm(ID=2, COUNT=1)) is None
+    assert Part.requested(None, {}) is None
 
 
 def test_globs_are_expanded_and_sorted(tmp_path):

@@ -42,8 +42,10 @@ def test_estimates_are_those_of_the_counts_whatever_the_number_of_images_in_the_
     monkeypatch.setattr(Estimator, "has_table", False)
     bits = random_bits(80, channels)
     sensor = jl.Sensor(frames=8)
-    video = jl.dask.reconstruct(bits.to_dask(40), sensor, 8, method="mle").compute()
-    counts = jl.dask.count(bits.to_dask(40), 8).compute()
+    video = jl.dask.reconstruct(
+        bits.to_dask(40), sensor, 8, method="mle", width=bits.width
+    ).compute()
+    counts = jl.dask.count(bits.to_dask(40), 8, width=bits.width).compute()
     axis = -1 if channels else None
     expected = [jl.reconstruct(each, sensor, method="mle", channel_axis=axis) for each in counts]
     np.testing.assert_array_equal(video, expected)
@@ -95,7 +97,9 @@ def test_mle_writes_no_counts(monkeypatch):
 @pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
 def test_estimates_from_a_table_are_those_of_reconstruct(sensor, channels):
     bits = random_bits(40, channels)
-    video = jl.dask.reconstruct(bits.to_dask(16), sensor, 8, method="mle").compute()
+    video = jl.dask.reconstruct(
+        bits.to_dask(16), sensor, 8, method="mle", width=bits.width
+    ).compute()
     parts = [bits[start : start + 8] for start in range(0, 40, 8)]
     expected = [jl.reconstruct(part, sensor, method="mle") for part in parts]
     np.testing.assert_array_equal(video, expected)
@@ -105,7 +109,9 @@ def test_arrays_of_the_same_files_with_other_chunks_are_counted_together(tmp_pat
     bits = random_bits(40)
     np.save(tmp_path / "bits.npy", np.asarray(bits.packed))
     capture = jl.open(tmp_path / "bits.npy", counts=False)
-    several = [jl.dask.count(capture.to_dask(chunks), 8) for chunks in (10, 8, 20)]
+    several = [
+        jl.dask.count(capture.to_dask(chunks), 8, width=capture.width) for chunks in (10, 8, 20)
+    ]
     expected = jl.dask.count(bits, 8).compute()
     for counts in dask.compute(*several, scheduler="sync"):
         np.testing.assert_array_equal(counts, expected)

@@ -22,7 +22,7 @@ def bits():
 @pytest.mark.parametrize("chunk", [7, 64])
 def test_each_image_is_that_of_reconstruct(bits, method, chunk):
     x = bits.to_dask(chunk)
-    video = jl.dask.reconstruct(x, bits.sensor, 16, 12, method=method).compute()
+    video = jl.dask.reconstruct(x, bits.sensor, 16, 12, method=method, width=bits.width).compute()
     sensor = bits.sensor.replace(frames=16)
     for image, part in zip(video, bits.windows(16, 12), strict=True):
         expected = jl.reconstruct(part.counts(), sensor, method=method)
@@ -61,7 +61,7 @@ def test_tiles_of_large_images_are_those_of_the_image(bits, method, exact, monke
     tiled = jl.dask.reconstruct(bits, window=16, method=method)
     assert len(tiled.chunks[1]) == 2
     np.testing.assert_allclose(tiled.compute(), whole, rtol=0, atol=0 if exact else 2e-6)
-    again = jl.dask.reconstruct(bits.to_dask(9), bits.sensor, 16, method=method)
+    again = jl.dask.reconstruct(bits.to_dask(9), bits.sensor, 16, method=method, width=bits.width)
     np.testing.assert_array_equal(again.compute(), tiled.compute())
 
 

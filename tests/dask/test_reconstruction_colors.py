@@ -22,7 +22,9 @@ def expose(mosaic="RGGB", **parameters):
 
 def assert_equals_reconstruct(bits, window, step, **options):
     """Compare all images of a video with those of the counts of the same windows."""
-    video = jl.dask.reconstruct(bits.to_dask(7), bits.sensor, window, step, **options)
+    video = jl.dask.reconstruct(
+        bits.to_dask(7), bits.sensor, window, step, width=bits.width, **options
+    )
     estimates = video.compute()
     assert video.shape == estimates.shape
     assert (video.dtype, estimates.dtype) == (np.float32, np.float32)
@@ -91,11 +93,11 @@ def test_three_channels_are_estimated_as_by_reconstruct(options):
 @pytest.mark.slow
 def test_colors_do_not_depend_on_chunks_or_threads():
     bits = expose()[:16]
-    expected = jl.dask.reconstruct(bits.to_dask(24), bits.sensor, 8, 4).compute()
+    expected = jl.dask.reconstruct(bits.to_dask(24), bits.sensor, 8, 4, width=bits.width).compute()
     for frames, scheduler in ((1, "threads"), (5, "sync")):
         x = bits.to_dask(frames)
         with dask.config.set(scheduler=scheduler):
-            video = jl.dask.reconstruct(x, bits.sensor, 8, 4).compute()
+            video = jl.dask.reconstruct(x, bits.sensor, 8, 4, width=bits.width).compute()
         np.testing.assert_array_equal(video, expected)
     estimator = choose_estimator(bits.sensor.replace(frames=8))
     counts = np.stack([part.counts() for part in bits.windows(8, 4)])
@@ -115,7 +117,7 @@ def test_threads_do_not_warn_about_pixels_behind_other_filters(options):
     bits = jl.Sensor(frames=8, mosaic="RGBW/BWRG").expose(SCENE[:8, :8], rng=0)
     filters = list(warnings.filters)
     with dask.config.set(scheduler="threads", num_workers=8):
-        jl.dask.reconstruct(bits.to_dask(1), bits.sensor, 2, **options).compute()
+        jl.dask.reconstruct(bits.to_dask(1), bits.sensor, 2, width=bits.width, **options).compute()
     assert warnings.filters == filters
 
 

@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from jotlight._engine import __version__
 from jotlight.dask import running
 from jotlight.dask.cluster import connected
 from jotlight.dask.names import Part
 from jotlight.dask.records import AnotherRunError
 from jotlight.dask.running import ThisProcess, compute_unit, run_jobs
-from jotlight.errors import MissingExtraError
+from jotlight.errors import MissingExtraError, warn
 from jotlight.formats.reading import open_capture
 
 
@@ -149,3 +150,10 @@ def test_a_worker_of_another_version_is_refused(tmp_path):
     with pytest.raises(RuntimeError, match=r"expected jotlight 0.0.1 on each worker"):
         compute_unit(job, 0, "0.0.1")
     assert job.computed == []
+
+
+def test_a_worker_returns_the_warnings_of_a_unit(tmp_path, recwarn):
+    (job,) = jobs_in(tmp_path, 1)
+    job.compute = lambda unit, threads, mapped: [warn("a dead jot") for _ in range(2)]
+    assert compute_unit(job, 0, __version__) == ["a dead jot"]
+    assert len(recwarn) == 0

@@ -6,7 +6,7 @@ import pytest
 import zarr
 
 from jotlight.dask.records import AnotherRunError, read_record
-from jotlight.dask.store import VideoStore, open_unfinished
+from jotlight.dask.store import VideoStore, open_finished, open_unfinished
 
 RUN = {"method": "mle", "values": "float32"}
 FACTS = {"crc32": "00000000", "bytes": 0, "minimum": 0.0, "maximum": 1.0}
@@ -51,6 +51,23 @@ def test_a_flipped_bit_is_detected(tmp_path):
     path.write_bytes(content)
     with pytest.raises(ValueError, match="checksum"):
         zarr.open_array(str(store.path), mode="r")[1]
+    store.check_files()
+    with pytest.raises(ValueError, match=r"1 of its 5 images do not match .* such as c\.1\.0\.0"):
+        open_finished(store.path).check_images()
+
+
+def test_a_finished_array_is_verified(tmp_path):
+    store, fractions = store_at(tmp_path / "v.zarr"), []
+    fill(store)
+    store.finish()
+    found = open_finished(store.path)
+    assert (found.run, found.shape, found.dtype) == (RUN, store.shape, store.dtype)
+    found.check_images(fractions.append)
+    np.testing.assert_allclose(fractions, np.arange(1, 6) / 5)
+    description = json.loads((store.path / "zarr.json").read_text())
+    (store.path / "zarr.json").write_text(json.dumps({**description, "shape": [0]}))
+    with pytest.raises(ValueError, match=r"its zarr\.json is damaged"):
+        open_finished(store.path)
 
 
 @pytest.mark.parametrize("damage", [lambda path: path.unlink(), lambda path: path.write_bytes(b"")])
@@ -180,3 +197,15 @@ def test_a_run_continues_with_the_groups_it_began_with(tmp_path):
     assert store_at(tmp_path / "v.zarr", group=3).resumed() == store
     other = store_at(tmp_path / "v.zarr", {**RUN, "method": "x"})
     assert other.resumed() is other
+
+
+def test_failed_writes_name_the_video(tmp_path):
+    store = store_at(tmp_path / "v.zarr")
+    store.create()
+    store._chunk(1).mkdir()
+    with pytest.raises(OSError, match=r"cannot write .*v\.zarr: Is a directory"):
+        store.write_image(1, np.zeros(store.shape[1:], store.dtype))
+    (tmp_path / "file").touch()
+    with pytest.raises(OSError, match=r"cannot write .*file/v\.zarr: .* in folder"):
+        store_at(tmp_path / "file/v.zarr").create()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "v.zarr.part"]

@@ -61,13 +61,17 @@ def _convert_many(
     run: RunOptions,
 ) -> None:
     """Convert many captures, or one to counts of its windows."""
-    from jotlight.cli.many import Target, conversion_job, process
+    from jotlight.cli.capture_jobs import Target, conversion_job
+    from jotlight.cli.many import process
     from jotlight.dask.jobs import CaptureSource, Job
 
     def make_job(target: Target, bits: Bits, source: CaptureSource) -> Job:
         return conversion_job(target, bits, source, run, to)
 
-    process(data, output, capture, run, None, make_job)
+    def check_name(output: Path) -> None:
+        choose_output_format(output, to)
+
+    process(data, output, capture, run, None, check_name, make_job)
 
 
 def _convert_one(data: Path | str, output: Path, to: str | None, capture: CaptureOptions) -> None:
@@ -83,7 +87,7 @@ def _convert_one(data: Path | str, output: Path, to: str | None, capture: Captur
         raise ValueError(f"{record}: the record of the copy belongs here; choose another name")
     run = _run(data, opened, name)
     content = "packed" if isinstance(opened, Bits) else "counts"
-    with atomic_write(record) as temporary:
+    with atomic_write(record, output=output) as temporary:
         # If there is no space for the record, nothing is written. It does not become longer.
         write_file(temporary, conversion_text(run, _bytes_of(opened), 0, content))
         written = _write(opened, output, name)

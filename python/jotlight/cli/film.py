@@ -164,7 +164,7 @@ def _write(
     minimum, maximum, brightness = np.inf, 0.0, 0.0
     summary = _Summary()
     start = time.perf_counter()
-    with atomic_write_together(records.paths()) as files:
+    with atomic_write_together([], records.paths(), output=outputs.output) as files:
         with progress(len(spans)) as begin:
             tone = None
             if not is_floats(outputs.output):

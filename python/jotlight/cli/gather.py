@@ -6,6 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from jotlight.cli.console import progress, report
+from jotlight.errors import counted
 
 
 def gather(
@@ -27,7 +28,7 @@ def gather(
         return
     with progress(1) as begin:
         finished, unfinished = gather_results(parts, begin("gathering"))
-    report(f"{len(finished)} of {len(parts)} results completed")
+    report(f"{len(finished)} of {counted(len(parts), 'result')} completed")
     if unfinished:
         text = "; ".join(f"{path}: {reason}" for path, reason in list(unfinished.items())[:20])
-        raise ValueError(f"{len(unfinished)} results are not complete: {text}")
+        raise ValueError(f"{counted(len(unfinished), 'result')} not complete: {text}")

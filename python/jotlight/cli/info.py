@@ -15,7 +15,7 @@ from jotlight.cli.capture_facts import bits_facts, notes, readings_facts
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import out, progress, with_options_only
 from jotlight.cli.jot_checks import jot_remarks
-from jotlight.cli.origins import origin_facts, video_facts
+from jotlight.cli.origins import origin_facts, verify_video, video_facts
 from jotlight.files import check_outputs
 from jotlight.formats import open_capture
 from jotlight.formats.archives import describe_npz_arrays, read_npz_label
@@ -71,7 +71,9 @@ def info(
     ] = None,
     verify: Annotated[
         bool,
-        Parameter(help="Compare all checksums of a capture, and read all of its frames."),
+        Parameter(
+            help="Compare all checksums of a capture or a video, and read all frames or images."
+        ),
     ] = False,
 ) -> None:
     """Show the contents of a file: kind, shape, sensor, fraction of ones, range."""
@@ -101,12 +103,13 @@ def _table(rows: list[tuple[str, str]]) -> Table:
 
 def _verify(file: Path, capture: CaptureOptions) -> str:
     if file.suffix.lower() == ".safetensors":
-        raise ValueError(f"{file}: --verify is for captures, not for .safetensors files")
+        raise ValueError(f"{file}: --verify is for captures and videos, not for .safetensors files")
     with progress(1) as begin:
-        return verify_capture(
+        update = begin("verifying")
+        return verify_video(file, update) or verify_capture(
             file,
             format=capture.format,
-            progress=begin("verifying"),
+            progress=update,
             width=capture.width,
             key=capture.key,
             counts=capture.counts,

@@ -1,13 +1,14 @@
 """The origin of a result, as `jotlight info` shows it."""
 
 import contextlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from jotlight.cli.applied_calibration import record_path
 from jotlight.dask.jobs import conversion_record
 from jotlight.dask.records import read_json, read_record
-from jotlight.dask.store import PART, open_unfinished
+from jotlight.dask.store import PART, open_finished, open_unfinished
 from jotlight.formats.checksums import file_checksum
 from jotlight.images.io import read_note
 from jotlight.sensing.mosaic import Mosaic
@@ -26,18 +27,49 @@ Facts = list[tuple[str, str]]
 
 def video_facts(path: Path) -> Facts:
     """Return the rows about a zarr folder of images, finished or not; none for other folders."""
-    if path.name.endswith(PART) and (path / "run.json").is_file():
+    if _is_unfinished(path):
         store = open_unfinished(path)
         done = store.groups - len(store.missing())
         state = f"unfinished: {done} of {store.groups} groups of images"
         return [("kind", f"video, {state}"), _images(store.shape), *_run_facts(store.run)]
-    record = read_record(path) if (path / "zarr.json").is_file() else {}
-    if not isinstance(record.get("run"), dict):
+    if not _is_finished(path):
         return []
-    shape = read_json(path / "zarr.json").get("shape", [])
-    is_counts = record["run"].get("values") == "int32"
-    kind = "counts of windows" if is_counts else "video"
-    return [("kind", kind), _images(shape), *_record_facts(record)]
+    store = open_finished(path)
+    store.check_files()
+    kind = "counts of windows" if store.dtype == "int32" else "video"
+    return [("kind", kind), _images(store.shape), *_record_facts(read_record(path))]
+
+
+def _is_finished(path: Path) -> bool:
+    """Return whether a path is a zarr folder of images that jotlight made of windows."""
+    is_zarr = (path / "zarr.json").is_file()
+    return is_zarr and isinstance(read_record(path).get("run"), dict)
+
+
+def verify_video(path: Path, progress: Callable[[float], object]) -> str | None:
+    """Return a sentence about the checksums of the images of a video, or None for other files.
+
+    Raises
+    ------
+    ValueError
+        When an image is missing or damaged, or the video is not finished.
+    """
+    if _is_unfinished(path):
+        raise ValueError(
+            f"{path}: --verify is for finished videos; repeat the command that makes this one"
+        )
+    if not _is_finished(path):
+        return None
+    store = open_finished(path)
+    store.check_images(progress)
+    number = store.shape[0]
+    return (
+        "1 image matches its checksum" if number == 1 else f"{number} images match their checksums"
+    )
+
+
+def _is_unfinished(path: Path) -> bool:
+    return path.name.endswith(PART) and (path / "run.json").is_file()
 
 
 def origin_facts(path: Path) -> Facts:

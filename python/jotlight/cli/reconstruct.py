@@ -91,16 +91,21 @@ def _reconstruct_many(
     threads: int | None,
 ) -> None:
     """Reconstruct many captures, or the windows of one."""
-    from jotlight.cli.many import Target, process, reconstruction_job
+    from jotlight.cli.capture_jobs import Target, check_image_name, reconstruction_job
+    from jotlight.cli.many import process
     from jotlight.dask.jobs import CaptureSource, Job
     from jotlight.dask.names import find_captures
 
     find_captures(data, run.storage_options())  # an error for a glob that matches nothing
     _refuse_options_of_images(outputs, motion)
+    method.request()  # an error for an unknown method, before captures are opened
     sensors: dict[Sensor, Sensor] = {}
 
     def make_job(target: Target, bits: Bits, source: CaptureSource) -> Job:
         inputs = Inputs(Path(target.path), method, capture, sensor, motion)
         return reconstruction_job(target, bits, source, inputs, run, outputs.depth, sensors)
 
-    process(data, outputs.output, capture, run, threads, make_job)
+    def check_name(output: Path) -> None:
+        check_image_name(output, outputs.depth)
+
+    process(data, outputs.output, capture, run, threads, check_name, make_job)

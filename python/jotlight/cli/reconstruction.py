@@ -207,7 +207,7 @@ def reconstruct_image(
     paths, all_paths = outputs.paths(), [*outputs.paths(), *motion.paths()]
     records = Records(all_paths, job.calibration)
     # Creating the files reveals a folder that cannot be written before any work.
-    with atomic_write_together([*all_paths, *records.paths()]) as files:
+    with atomic_write_together(all_paths, records.paths()) as files:
         watched, checksum = with_checksum(captured.data)
         captured = dataclasses.replace(captured, data=watched)
         merged, aligned = None, None

@@ -48,8 +48,9 @@ class RunOptions:
     part: Annotated[
         str | None,
         Parameter(
-            help="Part of the work, such as 3/64, for job arrays without dask; `jotlight gather` "
-            "completes the results. Default: all, or the part of the Slurm job array."
+            help="Part of the work, such as 3/64, for job arrays without dask, or slurm for the "
+            "part of this task of a Slurm job array; `jotlight gather` completes the results. "
+            "Default: all; a Slurm job array needs a part."
         ),
     ] = None
     chunks: Annotated[

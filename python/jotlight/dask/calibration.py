@@ -16,7 +16,7 @@ from jotlight.calibration.estimate import (
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import block_frames, steadiness_of_blocks
 from jotlight.dask.counting import count
-from jotlight.dask.pieces import check_packed_array
+from jotlight.dask.pieces import width_in_jots
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.lazy import import_dask_array
 from jotlight.sensing.provenance import Provenance
@@ -93,7 +93,8 @@ def calibrate(
     threshold, false_positive_rate, max_dark, mosaic
         As for :func:`jotlight.calibrate`.
     width : int, optional
-        W: the true width in jots. Default: that of the bits, or a multiple of 8.
+        W: the true width in jots, such as ``bits.width``. An array of packed bits needs it, because
+        its rows are padded to whole bytes. Default: that of the bits.
 
     Returns
     -------
@@ -111,7 +112,7 @@ def calibrate(
     --------
     >>> frames = np.random.default_rng(0).random((256, 16, 16)) < 0.01
     >>> frames[:, 3, 5] = True
-    >>> lazy = calibrate(Bits.from_array(frames).to_dask(chunks=100))
+    >>> lazy = calibrate(Bits.from_array(frames).to_dask(chunks=100), width=16)
     >>> np.argwhere(lazy.mask.compute()).tolist()
     [[3, 5]]
     """
@@ -165,10 +166,9 @@ def calibrate(
 
 def _sums(name: str, x: "Bits | dask.array.Array", width: int | None) -> _LazySums:
     """Return the sums that a calibration needs from a capture."""
+    width = width_in_jots(x, width)
     if isinstance(x, Bits):
-        width = x.width
         x = x.to_dask()
-    check_packed_array(x)
     if x.ndim != 3:
         raise ValueError(
             f"{name}: expected frames of one channel, got {x.shape[3]}; calibrate each channel by "

@@ -39,7 +39,8 @@ def count(
     oversampling : int, optional
         K̂. Default: that of the bits' own sensor, or 1.
     width : int, optional
-        W: the true width in jots. Default: that of the bits, or a multiple of 8.
+        W: the true width in jots, such as ``bits.width``. An array of packed bits needs it, because
+        its rows are padded to whole bytes. Default: that of the bits.
 
     Returns
     -------
@@ -60,7 +61,7 @@ def count(
     Examples
     --------
     >>> bits = Bits.from_array(np.ones((100, 16, 16), bool))
-    >>> counts = count(bits.to_dask(chunks=30), window=32)
+    >>> counts = count(bits.to_dask(chunks=30), window=32, width=bits.width)
     >>> counts.shape, np.unique(counts.compute()).tolist()
     ((3, 16, 16), [32])
     """

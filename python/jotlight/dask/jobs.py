@@ -19,9 +19,10 @@ from jotlight.dask.records import Record, check_same_run, read_json
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import WindowCounter
-from jotlight.files import atomic_write_together, write_file
+from jotlight.files import atomic_write_together, create_parent, write_file
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.formats.checksums import file_checksum
+from jotlight.formats.locations import file_state
 from jotlight.formats.reading import open_capture
 from jotlight.formats.writing import write_capture
 from jotlight.images.io import DISPLAYED, image_writer
@@ -73,16 +74,30 @@ class CaptureSource:
     """A path or a URL."""
     options: tuple[tuple[str, Any], ...] = ()
     """Options of :func:`jotlight.formats.open_capture`."""
+    state: tuple[int, int] = (0, 0)
+    """Number of bytes of its files, and their last change in nanoseconds."""
+
+    @classmethod
+    def of(cls, path: str, options: dict[str, Any]) -> "CaptureSource":
+        """Return the source of a capture in its present state.
+
+        Raises
+        ------
+        OSError
+            When there is no such capture.
+        """
+        state = file_state(path, options.get("storage_options"))
+        return cls(path, tuple(options.items()), state)
 
     def open(self) -> Bits:
-        """Return the bits. A process keeps the captures that it used last.
+        """Return the bits. A process keeps the captures that it used last, until they change.
 
         Raises
         ------
         OSError, ValueError
             When the capture cannot be read, or holds counts.
         """
-        return _open(self.path, _HashableOptions(self.options))
+        return _open(self.path, _HashableOptions(self.options), self.state)
 
     def describe(self) -> Record:
         """Return the options that say how the capture is read, as values of JSON."""
@@ -102,7 +117,8 @@ class _HashableOptions(dict[str, Any]):
 
 
 @functools.lru_cache(_KEPT)
-def _open(path: str, options: _HashableOptions) -> Bits:
+def _open(path: str, options: _HashableOptions, _state: tuple[int, int]) -> Bits:
+    """Return the bits of a capture. Each state of it is opened by itself."""
     capture = open_capture(path, **options)
     if not isinstance(capture, Bits):
         kind = "counts" if capture.sensor is None else "readings of several bits"
@@ -200,7 +216,7 @@ class ImageJob:
 
     def prepare(self) -> list[int]:
         """Return the only unit."""
-        self.output.parent.mkdir(parents=True, exist_ok=True)
+        create_parent(self.output)
         return [0]
 
     def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
@@ -223,7 +239,7 @@ class ImageJob:
         write = image_writer(self.output, depth=self.depth, note={"jotlight": record})
         if self.output.suffix.lower() in DISPLAYED:
             image = Tone("linear", find_white(image))(image)
-        with atomic_write_together([self.record, self.output]) as (text, file):
+        with atomic_write_together([self.output], [self.record]) as (file, text):
             write(file, image)
             content = {"format": "jotlight image", **record, "sha256": file_checksum(file)}
             write_file(text, json.dumps(content, indent=1))
@@ -260,18 +276,18 @@ class ConversionJob:
 
     def prepare(self) -> list[int]:
         """Return the only unit."""
-        self.output.parent.mkdir(parents=True, exist_ok=True)
+        create_parent(self.output)
         return [0]
 
     def compute(self, unit: int, threads: int | None, mapped: bool) -> None:
         """Convert the capture, which must match its checksums, and write the record."""
-        write_file(self.record, json.dumps({"run": self.run}, indent=1))
+        write_file(self.record, json.dumps({"run": self.run}, indent=1), output=self.output)
         if self.output.is_dir():  # of the same run, which was killed before it wrote the record
             shutil.rmtree(self.output)
         bits, checksum = with_checksum(self.capture.open())
         assert isinstance(bits, Bits), "bits"
         write_capture(bits, self.output, self.format)
-        write_file(self.record, conversion_text(self.run, *checksum()))
+        write_file(self.record, conversion_text(self.run, *checksum()), output=self.output)
 
     def finish(self) -> None:
         """Do nothing: the copy is complete."""
@@ -304,7 +320,6 @@ def run_record(
     name: str,
     bits: Bits,
     capture: CaptureSource,
-    size: tuple[int, int],
     **facts: Any,
 ) -> Record:
     """Return what a result is made of, and how, as values of JSON.
@@ -315,8 +330,6 @@ def run_record(
         Name of the capture.
     bits : Bits
     capture : CaptureSource
-    size : tuple of int
-        Number of bytes of the files of the capture, and their last change in nanoseconds.
     **facts
         Further facts.
     """
@@ -324,8 +337,8 @@ def run_record(
         "jotlight": __version__,
         "capture": name,
         "file": bits.provenance.name if bits.provenance else None,
-        "bytes": size[0],
-        "modified": size[1],
+        "bytes": capture.state[0],
+        "modified": capture.state[1],
         "format": bits.provenance.format if bits.provenance else None,
         "provenance": bits.provenance.describe() if bits.provenance else [],
         "read": capture.describe(),

@@ -4,7 +4,7 @@ import dataclasses
 import itertools
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -41,33 +41,61 @@ class Part:
         match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text.strip(), re.ASCII)
         if match is None or not 1 <= int(match[1]) <= int(match[2]):
             raise ValueError(
-                f"part: expected a part such as 3/64, from 1/64 to 64/64, got {text!r}"
+                f"part: expected a part such as 3/64, from 1/64 to 64/64, or slurm, got {text!r}"
             )
         return cls(int(match[1]), int(match[2]))
 
     @classmethod
-    def of_slurm(cls, environment: dict[str, str] | None = None) -> "Part | None":
-        """Return the part of a Slurm job array, or None outside of one.
+    def requested(
+        cls, text: str | None, environment: Mapping[str, str] = os.environ
+    ) -> "Part | None":
+        """Return the part that a text such as ``3/64`` or ``slurm`` requests, or None for all.
+
+        A task of a Slurm job array may be one of many that share the captures, or have captures of
+        its own. Nothing but the text says which.
+
+        Raises
+        ------
+        ValueError
+            When the text is no part, or is missing in a job array.
 
         Examples
         --------
-        >>> Part.of_slurm({"SLURM_ARRAY_TASK_ID": "7", "SLURM_ARRAY_TASK_MIN": "5",
-        ...                "SLURM_ARRAY_TASK_COUNT": "4"})
+        >>> Part.requested("slurm", {"SLURM_ARRAY_TASK_ID": "7", "SLURM_ARRAY_TASK_MIN": "5",
+        ...                          "SLURM_ARRAY_TASK_COUNT": "4"})
         Part(number=3, total=4)
         """
-        values = os.environ if environment is None else environment
-        task = values.get("SLURM_ARRAY_TASK_ID")
-        if not task:
-            return None
-        step = int(values.get("SLURM_ARRAY_TASK_STEP", "1"))
-        number = (int(task) - int(values.get("SLURM_ARRAY_TASK_MIN", "1"))) // step + 1
-        total = values.get("SLURM_ARRAY_TASK_COUNT")
-        if total is None:
+        if text is not None:
+            return cls._of_slurm(environment) if text == "slurm" else cls.parse(text)
+        total = environment.get("SLURM_ARRAY_TASK_COUNT")
+        if environment.get("SLURM_ARRAY_TASK_ID") and total != "1":
             raise ValueError(
-                "SLURM_ARRAY_TASK_COUNT: expected the number of tasks beside SLURM_ARRAY_TASK_ID; "
-                "pass part= (--part)"
+                "part: is needed in a Slurm job array; pass --part slurm to divide these captures "
+                "among all tasks, or --part 1/1 to process all of them in this task"
             )
-        return cls.parse(f"{number}/{total}")
+        return None
+
+    @classmethod
+    def _of_slurm(cls, values: Mapping[str, str]) -> "Part":
+        """Return the part of this task of a Slurm job array."""
+        task, total = (values.get(f"SLURM_ARRAY_TASK_{name}") for name in ("ID", "COUNT"))
+        if not task or not total:
+            missing = "COUNT" if task else "ID"
+            raise ValueError(
+                f"part: expected a Slurm job array for slurm, but SLURM_ARRAY_TASK_{missing} is "
+                "not set; pass a part such as --part 3/64"
+            )
+        first, last = (
+            int(values.get(f"SLURM_ARRAY_TASK_{name}", default))
+            for name, default in (("MIN", "1"), ("MAX", task))
+        )
+        step = int(values.get("SLURM_ARRAY_TASK_STEP", "1"))
+        if (last - first) // step + 1 > int(total):
+            raise ValueError(
+                f"part: expected a job array without gaps, such as --array=1-{total}, got {total} "
+                f"tasks from {first} to {last}; pass a part such as --part 3/64"
+            )
+        return cls.parse(f"{(int(task) - first) // step + 1}/{total}")
 
     def has_capture(self, capture: int, captures: int) -> bool:
         """Return whether the part has units of a capture, by its number among all captures."""

@@ -53,7 +53,7 @@ class Pieces:
     Examples
     --------
     >>> bits = Bits.from_array(np.ones((100, 16, 16), bool))
-    >>> pieces = Pieces.of(bits.to_dask(chunks=48), window=32)
+    >>> pieces = Pieces.of(bits.to_dask(chunks=48), window=32, width=16)
     >>> pieces.in_chunks
     [[(0, 32), (32, 48)], [(48, 64), (64, 96)]]
     >>> pieces.are_windows
@@ -88,19 +88,16 @@ class Pieces:
             When `x` is not packed, its chunks do not hold whole frames, or a number is out of
             range.
         """
-        if not isinstance(x, Bits):
-            check_packed_array(x)
+        width = width_in_jots(x, width)
         number = len(windows(x.shape[0], window, step))
         spans = Spans(window, step or window, number)
         files = None
         if isinstance(x, Bits):
             if oversampling is None and x.sensor is not None:
                 oversampling = x.sensor.oversampling
-            width = x.width if width is None else width
             files = files_of(x.packed)
             x = x.to_dask(_frames_of_chunk(x, spans, is_fast=is_fast))
         oversampling = 1 if oversampling is None else oversampling
-        width = 8 * x.shape[2] if width is None else width
         x = _limited(x[: spans.stop], spans, image_shape(x.shape, width, oversampling))
         bounds = itertools.pairwise(np.cumsum([0, *x.chunks[0]]))
         in_chunks = [spans.pieces(int(a), int(b)) for a, b in bounds]
@@ -168,7 +165,28 @@ def _frames_of_chunk(bits: Bits, spans: Spans, *, is_fast: bool) -> int:
     return frames // spans.step * spans.step if is_whole else frames
 
 
-def check_packed_array(x: Any) -> None:
+def width_in_jots(x: "Bits | dask.array.Array", width: int | None) -> int:
+    """Return the width of bits or packed bits, which is the stated one, if any.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When `x` is no lazy array of packed bits in whole frames, or its width is not stated.
+    """
+    if isinstance(x, Bits):
+        return x.width if width is None else width
+    _check_packed_array(x)
+    if width is None:
+        most = 8 * x.shape[2]
+        raise TypeError(
+            f"width: expected the width in jots, {most - 7} to {most}, because rows of "
+            f"{x.shape[2]} packed bytes do not state it; pass width=bits.width, or bits in place "
+            "of bits.to_dask()"
+        )
+    return width
+
+
+def _check_packed_array(x: Any) -> None:
     """Raise TypeError or ValueError unless `x` is a lazy array of packed bits, in whole frames."""
     array = import_dask_array()
     if not isinstance(x, array.Array) or x.dtype != np.uint8:

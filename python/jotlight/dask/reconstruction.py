@@ -62,7 +62,8 @@ def reconstruct(
     precision : {"f32", "bf16"}, optional
         Precision of the products of a deep network, as in :func:`jotlight.reconstruct`.
     width : int, optional
-        W: the true width in jots. Default: that of the bits, or a multiple of 8.
+        W: the true width in jots, such as ``bits.width``. An array of packed bits needs it, because
+        its rows are padded to whole bytes. Default: that of the bits.
     **options
         Options of the method, such as `weight`.
 

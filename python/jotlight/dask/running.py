@@ -14,7 +14,7 @@ from jotlight.dask.cluster import check_version
 from jotlight.dask.jobs import Job
 from jotlight.dask.names import Part
 from jotlight.dask.records import AnotherRunError
-from jotlight.errors import error_message
+from jotlight.errors import error_message, record_warnings, warn
 
 _AHEAD = 4
 """Number of units per thread of the cluster that are submitted ahead of time."""
@@ -112,8 +112,12 @@ class Cluster:
     def _take(
         self, completed: Any, running: dict[Any, tuple[int, int]]
     ) -> Iterator[tuple[int, int, BaseException | None]]:
-        """Yield all units that are complete, after waiting for one."""
-        for future in completed.next_batch():
+        """Yield all units that are complete, after waiting for one, and issue their warnings."""
+        batch = completed.next_batch()
+        for messages in self.client.gather(batch, errors="skip"):
+            for message in messages:
+                warn(message)
+        for future in batch:
             number, unit = running.pop(future)
             error = future.exception() if future.status != "finished" else None
             future.release()
@@ -124,8 +128,8 @@ def _return(job: Job) -> Job:
     return job
 
 
-def compute_unit(job: Job, unit: int, version: str) -> None:
-    """Compute a unit in a worker.
+def compute_unit(job: Job, unit: int, version: str) -> list[str]:
+    """Compute a unit in a worker, and return the messages of its warnings.
 
     Raises
     ------
@@ -133,7 +137,9 @@ def compute_unit(job: Job, unit: int, version: str) -> None:
         When the worker has another version of jotlight.
     """
     check_version(version)
-    job.compute(unit, 1, True)
+    with record_warnings() as messages:
+        job.compute(unit, 1, True)
+    return list(dict.fromkeys(messages))
 
 
 def check_outputs(jobs: Sequence[Job]) -> list[Job]:

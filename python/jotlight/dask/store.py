@@ -11,35 +11,34 @@ steps can be repeated: a killed run continues where it stopped.
 """
 
 import dataclasses
-import errno
-import itertools
 import json
 import math
 import os
 import shutil
 import uuid
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.dask.image_files import is_intact, map_in_threads, write_image
 from jotlight.dask.records import ATTRIBUTE, Record, check_same_run, read_json, read_record
 from jotlight.dask.streaming import Checksum
-from jotlight.files import atomic_write, flush_to_disk, write_file
+from jotlight.files import (
+    atomic_write,
+    create_parent,
+    explained_creation,
+    explained_failure,
+    flush_to_disk,
+    write_file,
+)
 from jotlight.formats.zarr.writing import import_zarr
 from jotlight.output_files import open_output
 
 PART = ".part"
 """Ending of the folder in which an array is made."""
-
-_FILES = 4
-"""Number of files that are checked, or flushed to the disk, at a time."""
-
-S = TypeVar("S")
-T = TypeVar("T")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,25 +92,42 @@ class VideoStore:
         """
         if self.path.exists():
             check_same_run(self.path, read_record(self.path).get("run"), self.run)
-            self._check_files()
+            self.check_files()
             return True
         if self.part.exists():
             stored = read_json(self.part / "run.json")
             check_same_run(self.part, stored.get("run"), self.run)
         return False
 
-    def _check_files(self) -> None:
+    def check_files(self) -> None:
         """Raise ValueError unless each image of the finished array has a file of its size."""
         expected = self.nbytes // self.shape[0] + 4
         with os.scandir(self.path) as entries:
             sizes = {entry.name: entry.stat().st_size for entry in entries}
-        names = (self._chunk(index).name for index in range(self.shape[0]))
+        names = map(self._chunk_name, range(self.shape[0]))
         missing = [name for name in names if sizes.get(name) != expected]
-        if missing:
+        self._refuse_images(missing, "are missing or incomplete")
+
+    def check_images(self, progress: Callable[[float], object] = lambda fraction: None) -> None:
+        """Raise ValueError unless each image of the finished array matches its checksum.
+
+        `progress` is called repeatedly with the completed fraction, from 0 to 1.
+        """
+        self.check_files()
+        number, damaged = self.shape[0], []
+        paths = (self.path / self._chunk_name(index) for index in range(number))
+        for index, intact in enumerate(map_in_threads(self._is_intact, paths)):
+            if not intact:
+                damaged.append(self._chunk_name(index))
+            progress((index + 1) / number)
+        self._refuse_images(damaged, "do not match their checksums")
+
+    def _refuse_images(self, names: list[str], reason: str) -> None:
+        """Raise ValueError if there are files of images to refuse for a reason."""
+        if names:
             raise ValueError(
-                f"{self.path}: {len(missing)} of its {self.shape[0]} images are missing or "
-                f"incomplete, such as {missing[0]}; restore it from a copy, or delete it to make "
-                "it again"
+                f"{self.path}: {len(names)} of its {self.shape[0]} images {reason}, such as "
+                f"{names[0]}; restore it from a copy, or delete it to make it again"
             )
 
     def resumed(self) -> "VideoStore":
@@ -134,11 +150,26 @@ class VideoStore:
         """
         if self.is_complete() or self.part.exists():
             return
-        zarr = import_zarr()
         # Processes on other machines, or in containers, may have the same process id.
         temporary = self.part.with_name(f".{self.part.name}-{uuid.uuid4().hex}")
-        (temporary / "groups").mkdir(parents=True)
+        create_parent(self.path)
+        with explained_creation(self.path):
+            temporary.mkdir()
+        try:
+            with explained_failure(self.path, temporary):
+                self._create_in(temporary)
+            temporary.rename(self.part)
+        except OSError:
+            shutil.rmtree(temporary, ignore_errors=True)
+            if not self.is_complete() and not self.part.exists():
+                raise
+            # another process was faster, with the same run
+
+    def _create_in(self, temporary: Path) -> None:
+        """Create the array, and the files that describe it, in a new folder."""
+        zarr = import_zarr()
         codecs = zarr.codecs
+        (temporary / "groups").mkdir()
         zarr.create_array(
             str(temporary / "video.zarr"),
             shape=self.shape,
@@ -149,41 +180,22 @@ class VideoStore:
             chunk_key_encoding={"name": "default", "separator": "."},
         )
         content = {"run": self.run, "group": self.group, "shape": list(self.shape)}
-        write_file(temporary / "run.json", json.dumps(content, indent=1))
-        try:
-            temporary.rename(self.part)
-        except OSError:
-            shutil.rmtree(temporary, ignore_errors=True)
-            self.is_complete()  # another process was faster, with the same run
+        write_file(temporary / "run.json", json.dumps(content, indent=1), output=self.path)
 
     def write_image(self, index: int, image: npt.NDArray[Any]) -> None:
-        """Write an image as the chunk that the zarr library would write, without its overhead."""
-        import google_crc32c
-
-        array = np.ascontiguousarray(image, np.dtype(self.dtype).newbyteorder("<"))
-        data: Any = array.reshape(-1).view(np.uint8)
+        """Write an image. Its file is a chunk of the array."""
         path = self._chunk(index)
-        with path.open("wb", buffering=0) as file:
-            for content in (data, google_crc32c.value(data).to_bytes(4, "little")):
-                if file.write(content) != len(content):
-                    raise OSError(errno.ENOSPC, f"cannot write {path}", str(path))
-            if hasattr(os, "posix_fadvise"):
-                # Linux then begins to write the image, and :meth:`finish` waits less for the disk.
-                os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
+        with explained_failure(self.path, path):
+            write_image(path, np.ascontiguousarray(image, np.dtype(self.dtype).newbyteorder("<")))
 
     def _chunk(self, index: int) -> Path:
-        return self.part / "video.zarr" / ".".join(["c", str(index), *["0"] * len(self.shape[1:])])
+        return self.part / "video.zarr" / self._chunk_name(index)
 
-    def _is_intact(self, index: int) -> bool:
-        """Return whether the file of an image is complete. A power failure may have damaged it."""
-        import google_crc32c
+    def _chunk_name(self, index: int) -> str:
+        return ".".join(["c", str(index), *["0"] * len(self.shape[1:])])
 
-        path, size = self._chunk(index), self.nbytes // self.shape[0]
-        if not path.is_file() or path.stat().st_size != size + 4:
-            return False
-        content = np.frombuffer(path.read_bytes(), np.uint8)  # whose parts are not copies
-        value: int = google_crc32c.value(content[:size])
-        return value.to_bytes(4, "little") == content[size:].tobytes()
+    def _is_intact(self, path: Path) -> bool:
+        return is_intact(path, self.nbytes // self.shape[0])
 
     @property
     def missing_nbytes(self) -> int:
@@ -202,7 +214,10 @@ class VideoStore:
         Nothing waits for the disk: :meth:`finish` finds what a power failure has damaged.
         """
         path, content = self._marker(group), json.dumps(facts).encode()
-        with atomic_write(path, durable=False) as temporary, open_output(temporary) as file:
+        with (
+            atomic_write(path, durable=False, output=self.path) as temporary,
+            open_output(temporary) as file,
+        ):
             file.write(content)
 
     def missing(self) -> list[int]:
@@ -228,9 +243,10 @@ class VideoStore:
         record = {"run": self.run, **_summary(self._checked_facts())}
         zarr = import_zarr()
         array = self.part / "video.zarr"
-        zarr.open_array(str(array), mode="r+").attrs[ATTRIBUTE] = record
+        with explained_failure(self.path, array):
+            zarr.open_array(str(array), mode="r+").attrs[ATTRIBUTE] = record
         files = (Path(folder, name) for folder, _, names in os.walk(array) for name in names)
-        for _ in _map_in_threads(flush_to_disk, files):
+        for _ in map_in_threads(flush_to_disk, files):
             pass
         try:
             array.rename(self.path)
@@ -248,7 +264,8 @@ class VideoStore:
                 facts.append(read_json(self._marker(group)))
             except ValueError:
                 damaged.add(group)
-        for index, intact in enumerate(_map_in_threads(self._is_intact, range(self.shape[0]))):
+        chunks = map(self._chunk, range(self.shape[0]))
+        for index, intact in enumerate(map_in_threads(self._is_intact, chunks)):
             if not intact:
                 damaged.add(index // self.group)
         for group in damaged:
@@ -264,14 +281,6 @@ class VideoStore:
         return self.part / "groups" / f"{group}.json"
 
 
-def _map_in_threads(function: Callable[[S], T], items: Iterable[S]) -> Iterator[T]:
-    """Yield `function` of each item in order. The disk completes many requests at a time."""
-    left = iter(items)
-    with ThreadPoolExecutor(_FILES) as threads:
-        while batch := list(itertools.islice(left, _FILES**2)):
-            yield from threads.map(function, batch)
-
-
 def open_unfinished(part: Path) -> VideoStore:
     """Return the store of a folder `NAME.zarr.part`.
 
@@ -281,7 +290,28 @@ def open_unfinished(part: Path) -> VideoStore:
         When the folder is damaged, or is something else.
     """
     content = read_json(part / "run.json")
-    run, group, shape = (content.get(name) for name in ("run", "group", "shape"))
+    path = part.with_name(part.name.removesuffix(PART))
+    if store := _store(path, content, content.get("run"), content.get("group")):
+        return store
+    raise ValueError(f"{part}: expected an unfinished video of jotlight; it is damaged")
+
+
+def open_finished(path: Path) -> VideoStore:
+    """Return the store of a finished array, whose images are not checked.
+
+    Raises
+    ------
+    OSError, ValueError
+        When its description is damaged, or is that of something else.
+    """
+    if store := _store(path, read_json(path / "zarr.json"), read_record(path).get("run"), 1):
+        return store
+    raise ValueError(f"{path}: expected a video of jotlight; its zarr.json is damaged")
+
+
+def _store(path: Path, content: Record, run: Any, group: Any) -> VideoStore | None:
+    """Return a store whose description has a shape, or None if values are damaged."""
+    shape = content.get("shape")
     if (
         isinstance(run, dict)
         and run.get("values") in ("float32", "int32")
@@ -291,9 +321,8 @@ def open_unfinished(part: Path) -> VideoStore:
         and len(shape) in (3, 4)
         and all(isinstance(size, int) and 0 < size < 2**31 for size in shape)
     ):
-        path = part.with_name(part.name.removesuffix(PART))
         return VideoStore(path, run, tuple(shape), run["values"], group)
-    raise ValueError(f"{part}: expected an unfinished video of jotlight; it is damaged")
+    return None
 
 
 def _summary(facts: Iterable[Record]) -> Record:

@@ -309,8 +309,8 @@ def write_described(
     _refuse_foreign_files(path, description, set(map_paths.values()) - replaced_maps)
     content = dict(content)
     # The cube appears last.
-    with atomic_write_together([*map_paths.values(), description, path]) as temporaries:
-        *map_files, text, cube = temporaries
+    with atomic_write_together([path], [description, *map_paths.values()]) as temporaries:
+        cube, text, *map_files = temporaries
         for (name, map_), temporary in zip(maps.items(), map_files, strict=True):
             with _open_hashed(temporary) as file:
                 write_npy(cast(IO[bytes], file), map_)

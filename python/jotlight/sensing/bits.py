@@ -292,7 +292,8 @@ class Bits(ArrayHints):
         Returns
         -------
         dask.array.Array of uint8, shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C)
-            Workers open the files themselves. Bits in memory become part of the graph.
+            Workers open the files themselves. Bits in memory become part of the graph. The array
+            does not state W, so the functions of :mod:`jotlight.dask` need ``width=bits.width``.
 
         Raises
         ------

@@ -1,0 +1,188 @@
+"""The job of each capture of a run: a video, an image, or a copy in another format."""
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+from jotlight.chunks import windows
+from jotlight.cli.reconstruction import Inputs, Reconstruction
+from jotlight.cli.records import maps_sha256
+from jotlight.cli.run_options import RunOptions
+from jotlight.dask.estimator import Estimator, check_countable, checked
+from jotlight.dask.jobs import (
+    CaptureSource,
+    ConversionJob,
+    ImageJob,
+    Job,
+    VideoJob,
+    run_record,
+)
+from jotlight.dask.spans import Spans
+from jotlight.dask.store import VideoStore
+from jotlight.formats.writing import choose_output_format
+from jotlight.images.io import image_writer
+from jotlight.networks.color_network import ColorNetwork
+from jotlight.networks.network import Network
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.lazy import frames_per_chunk
+from jotlight.sensing.sensor import Sensor
+
+_MIN_CHUNK = 1 << 27
+"""Default size in bytes of the part of a capture that is computed at a time."""
+
+_MAX_GROUPS = 1024
+"""Number of parts of a large capture by default. So the scheduler has few tasks for any size."""
+
+_ZARR = ".zarr"
+
+
+@dataclasses.dataclass(frozen=True)
+class Target:
+    """One capture of a run."""
+
+    path: str
+    name: str
+    output: Path
+    number: int
+
+
+def check_video_name(output: Path) -> None:
+    """Raise ValueError unless the name of an output, or a pattern of names, is that of a video."""
+    if output.suffix.lower() != _ZARR:
+        raise ValueError(
+            f"output: expected a name in {_ZARR} for images of windows, got {output}; "
+            "`jotlight film` writes .mp4, .gif, .npy, and .tif"
+        )
+
+
+def check_image_name(output: Path, depth: int) -> None:
+    """Raise ValueError unless the name of an output, or the pattern of names, is that of an image.
+
+    The image must also be able to have the depth.
+    """
+    if output.suffix.lower() == _ZARR:
+        raise ValueError(f"{output}: a .zarr holds images of windows; pass --window")
+    image_writer(output, depth=depth)
+
+
+def reconstruction_job(
+    target: Target,
+    bits: Bits,
+    source: CaptureSource,
+    inputs: Inputs,
+    run: RunOptions,
+    depth: int,
+    sensors: dict[Sensor, Sensor],
+) -> Job:
+    """Return the job that reconstructs a capture: a video if there are windows, else an image."""
+    prepared = inputs.prepare_opened(bits, target.output, window=run.window, may_be_color=True)
+    estimator = _estimator(prepared, inputs, sensors)
+    facts = _method_facts(estimator, prepared, inputs)
+    if run.window is not None:
+        return _video_job(target, bits, source, run, estimator, facts)
+    side = estimator.sensor.oversampling
+    return ImageJob(
+        target.name,
+        source,
+        len(bits),
+        side,
+        estimator,
+        target.output,
+        run_record(target.name, bits, source, **facts),
+        4 * math.prod(_result_shape(bits, 1, estimator)),
+        depth,
+    )
+
+
+def conversion_job(
+    target: Target, bits: Bits, source: CaptureSource, run: RunOptions, to: str | None
+) -> Job:
+    """Return the job that converts a capture: to counts of windows, or to another format."""
+    if run.window is not None:
+        return _video_job(target, bits, source, run, None, {"method": "counts"})
+    name = choose_output_format(target.output, to)
+    record = run_record(target.name, bits, source, to=name)
+    return ConversionJob(target.name, source, target.output, name, record, bits.packed.nbytes)
+
+
+def _video_job(
+    target: Target,
+    bits: Bits,
+    source: CaptureSource,
+    run: RunOptions,
+    estimator: Estimator | None,
+    facts: dict[str, Any],
+) -> VideoJob:
+    assert run.window is not None, "a video"
+    step = run.step or run.window
+    spans = Spans(run.window, step, len(windows(len(bits), run.window, run.step)))
+    side = 1 if estimator is None else estimator.sensor.oversampling
+    shape = _result_shape(bits, spans.number, estimator)
+    dtype = "int32" if estimator is None else "float32"
+    record = run_record(
+        target.name,
+        bits,
+        source,
+        window=run.window,
+        step=step,
+        values=dtype,
+        **facts,
+    )
+    frame_bytes = bits.packed.nbytes // len(bits)
+    if run.chunks is None:
+        frames = max(_MIN_CHUNK, bits.packed.nbytes // _MAX_GROUPS) // frame_bytes
+    else:
+        frames = frames_per_chunk(bits.packed.shape, run.chunks)
+    store = VideoStore(target.output, record, shape, dtype, max(1, frames // step))
+    store = store.resumed()
+    return VideoJob(target.name, source, spans, side, estimator, store)
+
+
+def _result_shape(bits: Bits, number: int, estimator: Estimator | None) -> tuple[int, ...]:
+    """Return the shape of a number of images: estimates, or counts of jots without a method."""
+    side = 1 if estimator is None else estimator.sensor.oversampling
+    _, height, width, *channels = bits.shape
+    counts = number, height // side, width // side, *channels
+    return counts if estimator is None else estimator.estimate_shape(counts)
+
+
+def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor]) -> Estimator:
+    """Return the method as the workers run it. Captures of equal sensors share one object."""
+    sensor = sensors.setdefault(job.captured.sensor, job.captured.sensor)
+    check_countable(sensor)
+    network = _own_network(job, inputs)
+    if sensor.kernel != "box" and job.choice.quality is None and network is None:
+        raise ValueError(
+            f"kernel: expected box in a run over windows or captures, got {sensor.kernel}, for "
+            "which counts are not enough; reconstruct one capture at a time without --window"
+        )
+    choice = job.choice
+    settings = dict(job.settings)
+    fallback = bool(settings.pop("fallback", False))
+    named = settings.pop("demosaicing", None), settings.pop("precision", None)
+    options = tuple(sorted(settings.items()))
+    chosen = sensor, choice.method, choice.quality
+    return checked(Estimator(*chosen, network, options, 1, fallback, *named))
+
+
+def _own_network(job: Reconstruction, inputs: Inputs) -> Network | None:
+    """Return the network of the user, or None."""
+    if isinstance(job.method, ColorNetwork):
+        raise ValueError(
+            f"{inputs.method.model}: a color network runs on one capture at a time, without "
+            "--window; leave out --model for the shipped one"
+        )
+    return None if inputs.method.model is None or isinstance(job.method, str) else job.method
+
+
+def _method_facts(estimator: Estimator, job: Reconstruction, inputs: Inputs) -> dict[str, Any]:
+    sensor, calibration = estimator.sensor, job.calibration
+    return {
+        "method": estimator.method,
+        "options": job.settings,
+        "weights_sha256": estimator.weights(inputs.method.model),
+        "sensor": sensor.scalars(),
+        "maps_sha256": maps_sha256(sensor),
+        "calibration": calibration and {"file": calibration.name, "sha256": calibration.sha256},
+    }
