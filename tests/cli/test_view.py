@@ -41,7 +41,12 @@ def capture(tmp_path):
         (["capture.npy", "--host", "no.such.host.invalid"], "no address of this machine"),
         (["capture.npy", "--follow", "--rotate", "90"], "--rotate is for complete captures"),
         (["capture.npy", "--follow", "--counts"], "--counts is for complete captures"),
-        (["capture.npy", "--follow", "--width", "60"], "--width is for a folder of files"),
+        (["capture.npy", "--follow", "--width", "60"], "width: expected 17 to 24, since a row"),
+        (["raw.bin", "--follow", "--shape", "16x24", "--width", "24"], "--width is for a .npy or"),
+        (["capture.npy", "--follow", "--key", "bits"], "--key is for a folder of files"),
+        (["capture.npy", "--follow", "--shape", "16x24"], "leave out --shape"),
+        (["capture.npy", "--follow", "--format", "swissspad2"], "leave out --format"),
+        (["capture.npy", "--follow", "--format", "hdf5"], "spad512s, or npy, since --follow"),
         (["capture.npy", "--follow", "--shape", "5"], "shape: expected rows and columns"),
         (["capture.npy", "--follow", "--format", "x"], "format: expected one of"),
     ],
@@ -49,6 +54,7 @@ def capture(tmp_path):
 def test_bad_input_is_refused_in_one_line(run, capture, monkeypatch, options, message):
     pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
     monkeypatch.chdir(capture.parent)
+    (capture.parent / "raw.bin").write_bytes(bytes(480))
     status, output = run("view", *options)
     assert status == 1
     assert message in output

@@ -228,11 +228,6 @@ def _follow(
             raise ValueError(f"follow: {option} is for complete captures, not for --follow")
     arguments = {"width": capture.width, "key": capture.key, "unpacked": capture.unpacked or None}
     arguments = {name: value for name, value in arguments.items() if value is not None}
-    if arguments and not path.is_dir():
-        raise ValueError(
-            f"follow: --{next(iter(arguments))} is for a folder of files; for raw frames, use "
-            "--shape and --format"
-        )
     kwargs = {"frames": 1, **sensor.to_kwargs()}
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
     is_known = sensor.max_intensity is not None
