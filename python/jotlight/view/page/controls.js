@@ -136,9 +136,10 @@ export class Controls {
     start.min = first;
     start.max = Math.max(first, end - state.window);
     start.value = state.start;
-    const last = Math.max(first, Math.min(end, state.start + state.window) - 1);
-    start.setAttribute("aria-valuetext", `frames ${state.start} to ${last} of ${end}`);
-    write("range", state.window === 1 ? `Frame ${state.start}` : `Frames ${state.start} – ${last}`);
+    const last = Math.min(end, state.start + state.window) - 1;
+    const gone = state.start < first ? ", no longer in memory" : "";
+    start.setAttribute("aria-valuetext", `frames ${state.start} to ${last} of ${end}${gone}`);
+    write("range", `${last === state.start ? `Frame ${last}` : `Frames ${state.start} – ${last}`}${gone}`);
     write("first-frame", first);
     write("last-frame", end);
     get("window").value = this.toSlider(state.window);

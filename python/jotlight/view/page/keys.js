@@ -8,7 +8,7 @@ export class Keys {
     const move = (sign, isLong) => (event) =>
       controls.moveBy(sign * (isLong ? store.state.window : 1), event.repeat);
     this.entries = [
-      ["Space", "play, or follow a live capture", [" "], click("play")],
+      ["Space", "play, or pause and follow a live capture", [" "], click("play")],
       ["← →", "one frame back or forward", ["ArrowLeft", "ArrowRight"], (event) => move(event.key === "ArrowLeft" ? -1 : 1, false)(event)],
       ["Shift ← →", "one window back or forward", ["Shift+ArrowLeft", "Shift+ArrowRight"], (event) => move(event.key === "ArrowLeft" ? -1 : 1, true)(event)],
       ["Home End", "first or last window", ["Home", "End"], (event) => controls.moveBy(event.key === "Home" ? -Infinity : Infinity)],

@@ -17,6 +17,7 @@ const store = new Store();
 const controls = new Controls(store);
 const timeline = new Timeline(get("timeline"));
 let capture = null;
+let live = null; // the last facts of a live capture
 let number = 0;
 let isAsking = false;
 let isMoving = false;
@@ -41,6 +42,7 @@ function ask(moving) {
 store.listeners.push((moving) => {
   controls.update();
   drawTime();
+  showBadge();
   for (const kind of [...stage.overlays.keys()]) {
     // Jots stay where they are. Other overlays are those of one image.
     if (!store.state.overlays.includes(kind) || kind !== "jots") stage.removeOverlay(kind);
@@ -110,6 +112,16 @@ function drawTime() {
   timeline.setView(first, end, store.state.start, store.state.window);
 }
 
+/** Show whether the page follows a live capture, and how many frames have arrived. */
+function showBadge() {
+  if (!live) return;
+  const { end, dropped, ended, problem } = live;
+  const state = ended ? `Ended at ${end}` : `${store.state.follow ? "Live" : "Paused"} · ${end} frames`;
+  write("badge", problem || `${state} · ${dropped || "none"} dropped`);
+  get("badge").classList.toggle("lost", dropped > 0 || Boolean(problem));
+  get("badge").hidden = false;
+}
+
 // Messages from the server.
 
 let shown = 0;
@@ -155,13 +167,10 @@ const handlers = {
     get("timeline-caption").textContent = `Firing rate, ${each} at each point`;
   },
   live(header, bytes) {
+    live = header;
     controls.setFrames(header.first, header.end);
     timeline.setRates(bytes);
-    const dropped = header.dropped ? ` · ${header.dropped} dropped` : " · none dropped";
-    const state = header.ended ? `Ended at ${header.end}` : `Live · ${header.end} frames`;
-    get("badge").textContent = header.problem || `${state}${dropped}`;
-    get("badge").classList.toggle("lost", header.dropped > 0 || Boolean(header.problem));
-    get("badge").hidden = false;
+    showBadge();
     if (header.remark && header.remark !== get("badge").title) toast(header.remark);
     get("badge").title = header.remark ?? "";
     drawTime();
