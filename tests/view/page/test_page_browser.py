@@ -155,6 +155,50 @@ def test_the_address_is_no_way_to_inject(opened):
     assert json.loads(json.dumps(tab.evaluate("painted")))[-1]["stage"] == "final"
 
 
+@pytest.mark.parametrize(
+    ("part", "expected"),
+    [
+        ("window=0", "expected a whole number from 1"),
+        ("window=-5", "expected a whole number from 1"),
+        ("window=many", "expected a whole number from 1"),
+        ("window=1e400", "expected a whole number from 1"),
+        ("start=-1", "expected a whole number"),
+        ("start=99999999999999999999", "expected a whole number"),
+        ("method=nope", "expected a method that serves this capture"),
+        ("compare=counts", "expected a method that serves this capture"),
+        ("align=constructor", "expected 0 or 1"),
+        ("curve=__proto__", "expected linear, gamma"),
+        ("white=0", "expected a number from 1e-12 to 1e12"),
+        ("white=1e-300", "expected a number from 1e-12 to 1e12"),
+        ("white=Infinity", "expected a number from 1e-12 to 1e12"),
+        ("overlays=jots,x", "expected some of jots,saturated,uncertainty"),
+        ("follow=1", "unknown"),
+        ("constructor=1", "unknown"),
+        ("zoom", "unknown"),
+    ],
+)
+def test_a_wrong_part_of_the_address_is_ignored_and_named(opened, part, expected):
+    tab = opened(f"curve=log&{part}")
+    header = final(tab)
+    assert (header["start"], header["window"], header["tone"]["curve"]) == (0, 64, "log")
+    note = tab.locator("#address-note")
+    assert note.inner_text().startswith("Parts of the address are ignored: ")
+    assert part[:20] in note.inner_text()
+    assert expected in note.inner_text()
+    tab.keyboard.press("c")  # the message stays until the state changes
+    tab.wait_for_function("document.getElementById('address-note').textContent === ''")
+
+
+def test_an_address_that_is_changed_by_hand_is_read_again(opened):
+    tab = opened("method=mle&window=16")
+    tab.evaluate("location.hash = 'method=mle&window=32&start=5'")
+    assert final(tab, window=32)["start"] == 5
+    assert tab.locator("#window-number").input_value() == "32"
+    tab.evaluate("location.hash = 'method=mle&window=0'")
+    assert final(tab, window=64)["start"] == 0
+    assert "window=0 (expected" in tab.locator("#address-note").inner_text()
+
+
 def test_a_link_on_another_site_works(browser, server):
     link = server.address + "#method=mle&start=4&window=32"
     page = f"<a href='{link}'>the capture</a>".encode()

@@ -1,10 +1,10 @@
 // The controls: from their values to the state, and back.
 
 import { format } from "./plots.js";
+import { OVERLAYS } from "./store.js";
 
 const get = (id) => document.getElementById(id);
 const MAX_STOPS = 8; // as the slider
-const OVERLAYS = ["jots", "saturated", "uncertainty"];
 
 export class Controls {
   constructor(store) {

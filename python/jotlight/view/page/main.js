@@ -40,6 +40,7 @@ function ask(moving) {
 }
 
 store.listeners.push((moving) => {
+  write("address-note", "");
   controls.update();
   drawTime();
   showBadge();
@@ -49,6 +50,13 @@ store.listeners.push((moving) => {
   }
   showOverlayNotes(stage, store.state);
   ask(moving);
+});
+
+addEventListener("hashchange", () => {
+  if (!capture) return; // the address is read when the capture is known
+  const problem = store.begin(capture);
+  store.set({});
+  write("address-note", problem);
 });
 
 let probing = false;
@@ -129,7 +137,7 @@ const handlers = {
   hello(header) {
     const isFirst = capture === null;
     capture = header;
-    if (isFirst) store.begin(header);
+    if (isFirst) write("address-note", store.begin(header));
     controls.begin(header);
     for (const kind of [...stage.overlays.keys()]) stage.removeOverlay(kind);
     drawTime();
