@@ -12,6 +12,7 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight.images.tone import Tone
+from jotlight.view.viewed import Viewed
 from painted import EVIL, RECORD, final
 
 pytestmark = pytest.mark.slow
@@ -197,6 +198,35 @@ def test_an_address_that_is_changed_by_hand_is_read_again(opened):
     tab.evaluate("location.hash = 'method=mle&window=0'")
     assert final(tab, window=64)["start"] == 0
     assert "window=0 (expected" in tab.locator("#address-note").inner_text()
+
+
+def choose(tab, control, value):
+    tab.locator(control).select_option(value)
+    return tab.locator("#quality").input_value()
+
+
+@pytest.fixture(scope="module")
+def mosaic(server):
+    from jotlight.view.serving import serving
+
+    sensor = jl.Sensor(frames=64, mosaic="RGGB")
+    with serving(Viewed.from_bits(sensor.expose(np.full((32, 32, 3), 0.5), rng=0))) as running:
+        yield running
+
+
+def test_the_network_of_a_mosaic_comes_back(opened, mosaic):
+    tab = opened("method=mle", at=mosaic)
+    assert choose(tab, "#method", "network") == "network-color"
+    choose(tab, "#method", "counts")
+    assert choose(tab, "#method", "network") == "network-color"
+
+
+def test_the_last_quality_comes_back(opened):
+    tab = opened("method=mle")
+    assert choose(tab, "#method", "network") == "network-medium"
+    choose(tab, "#quality", "network-small")
+    choose(tab, "#method", "counts")
+    assert choose(tab, "#method", "network") == "network-small"
 
 
 def test_a_link_on_another_site_works(browser, server):

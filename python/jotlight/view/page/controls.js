@@ -11,6 +11,7 @@ export class Controls {
     this.store = store;
     this.reference = null; // white at exposure 0
     this.automatic = null; // the white that the server chose
+    this.network = null; // the network that was used last
     this.isPlaying = false;
     this.connect();
   }
@@ -58,9 +59,9 @@ export class Controls {
   }
 
   setMethod(name) {
-    const usable = [...get("quality").options].filter((option) => !option.disabled);
-    const preferred = usable.find((option) => option.text === "medium") ?? usable[0];
-    this.store.set({ method: name === "network" ? preferred.value : name });
+    const usable = [...get("quality").options].filter((option) => !option.disabled).map((option) => option.value);
+    const preferred = [this.network, this.capture.recommended].find((network) => usable.includes(network));
+    this.store.set({ method: name === "network" ? (preferred ?? usable[0]) : name });
   }
 
   toggleOverlay(kind) {
@@ -132,6 +133,7 @@ export class Controls {
     const { state } = this.store;
     const [first, end] = this.frames;
     const isNetwork = state.method.startsWith("network-");
+    if (isNetwork) this.network = state.method;
     const start = get("start");
     start.min = first;
     start.max = Math.max(first, end - state.window);
