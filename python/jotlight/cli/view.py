@@ -1,7 +1,6 @@
 """``jotlight view``: a page that shows a capture while the user moves a slider."""
 
 import dataclasses
-import webbrowser
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -101,14 +100,11 @@ def view(
     if not is_loopback(server.host):
         caution("host", f"other machines can reach the page on {server.host}, without encryption")
     serving = Server(viewed, server.host, server.port)
-
-    def started() -> None:
-        report(f"{viewed.title}: {serving.address}", "Ctrl-C ends the viewer")
-        if server.browser:
-            webbrowser.open(serving.address)
-
+    report(f"{viewed.title}: {serving.address}", "Ctrl-C ends the viewer")
+    if server.browser:
+        serving.open_browser()
     try:
-        serving.run(started)
+        serving.run()
     except KeyboardInterrupt:
         report("ended")
     finally:
