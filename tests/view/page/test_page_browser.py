@@ -187,7 +187,7 @@ def test_a_wrong_part_of_the_address_is_ignored_and_named(opened, part, expected
     assert part[:20] in note.inner_text()
     assert expected in note.inner_text()
     tab.keyboard.press("c")  # the message stays until the state changes
-    tab.wait_for_function("document.getElementById('address-note').textContent === ''")
+    tab.locator("#address-note:empty").wait_for(state="attached")
 
 
 def test_an_address_that_is_changed_by_hand_is_read_again(opened):
@@ -227,6 +227,27 @@ def test_the_last_quality_comes_back(opened):
     choose(tab, "#quality", "network-small")
     choose(tab, "#method", "counts")
     assert choose(tab, "#method", "network") == "network-small"
+
+
+def test_the_page_says_what_it_waits_for(opened, monkeypatch):
+    from jotlight.view.pipeline import Pipeline
+
+    refine, is_done = Pipeline.refine, threading.Event()
+
+    def slow(*arguments):
+        is_done.wait(60)
+        return refine(*arguments)
+
+    tab = opened("method=mle&window=16&white=1")
+    monkeypatch.setattr(Pipeline, "refine", slow)
+    choose(tab, "#method", "network")
+    tab.locator("#stage-note", has_text="Computing network, medium").wait_for()
+    tab.keyboard.press("Tab")
+    tab.keyboard.press("a")
+    tab.locator("#stage-note", has_text="network, medium of the aligned frames").wait_for()
+    is_done.set()
+    tab.locator("#stage-note:empty").wait_for(state="attached")
+    assert final(tab)["title"] == "network, medium"
 
 
 def test_a_link_on_another_site_works(browser, server):

@@ -13,6 +13,7 @@ import { Store } from "./store.js";
 const get = (id) => document.getElementById(id);
 const SPEAK_DELAY = 700;
 const HISTOGRAM_DELAY = 100;
+const BUSY_DELAY = 500;
 const store = new Store();
 const controls = new Controls(store);
 const timeline = new Timeline(get("timeline"));
@@ -22,6 +23,8 @@ let number = 0;
 let isAsking = false;
 let isMoving = false;
 let speaking = null;
+let patience = null;
+let isBusy = false; // whether the page says that it waits for an image
 
 const stage = new Stage(get("image"), onPointer, onZoom, onPainted);
 addGestures(stage);
@@ -35,6 +38,8 @@ function ask(moving) {
   requestAnimationFrame(() => {
     isAsking = false;
     number += 1;
+    stopWaiting();
+    if (connection.isOpen) patience = setTimeout(showBusy, BUSY_DELAY);
     connection.send({ type: "view", id: number, moving: isMoving, state: request(store.state) });
   });
 }
@@ -99,9 +104,26 @@ function showHistogram() {
   get("histogram-axis").replaceChildren(...texts.map((text) => element("span", text)));
 }
 
-function showNote(header) {
+/** Show what the server computes, until the image of the last request has arrived. */
+function showBusy() {
+  isBusy = true;
+  const { method, align } = store.state;
+  const { title } = capture.methods.find((each) => each.name === method);
   get("stage-note").classList.remove("error");
-  write("stage-note", header.stage === "sample" ? "A part of the window is shown first" : "");
+  write("stage-note", `Computing ${title}${align && method !== "counts" ? " of the aligned frames" : ""}`);
+}
+
+function stopWaiting() {
+  clearTimeout(patience);
+  isBusy = false;
+}
+
+function showNote(header) {
+  if (header.stage === "final" && header.id === number) stopWaiting();
+  if (!isBusy) {
+    get("stage-note").classList.remove("error");
+    write("stage-note", header.stage === "sample" ? "A part of the window is shown first" : "");
+  }
   if (header.stage === "final") write("notes", header.notes.join("; "));
   write("rate", `${header.title} · firing rate ${format(header.rate)}`);
 }
@@ -190,6 +212,7 @@ const handlers = {
     copyRecipe(header);
   },
   error(header) {
+    stopWaiting();
     get("stage-note").classList.add("error");
     get("stage-note").textContent = header.text;
     get("status").textContent = header.text;
@@ -199,6 +222,7 @@ const handlers = {
 const connection = new Connection(
   (header, bytes) => handlers[header.type]?.(header, bytes),
   (isOpen, reason) => {
+    stopWaiting();
     get("stage-note").textContent = isOpen ? "" : reason || "The connection is lost. Trying again.";
     if (isOpen) [number, shown] = [0, 0];
   },
