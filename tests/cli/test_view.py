@@ -82,6 +82,20 @@ def test_a_capture_at_a_url_is_viewed_and_its_command_makes_the_same_image(run, 
 
 
 @pytest.mark.slow
+def test_the_command_says_that_it_waits_for_the_first_frame(tmp_path):
+    pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
+    path = tmp_path / "a.bin"
+    path.touch()
+    command = [sys.executable, "-m", "jotlight", "view", str(path), "--follow", "--shape", "8x8"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout.readline().decode().endswith("a.bin: waiting for the first frame\n")
+        path.write_bytes(bytes(8))
+        assert process.stdout.readline().startswith(b"a.bin: http://127.0.0.1:")
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("kind", ["file", "pipe"])
 def test_the_command_prints_an_address_that_works_and_ends_on_a_signal(capture, stop, kind):

@@ -1,6 +1,7 @@
 """``jotlight view``: a page that shows a capture while the user moves a slider."""
 
 import dataclasses
+import threading
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,6 +23,9 @@ from jotlight.view.viewed import Opening, Viewable, Viewed
 
 SERVER_PANEL = Group("Server", sort_key=1)
 LIVE_PANEL = Group("Live view", sort_key=2)
+
+_PATIENCE = 1.0
+"""Time in seconds without a frame after which the command says that it waits."""
 
 
 @Parameter(name="*", group=SERVER_PANEL)
@@ -228,4 +232,10 @@ def _follow(
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
     is_known = sensor.max_intensity is not None
     options = LiveOptions(capture.format, follow.shape, follow.history, arguments)
-    return open_live(path, options, kwargs, calibration, is_range_known=is_known)
+    waiting = threading.Timer(_PATIENCE, report, (f"{path}: waiting for the first frame",))
+    waiting.daemon = True
+    waiting.start()
+    try:
+        return open_live(path, options, kwargs, calibration, is_range_known=is_known)
+    finally:
+        waiting.cancel()
