@@ -143,7 +143,7 @@ export class Controls {
     start.setAttribute("aria-valuetext", `frames ${state.start} to ${last} of ${end}${gone}`);
     write("range", `${last === state.start ? `Frame ${last}` : `Frames ${state.start} – ${last}`}${gone}`);
     write("first-frame", first);
-    write("last-frame", end);
+    write("last-frame", end - 1);
     get("window").value = this.toSlider(state.window);
     get("window").setAttribute("aria-valuetext", `${state.window} frames`);
     get("window-number").max = end - first;

@@ -237,6 +237,11 @@ function play() {
     store.set({ follow: !store.state.follow });
     return;
   }
+  const [first, end] = controls.frames;
+  if (store.state.window >= end - first) {
+    toast("The window holds all frames. Shorten it to play.");
+    return;
+  }
   controls.isPlaying = !controls.isPlaying;
   clearInterval(clock);
   if (controls.isPlaying) {
@@ -275,7 +280,10 @@ get("theme").addEventListener("click", () => {
   const now = document.documentElement.dataset.theme ?? "auto";
   setTheme(THEMES[(THEMES.indexOf(now) + 1) % THEMES.length]);
 });
-const help = () => get("shortcuts").showModal();
+function help() {
+  get("shortcuts").showModal();
+  get("shortcuts").scrollTop = 0; // the focus is on the button at the end
+}
 get("help").addEventListener("click", help);
 get("close-shortcuts").addEventListener("click", () => get("shortcuts").close());
 new Keys({ store, controls, stage, actions: { help } });
