@@ -59,3 +59,11 @@ def test_paused_frames_that_leave_memory_keep_their_numbers(opened, growing):
     badge(tab, str(100 + IN_MEMORY))
     tab.locator("#range", has_text="no longer in memory").wait_for()
     assert tab.locator("#range").inner_text() == "Frames 84 – 99, no longer in memory"
+
+
+def test_a_phone_shows_the_name_of_a_live_capture(opened, growing):
+    _, running = growing
+    phone = {"viewport": {"width": 360, "height": 740}, "is_mobile": True}
+    tab = opened("window=16", at=running, **phone)
+    badge(tab, "Live")
+    assert tab.locator(".title").evaluate("e => e.scrollWidth <= e.clientWidth")
