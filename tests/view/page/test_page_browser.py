@@ -126,6 +126,15 @@ def test_the_command_and_the_code_can_be_copied(opened):
         tab.evaluate("document.getElementById('toast').hidden = true")
 
 
+def test_nothing_is_copied_without_a_server(opened):
+    tab = opened("method=mle&window=16")
+    tab.evaluate("() => { WebSocket.prototype.send = function () { this.close(); }; }")
+    tab.keyboard.press("c")
+    tab.locator("#stage-note", has_text="The connection is lost").wait_for()
+    tab.keyboard.press("k")
+    tab.locator("#toast", has_text="Not copied: the server does not answer").wait_for()
+
+
 def test_an_image_can_be_saved(opened, server, tmp_path):
     tab = opened("method=mle&window=16&start=4&white=0.5&curve=linear")
     with tab.expect_download() as waiting:
@@ -241,7 +250,7 @@ def test_the_page_says_what_it_waits_for(opened, monkeypatch):
     tab = opened("method=mle&window=16&white=1")
     monkeypatch.setattr(Pipeline, "refine", slow)
     choose(tab, "#method", "network")
-    tab.locator("#stage-note", has_text="Computing network, medium").wait_for()
+    tab.locator("#stage-note", has_text="Waiting for network, medium").wait_for()
     tab.keyboard.press("Tab")
     tab.keyboard.press("a")
     tab.locator("#stage-note", has_text="network, medium of the aligned frames").wait_for()

@@ -104,13 +104,13 @@ function showHistogram() {
   get("histogram-axis").replaceChildren(...texts.map((text) => element("span", text)));
 }
 
-/** Show what the server computes, until the image of the last request has arrived. */
+/** Show what the page waits for, until the image of the last request has arrived. */
 function showBusy() {
   isBusy = true;
   const { method, align } = store.state;
   const { title } = capture.methods.find((each) => each.name === method);
   get("stage-note").classList.remove("error");
-  write("stage-note", `Computing ${title}${align && method !== "counts" ? " of the aligned frames" : ""}`);
+  write("stage-note", `Waiting for ${title}${align && method !== "counts" ? " of the aligned frames" : ""}`);
 }
 
 function stopWaiting() {
