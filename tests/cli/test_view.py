@@ -41,7 +41,12 @@ def capture(tmp_path):
         (["capture.npy", "--host", "no.such.host.invalid"], "no address of this machine"),
         (["capture.npy", "--follow", "--rotate", "90"], "--rotate is for complete captures"),
         (["capture.npy", "--follow", "--counts"], "--counts is for complete captures"),
-        (["capture.npy", "--follow", "--width", "60"], "--width is for a folder of files"),
+        (["capture.npy", "--follow", "--width", "60"], "width: expected 17 to 24, since a row"),
+        (["raw.bin", "--follow", "--shape", "16x24", "--width", "24"], "--width is for a .npy or"),
+        (["capture.npy", "--follow", "--key", "bits"], "--key is for a folder of files"),
+        (["capture.npy", "--follow", "--shape", "16x24"], "leave out --shape"),
+        (["capture.npy", "--follow", "--format", "swissspad2"], "leave out --format"),
+        (["capture.npy", "--follow", "--format", "hdf5"], "spad512s, or npy, since --follow"),
         (["capture.npy", "--follow", "--shape", "5"], "shape: expected rows and columns"),
         (["capture.npy", "--follow", "--format", "x"], "format: expected one of"),
     ],
@@ -49,6 +54,7 @@ def capture(tmp_path):
 def test_bad_input_is_refused_in_one_line(run, capture, monkeypatch, options, message):
     pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
     monkeypatch.chdir(capture.parent)
+    (capture.parent / "raw.bin").write_bytes(bytes(480))
     status, output = run("view", *options)
     assert status == 1
     assert message in output
@@ -73,6 +79,20 @@ def test_a_capture_at_a_url_is_viewed_and_its_command_makes_the_same_image(run, 
         status, output = run(*shlex.split(recipe(viewed, state)["command"])[1:])
     assert status == 0, output
     np.testing.assert_array_equal(np.asarray(Image.open("view.png")), expected)
+
+
+@pytest.mark.slow
+def test_the_command_says_that_it_waits_for_the_first_frame(tmp_path):
+    pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
+    path = tmp_path / "a.bin"
+    path.touch()
+    command = [sys.executable, "-m", "jotlight", "view", str(path), "--follow", "--shape", "8x8"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout.readline().decode().endswith("a.bin: waiting for the first frame\n")
+        path.write_bytes(bytes(8))
+        assert process.stdout.readline().startswith(b"a.bin: http://127.0.0.1:")
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)
 
 
 @pytest.mark.slow

@@ -1,15 +1,18 @@
 """`bits.show(viewer=True)` opens napari, or else the page."""
 
 import os
+import signal
 import subprocess
 import sys
-import types
+import threading
+import urllib.request
 
 import numpy as np
 import pytest
 
 import jotlight as jl
 from jotlight.napari import opening
+from jotlight.view.viewed import Viewed
 
 BITS = jl.Sensor(frames=16).expose(np.full((8, 8), 0.5), rng=0)
 
@@ -143,31 +146,60 @@ def test_without_both_the_message_says_how_to_install_one(monkeypatch):
         BITS.show(viewer=True)
 
 
-@pytest.mark.parametrize("interactive", [True, False])
-def test_the_page_opens_in_the_browser(monkeypatch, capsys, interactive):
+PROGRAM = """
+import sys
+import numpy, jotlight
+from jotlight.napari import opening
+from jotlight.view.serving import Server
+
+Server.open_browser = lambda self: None
+opening.find_spec = lambda name: None
+{session}
+jotlight.Bits.from_array(numpy.eye(8, dtype=bool)[None]).show(viewer=True)
+print("goes on", flush=True)
+sys.stdin.readline()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "session",
+    ["", "sys.ps1 = '>>> '", "sys.modules['ipykernel'] = sys"],
+    ids=["script", "console", "notebook"],
+)
+def test_the_page_says_where_it_is_and_how_it_ends(session):
+    pytest.importorskip("jotlight.view.serving", reason="no server")
+    command = [sys.executable, "-c", PROGRAM.format(session=session)]
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    with subprocess.Popen(command, **pipes, text=True) as process:
+        address = process.stdout.readline().removeprefix("bits: ").strip()
+        end = process.stdout.readline()
+        opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+        assert b"<title>jotlight</title>" in opener.open(address, timeout=20).read()
+        if session:
+            assert end == "The page works until this session ends\n"
+        else:
+            assert end == "Ctrl-C ends the viewer\n"
+            process.send_signal(signal.SIGINT)
+            assert process.stdout.readline() == "ended\n"
+        assert process.stdout.readline() == "goes on\n"
+        _, errors = process.communicate("\n", timeout=20)
+    assert (process.returncode, errors) == (0, "")
+
+
+def test_a_browser_in_the_terminal_does_not_delay_the_page(monkeypatch):
     serving = pytest.importorskip("jotlight.view.serving", reason="no server")
-    addresses, threads = [], []
+    opened, begun, closed = [], threading.Event(), threading.Event()
 
-    def run(self, started):
-        started()
-        self._socket.close()
-        self._workshop.close()
-        raise KeyboardInterrupt if not interactive else SystemExit
+    def browse(address):
+        opened.append(address)
+        begun.set()
+        closed.wait(60)
 
-    def thread(target, args, daemon):
-        threads.append((target, args))
-        return types.SimpleNamespace(start=lambda: None)
-
-    monkeypatch.setattr(opening, "find_spec", found())
-    monkeypatch.setattr(opening, "_is_interactive", lambda: interactive)
-    monkeypatch.setattr(opening.webbrowser, "open", addresses.append)
-    monkeypatch.setattr(opening.threading, "Thread", thread)
-    monkeypatch.setattr(serving.Server, "run", run)
-    BITS.show(viewer=True)
-    for target, args in threads:
-        with pytest.raises(SystemExit):
-            target(*args)
-    assert len(addresses) == 1
-    assert addresses[0].startswith("http://127.0.0.1:")
-    assert addresses[0] in capsys.readouterr().out
-    assert len(threads) == interactive
+    monkeypatch.setattr(serving.webbrowser, "open", browse)
+    with serving.serving(Viewed.from_bits(BITS)) as server:
+        server.open_browser()
+        assert begun.wait(20)
+        assert opened == [server.address]
+        assert not closed.is_set()
+        closed.set()

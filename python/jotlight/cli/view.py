@@ -1,7 +1,7 @@
 """``jotlight view``: a page that shows a capture while the user moves a slider."""
 
 import dataclasses
-import webbrowser
+import threading
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +23,9 @@ from jotlight.view.viewed import Opening, Viewable, Viewed
 
 SERVER_PANEL = Group("Server", sort_key=1)
 LIVE_PANEL = Group("Live view", sort_key=2)
+
+_PATIENCE = 1.0
+"""Time in seconds without a frame after which the command says that it waits."""
 
 
 @Parameter(name="*", group=SERVER_PANEL)
@@ -101,14 +104,11 @@ def view(
     if not is_loopback(server.host):
         caution("host", f"other machines can reach the page on {server.host}, without encryption")
     serving = Server(viewed, server.host, server.port)
-
-    def started() -> None:
-        report(f"{viewed.title}: {serving.address}", "Ctrl-C ends the viewer")
-        if server.browser:
-            webbrowser.open(serving.address)
-
+    report(f"{viewed.title}: {serving.address}", "Ctrl-C ends the viewer")
+    if server.browser:
+        serving.open_browser()
     try:
-        serving.run(started)
+        serving.run()
     except KeyboardInterrupt:
         report("ended")
     finally:
@@ -228,13 +228,14 @@ def _follow(
             raise ValueError(f"follow: {option} is for complete captures, not for --follow")
     arguments = {"width": capture.width, "key": capture.key, "unpacked": capture.unpacked or None}
     arguments = {name: value for name, value in arguments.items() if value is not None}
-    if arguments and not path.is_dir():
-        raise ValueError(
-            f"follow: --{next(iter(arguments))} is for a folder of files; for raw frames, use "
-            "--shape and --format"
-        )
     kwargs = {"frames": 1, **sensor.to_kwargs()}
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
     is_known = sensor.max_intensity is not None
     options = LiveOptions(capture.format, follow.shape, follow.history, arguments)
-    return open_live(path, options, kwargs, calibration, is_range_known=is_known)
+    waiting = threading.Timer(_PATIENCE, report, (f"{path}: waiting for the first frame",))
+    waiting.daemon = True
+    waiting.start()
+    try:
+        return open_live(path, options, kwargs, calibration, is_range_known=is_known)
+    finally:
+        waiting.cancel()

@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import threading
-import webbrowser
 from importlib.util import find_spec
 
 from jotlight.napari.lazy import make_layer
@@ -32,8 +31,9 @@ _SECONDS = 60
 def open_viewer(bits: Bits) -> None:
     """Open bits in napari if it can show windows, and else on the page of the viewer.
 
-    A program waits until napari is closed, or until Ctrl-C ends the page. An interactive session
-    goes on. If napari is installed but cannot show windows, a line states why.
+    A program waits until napari is closed, or until Ctrl-C ends the page. An interactive session,
+    such as a notebook, goes on. Lines state the address of the page and how it ends, and if napari
+    is installed but cannot show windows, the reason.
 
     Raises
     ------
@@ -48,7 +48,10 @@ def open_viewer(bits: Bits) -> None:
     if reason is None:
         _open_napari(viewed)
         return
-    print(f"napari is installed but cannot open a window: {reason}. The page opens instead.")
+    print(
+        f"napari is installed but cannot open a window: {reason}. The page opens instead.",
+        flush=True,
+    )
     _open_page(viewed)
 
 
@@ -125,17 +128,16 @@ def _open_page(viewed: Viewed) -> None:
     from jotlight.view.serving import Server
 
     server = Server(viewed)
-
-    def started() -> None:
-        print(f"{viewed.title}: {server.address}")
-        webbrowser.open(server.address)
-
-    if _is_interactive():
-        # The page lives as long as the session.
-        threading.Thread(target=server.run, args=(started,), daemon=True).start()
+    is_session = _is_interactive()
+    end = "The page works until this session ends" if is_session else "Ctrl-C ends the viewer"
+    # A program whose output is a pipe must not wait behind lines that nobody sees.
+    print(f"{viewed.title}: {server.address}\n{end}", flush=True)
+    server.open_browser()
+    if is_session:
+        threading.Thread(target=server.run, daemon=True, name="jotlight-view").start()
         return
     try:
-        server.run(started)
+        server.run()
     except KeyboardInterrupt:
         print("ended")
 

@@ -323,7 +323,9 @@ class Bits(ArrayHints):
         ----------
         viewer : bool
             Whether to open a viewer with a slider instead: napari if it is installed and can show
-            windows, and else the page of ``jotlight view``.
+            windows, and else the page of ``jotlight view``, whose address is printed. A program
+            waits until napari is closed, or until Ctrl-C ends the page. A notebook or a console
+            goes on.
         """
         if viewer:
             preview.open_viewer(self)

@@ -37,6 +37,7 @@ _SENSOR_TEXTS = {
 def describe_capture(viewed: Viewable) -> dict[str, Any]:
     """Return all that the page shows about a capture, as values of JSON."""
     window = max(1, min(_WINDOW, len(viewed.frames)))
+    recommended = recommend(viewed, window).method
     provenance = viewed.provenance
     lines = [] if provenance is None else [str(provenance), *provenance.describe()]
     return {
@@ -47,9 +48,11 @@ def describe_capture(viewed: Viewable) -> dict[str, Any]:
         **{name: value for name, value in viewed.facts().items() if name != "rates"},
         "sensor": describe_sensor(viewed),
         "provenance": lines,
-        "methods": _methods(viewed, window),
+        "methods": _methods(viewed, window, recommended),
         "curves": list(CURVES),
-        "state": {"window": window, "method": _default_method(viewed, window)},
+        "recommended": recommended,
+        # Maximum likelihood follows a live capture without delay.
+        "state": {"window": window, "method": "mle" if viewed.is_live else recommended},
         "photons": viewed.sensor(1).exposure_time is not None,
         "oversampling": viewed.sensor(1).oversampling,
     }
@@ -83,10 +86,10 @@ def _describe(name: str, value: Any, sensor: Sensor) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def _methods(viewed: Viewable, window: int) -> list[dict[str, Any]]:
+def _methods(viewed: Viewable, window: int, recommended: str) -> list[dict[str, Any]]:
     """Return the methods for the page, each with the reason why it cannot be used, if any."""
     methods: list[dict[str, Any]] = [{"name": COUNTS, "title": COUNTS_TITLE}]
-    if recommend(viewed, window).method == COLOR_NETWORK:
+    if recommended == COLOR_NETWORK:
         methods.append({"name": COLOR_NETWORK, "title": TITLES[COLOR_NETWORK], "quality": "color"})
     for name, method in METHODS.items():
         if name in _HIDDEN:
@@ -105,8 +108,3 @@ def _methods(viewed: Viewable, window: int) -> list[dict[str, Any]]:
                 entry["reason"] = str(error)
         methods.append(entry)
     return methods
-
-
-def _default_method(viewed: Viewable, window: int) -> str:
-    """Return the recommended method, or maximum likelihood for a live capture."""
-    return "mle" if viewed.is_live else recommend(viewed, window).method

@@ -5,7 +5,8 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+import webbrowser
+from collections.abc import Iterator
 
 import uvicorn
 
@@ -78,15 +79,16 @@ class Server:
         )
         self._server = uvicorn.Server(config)
 
-    def run(self, started: Callable[[], object] = lambda: None) -> None:
-        """Serve until Ctrl-C, or until :meth:`stop` is called.
+    def open_browser(self) -> None:
+        """Open the page in the browser of this machine, in a thread.
 
-        Parameters
-        ----------
-        started : callable
-            A function that is called when the page can be opened.
+        The socket listens already, so the page may be opened before :meth:`run`. A browser that
+        runs in the terminal would wait for the server.
         """
-        started()  # the socket listens already, so that no connection is refused
+        threading.Thread(target=webbrowser.open, args=(self.address,), daemon=True).start()
+
+    def run(self) -> None:
+        """Serve until Ctrl-C, or until :meth:`stop` is called."""
         try:
             self._server.run(sockets=[self._socket])
         finally:

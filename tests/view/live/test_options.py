@@ -109,6 +109,29 @@ def test_a_npy_that_is_being_written_is_followed(tmp_path, opened):
     np.testing.assert_array_equal(live.part(range(50)).packed, FRAMES[:50])
 
 
+def test_the_width_of_a_npy_may_be_stated(tmp_path, opened):
+    np.save(tmp_path / "a.npy", FRAMES)
+    live = opened(tmp_path / "a.npy", LiveOptions(arguments={"width": 13}))
+    wait_for(lambda: live.frames.stop == 300)
+    assert live.part(range(4)).shape == (4, 6, 13)
+
+
+@pytest.mark.parametrize("options", [SHAPE, LiveOptions(format="swissspad2")])
+def test_the_header_of_a_npy_is_never_read_as_frames(tmp_path, options):
+    np.save(tmp_path / "a.bin", FRAMES)
+    (tmp_path / "a.bin.npy").rename(tmp_path / "a.bin")
+    with pytest.raises(ValueError, match=r"a\.bin is a \.npy, whose header states"):
+        open_live(tmp_path / "a.bin", options, {"frames": 1})
+
+
+def test_the_header_in_standard_input_is_never_read_as_frames(tmp_path, monkeypatch):
+    np.save(tmp_path / "a.npy", FRAMES)
+    with (tmp_path / "a.npy").open("rb") as stdin:
+        monkeypatch.setattr("sys.stdin", stdin)
+        with pytest.raises(ValueError, match=r"standard input is a \.npy, whose header states"):
+            open_live(STANDARD_INPUT, SHAPE, {"frames": 1})
+
+
 def test_raw_frames_of_a_camera_are_decoded(tmp_path, opened):
     jots = RNG.random((4, 256, 512)) < 0.3
     path = tmp_path / "a.bin"
@@ -252,6 +275,7 @@ def test_the_order_of_files_is_that_of_their_numbers(tmp_path):
         (LiveOptions(format="nope"), "format: expected one of"),
         (LiveOptions(history=0), "history: expected 1"),
         (LiveOptions(), "expected raw frames"),
+        (LiveOptions(format="hdf5"), "spad512s, or npy, since --follow reads no other"),
     ],
 )
 def test_bad_options_are_refused(tmp_path, options, message):

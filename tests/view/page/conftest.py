@@ -28,10 +28,10 @@ def server():
 
 @pytest.fixture
 def opened(browser, server):
-    """Open the page. At the end, no error was logged, and only this server was asked."""
+    """Open the page. At the end, no error was logged, and only its server was asked."""
     contexts, errors, requests = [], [], []
 
-    def opened(state="", **options):
+    def opened(state="", at=server, **options):
         context = browser.new_context(**({"viewport": WIDE} | options))
         context.grant_permissions(["clipboard-read", "clipboard-write"])
         contexts.append(context)
@@ -39,8 +39,8 @@ def opened(browser, server):
         tab.add_init_script(RECORD)
         tab.on("console", lambda message: errors.append(message.text))
         tab.on("pageerror", lambda error: errors.append(str(error)))
-        tab.on("request", lambda request: requests.append(request.url))
-        tab.goto(f"{server.address}#{state}")
+        tab.on("request", lambda request: requests.append((request.url, at.port)))
+        tab.goto(f"{at.address}#{state}")
         final(tab)
         return tab
 
@@ -49,5 +49,5 @@ def opened(browser, server):
         context.close()
     assert errors == []
     assert all(
-        url.startswith((f"http://127.0.0.1:{server.port}", "data:", "blob:")) for url in requests
+        url.startswith((f"http://127.0.0.1:{port}", "data:", "blob:")) for url, port in requests
     )

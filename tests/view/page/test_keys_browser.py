@@ -2,6 +2,8 @@
 
 import pytest
 
+from painted import final
+
 pytestmark = pytest.mark.slow
 
 
@@ -54,6 +56,49 @@ def test_parts_of_the_controls_are_opened_and_closed_by_keys(opened):
         before = part.get_attribute("open")
         tab.keyboard.press(key)
         assert part.get_attribute("open") != before
+
+
+def test_a_list_that_the_mouse_used_does_not_keep_the_keys(opened):
+    tab = opened("method=mle&window=16&white=1")
+    tab.locator("#method").click()
+    assert tab.evaluate("document.activeElement.id") == "method"
+    tab.locator("#method").select_option("counts")
+    final(tab, title="fraction of ones")
+    tab.keyboard.press("ArrowRight")
+    assert final(tab, start=1)["title"] == "fraction of ones"
+    tab.locator("#auto").click()
+    tab.keyboard.press(" ")
+    assert tab.locator("#play").get_attribute("title") == "Pause"
+
+
+def test_escape_leaves_a_list(opened):
+    tab = opened("method=mle&window=16&white=1")
+    tab.locator("#curve").focus()
+    tab.keyboard.press("ArrowDown")
+    assert tab.evaluate("document.activeElement.id") == "curve"
+    tab.keyboard.press("Escape")
+    tab.keyboard.press("ArrowRight")
+    assert final(tab, start=1)["tone"]["curve"] == "log"
+
+
+def test_the_list_of_keys_begins_at_its_top(opened):
+    tab = opened("method=mle", viewport={"width": 390, "height": 500})
+    tab.keyboard.press("?")
+    tab.locator("#shortcuts").wait_for()
+    assert tab.locator("#shortcuts").evaluate(
+        "e => [e.scrollTop, e.scrollHeight > e.clientHeight]"
+    ) == [
+        0,
+        True,
+    ]
+
+
+def test_a_window_of_all_frames_is_not_played(opened):
+    tab = opened("method=mle&window=300")
+    assert tab.locator("#last-frame").inner_text() == "299"
+    tab.keyboard.press(" ")
+    tab.locator("#toast", has_text="Shorten it to play").wait_for()
+    assert tab.locator("#play").get_attribute("title") == "Play"
 
 
 KEY_PRESS = """([key, changes]) => document.dispatchEvent(

@@ -12,6 +12,7 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight.images.tone import Tone
+from jotlight.view.viewed import Viewed
 from painted import EVIL, RECORD, final
 
 pytestmark = pytest.mark.slow
@@ -125,6 +126,15 @@ def test_the_command_and_the_code_can_be_copied(opened):
         tab.evaluate("document.getElementById('toast').hidden = true")
 
 
+def test_nothing_is_copied_without_a_server(opened):
+    tab = opened("method=mle&window=16")
+    tab.evaluate("() => { WebSocket.prototype.send = function () { this.close(); }; }")
+    tab.keyboard.press("c")
+    tab.locator("#stage-note", has_text="The connection is lost").wait_for()
+    tab.keyboard.press("k")
+    tab.locator("#toast", has_text="Not copied: the server does not answer").wait_for()
+
+
 def test_an_image_can_be_saved(opened, server, tmp_path):
     tab = opened("method=mle&window=16&start=4&white=0.5&curve=linear")
     with tab.expect_download() as waiting:
@@ -153,6 +163,100 @@ def test_the_address_is_no_way_to_inject(opened):
     tab = opened(f"method=mle&curve={EVIL}&start=1e9&window=-5&overlays=x,{EVIL}&white=abc")
     assert tab.title() != "owned"
     assert json.loads(json.dumps(tab.evaluate("painted")))[-1]["stage"] == "final"
+
+
+@pytest.mark.parametrize(
+    ("part", "expected"),
+    [
+        ("window=0", "expected a whole number from 1"),
+        ("window=-5", "expected a whole number from 1"),
+        ("window=many", "expected a whole number from 1"),
+        ("window=1e400", "expected a whole number from 1"),
+        ("start=-1", "expected a whole number"),
+        ("start=99999999999999999999", "expected a whole number"),
+        ("method=nope", "expected a method that serves this capture"),
+        ("compare=counts", "expected a method that serves this capture"),
+        ("align=constructor", "expected 0 or 1"),
+        ("curve=__proto__", "expected linear, gamma"),
+        ("white=0", "expected a number from 1e-12 to 1e12"),
+        ("white=1e-300", "expected a number from 1e-12 to 1e12"),
+        ("white=Infinity", "expected a number from 1e-12 to 1e12"),
+        ("overlays=jots,x", "expected some of jots,saturated,uncertainty"),
+        ("follow=1", "unknown"),
+        ("constructor=1", "unknown"),
+        ("zoom", "unknown"),
+    ],
+)
+def test_a_wrong_part_of_the_address_is_ignored_and_named(opened, part, expected):
+    tab = opened(f"curve=log&{part}")
+    header = final(tab)
+    assert (header["start"], header["window"], header["tone"]["curve"]) == (0, 64, "log")
+    note = tab.locator("#address-note")
+    assert note.inner_text().startswith("Parts of the address are ignored: ")
+    assert part[:20] in note.inner_text()
+    assert expected in note.inner_text()
+    tab.keyboard.press("c")  # the message stays until the state changes
+    tab.locator("#address-note:empty").wait_for(state="attached")
+
+
+def test_an_address_that_is_changed_by_hand_is_read_again(opened):
+    tab = opened("method=mle&window=16")
+    tab.evaluate("location.hash = 'method=mle&window=32&start=5'")
+    assert final(tab, window=32)["start"] == 5
+    assert tab.locator("#window-number").input_value() == "32"
+    tab.evaluate("location.hash = 'method=mle&window=0'")
+    assert final(tab, window=64)["start"] == 0
+    assert "window=0 (expected" in tab.locator("#address-note").inner_text()
+
+
+def choose(tab, control, value):
+    tab.locator(control).select_option(value)
+    return tab.locator("#quality").input_value()
+
+
+@pytest.fixture(scope="module")
+def mosaic(server):
+    from jotlight.view.serving import serving
+
+    sensor = jl.Sensor(frames=64, mosaic="RGGB")
+    with serving(Viewed.from_bits(sensor.expose(np.full((32, 32, 3), 0.5), rng=0))) as running:
+        yield running
+
+
+def test_the_network_of_a_mosaic_comes_back(opened, mosaic):
+    tab = opened("method=mle", at=mosaic)
+    assert choose(tab, "#method", "network") == "network-color"
+    choose(tab, "#method", "counts")
+    assert choose(tab, "#method", "network") == "network-color"
+
+
+def test_the_last_quality_comes_back(opened):
+    tab = opened("method=mle")
+    assert choose(tab, "#method", "network") == "network-medium"
+    choose(tab, "#quality", "network-small")
+    choose(tab, "#method", "counts")
+    assert choose(tab, "#method", "network") == "network-small"
+
+
+def test_the_page_says_what_it_waits_for(opened, monkeypatch):
+    from jotlight.view.pipeline import Pipeline
+
+    refine, is_done = Pipeline.refine, threading.Event()
+
+    def slow(*arguments):
+        is_done.wait(60)
+        return refine(*arguments)
+
+    tab = opened("method=mle&window=16&white=1")
+    monkeypatch.setattr(Pipeline, "refine", slow)
+    choose(tab, "#method", "network")
+    tab.locator("#stage-note", has_text="Waiting for network, medium").wait_for()
+    tab.keyboard.press("Tab")
+    tab.keyboard.press("a")
+    tab.locator("#stage-note", has_text="network, medium of the aligned frames").wait_for()
+    is_done.set()
+    tab.locator("#stage-note:empty").wait_for(state="attached")
+    assert final(tab)["title"] == "network, medium"
 
 
 def test_a_link_on_another_site_works(browser, server):

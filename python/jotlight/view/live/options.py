@@ -27,6 +27,9 @@ from jotlight.view.live.tails import POLL_SECONDS, FileTail, PipeTail
 _MAX_HISTORY = 1 << 16
 """Maximum memory for frames in MiB."""
 
+_NPY_MAGIC = b"\x93NUMPY"
+"""First bytes of a .npy."""
+
 _MAX_HEADER = 1 << 12
 """Maximum size of the header of a .npy."""
 
@@ -48,7 +51,8 @@ class LiveOptions:
     history: int = 256
     """Memory for frames in MiB."""
     arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
-    """Keyword arguments of :func:`jotlight.open` for the files of a folder."""
+    """Keyword arguments of :func:`jotlight.open` for the files of a folder. The width is also that
+    of a .npy."""
 
     def layout(self) -> tuple[FrameLayout, str] | None:
         """Return the layout of raw frames and its name, or None if files have headers.
@@ -137,7 +141,6 @@ def open_live(
 
 def _open_stream(path: Path, options: LiveOptions, stop: threading.Event) -> _Opened:
     """Return the frames of a file or of standard input, and the work that adds later ones."""
-    layout = options.layout()
     tail: FileTail | PipeTail
     if path != STANDARD_INPUT:
         tail = FileTail(path, stop)
@@ -148,13 +151,11 @@ def _open_stream(path: Path, options: LiveOptions, stop: threading.Event) -> _Op
         )
     else:
         tail = PipeTail(sys.stdin.fileno())
-    if layout is None:
-        try:
-            layout = _read_npy_header(tail, path), "npy"
-        except ValueError:
-            tail.close()
-            raise
-    frames, name = layout
+    try:
+        frames, name = _read_layout(tail, path, options)
+    except ValueError:
+        tail.close()
+        raise
     first = 0
     if isinstance(tail, FileTail):
         first = tail.skip(options.history << 20, frames.shape[0] * frames.shape[1])
@@ -185,24 +186,67 @@ def _wait_for_frame(live: LiveCapture) -> LiveCapture:
     return live
 
 
-def _read_npy_header(tail: FileTail | PipeTail, path: Path) -> FrameLayout:
-    """Return the layout of the frames of a .npy, whose header has been read.
+def _read_layout(
+    tail: FileTail | PipeTail, path: Path, options: LiveOptions
+) -> tuple[FrameLayout, str]:
+    """Return the layout of frames and its name. The frames are what is read next.
 
     Raises
     ------
     ValueError
-        When the bytes are no .npy of packed bits.
+        When neither the options nor the bytes state a layout, or both do.
+    """
+    layout = options.layout()
+    start = _read_bytes(tail, len(_NPY_MAGIC))
+    is_npy = start == _NPY_MAGIC
+    for name in options.arguments:
+        if name != "width" or not is_npy:
+            files = "a .npy or a folder of files" if name == "width" else "a folder of files"
+            raise ValueError(
+                f"follow: --{name} is for {files}; for raw frames, use --shape and --format"
+            )
+    if layout is None:
+        if options.format not in (None, "npy"):
+            followed = [name for name, each in FORMATS.items() if each.layout is not None]
+            raise ValueError(
+                f"format: expected {', '.join(followed)}, or npy, since --follow reads no other "
+                f"files that grow, got {options.format}"
+            )
+        return _read_npy_header(tail, path, start, options.arguments.get("width")), "npy"
+    if is_npy:
+        stated = "format" if options.shape is None else "shape"
+        raise ValueError(
+            f"{stated}: {_name(path)} is a .npy, whose header states the rows and columns; leave "
+            f"out --{stated}, or state a width that is no multiple of 8 by --width"
+        )
+    tail.unread(start)
+    return layout
+
+
+def _name(path: Path) -> str:
+    return "standard input" if path == STANDARD_INPUT else str(path)
+
+
+def _read_npy_header(
+    tail: FileTail | PipeTail, path: Path, start: bytes, width: int | None
+) -> FrameLayout:
+    """Return the layout of the frames of a .npy, whose first bytes have been read.
+
+    Raises
+    ------
+    ValueError
+        When the bytes are no .npy of packed bits, or its rows do not have this width.
     """
     expected = (
-        f"{'standard input' if path == STANDARD_INPUT else path}: expected raw frames, whose "
-        "layout --format or --shape states, or a .npy with packed bits (T, H, W / 8) of uint8"
+        f"{_name(path)}: expected raw frames, whose layout --format or --shape states, or a .npy "
+        "with packed bits (T, H, W / 8) of uint8"
     )
-    head = _read_bytes(tail, 10)
-    if head[:6] != b"\x93NUMPY" or head[6] not in (1, 2):
+    if start != _NPY_MAGIC:
         raise ValueError(expected)
-    if head[6] == 2:
-        head += _read_bytes(tail, 2)
-    size = int.from_bytes(head[8:], "little")
+    version = _read_bytes(tail, 2)
+    if version[:1] not in (b"\1", b"\2"):
+        raise ValueError(expected)
+    size = int.from_bytes(_read_bytes(tail, 2 if version[0] == 1 else 4), "little")
     if size > _MAX_HEADER:
         raise ValueError(expected)
     from ast import literal_eval
@@ -216,17 +260,22 @@ def _read_npy_header(tail: FileTail | PipeTail, path: Path) -> FrameLayout:
         raise ValueError(expected) from error
     if not is_cube or not 0 < height * row_bytes <= _MAX_FRAME_BYTES:
         raise ValueError(expected)
-
-    return FrameLayout((height, row_bytes), 8 * row_bytes, _packed(height, row_bytes))
+    widths = range(8 * row_bytes - 7, 8 * row_bytes + 1)
+    if width is not None and width not in widths:
+        raise ValueError(
+            f"width: expected {widths[0]} to {widths[-1]}, since a row of {_name(path)} has "
+            f"{row_bytes} bytes, got {width}"
+        )
+    return FrameLayout((height, row_bytes), width or widths[-1], _packed(height, row_bytes))
 
 
 def _read_bytes(tail: FileTail | PipeTail, size: int) -> bytes:
-    """Return some bytes, and wait for them."""
+    """Return some bytes, and wait for them. There are fewer only if no more will arrive."""
     data = bytearray(size)
     filled = 0
     while filled < size:
         try:
             filled += tail.read(memoryview(data)[filled:])
-        except EOFError as error:
-            raise ValueError("the capture ended in its header") from error
-    return bytes(data)
+        except EOFError:
+            break
+    return bytes(data[:filled])

@@ -23,6 +23,9 @@ class Tail(Protocol):
             When the bytes cannot be read any longer.
         """
 
+    def unread(self, data: bytes) -> None:
+        """Put back the bytes that were read last, so that they are read again."""
+
     def skip(self, keep: int, unit: int) -> int:
         """Skip whole units of bytes, and return their number, so that at most `keep` bytes wait."""
 
@@ -68,6 +71,10 @@ class FileTail:
         self._position += number
         return number
 
+    def unread(self, data: bytes) -> None:
+        """Read the last bytes again."""
+        self.seek(self._position - len(data))
+
     def skip(self, keep: int, unit: int) -> int:
         """Skip whole units of bytes that wait, until at most `keep` bytes wait."""
         units = max(0, self.size - self._position - keep) // unit
@@ -92,13 +99,22 @@ class PipeTail:
 
     def __init__(self, descriptor: int) -> None:
         self._file = os.fdopen(os.dup(descriptor), "rb", buffering=0)
+        self._unread = b""
 
     def read(self, buffer: memoryview) -> int:
         """Read into a buffer, and return the number of bytes."""
+        if self._unread:
+            size = min(len(buffer), len(self._unread))
+            buffer[:size], self._unread = self._unread[:size], self._unread[size:]
+            return size
         number = self._file.readinto(buffer)
         if number == 0:
             raise EOFError
         return number or 0
+
+    def unread(self, data: bytes) -> None:
+        """Keep the last bytes, which are read again first."""
+        self._unread = data + self._unread
 
     def skip(self, keep: int, unit: int) -> int:
         """Return 0: a pipe holds only a few bytes, and its writer waits."""

@@ -1,16 +1,17 @@
 // The controls: from their values to the state, and back.
 
 import { format } from "./plots.js";
+import { OVERLAYS } from "./store.js";
 
 const get = (id) => document.getElementById(id);
 const MAX_STOPS = 8; // as the slider
-const OVERLAYS = ["jots", "saturated", "uncertainty"];
 
 export class Controls {
   constructor(store) {
     this.store = store;
     this.reference = null; // white at exposure 0
     this.automatic = null; // the white that the server chose
+    this.network = null; // the network that was used last
     this.isPlaying = false;
     this.connect();
   }
@@ -58,9 +59,9 @@ export class Controls {
   }
 
   setMethod(name) {
-    const usable = [...get("quality").options].filter((option) => !option.disabled);
-    const preferred = usable.find((option) => option.text === "medium") ?? usable[0];
-    this.store.set({ method: name === "network" ? preferred.value : name });
+    const usable = [...get("quality").options].filter((option) => !option.disabled).map((option) => option.value);
+    const preferred = [this.network, this.capture.recommended].find((network) => usable.includes(network));
+    this.store.set({ method: name === "network" ? (preferred ?? usable[0]) : name });
   }
 
   toggleOverlay(kind) {
@@ -132,15 +133,17 @@ export class Controls {
     const { state } = this.store;
     const [first, end] = this.frames;
     const isNetwork = state.method.startsWith("network-");
+    if (isNetwork) this.network = state.method;
     const start = get("start");
     start.min = first;
     start.max = Math.max(first, end - state.window);
     start.value = state.start;
-    const last = Math.max(first, Math.min(end, state.start + state.window) - 1);
-    start.setAttribute("aria-valuetext", `frames ${state.start} to ${last} of ${end}`);
-    write("range", state.window === 1 ? `Frame ${state.start}` : `Frames ${state.start} – ${last}`);
+    const last = Math.min(end, state.start + state.window) - 1;
+    const gone = state.start < first ? ", no longer in memory" : "";
+    start.setAttribute("aria-valuetext", `frames ${state.start} to ${last} of ${end}${gone}`);
+    write("range", `${last === state.start ? `Frame ${last}` : `Frames ${state.start} – ${last}`}${gone}`);
     write("first-frame", first);
-    write("last-frame", end);
+    write("last-frame", end - 1);
     get("window").value = this.toSlider(state.window);
     get("window").setAttribute("aria-valuetext", `${state.window} frames`);
     get("window-number").max = end - first;

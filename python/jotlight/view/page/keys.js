@@ -8,7 +8,7 @@ export class Keys {
     const move = (sign, isLong) => (event) =>
       controls.moveBy(sign * (isLong ? store.state.window : 1), event.repeat);
     this.entries = [
-      ["Space", "play, or follow a live capture", [" "], click("play")],
+      ["Space", "play, or pause and follow a live capture", [" "], click("play")],
       ["← →", "one frame back or forward", ["ArrowLeft", "ArrowRight"], (event) => move(event.key === "ArrowLeft" ? -1 : 1, false)(event)],
       ["Shift ← →", "one window back or forward", ["Shift+ArrowLeft", "Shift+ArrowRight"], (event) => move(event.key === "ArrowLeft" ? -1 : 1, true)(event)],
       ["Home End", "first or last window", ["Home", "End"], (event) => controls.moveBy(event.key === "Home" ? -Infinity : Infinity)],
@@ -35,16 +35,30 @@ export class Keys {
       ["l", "copy a link", ["l"], click("copy-link")],
       ["5 … 9", "open or close a part of the controls", ["5", "6", "7", "8", "9"], (event) => document.querySelector(`summary[data-key="${event.key}"]`).click()],
       ["v", "next theme", ["v"], click("theme")],
+      ["Esc", "leave a list or a field, whose letters and arrows are its own", ["Escape"], () => document.activeElement.blur()],
       ["?", "this list", ["?", "h"], actions.help],
     ];
     this.stage = stage;
     this.byKey = new Map(this.entries.flatMap(([, , keys, run]) => keys.map((key) => [key, run])));
     document.addEventListener("keydown", (event) => this.press(event));
+    this.releaseControls();
     for (const control of document.querySelectorAll("[data-key]")) {
       control.setAttribute("aria-keyshortcuts", spell(control.dataset.key));
       control.title = `${control.title || control.parentElement.textContent.trim()} (${control.dataset.key})`;
     }
     get("shortcut-list").replaceChildren(...this.entries.map(describe));
+  }
+
+  /** Let a control that was used with the mouse or a finger not keep the keys. */
+  releaseControls() {
+    let isPointed = false;
+    document.addEventListener("pointerdown", () => (isPointed = true), true);
+    document.addEventListener("keydown", () => (isPointed = false), true);
+    for (const [name, controls] of [["change", "select, input[type=checkbox]"], ["click", "button, summary"]]) {
+      document.addEventListener(name, ({ target }) => {
+        if (isPointed && target.matches(controls)) target.blur();
+      });
+    }
   }
 
   press(event) {

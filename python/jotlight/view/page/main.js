@@ -13,14 +13,18 @@ import { Store } from "./store.js";
 const get = (id) => document.getElementById(id);
 const SPEAK_DELAY = 700;
 const HISTOGRAM_DELAY = 100;
+const BUSY_DELAY = 500;
 const store = new Store();
 const controls = new Controls(store);
 const timeline = new Timeline(get("timeline"));
 let capture = null;
+let live = null; // the last facts of a live capture
 let number = 0;
 let isAsking = false;
 let isMoving = false;
 let speaking = null;
+let patience = null;
+let isBusy = false; // whether the page says that it waits for an image
 
 const stage = new Stage(get("image"), onPointer, onZoom, onPainted);
 addGestures(stage);
@@ -34,19 +38,30 @@ function ask(moving) {
   requestAnimationFrame(() => {
     isAsking = false;
     number += 1;
+    stopWaiting();
+    if (connection.isOpen) patience = setTimeout(showBusy, BUSY_DELAY);
     connection.send({ type: "view", id: number, moving: isMoving, state: request(store.state) });
   });
 }
 
 store.listeners.push((moving) => {
+  write("address-note", "");
   controls.update();
   drawTime();
+  showBadge();
   for (const kind of [...stage.overlays.keys()]) {
     // Jots stay where they are. Other overlays are those of one image.
     if (!store.state.overlays.includes(kind) || kind !== "jots") stage.removeOverlay(kind);
   }
   showOverlayNotes(stage, store.state);
   ask(moving);
+});
+
+addEventListener("hashchange", () => {
+  if (!capture) return; // the address is read when the capture is known
+  const problem = store.begin(capture);
+  store.set({});
+  write("address-note", problem);
 });
 
 let probing = false;
@@ -89,9 +104,26 @@ function showHistogram() {
   get("histogram-axis").replaceChildren(...texts.map((text) => element("span", text)));
 }
 
-function showNote(header) {
+/** Show what the page waits for, until the image of the last request has arrived. */
+function showBusy() {
+  isBusy = true;
+  const { method, align } = store.state;
+  const { title } = capture.methods.find((each) => each.name === method);
   get("stage-note").classList.remove("error");
-  write("stage-note", header.stage === "sample" ? "A part of the window is shown first" : "");
+  write("stage-note", `Waiting for ${title}${align && method !== "counts" ? " of the aligned frames" : ""}`);
+}
+
+function stopWaiting() {
+  clearTimeout(patience);
+  isBusy = false;
+}
+
+function showNote(header) {
+  if (header.stage === "final" && header.id === number) stopWaiting();
+  if (!isBusy) {
+    get("stage-note").classList.remove("error");
+    write("stage-note", header.stage === "sample" ? "A part of the window is shown first" : "");
+  }
   if (header.stage === "final") write("notes", header.notes.join("; "));
   write("rate", `${header.title} · firing rate ${format(header.rate)}`);
 }
@@ -110,6 +142,16 @@ function drawTime() {
   timeline.setView(first, end, store.state.start, store.state.window);
 }
 
+/** Show whether the page follows a live capture, and how many frames have arrived. */
+function showBadge() {
+  if (!live) return;
+  const { end, dropped, ended, problem } = live;
+  const state = ended ? `Ended at ${end}` : `${store.state.follow ? "Live" : "Paused"} · ${end} frames`;
+  write("badge", problem || `${state} · ${dropped || "none"} dropped`);
+  get("badge").classList.toggle("lost", dropped > 0 || Boolean(problem));
+  get("badge").hidden = false;
+}
+
 // Messages from the server.
 
 let shown = 0;
@@ -117,7 +159,7 @@ const handlers = {
   hello(header) {
     const isFirst = capture === null;
     capture = header;
-    if (isFirst) store.begin(header);
+    if (isFirst) write("address-note", store.begin(header));
     controls.begin(header);
     for (const kind of [...stage.overlays.keys()]) stage.removeOverlay(kind);
     drawTime();
@@ -155,13 +197,10 @@ const handlers = {
     get("timeline-caption").textContent = `Firing rate, ${each} at each point`;
   },
   live(header, bytes) {
+    live = header;
     controls.setFrames(header.first, header.end);
     timeline.setRates(bytes);
-    const dropped = header.dropped ? ` · ${header.dropped} dropped` : " · none dropped";
-    const state = header.ended ? `Ended at ${header.end}` : `Live · ${header.end} frames`;
-    get("badge").textContent = header.problem || `${state}${dropped}`;
-    get("badge").classList.toggle("lost", header.dropped > 0 || Boolean(header.problem));
-    get("badge").hidden = false;
+    showBadge();
     if (header.remark && header.remark !== get("badge").title) toast(header.remark);
     get("badge").title = header.remark ?? "";
     drawTime();
@@ -173,6 +212,7 @@ const handlers = {
     copyRecipe(header);
   },
   error(header) {
+    stopWaiting();
     get("stage-note").classList.add("error");
     get("stage-note").textContent = header.text;
     get("status").textContent = header.text;
@@ -182,6 +222,7 @@ const handlers = {
 const connection = new Connection(
   (header, bytes) => handlers[header.type]?.(header, bytes),
   (isOpen, reason) => {
+    stopWaiting();
     get("stage-note").textContent = isOpen ? "" : reason || "The connection is lost. Trying again.";
     if (isOpen) [number, shown] = [0, 0];
   },
@@ -194,6 +235,11 @@ let clock = null;
 function play() {
   if (capture?.live) {
     store.set({ follow: !store.state.follow });
+    return;
+  }
+  const [first, end] = controls.frames;
+  if (store.state.window >= end - first) {
+    toast("The window holds all frames. Shorten it to play.");
     return;
   }
   controls.isPlaying = !controls.isPlaying;
@@ -234,7 +280,10 @@ get("theme").addEventListener("click", () => {
   const now = document.documentElement.dataset.theme ?? "auto";
   setTheme(THEMES[(THEMES.indexOf(now) + 1) % THEMES.length]);
 });
-const help = () => get("shortcuts").showModal();
+function help() {
+  get("shortcuts").showModal();
+  get("shortcuts").scrollTop = 0; // the focus is on the button at the end
+}
 get("help").addEventListener("click", help);
 get("close-shortcuts").addEventListener("click", () => get("shortcuts").close());
 new Keys({ store, controls, stage, actions: { help } });

@@ -34,6 +34,10 @@ export function addSharing(store, connection, capture) {
     get(`save-${ending}`).addEventListener("click", () => save(store, ending));
   }
   const ask = (kind) => {
+    if (!connection.isOpen) {
+      toast("Not copied: the server does not answer.");
+      return;
+    }
     pending.push(kind);
     connection.send({ type: "recipe", state: shown(store.state) });
   };

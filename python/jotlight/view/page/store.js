@@ -1,5 +1,7 @@
 // The state of the controls, which the address of the page contains after the #.
 
+import { readAddress } from "./address.js";
+
 const DEFAULTS = {
   start: 0,
   window: 1,
@@ -11,7 +13,7 @@ const DEFAULTS = {
   overlays: [],
   follow: false,
 };
-const OVERLAYS = ["jots", "saturated", "uncertainty"];
+export const OVERLAYS = ["jots", "saturated", "uncertainty"];
 const URL_DELAY = 400;
 
 export class Store {
@@ -21,37 +23,12 @@ export class Store {
     this.timer = null;
   }
 
-  /** Set the defaults of a capture, and then what the address states. */
+  /** Set the defaults of a capture, and then what the address states. Return what is wrong in it. */
   begin(capture) {
     this.defaults = { ...DEFAULTS, ...capture.state, follow: capture.live };
-    const stated = this.parse(location.hash.slice(1));
-    // An address of another capture may name methods that do not serve this one.
-    const usable = capture.methods.filter((method) => !method.reason).map((method) => method.name);
-    const choices = { method: usable, compare: usable.slice(1), curve: capture.curves };
-    for (const [name, values] of Object.entries(choices)) {
-      if (!values.includes(stated[name])) delete stated[name];
-    }
-    stated.overlays = (stated.overlays ?? []).filter((kind) => OVERLAYS.includes(kind));
-    if (!(stated.white > 1e-12 && stated.white < 1e12)) delete stated.white;
+    const { stated, problem } = readAddress(location.hash.slice(1), capture, OVERLAYS);
     this.state = { ...this.defaults, ...stated };
-  }
-
-  parse(text) {
-    const found = {};
-    for (const [name, value] of new URLSearchParams(text)) {
-      if (["start", "window"].includes(name)) {
-        if (/^\d{1,15}$/.test(value)) found[name] = Number(value);
-      } else if (name === "white") {
-        if (Number(value) > 0) found.white = Number(value);
-      } else if (["align", "follow"].includes(name)) {
-        found[name] = value === "1";
-      } else if (name === "overlays") {
-        found.overlays = value.split(",").filter(Boolean);
-      } else if (["method", "compare", "curve"].includes(name)) {
-        found[name] = value;
-      }
-    }
-    return found;
+    return problem;
   }
 
   /** Return the state as text for an address, without defaults. */
