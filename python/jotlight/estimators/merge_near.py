@@ -77,9 +77,26 @@ def merge_near_neighbors(
 
 
 def _average(merged: Merged, spread: float, pattern: npt.NDArray[np.integer] | None) -> Array:
-    """Return the intensities of averages over neighbors with the same filter, (H, W).
+    """Return the intensities of averages over neighbors with the same filter, (H, W)."""
+    fraction = average_fractions(merged, spread, pattern)
+    rate = inverse_detection_probability(1, fraction, 1 - fraction) - merged.dark_counts
+    slope = np.maximum(merged.efficiency, 1e-9) * merged.sensor.light_per_intensity
+    return np.asarray(np.maximum(rate, 0) / slope)
 
-    `spread` is the standard deviation of an average in pixels if all have the same filter.
+
+def average_fractions(
+    merged: Merged, spread: float = 1.0, pattern: npt.NDArray[np.integer] | None = None
+) -> Array:
+    """Return the fraction of ones of each pixel and its neighbors with the same filter, (H, W).
+
+    Parameters
+    ----------
+    merged : Merged
+        Gray counts.
+    spread : float
+        Standard deviation of an average in pixels if all have the same filter.
+    pattern : ndarray of int, shape (H, W), optional
+        The filter of each pixel. Default: all have the same one.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -91,10 +108,7 @@ def _average(merged: Merged, spread: float, pattern: npt.NDArray[np.integer] | N
             gaussian_filter(np.where(own, part, 0.0), sigma) for part in (merged.ones, trials)
         )
         fraction = np.where(own, ones / np.maximum(number, 1e-9), fraction)
-    fraction = np.clip(fraction, 0, _MAX_FRACTION)
-    rate = inverse_detection_probability(1, fraction, 1 - fraction) - merged.dark_counts
-    slope = np.maximum(merged.efficiency, 1e-9) * merged.sensor.light_per_intensity
-    return np.asarray(np.maximum(rate, 0) / slope)
+    return np.asarray(np.clip(fraction, 0, _MAX_FRACTION))
 
 
 def merge_near(

@@ -16,6 +16,7 @@ from jotlight.motion.jots import Jots
 from jotlight.motion.model import divide, find_paths
 from jotlight.motion.mosaics import enlarge, in_squares, squares_side
 from jotlight.motion.motion import MODELS, Motion
+from jotlight.motion.spread import spread_readings
 from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
 from jotlight.progress import Progress, shown_progress
@@ -23,6 +24,7 @@ from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.periodic_rates import warn_about_periods
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.readings import refuse_mosaic, without_mosaic
 from jotlight.sensing.sensor import Sensor
@@ -35,7 +37,7 @@ They stand still, so they would pull the motion toward 0.
 
 
 def align(
-    data: Bits | CountStack,
+    data: Bits | CountStack | Readings,
     sensor: Sensor | None = None,
     at: float | None = None,
     model: str = "auto",
@@ -47,9 +49,9 @@ def align(
 
     Parameters
     ----------
-    data : Bits or CountStack
-        T frames of bits, or of counts as :func:`jotlight.open` returns them; 16 or more. All color
-        channels have the same motion.
+    data : Bits, CountStack, or Readings
+        T frames of bits, of counts as :func:`jotlight.open` returns them, or of readings of several
+        bits; 16 or more. All color channels have the same motion.
     sensor : Sensor, optional
         Sensor of the data. Its dead and hot jots are not used, and its maps of the efficiency and
         of the dark counts are part of the likelihood. Default: the one of the bits.
@@ -99,7 +101,7 @@ def align(
 
 
 def find_motion(
-    data: Bits | CountStack,
+    data: Bits | CountStack | Readings,
     sensor: Sensor | None,
     at: float | None,
     model: str,
@@ -109,6 +111,8 @@ def find_motion(
     """Return the motion that :func:`align` returns, and the sums along it if they are known."""
     if (colored := bits_behind_mosaic(data, sensor)) is not None:
         return _motion_behind_mosaic(*colored, at, model, threads, progress), None
+    if (spread := spread_readings(data, sensor)) is not None:
+        data, sensor = spread.counts, spread.sensor
     burst, sensor = prepare_burst(data, sensor)
     if model != "auto" and model not in MODELS:
         raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
@@ -172,7 +176,7 @@ def _motion_behind_mosaic(
 
 
 def prepare_burst(
-    data: Bits | CountStack, sensor: Sensor | None, *, may_repeat: bool = False
+    data: Bits | CountStack | Readings, sensor: Sensor | None, *, may_repeat: bool = False
 ) -> tuple[Burst, Sensor]:
     """Return the frames of the data and their sensor, after a test for periodic rates.
 

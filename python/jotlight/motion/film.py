@@ -1,5 +1,6 @@
 """Films: the motion of a scene, carried from image to image."""
 
+import dataclasses
 from collections.abc import Iterator
 
 from jotlight.checks import whole_number_in_range
@@ -9,12 +10,14 @@ from jotlight.motion.align import bits_behind_mosaic, prepare_burst
 from jotlight.motion.film_colors import ColorFilmState
 from jotlight.motion.film_image import FilmImage, FilmSettings
 from jotlight.motion.film_state import FilmState
+from jotlight.motion.spread import SpreadReadings, spread_readings
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 
 def film(
-    data: Bits | CountStack,
+    data: Bits | CountStack | Readings,
     sensor: Sensor | None = None,
     *,
     window: int,
@@ -35,8 +38,9 @@ def film(
 
     Parameters
     ----------
-    data : Bits or CountStack
-        T frames of bits, or of counts as :func:`jotlight.open` returns them.
+    data : Bits, CountStack, or Readings
+        T frames of bits, of counts as :func:`jotlight.open` returns them, or of readings of several
+        bits.
     sensor : Sensor, optional
         Sensor of the data. Default: the one of the bits.
     window : int
@@ -80,6 +84,9 @@ def film(
     >>> [image.motion.reference for image in film(scene.bits, window=32, step=8, causal=True)]
     [31.0, 31.0, 31.0]
     """
+    spread = spread_readings(data, sensor)
+    if spread is not None:
+        data, sensor = spread.counts, spread.sensor
     colored = bits_behind_mosaic(data, sensor)
     sensor = prepare_burst(data, sensor)[1] if colored is None else colored[1]
     spans = windows(len(data), window, step)
@@ -95,7 +102,15 @@ def film(
         threads=threads,
     )
     state = begin_film(part, settings)
-    return (state.next_image(data, 0, span.start) for span in spans)
+    images = (state.next_image(data, 0, span.start) for span in spans)
+    return images if spread is None else (_corrected(image, spread) for image in images)
+
+
+def _corrected(image: FilmImage, spread: SpreadReadings) -> FilmImage:
+    """Return an image with the counts of readings of several bits."""
+    merged = spread.correct(image.merged)
+    nearest = tuple(spread.correct(each) for each in image.nearest)
+    return dataclasses.replace(image, merged=merged, data=merged, nearest=nearest)
 
 
 def begin_film(sensor: Sensor, settings: FilmSettings) -> "FilmState | ColorFilmState":

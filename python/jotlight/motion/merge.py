@@ -28,10 +28,12 @@ from jotlight.motion.merged_pixels import as_fine, as_merged
 from jotlight.motion.model import divide
 from jotlight.motion.mosaic_colors import join_colors, sensors_of_colors
 from jotlight.motion.motion import Motion
+from jotlight.motion.spread import spread_readings
 from jotlight.motion.track import Paths, Track
 from jotlight.progress import Progress, Update, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 Map = npt.NDArray[np.float64]
@@ -50,7 +52,7 @@ _MAX_FLAGGED = 0.15
 
 
 def merge(
-    data: Bits | CountStack,
+    data: Bits | CountStack | Readings,
     sensor: Sensor | None = None,
     at: float | None = None,
     motion: Motion | None = None,
@@ -66,8 +68,9 @@ def merge(
 
     Parameters
     ----------
-    data : Bits or CountStack
-        T frames of bits, or of counts as :func:`jotlight.open` returns them.
+    data : Bits, CountStack, or Readings
+        T frames of bits, of counts as :func:`jotlight.open` returns them, or of readings of several
+        bits.
     sensor : Sensor, optional
         Sensor of the data. Default: the one of the bits.
     at : float, optional
@@ -92,7 +95,7 @@ def merge(
         Counts of pixels, which all methods and networks accept in place of bits. Behind a mosaic of
         ideal filters R, G, and B, they are color counts, (H, W, 3): along a motion, each pixel of
         the image is seen through all filters. If the scene stands still (model "none"),
-        reconstruct the bits instead.
+        reconstruct the bits instead. Of readings of several bits, they are equivalent counts.
 
     Raises
     ------
@@ -120,6 +123,11 @@ def merge(
         )
     if (colored := bits_behind_mosaic(data, sensor)) is not None:
         return _merge_colors(*colored, at, motion, upsample, threads, progress)
+    if (spread := spread_readings(data, sensor)) is not None:
+        counts = spread.counts, spread.sensor
+        return spread.correct(
+            merge(*counts, at, motion, upsample=upsample, threads=threads, progress=progress)
+        )
     burst, sensor = prepare_burst(data, sensor)
     check_upsample(upsample, sensor)
     with shown_progress(progress, "merging") as update:

@@ -6,7 +6,7 @@ from jotlight.sensing.readings import GroupedSensor, require_plain_bits, without
 
 _ADVICE = (
     "jotlight.reconstruct makes one image of all frames; motion, films, and the viewer take "
-    "single bits of one gain and threshold"
+    "frames of one gain and threshold"
 )
 
 

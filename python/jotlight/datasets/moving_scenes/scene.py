@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +15,10 @@ from jotlight.datasets.moving_scenes.textures import Texture
 from jotlight.datasets.scenes import photograph as scikit_image_photograph
 from jotlight.errors import hide_warnings
 from jotlight.seeds import SeedLike
-from jotlight.sensing.frames import Frames, Packed
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.frames import Frames
 from jotlight.sensing.intensity_scale import MEANING, warn_about_scale
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.simulated_bits import simulated_bits
 
@@ -41,8 +44,9 @@ class MovingScene:
         The middle frame, T // 2.
     detail : int
         Samples of the light per pixel and dimension. A pixel integrates over all of them.
-    bits : Bits
-        The recorded bits. Each frame is drawn when it is read, and is the same each time.
+    bits : Bits or Readings
+        The recorded bits, or readings of several bits. Each frame is drawn when it is read, and is
+        the same each time.
     """
 
     def __init__(
@@ -62,11 +66,6 @@ class MovingScene:
         self._samples_per_frame = samples_per_frame
         self._grid = _centered_grid(size, 1)
         self._samples = _centered_grid(size, self.detail)
-        if sensor.bit_depth > 1:
-            raise ValueError(
-                f"sensor: expected single bits for a moving scene, got {sensor.bit_depth} "
-                "bits per reading; leave out bit_depth= (--bit-depth)"
-            )
         sensor.check_map_shapes(*(length * sensor.oversampling for length in size))
         height, width = (length * sensor.oversampling for length in size)
         if sensor.mosaic is not None and self.shape[2:] != (3,):
@@ -75,8 +74,13 @@ class MovingScene:
                 f"got {len(self.shape) - 2 and self.shape[2]} channels"
             )
         channels = self.shape[2:] if sensor.mosaic is None else ()
-        shape = (sensor.frames, height, math.ceil(width / 8), *channels)
-        (self.bits,) = simulated_bits([Frames(shape, self._draw)], width, sensor)
+        self.bits: Bits | Readings
+        if sensor.bit_depth > 1:
+            shape = (sensor.frames, height, width, *channels)
+            self.bits = Readings(Frames(shape, self._draw, np.uint16), sensor)
+        else:
+            shape = (sensor.frames, height, math.ceil(width / 8), *channels)
+            (self.bits,) = simulated_bits([Frames(shape, self._draw)], width, sensor)
 
     @property
     def has_objects(self) -> bool:
@@ -193,8 +197,8 @@ class MovingScene:
             positions[:, on_top] = plane.positions(time, points[:, on_top])
         return shown, positions
 
-    def _draw(self, start: int, stop: int) -> Packed:
-        """Return the packed bits of some frames."""
+    def _draw(self, start: int, stop: int) -> npt.NDArray[Any]:
+        """Return the packed bits or the readings of some frames."""
         parts = []
         offsets = (np.arange(self._samples_per_frame) + 0.5) / self._samples_per_frame - 0.5
         for frame in range(start, stop):
@@ -202,7 +206,8 @@ class MovingScene:
             axis, chosen = None if image.ndim == 2 else -1, slice(frame, frame + 1)
             with hide_warnings(MEANING):  # `moving` warned about the photographs
                 exposed = self.sensor.expose(image, self._seed, channel_axis=axis, frames=chosen)
-            parts.append(np.asarray(exposed.packed))
+            is_several = isinstance(exposed, Readings)
+            parts.append(exposed.to_array() if is_several else np.asarray(exposed.packed))
         return np.concatenate(parts)
 
     def __repr__(self) -> str:
