@@ -171,7 +171,7 @@ def test_the_page_for_contributors_names_functions_and_files_that_exist():
     known = "\n".join(path.read_text("utf-8") for path in files) + "open_mycamera write_mycamera"
     assert [name for name in sorted(names) if not re.search(rf"\b{name}\b", known)] == []
     folders = ROOT, ROOT / "python/jotlight"
-    for name in re.findall(r"`([a-z]\w*/[\w/]+\.(?:py|rs|yaml))`", page):
+    for name in re.findall(r"`([a-z_]+/[a-z0-9_/]+\.(?:py|rs|yaml))`", page):
         assert "mycamera" in name or any((each / name).is_file() for each in folders), name
 
 
