@@ -1,9 +1,12 @@
 """Options of sensors, and sensors that commands do not take."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.cli.sensor_options import SensorOptions
 
 GRAY = {
     "evaluate": ("--mosaic",),
@@ -48,3 +51,8 @@ def test_networks_are_trained_for_gray_sensors_of_plain_bits(run, tmp_path, name
     assert "error: sensor: expected a gray sensor with bits of one gain and threshold" in output
     assert "jotlight." not in output.partition("error:")[2]
     assert run("reconstruct", "a.npy", "-o", "a.png")[0] == 0
+
+
+def test_every_parameter_of_the_sensor_has_an_option():
+    names = [field.name for field in dataclasses.fields(jl.Sensor)]
+    assert [field.name for field in dataclasses.fields(SensorOptions)] == names

@@ -1,6 +1,7 @@
 """README, docs, docstrings and examples run as they stand."""
 
 import ast
+import dataclasses
 import doctest
 import importlib
 import linecache
@@ -158,6 +159,26 @@ def test_there_are_six_examples_of_less_than_60_lines():
     assert len(EXAMPLES) == 6
     for path in EXAMPLES:
         assert len(path.read_text("utf-8").splitlines()) < 60
+
+
+def test_the_page_for_contributors_names_functions_and_files_that_exist():
+    page = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    blocks_of_code = re.findall(r"^ *```\w+\n(.*?)^ *```", page, re.S | re.M)
+    code = "\n".join(blocks_of_code + re.findall(r"`([^`\n]+)`", page))
+    names = set(re.findall(r"(?<![\w/.])[a-z]+(?:_[a-z]+)+(?![\w/]|\.py)", code))
+    assert {"prepare_data", "read_in_chunks"} <= names
+    files = [path for top in ("python", "tests/support") for path in (ROOT / top).rglob("*.py")]
+    known = "\n".join(path.read_text("utf-8") for path in files) + "open_mycamera write_mycamera"
+    assert [name for name in sorted(names) if not re.search(rf"\b{name}\b", known)] == []
+    folders = ROOT, ROOT / "python/jotlight"
+    for name in re.findall(r"`([a-z_]+/[a-z0-9_/]+\.(?:py|rs|yaml))`", page):
+        assert "mycamera" in name or any((each / name).is_file() for each in folders), name
+
+
+def test_the_glossary_has_every_parameter_of_the_sensor():
+    page = (ROOT / "docs/notation.md").read_text("utf-8")
+    names = [field.name for field in dataclasses.fields(jotlight.Sensor)]
+    assert [name for name in names if f"`Sensor.{name}`" not in page] == []
 
 
 def test_scripts_named_in_a_page_exist():

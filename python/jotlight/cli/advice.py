@@ -7,6 +7,7 @@ from jotlight.evaluation.choice import Choice
 from jotlight.formats.capture import Capture
 from jotlight.motion.detection import THRESHOLD, motion_score
 from jotlight.motion.mosaic_colors import is_mergeable
+from jotlight.motion.spread import spread_readings
 from jotlight.networks.pretrained import CONDITIONAL_SIZE
 from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor
@@ -57,14 +58,17 @@ def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int 
     threads : int, optional
         Number of threads. Default: all.
     """
-    if not without_mosaic(sensor).has_plain_bits:
+    gray = without_mosaic(sensor)
+    if sensor.readings_differ or (sensor.bit_depth == 1 and not gray.has_plain_bits):
         return  # their ones change without motion
     for part in parts:
-        score = motion_score(part, threshold=sensor.threshold, threads=threads)
+        spread = spread_readings(part, gray)
+        counts = part if spread is None else spread.counts
+        score = motion_score(counts, threshold=sensor.threshold, threads=threads)
         if score > THRESHOLD:
             way = (
                 "--motion aligns its frames"
-                if is_mergeable(sensor)
+                if is_mergeable(sensor) and (spread is None or sensor.mosaic is None)
                 else "an image from fewer frames is sharper"
             )
             caution("motion", f"the scene moves, so the image is blurred; {way}")

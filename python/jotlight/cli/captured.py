@@ -12,7 +12,7 @@ from jotlight.cli.console import progress
 from jotlight.files import check_outputs
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.description import companion_files
-from jotlight.sensing.alike_frames import require_alike_frames
+from jotlight.sensing.alike_frames import require_one_exposure
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.frames import read_frames
@@ -202,7 +202,7 @@ def check_outputs_of(
 def of_window(captured: Captured, window: int) -> Captured:
     """Return a capture with the sensor of one window of its frames."""
     data, sensor = captured.data, captured.sensor
-    require_alike_frames(sensor)
+    require_one_exposure(sensor)
     if isinstance(data, Bits):
         windows(len(data), window)
         check_fits(data.shape, sensor)

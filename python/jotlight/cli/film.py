@@ -4,7 +4,7 @@ import dataclasses
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -219,7 +219,9 @@ def _amount(data: Capture, number: int, each: int) -> str:
     """Return a number of frames, or of images of counts of `each` frames, as a text."""
     text = f"{number * each} frame{'s' * (number * each > 1)}"
     images = f"{number} image{'s' * (number > 1)} of counts"
-    return text if isinstance(data, Bits) else f"{images} ({text})"
+    # Frames of readings of several bits have no trials.
+    are_counts = not isinstance(data, Bits) and data.trials is not None
+    return f"{images} ({text})" if are_counts else text
 
 
 @dataclasses.dataclass
@@ -314,10 +316,14 @@ def _sensor_of_all(job: Reconstruction, window: int) -> Sensor:
 
 def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:
     """Return the estimate of a window without alignment."""
-    pixels = part if isinstance(part, Bits) else part.sum()
+    sensor = job.captured.sensor
+    if isinstance(part, Bits):
+        pixels: Any = part
+    else:
+        pixels = part.sum() if sensor.bit_depth == 1 else part.readings(sensor)
     image: Image = reconstruct(
         pixels,
-        job.captured.sensor,
+        sensor,
         method=job.method,
         channel_axis=last_channel_axis(pixels),
         threads=threads,

@@ -2,7 +2,9 @@
 
 Each denoiser maps an image (H, W), or each of a stack (..., H, W), to float32 of the same shape.
 The option `channel_axis` names the axis of color channels. Integers become floats of the same
-values. The denoisers wrap functions of libraries, which run on one image at a time. The default
+values. A new denoiser is a function of one image with the decorator :func:`_of_each_image`, and an
+entry of :data:`DENOISERS`. The denoisers wrap functions of libraries, which run on one image at a
+time. The default
 strengths were chosen on the BSDS training images at K = 16
 (``python benchmarks/studies/denoiser_strengths.py``).
 """
@@ -28,7 +30,7 @@ Denoiser = Callable[[Float32Image], npt.ArrayLike]
 
 
 def _of_each_image(denoise: Callable[..., Float32Image]) -> Callable[..., Float32Image]:
-    """Return a denoiser for arrays of any numbers, which denoises each image (H, W) of them."""
+    """Return a denoiser of stacks and colors, which calls `denoise` for each image (H, W)."""
 
     @functools.wraps(denoise)
     def denoise_all(
@@ -167,7 +169,7 @@ DENOISERS: dict[str, Callable[[Float32Image], Float32Image]] = {
     "nlm": nlm,
     "bm3d": bm3d,
 }
-"""The denoisers by their names."""
+"""The denoisers by their names. The method of a name is in `jotlight.evaluation.methods`."""
 
 
 def resolve_denoiser(denoiser: str | Denoiser) -> Denoiser:

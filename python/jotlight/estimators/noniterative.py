@@ -56,7 +56,7 @@ def noniterative(
         The axis of counts that holds color channels. Default: none, and axes before the last two
         are those of a stack.
     denoiser : str or callable
-        A name in `jotlight.denoise.DENOISERS` ("tv", "gaussian", "nlm", "bm3d"), or a callable. It
+        A name in `jotlight.denoise.DENOISERS`, such as "tv" or "nlm", or a callable. A callable
         takes an image (H, W) of float32 with white noise of standard deviation 1/2
         (:data:`jotlight.estimators.vst.NOISE`) and returns one of the same shape.
     inverse : {"exact", "algebraic"}

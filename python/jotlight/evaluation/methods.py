@@ -1,6 +1,7 @@
 """All reconstruction methods by name.
 
-The command line, the experiments, and the contract tests take the methods from :data:`METHODS`.
+The command line, the viewer, the experiments, and the contract tests take the methods from
+:data:`METHODS`. A new method is a function of :mod:`jotlight.estimators`, and one entry there.
 """
 
 import dataclasses

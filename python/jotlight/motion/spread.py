@@ -16,7 +16,7 @@ import numpy.typing as npt
 from jotlight.estimators.merge_near import average_fractions, diffuse
 from jotlight.estimators.merge_readings import linear_counts
 from jotlight.formats.capture import CountStack
-from jotlight.sensing.alike_frames import require_alike_frames
+from jotlight.sensing.alike_frames import require_one_exposure
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.multibit import reading_probability
@@ -227,7 +227,7 @@ def spread_readings(data: object, sensor: object) -> SpreadReadings | None:
     stated: Any = data.sensor if sensor is None else sensor
     if not isinstance(stated, Sensor) or stated.bit_depth == 1:
         return None
-    require_alike_frames(stated.replace(bit_depth=1, read_noise=0.0, gain=stated.gain))
+    require_one_exposure(stated)
     if stated.mosaic is not None:
         raise ValueError(
             "sensor: expected no mosaic for the motion in readings of several bits; "

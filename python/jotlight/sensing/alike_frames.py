@@ -10,6 +10,17 @@ _ADVICE = (
 )
 
 
+def require_one_exposure(sensor: GroupedSensor) -> None:
+    """Raise ValueError unless all readings have one gain and threshold. They may have several bits.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> require_one_exposure(Sensor(frames=4, bit_depth=3, read_noise=0.2))
+    """
+    require_alike_frames(sensor.replace(bit_depth=1, read_noise=0.0, gain=sensor.gain))
+
+
 def require_alike_frames(sensor: GroupedSensor) -> None:
     """Raise ValueError unless readings are single bits of one gain and threshold, without noise.
 
