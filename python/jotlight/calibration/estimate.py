@@ -9,7 +9,7 @@ import numpy.typing as npt
 from jotlight.calibration.bulk import fit_bulk
 from jotlight.calibration.flat import measure_response
 from jotlight.calibration.hot_jots import check_false_positive_rate
-from jotlight.calibration.rates import detections, variance
+from jotlight.calibration.rates import detections
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import Steadiness, steadiness
 from jotlight.checks import Counts, as_counts, positive_number, real_number, refuse_path, shown
@@ -245,12 +245,11 @@ def _with_flat(found: Calibration, flat: JotSums) -> Calibration:
             f"flat: expected the dark capture's {found.shape[0]} x {found.shape[1]} jots, got "
             f"{ones.shape[0]} x {ones.shape[1]}"
         )
-    dark = found.dark_counts.astype(np.float64)
     measured = measure_response(
         ones,
         number,
-        dark,
-        variance(dark, found.dark_frames, found.threshold),
+        found.dark_ones,
+        found.dark_frames,
         found.mask,
         threshold=found.threshold,
         false_positive_rate=found.false_positive_rate,
