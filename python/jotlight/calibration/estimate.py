@@ -16,7 +16,6 @@ from jotlight.checks import Counts, as_counts, positive_number, real_number, ref
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import Mosaic, Pattern
-from jotlight.sensing.periodic_rates import PeriodicRates, warn_about_periods
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -89,8 +88,9 @@ def calibrate(
     Warns
     -----
     JotlightWarning
-        If frames are correlated, if the rates change over time, and if there are too few frames to
-        distinguish hot jots from ordinary ones at the false-positive rate.
+        If frames are correlated, if the rates change over time, if there are too few frames to
+        distinguish hot jots from ordinary ones at the false-positive rate, and if the light of the
+        flat capture is not even.
     PeriodicRatesWarning
         If the rates of the flat capture repeat, as under color filters, and no `mosaic` is stated.
 
@@ -201,8 +201,6 @@ def calibrate_sums(
         raise ValueError(
             f"dark: expected {_MIN_JOTS} jots or more to find the ordinary ones, got {ones.size}"
         )
-    if flat is not None and flat.filters is None:
-        warn_about_periods([flat.ones[None]], PeriodicRates.describe_flat)
     bulk = fit_bulk(ones, number)
     hot_threshold = bulk.threshold(false_positive_rate)
     dark_counts = detections(ones, number, threshold)

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.calibration.dead_jots import MIN_RESPONSE, find_dead_jots
+from jotlight.calibration.evenness import warn_about_light
 from jotlight.calibration.light import excess_and_slope, mean_light, median_light, window_mean
 from jotlight.calibration.rates import Rates, detections, variance
 from jotlight.calibration.spread import response_spread
@@ -114,6 +115,7 @@ def measure_response(
         threshold=threshold,
         false_positive_rate=false_positive_rate,
     )
+    warn_about_light(found, light / start, ~bad, gray=filters is None)
     working = ~(bad | dead)
     good = working & ~full
     if not good.any():
