@@ -108,7 +108,7 @@ def outliers() -> None:
                 truth[compared] = outlier
             ones = rng.binomial(frames, -np.expm1(-light * truth)).astype(np.int32)
             measured = detections(ones, frames, 1) / light
-            shrunk = [shrink_response(measured, noise, limit)[0] for limit in limits]
+            shrunk = [shrink_response(measured, noise, 0.05**2, limit) for limit in limits]
             errors = [np.sqrt(np.mean((each - truth)[compared] ** 2)) for each in shrunk]
             name = "1 ± 0.05" if outlier == 1 else outlier
             row(frames, name, *(f"{error:.3f}" for error in errors))

@@ -6,7 +6,7 @@ from scipy.stats import beta, binom
 
 import jotlight as jl
 from jotlight.calibration import fit_bulk
-from jotlight.calibration.flat import MIN_RESPONSE
+from jotlight.calibration.dead_jots import MIN_RESPONSE
 from jotlight.calibration.rates import detections, variance
 from jotlight.sensing.provenance import Provenance
 

@@ -9,14 +9,13 @@ import numpy.typing as npt
 from jotlight.calibration.bulk import fit_bulk
 from jotlight.calibration.flat import measure_response
 from jotlight.calibration.hot_jots import check_false_positive_rate
-from jotlight.calibration.rates import detections, variance
+from jotlight.calibration.rates import detections
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import Steadiness, steadiness
 from jotlight.checks import Counts, as_counts, positive_number, real_number, refuse_path, shown
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import Mosaic, Pattern
-from jotlight.sensing.periodic_rates import PeriodicRates, warn_about_periods
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -89,8 +88,9 @@ def calibrate(
     Warns
     -----
     JotlightWarning
-        If frames are correlated, if the rates change over time, and if there are too few frames to
-        distinguish hot jots from ordinary ones at the false-positive rate.
+        If frames are correlated, if the rates change over time, if there are too few frames to
+        distinguish hot jots from ordinary ones at the false-positive rate, and if the light of the
+        flat capture is not even.
     PeriodicRatesWarning
         If the rates of the flat capture repeat, as under color filters, and no `mosaic` is stated.
 
@@ -201,8 +201,6 @@ def calibrate_sums(
         raise ValueError(
             f"dark: expected {_MIN_JOTS} jots or more to find the ordinary ones, got {ones.size}"
         )
-    if flat is not None and flat.filters is None:
-        warn_about_periods([flat.ones[None]], PeriodicRates.describe_flat)
     bulk = fit_bulk(ones, number)
     hot_threshold = bulk.threshold(false_positive_rate)
     dark_counts = detections(ones, number, threshold)
@@ -245,12 +243,11 @@ def _with_flat(found: Calibration, flat: JotSums) -> Calibration:
             f"flat: expected the dark capture's {found.shape[0]} x {found.shape[1]} jots, got "
             f"{ones.shape[0]} x {ones.shape[1]}"
         )
-    dark = found.dark_counts.astype(np.float64)
     measured = measure_response(
         ones,
         number,
-        dark,
-        variance(dark, found.dark_frames, found.threshold),
+        found.dark_ones,
+        found.dark_frames,
         found.mask,
         threshold=found.threshold,
         false_positive_rate=found.false_positive_rate,

@@ -5,17 +5,14 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.calibration.dead_jots import MIN_RESPONSE, find_dead_jots
+from jotlight.calibration.evenness import warn_about_light
+from jotlight.calibration.light import excess_and_slope, mean_light, median_light, window_mean
 from jotlight.calibration.rates import Rates, detections, variance
+from jotlight.calibration.spread import response_spread
 from jotlight.checks import Counts
-from jotlight.interrupts import interruptible
 from jotlight.sensing.mosaic import Pattern
-from jotlight.sensing.response import detection_probability
-
-WINDOW = 15
-"""Side of a window, in jots. Its median estimates the light on the jot at its center."""
-
-MIN_RESPONSE = 0.2
-"""Minimum response of a working jot relative to its neighborhood. The maximum is its inverse."""
+from jotlight.sensing.response import detection_density
 
 OUTLIER = 4.0
 """A response at least this many standard deviations from 1 is an outlier: it is not shrunk.
@@ -25,6 +22,9 @@ OUTLIER = 4.0
 
 _MIN_LIGHT = 0.1
 """Minimum light of a flat capture, in standard deviations of the measurement of one jot."""
+
+_NO_ZEROS = 700.0
+"""Dark counts per frame of a jot without zeros, for which exp(-d) is almost 0, and d is finite."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,8 +55,8 @@ class Response:
 def measure_response(
     ones: Counts,
     frames: int,
-    dark: Rates,
-    dark_variance: Rates,
+    dark_ones: Counts,
+    dark_frames: int,
     bad: npt.NDArray[np.bool_],
     *,
     threshold: int,
@@ -65,114 +65,147 @@ def measure_response(
 ) -> Response:
     """Return the response of each jot from a capture of even light.
 
-    Light is assumed to vary slowly over the sensor. So the light on each jot is divided by the
-    median over 15 x 15 jots, which also removes slow variations of the response. The quotient is r.
-    Its counting noise has the variance v. If the response varies with the standard deviation PRNU,
-    its best linear estimate is 1 + (r - 1) PRNU²/(PRNU² + v). For an outlier, the estimate is r.
+    Light is assumed to vary slowly over the sensor. So the light on each jot is divided by that of
+    the surrounding 15 x 15 jots, which also removes slow variations of the response. The quotient
+    is r. Its counting noise has the variance v. If the response varies with the standard deviation
+    PRNU, its best linear estimate is 1 + (r - 1) PRNU²/(PRNU² + v). For an outlier, the estimate is
+    r.
 
     Parameters
     ----------
     ones, frames : ndarray of int, int
         L of each jot, and the number of frames.
-    dark, dark_variance : ndarray of float64
-        Dark counts per frame, and their variance.
+    dark_ones, dark_frames : ndarray of int, int
+        The same of the dark capture.
     bad : ndarray of bool
         Jots to ignore.
     threshold : int
         q.
     false_positive_rate : float
         Maximum probability that a jot with 1/5 to 5 times the response of its neighborhood is
-        called dead, from the exact binomial tail.
+        called dead: see :func:`jotlight.calibration.dead_jots.find_dead_jots`.
     filters : ndarray of int, shape (H, W), optional
-        The place of the color filter of each jot. The light on a jot is first divided by the median
-        light behind its filter, so that the jots of all filters show the same light.
+        The place of the color filter of each jot.
     """
-    from scipy.stats import binom
-
     full = ones >= frames
-    if full[~bad].mean() > 0.5:
-        raise ValueError(
-            f"flat: expected a capture with light that leaves some bits 0, but most jots report 1 "
-            f"in all {frames} frames; record it with less light"
-        )
+    _check_ones(full[~bad], frames)
+    dark = detections(dark_ones, dark_frames, threshold)
     light = detections(ones, frames, threshold) - dark
-    passed = _light_behind(filters, light, bad)
-    local = passed * _local_median(light / passed, bad)
-    counting = variance(local + dark, frames, threshold) + dark_variance
-    if not np.median(local[~bad]) > _MIN_LIGHT * np.sqrt(np.median(counting[~bad])):
+    start = median_light(light, bad, filters)
+    dark_variance = variance(dark, dark_frames, threshold)
+    counting = variance(start + dark, frames, threshold) + dark_variance
+    if not np.median(start[~bad]) > _MIN_LIGHT * np.sqrt(np.median(counting[~bad])):
         raise ValueError(
             "flat: expected more ones than in the dark capture, got no more; record it with light "
             "and with the exposure of the dark capture"
         )
-    local = np.maximum(local, 1e-3 * np.median(local[~bad]))
-    weak = detection_probability(threshold, MIN_RESPONSE * local + dark)
-    strong = detection_probability(threshold, local / MIN_RESPONSE + dark)
-    dead = binom.cdf(ones, frames, weak) <= false_positive_rate
-    dead |= binom.sf(ones - 1, frames, strong) <= false_positive_rate
-
-    good = ~(bad | dead | full)
-    counting /= local**2
+    start = np.maximum(start, 1e-3 * np.median(start[~bad]))
+    # A jot with a one in each dark frame shows nothing, and half a one less would be wrong.
+    fitted = np.where(dark_ones >= dark_frames, _NO_ZEROS, dark)
+    noise = _counting_noise(ones, frames, dark_ones, dark_frames, start, threshold, bad)
+    first = excess_and_slope(ones, frames, fitted, start, threshold)
+    used = _ordinary(*first, light / start - 1, noise, ~bad)
+    found = mean_light(ones, frames, fitted, threshold, start, used, filters)
+    dead = find_dead_jots(
+        ones,
+        frames,
+        dark_ones,
+        dark_frames,
+        found,
+        threshold=threshold,
+        false_positive_rate=false_positive_rate,
+    )
+    warn_about_light(found, light / start, ~bad, gray=filters is None)
+    working = ~(bad | dead)
+    good = working & ~full
     if not good.any():
         raise ValueError("flat: expected some jots that respond, got none")
+    counting = variance(found.light + dark, frames, threshold) + dark_variance
+    counting /= found.light**2
+    noise = _counting_noise(ones, frames, dark_ones, dark_frames, found.light, threshold, bad)
+    used = (found.neighbors > 1) & _ordinary(
+        found.excess, found.slope, light / found.light - 1, noise, working
+    )
+    prnu, error = response_spread(found, noise, used, dark, threshold)
     relative = np.ones(light.shape)
-    relative[good], prnu, error = shrink_response((light / local)[good], counting[good])
+    relative[good] = shrink_response((light / found.light)[good], counting[good], prnu**2)
     relative = np.clip(relative, MIN_RESPONSE, 1 / MIN_RESPONSE)
     return Response(relative, dead, prnu, error, float(np.sqrt(counting[good].mean())))
 
 
+def _check_ones(full: npt.NDArray[np.bool_], frames: int) -> None:
+    """Raise ValueError unless the counts distinguish responses. `full` ones are all ones."""
+    if full.mean() > 0.5:
+        raise ValueError(
+            f"flat: expected a capture with light that leaves some bits 0, but most jots report 1 "
+            f"in all {frames} frames; record it with less light"
+        )
+    if frames < 2:
+        raise ValueError(
+            "flat: expected 2 frames or more, since one does not distinguish the response of a "
+            "jot from chance, got 1; record more frames"
+        )
+
+
 def shrink_response(
-    relative: Rates, noise: Rates, outlier: float = OUTLIER
-) -> tuple[Rates, float, float]:
-    """Return responses shrunk toward 1, their noise-free standard deviation, and its error.
+    relative: Rates, noise: Rates, between: float, outlier: float = OUTLIER
+) -> Rates:
+    """Return responses shrunk toward 1.
 
     Parameters
     ----------
     relative, noise : ndarray of float64
         The measured response of each jot, and the variance of its counting noise.
+    between : float
+        Variance of the true response over the jots.
     outlier : float
         A response more than this many standard deviations, including noise, from 1 is not shrunk.
     """
-    squares = (relative - np.median(relative)) ** 2
-    # The median ignores outliers. For a normal distribution it is 0.6745 σ.
-    between = max(float(np.median(squares)) / 0.6745**2 - float(np.median(noise)), 0.0)
-    ordinary = squares <= outlier**2 * (between + noise)
-    between = max(float((squares - noise)[ordinary].mean()), 0.0)
-    error = float(squares[ordinary].std()) / np.sqrt(ordinary.sum())
-    # The error of a variance becomes that of its square root, which is not linear at 0.
-    error = min(error / (2 * np.sqrt(between)), np.sqrt(error)) if between else np.sqrt(error)
     weight = between / (between + noise)
     weight[(relative - 1) ** 2 > outlier**2 * (between + noise)] = 1.0
-    return 1 + (relative - 1) * weight, float(np.sqrt(between)), float(error)
+    return 1 + (relative - 1) * weight
 
 
-def _light_behind(filters: Pattern | None, light: Rates, bad: npt.NDArray[np.bool_]) -> Rates:
-    """Return the median light behind the filter of each jot, (H, W); 1 for a gray sensor."""
-    passed = np.ones(light.shape)
-    if filters is None:
-        return passed
-    for index in np.unique(filters):
-        own = filters == index
-        if not (own & ~bad).any():
-            raise ValueError(
-                f"dark: expected good jots behind each color filter, but all {own.sum()} jots "
-                f"behind filter {index} of the mosaic are hot"
-            )
-        usual = float(np.median(light[own & ~bad]))
-        if usual <= 0:
-            raise ValueError(
-                f"flat: expected light behind each color filter, got none on the {own.sum()} jots "
-                f"behind filter {index} of the mosaic; use white light"
-            )
-        passed[own] = usual
-    return passed
+def _ordinary(
+    excess: Rates, slope: Rates, deviation: Rates, noise: Rates, known: npt.NDArray[np.bool_]
+) -> npt.NDArray[np.bool_]:
+    """Return the known jots that are no outliers.
+
+    An outlier deviates by more than `OUTLIER` standard deviations in its excess of ones and in its
+    response, `deviation` + 1. The first one is skew where responses differ much, and the second one
+    where a jot has few zeros.
+    """
+    squares = excess**2
+    # The median ignores outliers. For a normal distribution it is 0.6745 σ.
+    usual = float(np.median(squares[known])) / 0.6745**2 - float(np.median(noise[known]))
+    between = max(usual, 0.0) / max(float(np.median(slope[known])) ** 2, 1e-300)
+    # The noise of a jot is estimated from its count. Without zeros it would be 0.
+    noise = np.maximum(noise, window_mean(noise, known))
+    squares = np.minimum(squares, (slope * deviation) ** 2)
+    return np.asarray(known & (squares <= OUTLIER**2 * (between * slope**2 + noise)))
 
 
-def _local_median(light: Rates, bad: npt.NDArray[np.bool_]) -> Rates:
-    """Return the median around each jot. The median of a first pass replaces bad jots."""
-    from scipy.ndimage import median_filter
+def _counting_noise(
+    ones: Counts,
+    frames: int,
+    dark_ones: Counts,
+    dark_frames: int,
+    light: Rates,
+    threshold: int,
+    bad: npt.NDArray[np.bool_],
+) -> Rates:
+    """Return the variance of L/N - P(q, d + light), estimated from the counts of each jot.
 
-    side = tuple(min(WINDOW, size - 1 + size % 2) for size in light.shape)
-    first = np.where(bad, np.median(light[~bad]), light)
-    median = interruptible(median_filter)
-    first = median(first, size=side, mode="reflect")
-    return np.asarray(median(np.where(bad, first, light), size=side, mode="reflect"))
+    The variance of L/N is (L/N)(1 - L/N)/(N - 1) in the mean, exactly, whatever the response is.
+    For q = 1, P is linear in the L/N of the dark capture, so the same holds for its part. Otherwise
+    that part is known to first order, and is no more than the scatter of d over the jots.
+    """
+    flat, below = (
+        fraction * (1 - fraction) / max(number - 1, 1)
+        for fraction, number in ((ones / frames, frames), (dark_ones / dark_frames, dark_frames))
+    )
+    if threshold == 1:
+        return np.asarray(flat + np.exp(-2 * light) * below)
+    dark = detections(dark_ones, dark_frames, threshold)
+    below = np.minimum(variance(dark, dark_frames, threshold), dark[~bad].var())
+    return np.asarray(flat + detection_density(threshold, dark + light) ** 2 * below)

@@ -182,11 +182,25 @@ def find_periodic_rates(
         if channel_axis is not None:
             return None
         counts = channels[0]
-    rates = counts.astype(np.float32)
+    return largest_period(counts.astype(np.float32), _score)
+
+
+def largest_period(
+    rates: Array, score_of: Callable[[Array, int], tuple[float, float]]
+) -> PeriodicRates | None:
+    """Return the larger period that is significant, or None.
+
+    Parameters
+    ----------
+    rates : ndarray of float32, shape (H, W)
+        Rates of single jots, or counts.
+    score_of : callable
+        Returns the score and the relative amplitude of rates, for half of a period in jots.
+    """
     found = None
     for period in PERIODS:
         side = period // 2
-        score, amplitude = _score(rates, side)
+        score, amplitude = score_of(rates, side)
         if score > THRESHOLD and amplitude > MIN_AMPLITUDE:
             if found is not None:
                 side, amplitude = found.side, math.hypot(amplitude, found.amplitude)
@@ -211,9 +225,7 @@ def _greens(rates: Array, side: int) -> str | None:
     return "as in RGGB or BGGR" if other < main else "as in GRBG or GBRG"
 
 
-def warn_about_periods(
-    data: Iterable[object], describe: Callable[[PeriodicRates], str] = PeriodicRates.describe
-) -> None:
+def warn_about_periods(data: Iterable[object]) -> None:
     """Issue a PeriodicRatesWarning if the rates of the jots of any of the data repeat.
 
     Bits are tested once. Only the first frames and the middle of large images are tested, and no
@@ -224,14 +236,12 @@ def warn_about_periods(
     data : iterable of Bits, Readings, or ndarray of int32 (N, H, W)
         Bits, readings, or counts of single jots, whose first image is tested. Other data are
         ignored.
-    describe : callable
-        What the warning says about the rates.
     """
     tested = Bits | Readings | np.ndarray
     found = (_find_in_middle(each) for each in data if isinstance(each, tested))
     periodic = next(filter(None, found), None)
     if periodic is not None:
-        warn(describe(periodic), PeriodicRatesWarning)
+        warn(periodic.describe(), PeriodicRatesWarning)
 
 
 def _find_in_middle(data: Bits | Readings | Counts) -> PeriodicRates | None:
