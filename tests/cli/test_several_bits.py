@@ -71,13 +71,29 @@ def test_noisy_bits_are_simulated_and_reconstructed(run, photo):
     assert run("reconstruct", "b.npy", "-o", "e.npy")[0] == 0
 
 
+def test_moving_scenes_have_images_and_films(run, photo):
+    options = ("--motion", "shake", "-k", 1, "-t", 24, "--bit-depth", 4, "--gain", 24)
+    status, text = run("simulate", photo, "-o", "r.npy", *options)
+    assert status == 0
+    assert "24 frames of 32 x 32 jots, 4 bits each" in text
+    status, text = run("reconstruct", "r.npy", "-o", "a.npy", "--motion", "-m", "mle")
+    assert status == 0
+    assert "motion: " in text
+    status, text = run(
+        "film", "r.npy", "-o", "f.npy", "--window", 16, "--step", 4, "--motion", "-m", "mle"
+    )
+    assert status == 0
+    assert "3 images of 32 x 32 from 16 frames each" in text
+    assert run("film", "r.npy", "-o", "g.npy", "--window", 8, "-m", "mle")[0] == 0
+    assert np.load("g.npy").shape == (3, 32, 32)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["simulate", "photo.png", "-o", "x.npy", "--bit-depth", 4, "-q", 3], "threshold: expec"),
         (["simulate", "photo.png", "-o", "x.npy", "--bit-depth", 40], "bit_depth: expected"),
-        (["film", "r.npy", "-o", "x.gif", "--window", 4], "expected single bits without noise"),
-        (["reconstruct", "r.npy", "-o", "e.npy", "--motion"], "expected single bits without noise"),
+        (["view", "r.npy"], "expected single bits without noise"),
     ],
 )
 def test_what_needs_single_bits_says_so(run, photo, arguments, message):

@@ -205,7 +205,10 @@ def test_weights_that_do_not_fit_are_refused(weights):
         ({"predicted": np.full((2, 2, 4), np.nan)}, "predicted displacements: expected finite"),
         ({"smoothness": Smoothness(-1.0, 10.0)}, "weights of differences: expected .* got -1"),
         ({"smoothness": Smoothness(5.0, np.nan)}, "weights of differences"),
-        ({"smoothness": Smoothness(5.0, 10.0, 0.0)}, "difference at outlines: expected a finite number above 0"),
+        (
+            {"smoothness": Smoothness(5.0, 10.0, 0.0)},
+            "difference at outlines: expected a finite number above 0",
+        ),
     ],
 )
 def test_fields_that_do_not_fit_are_refused(changes, message):

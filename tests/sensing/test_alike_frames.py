@@ -41,4 +41,4 @@ def test_no_part_of_the_frames_is_advised_where_none_is_taken(options, message):
     for take in (require_alike_frames, lambda sensor: LiveFilm(sensor, window=8, step=4)):
         with pytest.raises(ValueError, match=message) as caught:
             take(sensor)
-        assert str(caught.value).endswith("take single bits of one gain and threshold")
+        assert str(caught.value).endswith("take frames of one gain and threshold")

@@ -134,7 +134,11 @@ def test_forward_mode_derivatives_agree_with_those_of_pytorch_operations(transfo
 @pytest.mark.parametrize("dtype", [torch.bfloat16, torch.float32, torch.float64])
 def test_dual_numbers_agree_with_reverse_mode(dtype):
     z, coefficients = random_planes((2, 3, 5), *KNOTS[1], dtype)
-    tangents = torch.randn(z.shape, dtype=dtype), torch.randn(coefficients.shape, dtype=dtype)
+    seeded = torch.Generator().manual_seed(0)
+    tangents = [
+        torch.randn(each.shape, generator=seeded, dtype=torch.float64).to(dtype)
+        for each in (z, coefficients)
+    ]
     pair = z.detach(), coefficients.detach()
     with forward_ad.dual_level():
         duals = (forward_ad.make_dual(*each) for each in zip(pair, tangents, strict=True))
@@ -145,7 +149,8 @@ def test_dual_numbers_agree_with_reverse_mode(dtype):
     tolerance = {"atol": 0.05 if dtype == torch.bfloat16 else 1e-5, "rtol": 0.02}
     torch.testing.assert_close(values, expected.detach(), **tolerance)
     total = sum((g * t).sum() for g, t in zip(gradients, tangents, strict=True))
-    torch.testing.assert_close(tangent.sum(), total, **tolerance | {"atol": 1e-3})
+    is_rough = dtype == torch.bfloat16
+    torch.testing.assert_close(tangent.sum(), total, atol=0.2 if is_rough else 1e-3, rtol=0.02)
 
 
 @pytest.mark.parametrize("function", [spline, spline_reference])

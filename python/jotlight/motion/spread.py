@@ -80,10 +80,10 @@ class SpreadReadings:
     stated: Sensor
 
     def __post_init__(self) -> None:
-        if self.stated.oversampling > 1 or self.stated.threshold != 1:
+        if self.stated.oversampling > 1:
             raise ValueError(
-                "sensor: expected a threshold and an oversampling of 1 for the motion in readings "
-                f"of several bits, got {self.stated!r}"
+                "sensor: expected an oversampling of 1 for the motion in readings of several bits, "
+                f"got {self.stated.oversampling}"
             )
 
     @cached_property

@@ -29,11 +29,6 @@ def test_gray_levels_are_reported_once_and_not_for_each_frame(name):
     assert message.startswith(f"{name}: most intensities should be at most max_intensity=1, but")
 
 
-def test_readings_of_several_bits_are_refused_with_what_to_leave_out():
-    with pytest.raises(ValueError, match="got 3 bits per reading; leave out bit_depth= "):
-        moving(CAMERA[:40, :40], sensor=jl.Sensor(frames=4, bit_depth=3))
-
-
 @pytest.mark.parametrize(
     ("photograph", "foreground", "expected"),
     [((40, 40), (40, 40, 3), r"\(H, W\)"), ((40, 40, 3), (40, 40), r"\(H, W, 3\)")],

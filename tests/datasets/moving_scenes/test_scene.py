@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 import jotlight as jl
 from jotlight.datasets import MOTIONS, moving
 from jotlight.datasets.moving_scenes.kinds import _blob
+from jotlight.sensing.multibit import reading_probability
 
 CAMERA = gaussian_filter(jl.datasets.photograph()[100:356, 150:406], 2)
 COINS = gaussian_filter(jl.datasets.photograph("coins")[:160, :160], 2)
@@ -329,3 +330,18 @@ def test_detail_that_a_scene_has_not_is_refused(upsample):
         scene.image(upsample=upsample)
     with pytest.raises(ValueError, match="detail: expected"):
         moving(CAMERA, "static", detail=0)
+
+
+def test_readings_of_several_bits_are_drawn_frame_by_frame():
+    sensor = jl.Sensor(frames=20, gain=40.0, bit_depth=3, read_noise=0.2)
+    scene = scene_of("shake", sensor=sensor, shape=(40, 48))
+    readings = scene.bits
+    assert (readings.shape, readings.sensor) == ((20, 40, 48), sensor)
+    # The same frame is the same readings, and those of its own image.
+    np.testing.assert_array_equal(readings[7], readings.to_array()[7])
+    for frame in (0, 13):
+        light = 2.0 * scene.image(frame)
+        mean = reading_probability(np.arange(8)[:, None, None], light, bit_depth=3, read_noise=0.2)
+        expected = np.tensordot(np.arange(8), mean, axes=1)
+        assert readings[frame].mean() == pytest.approx(expected.mean(), abs=0.12)
+        assert np.corrcoef(readings[frame].ravel(), expected.ravel())[0, 1] > 0.4
