@@ -112,6 +112,8 @@ def test_bad_methods_are_refused(mosaic, method, message):
         demosaic(np.zeros((8, 8)), Mosaic(mosaic), method)
 
 
-def test_a_part_without_all_colors_is_refused():
-    with pytest.raises(ValueError, match="got R; reconstruct a larger image"):
-        demosaic(np.zeros((1, 1)), Mosaic("RGGB"), "differences")
+@pytest.mark.parametrize("method", ["differences", "menon"])
+@pytest.mark.parametrize(("shape", "seen"), [((1, 1), "R"), ((1, 16), "RG"), ((5, 1), "RG")])
+def test_a_part_without_all_colors_is_refused(method, shape, seen):
+    with pytest.raises(ValueError, match=f"got {seen}; reconstruct a larger image"):
+        demosaic(np.zeros(shape), Mosaic("RGGB"), method)

@@ -35,10 +35,10 @@ def test_bits_of_a_bracket_have_the_counts_of_the_formula():
     trials = information * p * (1 - p) / slope**2
     weights = slopes / (own * (1 - own)) * p * (1 - p) / slope
     ones = trials * p + np.tensordot(weights, bits.to_array() - own[:, None, None], axes=1)
-    np.testing.assert_allclose(merged.trials, np.maximum(trials, merged.ones), rtol=1e-9)
     # Rounding keeps the sum of each row, as far as no debt is forgotten.
     assert (ones < 0).any()
     assert merged.ones.sum() == pytest.approx(ones.sum(), rel=0.01)
+    assert merged.trials.sum() == pytest.approx(trials * ones.size, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -67,16 +67,23 @@ def test_a_few_readings_have_no_bias(sensor):
     assert abs(fractions.mean() - p) > 2 * abs(found - p) or sensor.read_noise > 0
 
 
-def test_the_trials_do_not_depend_on_the_noise():
+def test_the_trials_hardly_depend_on_the_noise():
     sensor = jl.Sensor(frames=12, gain=np.repeat([8.0, 1.0, 1 / 8], 4))
     _, first = merged_near(sensor, 0.5)
     _, second = merged_near(sensor, 0.5, rng=1)
     assert (first.ones != second.ones).any()
     for merged in (first, second):
-        # Rounding may make more ones than trials, which are then as many.
-        usual = merged.trials[merged.ones < merged.trials]
-        assert usual.size > 0.8 * merged.trials.size
-        np.testing.assert_allclose(usual, first.trials.min(), rtol=1e-12)
+        assert merged.trials.mean() == pytest.approx(first.trials.mean(), rel=0.001)
+        assert np.median(abs(merged.trials - np.median(first.trials))) <= 1
+
+
+@pytest.mark.parametrize("intensity", [0.3, 0.6])
+def test_mostly_saturated_readings_have_no_bias(intensity):
+    # Pixels of one or two trials are nearly all ones, so rounded ones exceed the trials.
+    _, merged = merged_near(jl.Sensor(frames=4, gain=4 * GAINS), intensity)
+    fraction = merged.ones.sum() / merged.trials.sum()
+    found = -np.log1p(-fraction) / merged.sensor.light_per_intensity
+    assert found == pytest.approx(intensity, rel=0.05)
 
 
 def test_a_wrong_intensity_changes_the_result_less_than_it_is_wrong():

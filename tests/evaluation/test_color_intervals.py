@@ -174,6 +174,12 @@ def test_a_scene_unlike_photographs_is_unlikely():
     assert strange > 0.5 > 0.05 > usual
 
 
+def test_halves_of_a_tiny_image_may_lack_a_color():
+    sensor = jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0], mosaic="RGBW")
+    known = jl.uncertainty(sensor.expose(np.full((2, 2, 3), 0.4), rng=0))
+    assert (known.low < known.high).all()
+
+
 def test_bad_input_is_refused():
     bits = expose()
     many = jl.Sensor(frames=4096, mosaic="RGGB")

@@ -89,7 +89,7 @@ def test_classical_methods_have_no_bias_for_a_few_readings(sensor, method):
         assert estimate.mean() == pytest.approx(truth.mean(), rel=0.05)
     # Counts at the maximum of each pixel make them worse.
     before = jl.reconstruct(jl.merge_readings(bits), method=method)
-    assert jl.metrics.psnr(estimate, truth) > jl.metrics.psnr(before, truth) + 1
+    assert jl.metrics.psnr(estimate, truth) > jl.metrics.psnr(before, truth) + 0.9
 
 
 @pytest.mark.slow
@@ -200,3 +200,10 @@ def test_three_channels_of_a_few_readings_have_no_bias():
     sensor = jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0])
     estimate = jl.reconstruct(sensor.expose(truth, rng=0, channel_axis=-1))
     assert estimate.mean() == pytest.approx(truth.mean(), rel=0.02)
+
+
+def test_mostly_saturated_readings_have_little_bias():
+    truth = photograph("camera")[100:356:2, 100:356:2].astype(np.float64)
+    sensor = jl.Sensor(frames=8, gain=96.0, bit_depth=2)
+    estimate = jl.reconstruct(sensor.expose(truth, rng=0))
+    assert estimate.mean() == pytest.approx(truth.mean(), rel=0.04)

@@ -9,12 +9,15 @@ import pytest
 import jotlight as jl
 from jotlight.datasets import photograph
 from jotlight.estimators.demosaicing import demosaic
+from jotlight.evaluation.mosaics import count_image
 from jotlight.formats.checksums import file_checksum
 from jotlight.networks.pretrained import MOSAIC_FILE
 from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.readings import without_mosaic
 
 SCENE = photograph("astronaut")[:256:4, 100:356:4].astype(np.float64)
 RANDOM = Mosaic(np.random.default_rng(0).integers(4, size=(64, 64)), "RGBW")
+RGBW = Mosaic("RGBW")
 LINEAR = {"demosaicing": "differences"}
 
 
@@ -124,6 +127,25 @@ def test_the_color_network_takes_readings_that_differ(options):
     assert info.method == "network-color"
     assert found.mean() == pytest.approx(SCENE.mean(), rel=0.05)
     assert psnr(found) > psnr(jl.reconstruct(readings, demosaicing="differences")) + 0.5
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"frames": 48, "gain": np.repeat([8.0, 1.0, 0.125], 16)},
+        {"frames": 16, "gain": 64.0, "threshold": [1, 2, 3, 4] * 4},
+        {"frames": 16, "gain": 32.0, "bit_depth": 3, "read_noise": 0.3},
+    ],
+)
+def test_clear_pixels_see_more_than_the_largest_intensity(options):
+    # White of 0.8 is 2.4 behind a clear filter.
+    sensor = jl.Sensor(mosaic="RGBW", **options)
+    white = np.full((64, 64, 3), 0.8)
+    merged, own = count_image(sensor.expose(white, rng=0), without_mosaic(sensor), None, RGBW)
+    clear = (slice(1, None, 2), slice(1, None, 2))
+    fraction = merged.counts[clear].sum() / merged.trials[clear].sum()
+    assert -np.log1p(-fraction) / own.light_per_intensity == pytest.approx(2.4, rel=0.03)
+    assert own.max_intensity == merged.sensor.max_intensity == 1
 
 
 @pytest.mark.parametrize(

@@ -123,7 +123,7 @@ def test_patches_are_as_high_as_the_photograph_is_wide():
     ("photographs", "settings", "message"),
     [
         ([], {}, "photographs: expected at least one, got none"),
-        ([COLOR / 255], {}, "photographs: expected uint8 arrays, got float64 for number 0"),
+        ([COLOR / 255], {}, r"uint8 arrays, got float64 for number 0; \(255 \* image\)"),
         ([GRAY, "name.png"], {}, "photographs: expected uint8 arrays, got str for number 1"),
         ([COLOR[..., :2]], {}, r"expected shapes \(H, W\) or \(H, W, 3\), got \(12, 16, 2\)"),
         ([GRAY[:0]], {}, r"expected shapes .* got \(0, 16\)"),

@@ -102,13 +102,15 @@ def demosaic(
     image = np.asarray(values, np.float64)
     places = mosaic.full(*image.shape)
     share = np.bincount(places.ravel(), minlength=len(mosaic.filters)) / places.size
+    weights = share * mosaic.sensitivity
+    mosaic.inverse(weights)  # Menon's method fails without one of the filters
     if method == "menon":
         assert mosaic.bayer is not None, "choose_demosaicing checked it"
         planes = _menon(image, mosaic.bayer)
         planes = planes[..., ["RGB".index(letter) for letter in mosaic.filters]]
     else:
         planes = _differences(image, places, share)
-    return mosaic.colors(planes, share * mosaic.sensitivity)
+    return mosaic.colors(planes, weights)
 
 
 def _menon(values: Values, order: str) -> Values:

@@ -38,6 +38,9 @@ _MAP_SIGMA = 0.4
 Some of their pixels say much and their neighbors little, and denoisers take both for equally good.
 """
 
+_LEAST_TRIALS = 0.01
+"""Maximum number of trials of a pixel without ones and zeros. It is not dead, but says nothing."""
+
 _MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
 
@@ -121,8 +124,9 @@ def merge_near(
     The derivative g and the information I are those at the given intensities, instead of at the
     most likely intensity of each pixel (:func:`jotlight.merge_readings`). So the trials do not
     depend on the noise of a pixel, and the ones are a linear function of its readings, without
-    bias. They are rounded such that the errors of neighbors cancel. Counts of a map of thresholds
-    are averaged over the nearest neighbors, unless there is a mosaic.
+    bias. They are rounded such that the errors of neighbors cancel. Where rounding makes more ones
+    than trials, the next pixels have fewer trials. Counts of a map of
+    thresholds are averaged over the nearest neighbors, unless there is a mosaic.
 
     Parameters
     ----------
@@ -140,9 +144,10 @@ def merge_near(
     >>> from jotlight.sensing.joint_likelihood import joint_likelihood
     >>> from jotlight.sensing.sensor import Sensor
     >>> sensor = Sensor(frames=2, gain=[1.0, 3.0], max_intensity=9.0)
-    >>> joint = joint_likelihood(Bits.from_array([[[1, 0]], [[1, 0]]]), sensor, None)
-    >>> merge_near(joint, np.full((1, 2), 0.5)).trials.round(2)
-    array([[2.68, 2.68]])
+    >>> joint = joint_likelihood(Bits.from_array(np.ones((2, 1, 100), bool)), sensor, None)
+    >>> merged = merge_near(joint, np.full((1, 100), 0.5))
+    >>> int(merged.ones.sum()), round(float(merged.trials.sum()))
+    (199, 268)
     """
     from scipy.ndimage import gaussian_filter
 
@@ -160,11 +165,25 @@ def merge_near(
         ones, trials = (gaussian_filter(part, _MAP_SIGMA) for part in (ones, trials))
     trials = np.minimum(trials, MAX_TRIALS)
     ones = np.minimum(ones, MAX_TRIALS)
-    whole = np.zeros(ones.shape)
+    whole, zeros = np.zeros(ones.shape), np.zeros(ones.shape)
     for own in _of_each_filter(pattern, ones.shape):
         whole += diffuse(np.where(own, ones, 0.0), own & (trials > 0))
-    trials = np.maximum(trials, whole)
+        zeros += _carry_debts(np.where(own, trials - whole, 0.0))
+    trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, _LEAST_TRIALS))
     return Merged(whole.astype(np.int32), trials, reference, dark_counts, efficiency)
+
+
+def _carry_debts(values: Array) -> Array:
+    """Return numbers from 0 with the same sums along each row, as far as debts can be paid.
+
+    Examples
+    --------
+    >>> _carry_debts(np.array([[1.0, -0.75, 0.5, 0.5]]))
+    array([[1.  , 0.  , 0.  , 0.25]])
+    """
+    sums = np.cumsum(values, axis=1)
+    paid = np.maximum(np.maximum.accumulate(sums, axis=1), 0)
+    return np.diff(paid, axis=1, prepend=0.0)
 
 
 def _of_each_filter(

@@ -29,6 +29,7 @@ from jotlight.evaluation.methods import LARGE_TRIALS
 from jotlight.evaluation.mosaics import count_image
 from jotlight.layout import Layout
 from jotlight.networks.color_inference import estimate_mosaic
+from jotlight.networks.mosaic_planes import find_unseen
 from jotlight.networks.pretrained import (
     COLOR_START,
     MOSAIC_FILE,
@@ -111,19 +112,22 @@ class MosaicPixels:
     def halves(self) -> list[tuple[Image, Half, Half]]:
         """Return the colors from each half of the bits, that half, and the other.
 
-        There are none if halves show no errors.
+        There are none if halves show no errors: with few trials, or in a tiny image, where a half
+        may have no bit of a color.
         """
         if np.median(self.trials) < MIN_TRIALS:
             return []
         pair = divide_bits(self.counted.counts, self.trials)
         jot = self.counted.efficiency, self.counted.dark_counts
         gray = Pixels(self.sensor, self.counted.counts, self.trials, *jot)
-        halves = []
-        for half, other in (pair, pair[::-1]):
-            merged = gray.merged(half.ones, half.trials)
-            colors = self.estimate(count_pixels(merged, self.sensor, self.threads))
-            halves.append((colors, half, other))
-        return halves
+        counted = [
+            count_pixels(gray.merged(half.ones, half.trials), self.sensor, self.threads)
+            for half in pair
+        ]
+        if any(find_unseen(each, self.mosaic) for each in counted):
+            return []
+        colors = map(self.estimate, counted)
+        return list(zip(colors, pair, pair[::-1], strict=True))
 
     def scale(
         self, model: ErrorModel, colors: Image, halves: list[tuple[Image, Half, Half]]

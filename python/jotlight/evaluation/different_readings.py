@@ -89,7 +89,7 @@ def _merging_for(
 
 def _merge_for_network(joint: JointLikelihood, threads: int | None) -> Merged:
     """Return equivalent counts of a gray image near estimates of a network."""
-    merged = merge_joint(joint)
+    merged = merge_near_neighbors(joint)
     if joint.sensor.has_plain_bits:
         return merged
     network = pretrained_conditional(merged.sensor, CONDITIONAL_SIZE)

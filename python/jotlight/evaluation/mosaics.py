@@ -1,5 +1,6 @@
 """Color estimates of sensors with a mosaic: by the color network, or planes and demosaicing."""
 
+import dataclasses
 import time
 from collections.abc import Callable
 from typing import Any
@@ -244,7 +245,11 @@ def count_image(
         counted = count_pixels(one, sensor, threads)
         if not counted.varies_within_pixels:
             return counted, sensor
-    joint = joint_likelihood(one, sensor, threads)
+    # A pixel behind a clear filter sees the sum of the colors, which may exceed S.
+    most = 1.0 if mosaic is None else max(1.0, float(mosaic.sensitivity.max()))
+    bright = sensor.replace(max_intensity=most * sensor.max_intensity)
+    joint = joint_likelihood(one, bright, threads)
     pattern = None if mosaic is None else mosaic.full(*joint.shape)
     merged = merge_near_neighbors(joint, pattern)
-    return count_pixels(merged, merged.sensor, threads), merged.sensor
+    own = merged.sensor.replace(max_intensity=sensor.max_intensity)
+    return count_pixels(dataclasses.replace(merged, sensor=own), own, threads), own

@@ -59,15 +59,17 @@ def estimate_values(
     """
     places = mosaic.full(*counted.counts.shape)
     by_filter = mosaic.pattern.size > MAX_POSITIONS
-    filters = list(_planes(places, mosaic))
-    for index, planes in filters:
-        for plane in planes:
-            _check_any_valid(counted, plane, mosaic.filters[index])
+    if unseen := find_unseen(counted, mosaic):
+        raise ValueError(
+            "trials: expected at least one pixel with a valid bit behind each filter of the "
+            f"mosaic, got none behind {unseen}; the sensor's mask marks all of its jots as dead, "
+            "or all of its trials are 0"
+        )
     if by_filter and (dead := counted.dead_pixels) is not None:
         warn_about_dead_pixels(dead[None])
     values = np.zeros(counted.counts.shape, np.float32)
     infos = []
-    for index, planes in filters:
+    for index, planes in _planes(places, mosaic):
         own = _plane_sensor(sensor, float(mosaic.sensitivity[index]))
         # In planes by filter, the pixels of other filters are not dead.
         with hide_warnings(NO_VALID_BIT) if by_filter else contextlib.nullcontext():
@@ -115,20 +117,27 @@ def _planes(places: Pattern, mosaic: Mosaic) -> Iterator[tuple[int, list[_Plane]
         yield index, same
 
 
-def _check_any_valid(counted: PixelCounts, plane: _Plane, name: str) -> None:
-    """Raise ValueError unless some pixel of a plane of the filter `name` has a valid bit."""
+def find_unseen(counted: PixelCounts, mosaic: Mosaic) -> str | None:
+    """Return which plane has no pixel with a valid bit, or None if there is no such plane.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> sensor = Sensor(frames=4, mask=np.array([[False, False], [False, True]]))
+    >>> find_unseen(count_pixels(np.zeros((2, 2), np.int32), sensor, None), Mosaic("RGGB"))
+    'B, whose first pixel is (1, 1)'
+    """
     dead = counted.dead_pixels
     if dead is None:
-        return
-    own = plane.take(dead) if plane.own is None else dead[plane.own]
-    if own.all():
-        first = plane.rows.start, plane.columns.start
-        where = f", whose first pixel is {first}" if plane.own is None else ""
-        raise ValueError(
-            f"trials: expected at least one pixel with a valid bit behind each filter of the "
-            f"mosaic, got none behind {name}{where}; the sensor's mask marks all of its jots as "
-            "dead, or all of its trials are 0"
-        )
+        return None
+    for index, planes in _planes(mosaic.full(*counted.counts.shape), mosaic):
+        for plane in planes:
+            own = plane.take(dead) if plane.own is None else dead[plane.own]
+            if own.all():
+                first = plane.rows.start, plane.columns.start
+                where = f", whose first pixel is {first}" if plane.own is None else ""
+                return f"{mosaic.filters[index]}{where}"
+    return None
 
 
 def _plane_sensor(sensor: Sensor, sensitivity: float) -> Sensor:

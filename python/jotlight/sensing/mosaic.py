@@ -259,6 +259,18 @@ class Mosaic:
         >>> mixed.colors(np.array([0.5, 0.2, 0.1]), [1, 2, 1]).round(4)
         array([0.5875, 0.2   , 0.1   ])
         """
+        return np.asarray(values @ self.inverse(weights).T * self.white_balance)
+
+    def inverse(self, weights: npt.ArrayLike) -> Colors:
+        """Return the matrix from what the filters see to red, green, and blue, (3, N).
+
+        The parameters and errors are those of :meth:`colors`.
+
+        Examples
+        --------
+        >>> np.allclose(Mosaic("RGGB").inverse([1, 2, 1]), np.eye(3))
+        True
+        """
         scale = np.sqrt(np.asarray(weights, np.float64))[:, None]
         matrix = self.transmission / self.sensitivity[:, None] * scale
         if np.linalg.matrix_rank(matrix) < 3:
@@ -267,8 +279,7 @@ class Mosaic:
                 f"mosaic: expected pixels of filters that tell red, green, and blue apart, got "
                 f"{used}; reconstruct a larger image"
             )
-        inverse = np.linalg.pinv(matrix) * scale.T
-        return np.asarray(values @ inverse.T * self.white_balance)
+        return np.asarray(np.linalg.pinv(matrix) * scale.T)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Mosaic):

@@ -262,6 +262,9 @@ COUNTS_ADVICE = (
 )
 """What to do with readings that a method of counts does not take."""
 
+MOSAIC_ADVICE = "jotlight.reconstruct and jotlight.uncertainty take such readings behind a mosaic"
+"""The same for a sensor with a mosaic."""
+
 
 def require_plain_bits(sensor: GroupedSensor, advice: str = COUNTS_ADVICE) -> None:
     """Raise ValueError unless the readings are bits with one gain and threshold, without noise.

@@ -294,8 +294,9 @@ def require_sensor(
     """
     require_any_sensor(sensor)
     assert isinstance(sensor, Sensor)
+    advice = readings.COUNTS_ADVICE if sensor.mosaic is None else readings.MOSAIC_ADVICE
     if takes_mosaics:
         sensor = readings.without_mosaic(sensor)
     readings.refuse_mosaic(sensor)
     if not may_differ:
-        readings.require_plain_bits(sensor)
+        readings.require_plain_bits(sensor, advice)

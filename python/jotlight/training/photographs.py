@@ -198,7 +198,10 @@ def planes_of(photograph: npt.NDArray[np.uint8], index: int) -> Planes:
     """Return the planes of a photograph, after checks."""
     if not isinstance(photograph, np.ndarray) or photograph.dtype != np.uint8:
         kind = getattr(photograph, "dtype", type(photograph).__name__)
-        raise TypeError(f"photographs: expected uint8 arrays, got {kind} for number {index}")
+        raise TypeError(
+            f"photographs: expected uint8 arrays, got {kind} for number {index}; "
+            "(255 * image).round().astype(numpy.uint8) is one of an image in [0, 1]"
+        )
     is_color = photograph.ndim == 3 and photograph.shape[2] == 3
     if photograph.size == 0 or not (is_color or photograph.ndim == 2):
         raise ValueError(
