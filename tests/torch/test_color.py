@@ -64,6 +64,8 @@ def test_the_pixels_of_channels_have_all_filters():
 def test_training_lowers_the_error(mosaics, monkeypatch):
     # A few steps hardly improve the usual start.
     monkeypatch.setattr(color_patches, "COLOR_START", "two-layer")
+    # They hardly improve patches that are far too bright or too dark.
+    monkeypatch.setattr(ColorPatchLoader, "extreme_fraction", 1 / 16)
     color_patches._gray.cache_clear()
     source = ColorPatches([PHOTOGRAPH], mosaics=mosaics)
     loader = ColorPatchLoader(source, START, jl.Sensor(), seed=5, batch_size=16, side=24)
