@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator
+from typing import Any
 
 from jotlight.checks import whole_number_in_range
 from jotlight.chunks import windows
@@ -102,7 +103,8 @@ def film(
         threads=threads,
     )
     state = begin_film(part, settings)
-    images = (state.next_image(data, 0, span.start) for span in spans)
+    frames: Any = data
+    images = (state.next_image(frames, 0, span.start) for span in spans)
     return images if spread is None else (_corrected(image, spread) for image in images)
 
 

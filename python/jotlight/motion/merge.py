@@ -179,7 +179,7 @@ def _merge_color(
 
 
 def _merge(
-    data: Bits | CountStack,
+    data: Bits | CountStack | Readings,
     burst: Burst,
     sensor: Sensor,
     at: float | None,

@@ -15,7 +15,6 @@ from jotlight.datasets.moving_scenes.textures import Texture
 from jotlight.datasets.scenes import photograph as scikit_image_photograph
 from jotlight.errors import hide_warnings
 from jotlight.seeds import SeedLike
-from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.intensity_scale import MEANING, warn_about_scale
 from jotlight.sensing.photon_readings import Readings
@@ -74,7 +73,8 @@ class MovingScene:
                 f"got {len(self.shape) - 2 and self.shape[2]} channels"
             )
         channels = self.shape[2:] if sensor.mosaic is None else ()
-        self.bits: Bits | Readings
+        # Any, so that the usual case needs no cast.
+        self.bits: Any
         if sensor.bit_depth > 1:
             shape = (sensor.frames, height, width, *channels)
             self.bits = Readings(Frames(shape, self._draw, np.uint16), sensor)
