@@ -93,7 +93,13 @@ def test_corrected_counts_have_no_bias_and_state_their_noise(sensor, intensity):
     assert fraction.var() == pytest.approx(p * (1 - p) / trials.mean(), rel=0.35)
 
 
-@pytest.mark.parametrize("sensor", SENSORS, ids=repr)
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        pytest.param(each, marks=[pytest.mark.slow] * (each.bit_depth in (4, 8)), id=repr(each))
+        for each in SENSORS
+    ],
+)
 def test_a_moving_scene_is_about_as_good_as_one_that_stands_still(sensor):
     scene = scene_of(sensor)
     merged = jl.merge(scene.bits)
