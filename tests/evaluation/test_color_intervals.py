@@ -213,3 +213,13 @@ def test_the_command_line_writes_the_intervals(run, tmp_path, options):
     with np.load(tmp_path / "u.npz") as written:
         np.testing.assert_allclose(written["low"], known.low, atol=1e-5)
         np.testing.assert_array_equal(written["flags"], known.flags())
+
+
+def test_readings_have_intervals_wherever_the_color_network_takes_them():
+    readings = expose(RANDOM, trials=1, bit_depth=8, gain=100.0)
+    # Clear pixels have more than 1,000 equivalent trials.
+    estimate, info = jl.reconstruct(readings, return_info=True)
+    assert info.method == "network-color"
+    known = jl.uncertainty(readings)
+    assert ((known.low <= estimate) & (estimate <= known.high)).mean() > 0.9
+    assert covered(known) > 0.7

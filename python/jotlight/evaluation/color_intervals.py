@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import hide_warnings
+from jotlight.estimators.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.error_scale import (
     COLOR_FILE,
@@ -230,7 +231,7 @@ def find_color_intervals(
     return results
 
 
-def check_color_errors_known(trials: float) -> None:
+def check_color_errors_known(trials: float | np.floating) -> None:
     """Raise ValueError if the errors of colors are not known for a number of trials per pixel.
 
     Examples
@@ -283,7 +284,8 @@ def mosaic_uncertainty(
     for one in images.data:
         counted, own = count_image(one, gray, threads, mosaic)
         pixels.append(MosaicPixels.of(counted, own, mosaic, threads))
-        check_color_errors_known(float(np.median(pixels[-1].trials)))
+        is_plain = gray.has_plain_bits
+        check_color_errors_known(np.median(pixels[-1].trials) if is_plain else typical_trials(gray))
     expected = *images.layout.shape, *pixels[0].trials.shape, 3
     largest = sensor.max_intensity * np.maximum(mosaic.white_balance, 1e-6)
     colors = read_estimate(estimate(), expected, largest)

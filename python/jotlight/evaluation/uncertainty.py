@@ -9,6 +9,7 @@ import numpy.typing as npt
 from jotlight.checks import real_number, shown
 from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.joint_uncertainty import joint_uncertainty
+from jotlight.estimators.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
 from jotlight.evaluation.channels import takes_channels
 from jotlight.evaluation.choice import check_demosaicing, check_precision_of, choose_method
@@ -247,7 +248,7 @@ def check_errors_known(method: Method | None, sensor: Sensor) -> None:
     ValueError: data: expected up to 1,000 trials per pixel, because ...
     """
     if sensor.mosaic is not None:
-        check_color_errors_known(sensor.trials)
+        check_color_errors_known(typical_trials(sensor))
     if method != EXACT_METHOD and sensor.kernel != "box":
         raise ValueError(
             f"sensor: expected the box kernel, got {sensor.kernel}: the errors of its estimates "
