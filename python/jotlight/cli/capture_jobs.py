@@ -76,7 +76,9 @@ def reconstruction_job(
     sensors: dict[Sensor, Sensor],
 ) -> Job:
     """Return the job that reconstructs a capture: a video if there are windows, else an image."""
-    prepared = inputs.prepare_opened(bits, target.output, window=run.window, may_be_color=True)
+    prepared = inputs.prepare_opened(
+        bits, target.output, window=run.window, step=run.step, may_be_color=True
+    )
     estimator = _estimator(prepared, inputs, sensors)
     facts = _method_facts(estimator, prepared, inputs)
     if run.window is not None:

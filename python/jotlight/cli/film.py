@@ -40,6 +40,7 @@ from jotlight.motion.memory import remembers
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.precision import F32
 from jotlight.networks.pretrained import pretrained_film
+from jotlight.sensing.alike_frames import with_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.sensor import Sensor
@@ -120,7 +121,7 @@ def film(
     outputs.check()
     motion.check()
     inputs.check_outputs([outputs.output])
-    job = inputs.prepare(outputs.output, window=outputs.window)
+    job = inputs.prepare(outputs.output, window=outputs.window, step=outputs.step)
     if motion.recurrent:
         job = _by_film_network(job)
     spans = windows(len(job.captured.data), outputs.window, outputs.step)
@@ -311,7 +312,7 @@ def _images(
 def _sensor_of_all(job: Reconstruction, window: int) -> Sensor:
     """Return the sensor of all frames, rather than those of a window."""
     sensor = job.captured.sensor
-    return sensor.replace(frames=sensor.frames // window * len(job.captured.data))
+    return with_frames(sensor, sensor.frames // window * len(job.captured.data))
 
 
 def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:

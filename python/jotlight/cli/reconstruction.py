@@ -92,6 +92,7 @@ class Inputs:
         output: Path,
         *,
         window: int | None = None,
+        step: int | None = None,
     ) -> Reconstruction:
         """Return the reconstruction of an image.
 
@@ -101,11 +102,15 @@ class Inputs:
             Output, beside which the calibration is recorded.
         window : int, optional
             Number of frames of the image. Default: all.
+        step : int, optional
+            Frames from one window to the next. Default: the size of a window.
         """
         opened = self.capture.open(self.path, self.sensor.stated_trials(), self.sensor.bit_depth)
         # Whether the color network takes a single merged image depends on what was merged.
         may_be_color = window is not None or not self.motion.motion
-        return self.prepare_opened(opened, output, window=window, may_be_color=may_be_color)
+        return self.prepare_opened(
+            opened, output, window=window, step=step, may_be_color=may_be_color
+        )
 
     def prepare_opened(
         self,
@@ -113,6 +118,7 @@ class Inputs:
         output: Path,
         *,
         window: int | None = None,
+        step: int | None = None,
         may_be_color: bool = False,
     ) -> Reconstruction:
         """Return the reconstruction of an image from an opened capture, as :meth:`prepare`.
@@ -130,7 +136,9 @@ class Inputs:
             calibration = AppliedCalibration.read(self.sensor.calibration, output)
             self.check_outputs([calibration.record])
         known = None if calibration is None else calibration.calibration
-        captured = self._adapt(add_sensor(opened, self.path, sensor_kwargs, known), network, window)
+        captured = self._adapt(add_sensor(opened, self.path, sensor_kwargs, known), network)
+        if window is not None:
+            captured = self._of_window(captured, window, step)
         is_range_known = captured.has_own_sensor or self.sensor.max_intensity is not None
         choice = choose_method(
             captured.sensor,
@@ -163,23 +171,24 @@ class Inputs:
             self.method.model,
         )
 
-    def _adapt(
-        self, captured: Captured, network: AnyNetwork | None, window: int | None
-    ) -> Captured:
-        """Return the capture as the options, the network, and the window of an image change it."""
+    def _adapt(self, captured: Captured, network: AnyNetwork | None) -> Captured:
+        """Return the capture as the options and the network change it."""
         if self.sensor.find_hot_jots:
             captured = mask_hot_jots(captured)
         is_range_open = self.sensor.max_intensity is None
         if network is not None and network.trials_range is None and is_range_open:
             captured = _with_max_intensity(captured, network.sensor.max_intensity)
-        if window is None:
-            return captured
-        if isinstance(captured.data, Bits) and self.sensor.frames is not None:
+        return captured
+
+    def _of_window(self, captured: Captured, window: int, step: int | None) -> Captured:
+        """Return the capture with the sensor of a window."""
+        stated = self.sensor.frames
+        if isinstance(captured.data, Bits) and stated not in (None, len(captured.data)):
             raise ValueError(
                 "frames: --window states the frames of each image; --frame-range selects frames of "
                 "the capture"
             )
-        return of_window(captured, window)
+        return of_window(captured, window, step)
 
 
 def _with_max_intensity(captured: Captured, max_intensity: float) -> Captured:

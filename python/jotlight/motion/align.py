@@ -1,6 +1,6 @@
 """Alignment: the motion of a scene, estimated from its bits."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from jotlight.motion.jots import Jots
 from jotlight.motion.model import divide, find_paths
 from jotlight.motion.mosaics import enlarge, in_squares, squares_side
 from jotlight.motion.motion import MODELS, Motion
-from jotlight.motion.spread import spread_readings
+from jotlight.motion.spread import SpreadReadings, spread_for_motion
 from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
 from jotlight.progress import Progress, shown_progress
@@ -51,13 +51,14 @@ def align(
     ----------
     data : Bits, CountStack, or Readings
         T frames of bits, of counts as :func:`jotlight.open` returns them, or of readings of several
-        bits; 16 or more. All color channels have the same motion.
+        bits; 16 or more. All color channels have the same motion. The exposures of a bracket repeat
+        in cycles of frames, of which 16 or more are needed.
     sensor : Sensor, optional
         Sensor of the data. Its dead and hot jots are not used, and its maps of the efficiency and
         of the dark counts are part of the likelihood. Default: the one of the bits.
     at : float, optional
         Reference time, from 0 to T - 1 in frames: the time that the image will show. Default: the
-        middle, T // 2.
+        middle, T // 2, or for a bracket the middle of the cycle there.
     model : {"auto", "none", "affine", "segments", "tiles"}
         The model of the motion. "auto" selects the one that explains the bits best.
     threads : int, optional
@@ -111,8 +112,8 @@ def find_motion(
     """Return the motion that :func:`align` returns, and the sums along it if they are known."""
     if (colored := bits_behind_mosaic(data, sensor)) is not None:
         return _motion_behind_mosaic(*colored, at, model, threads, progress), None
-    if (spread := spread_readings(data, sensor)) is not None:
-        data, sensor = spread.counts, spread.sensor
+    if (spread := spread_for_motion(data, sensor)) is not None:
+        return _motion_of_counts(spread, at, model, threads, progress)
     burst, sensor = prepare_burst(data, sensor)
     if model != "auto" and model not in MODELS:
         raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
@@ -131,6 +132,22 @@ def find_motion(
     if time != motion.reference:
         return motion.seen_from(time), None
     return motion, found.consistent
+
+
+def _motion_of_counts(
+    spread: SpreadReadings,
+    at: float | None,
+    model: str,
+    threads: int | None,
+    progress: Callable[[float], object],
+) -> tuple[Motion, Consistent | None]:
+    """Return the motion of readings that become counts of single bits, as :func:`find_motion`."""
+    counts = spread.counts, spread.sensor
+    motion, consistent = find_motion(*counts, None, model, threads, progress)
+    motion = spread.in_frames(motion)
+    if at is None or reference_time(at, spread.readings) == motion.reference:
+        return motion, consistent
+    return motion.seen_from(at), None
 
 
 def bits_behind_mosaic(data: object, sensor: object) -> tuple[Bits, Sensor] | None:
@@ -217,8 +234,8 @@ def prepare_burst(
     return burst, sensor
 
 
-def reference_time(at: float | None, burst: Burst) -> float:
-    """Return the reference time: `at`, or the middle of the burst.
+def reference_time(at: float | None, burst: Sized) -> float:
+    """Return the reference time: `at`, or the middle of the frames of a burst.
 
     Raises
     ------

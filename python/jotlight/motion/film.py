@@ -11,7 +11,8 @@ from jotlight.motion.align import bits_behind_mosaic, prepare_burst
 from jotlight.motion.film_colors import ColorFilmState
 from jotlight.motion.film_image import FilmImage, FilmSettings
 from jotlight.motion.film_state import FilmState
-from jotlight.motion.spread import SpreadReadings, spread_readings
+from jotlight.motion.spread import SpreadReadings, spread_for_motion
+from jotlight.sensing.alike_frames import check_cycles
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.sensor import Sensor
@@ -41,11 +42,11 @@ def film(
     ----------
     data : Bits, CountStack, or Readings
         T frames of bits, of counts as :func:`jotlight.open` returns them, or of readings of several
-        bits.
+        bits. The exposures of a bracket repeat in cycles of frames.
     sensor : Sensor, optional
         Sensor of the data. Default: the one of the bits.
     window : int
-        Number of frames of each image, from 1 to T.
+        Number of frames of each image, from 1 to T. Those of a bracket are whole cycles.
     step : int, optional
         Frames from one window to the next. Default: the size of a window. If it exceeds a
         quarter of a window, the motion of each window is estimated afresh. With a window or more,
@@ -85,9 +86,11 @@ def film(
     >>> [image.motion.reference for image in film(scene.bits, window=32, step=8, causal=True)]
     [31.0, 31.0, 31.0]
     """
-    spread = spread_readings(data, sensor)
+    spread = spread_for_motion(data, sensor)
     if spread is not None:
+        check_cycles(spread.cycle, window, step)
         data, sensor = spread.counts, spread.sensor
+        window, step = window // spread.cycle, None if step is None else step // spread.cycle
     colored = bits_behind_mosaic(data, sensor)
     sensor = prepare_burst(data, sensor)[1] if colored is None else colored[1]
     spans = windows(len(data), window, step)
@@ -109,10 +112,16 @@ def film(
 
 
 def _corrected(image: FilmImage, spread: SpreadReadings) -> FilmImage:
-    """Return an image with the counts of readings of several bits."""
+    """Return an image of counts as one of the readings that became these counts."""
     merged = spread.correct(image.merged)
-    nearest = tuple(spread.correct(each) for each in image.nearest)
-    return dataclasses.replace(image, merged=merged, data=merged, nearest=nearest)
+    return dataclasses.replace(
+        image,
+        merged=merged,
+        data=merged,
+        nearest=tuple(spread.correct(each) for each in image.nearest),
+        motion=spread.in_frames(image.motion),
+        start=spread.cycle * image.start,
+    )
 
 
 def begin_film(sensor: Sensor, settings: FilmSettings) -> "FilmState | ColorFilmState":

@@ -28,9 +28,9 @@ from jotlight.motion.merged_pixels import as_fine, as_merged
 from jotlight.motion.model import divide
 from jotlight.motion.mosaic_colors import join_colors, sensors_of_colors
 from jotlight.motion.motion import Motion
-from jotlight.motion.spread import spread_readings
+from jotlight.motion.spread import spread_for_motion
 from jotlight.motion.track import Paths, Track
-from jotlight.progress import Progress, Update, shown_progress
+from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.photon_readings import Readings
@@ -70,7 +70,7 @@ def merge(
     ----------
     data : Bits, CountStack, or Readings
         T frames of bits, of counts as :func:`jotlight.open` returns them, or of readings of several
-        bits.
+        bits. The exposures of a bracket repeat in cycles of frames.
     sensor : Sensor, optional
         Sensor of the data. Default: the one of the bits.
     at : float, optional
@@ -95,7 +95,8 @@ def merge(
         Counts of pixels, which all methods and networks accept in place of bits. Behind a mosaic of
         ideal filters R, G, and B, they are color counts, (H, W, 3): along a motion, each pixel of
         the image is seen through all filters. If the scene stands still (model "none"),
-        reconstruct the bits instead. Of readings of several bits, they are equivalent counts.
+        reconstruct the bits instead. Of brackets and of readings of several bits, they are
+        equivalent counts.
 
     Raises
     ------
@@ -123,17 +124,25 @@ def merge(
         )
     if (colored := bits_behind_mosaic(data, sensor)) is not None:
         return _merge_colors(*colored, at, motion, upsample, threads, progress)
-    if (spread := spread_readings(data, sensor)) is not None:
-        counts = spread.counts, spread.sensor
-        return spread.correct(
-            merge(*counts, at, motion, upsample=upsample, threads=threads, progress=progress)
-        )
-    burst, sensor = prepare_burst(data, sensor)
-    check_upsample(upsample, sensor)
+    spread = spread_for_motion(data, sensor)
+    counts = (data, sensor) if spread is None else (spread.counts, spread.sensor)
+    burst, own = prepare_burst(*counts)
+    check_upsample(upsample, own)
     with shown_progress(progress, "merging") as update:
-        merged = _merge(data, burst, sensor, at, motion, upsample, threads, update)
+        consistent = None
+        if motion is None:
+            motion, consistent = find_motion(
+                data, sensor, at, "auto", threads, lambda part: update(_ALIGNING * part, "aligning")
+            )
+            update(_ALIGNING, "merging")
+        check_motion(motion, burst.size, len(data))
+        if at is not None and reference_time(at, data) != motion.reference:
+            motion, consistent = motion.seen_from(at), None
+        if spread is not None:
+            motion = spread.in_cycles(motion)
+        merged = _merge(burst, own, motion, consistent, upsample, threads)
         update(1.0)
-    return merged
+    return merged if spread is None else spread.correct(merged)
 
 
 def _merge_colors(
@@ -179,24 +188,15 @@ def _merge_color(
 
 
 def _merge(
-    data: Bits | CountStack | Readings,
     burst: Burst,
     sensor: Sensor,
-    at: float | None,
-    motion: Motion | None,
+    motion: Motion,
+    consistent: Consistent | None,
     upsample: int,
     threads: int | None,
-    update: Update,
 ) -> Merged:
-    """Return the counts along the motion, which is estimated if it is None."""
-    consistent = None
-    if motion is None:
-        motion, consistent = find_motion(
-            data, sensor, at, "auto", threads, lambda part: update(_ALIGNING * part, "aligning")
-        )
-        update(_ALIGNING, "merging")
-    check_motion(motion, burst.size, len(burst))
-    paths, motion = paths_at(burst, sensor, at, motion, threads)
+    """Return the counts along a motion, and the sums along it if they are known."""
+    paths, motion = paths_at(burst, sensor, None, motion, threads)
     if motion.model == "none" and hot_jots(sensor) is not None:
         consistent = None
     return merge_along(paths, motion, sensor, consistent, upsample)

@@ -1,27 +1,37 @@
-"""Readings of several bits as counts of single bits, for motion, and merged counts of them.
+"""Readings as counts of single bits, for motion, and merged counts of them.
 
-The alignment takes counts of bits, whose probabilities follow from one rate. So the photons of a
-reading are spread over n short trials. A trial with a photon is a one. If readings are numbers of
-photons, this is exact: the ones are binomial. Saturation and read noise change the mean and the
-variance of the ones. They do not matter for the motion, and merged counts are corrected for them.
+The alignment takes counts of bits that all show the scene alike. Two steps make such counts:
+
+- The photons of a reading of several bits are spread over n short trials. A trial with a photon is
+  a one. If readings are numbers of photons, this is exact: the ones are binomial.
+- The exposures of a bracket repeat in cycles of frames, such as short, long, short, long. The ones
+  of a cycle are added, so that all sums show the scene alike.
+
+Saturation, read noise, and differences of exposures change the mean and the variance of the ones.
+They do not matter for the motion, and merged counts are corrected for them.
 """
 
 import dataclasses
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.merge_near import average_fractions, diffuse
-from jotlight.estimators.merge_readings import linear_counts
+from jotlight.estimators.merge_readings import linear_counts, reference_sensor
 from jotlight.formats.capture import CountStack
-from jotlight.sensing.alike_frames import require_one_exposure
+from jotlight.motion.motion import Motion
+from jotlight.motion.spread_response import Response
+from jotlight.sensing.alike_frames import exposure_cycle
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.multibit import reading_probability
 from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
@@ -40,32 +50,19 @@ _CENTRAL = 32
 _SEED = 2027
 """Seed of the rounding, so that each frame has the same counts whenever it is read."""
 
-_RATES = 1025
-"""Number of rates in the table of the response."""
-
-
-class Response(NamedTuple):
-    """The counts of readings at some rates, in photons per frame."""
-
-    rates: Array
-    mean: Array
-    """Mean fraction of ones, which increases."""
-    variance: Array
-    """Variance of the fraction of ones of one reading."""
-    slope: Array
-    """Derivative of the mean."""
-
 
 @dataclasses.dataclass(frozen=True)
 class SpreadReadings:
-    """Readings of several bits whose photons are spread over trials.
+    """Readings of several bits, or of a bracket of exposures, as counts of single bits.
 
     Parameters
     ----------
-    readings : Readings
+    readings : Bits or Readings
         The readings, (T, H, W) or (T, H, W, C).
     stated : Sensor
         Their sensor.
+    cycle : int
+        The number of frames after which gains and thresholds repeat.
 
     Examples
     --------
@@ -74,17 +71,20 @@ class SpreadReadings:
     >>> spread = SpreadReadings(readings, sensor)
     >>> spread.trials, spread.sensor
     (31, Sensor(frames=992, gain=64.0))
+    >>> bracket = Sensor(frames=32, gain=[1.0, 7.0] * 16)
+    >>> spread = SpreadReadings(bracket.expose(np.full((8, 8), 0.5), rng=0), bracket, 2)
+    >>> len(spread.counts), spread.counts.trials, spread.sensor
+    (16, 2, Sensor(frames=32, gain=128.0))
     """
 
-    readings: Readings
+    readings: Bits | Readings
     stated: Sensor
+    cycle: int = 1
 
-    def __post_init__(self) -> None:
-        if self.stated.oversampling > 1:
-            raise ValueError(
-                "sensor: expected an oversampling of 1 for the motion in readings of several bits, "
-                f"got {self.stated.oversampling}"
-            )
+    @property
+    def is_mergeable(self) -> bool:
+        """Whether the counts can be merged along a motion: those of gray pixels of one jot."""
+        return self.stated.mosaic is None and self.stated.oversampling == 1
 
     @cached_property
     def _bright(self) -> int:
@@ -95,69 +95,104 @@ class SpreadReadings:
 
     @cached_property
     def trials(self) -> int:
-        """The number n of trials behind a reading: 2^m - 1, so that counts have m digits."""
+        """The number n of trials behind a reading: 1 for bits, or 2^m - 1 for m digits."""
+        if self.stated.bit_depth == 1:
+            return 1
         digits = (_TRIALS_PER_PHOTON * self._bright - 1).bit_length()
         return (1 << min(max(digits, _MIN_DIGITS), _MAX_DIGITS)) - 1
 
     @cached_property
     def sensor(self) -> Sensor:
-        """The sensor of the counts, which has plain bits."""
-        stated = self.stated
-        return stated.replace(
-            frames=stated.frames * self.trials,
-            gain=stated.gain,
+        """A sensor of all counts, whose bits show the scene about alike on average."""
+        gain, threshold = np.sum(self.stated.gain), np.unique(self.stated.threshold)
+        frames = len(self.counts) * self.cycle
+        return self.stated.replace(
+            frames=frames * self.trials,
+            gain=float(gain) * frames / len(self.readings),
+            threshold=int(threshold[0]) if len(threshold) == 1 else 1,
             bit_depth=1,
             read_noise=0.0,
-            dark_counts=stated.dark_counts / self.trials,
+            dark_counts=self.stated.dark_counts / self.trials,
         )
 
     @cached_property
     def counts(self) -> CountStack:
-        """The number of ones of each reading, as a stack that computes them when they are read."""
-        frames = Frames(self.readings.shape, self._read, np.uint16)
+        """The number of ones of each cycle, as a stack that computes them when they are read."""
+        trials = self.cycle * self.trials
+        number = len(self.readings) // self.cycle
+        dtype = np.min_scalar_type(trials)
+        frames = Frames((number, *self.readings.shape[1:]), self._read, dtype)
         provenance = self.readings.provenance or Provenance("readings", "readings")
-        return CountStack(frames, provenance, self.trials)
+        return CountStack(frames, provenance, trials)
 
     @cached_property
     def _ones(self) -> Array:
         """The mean number of ones of each reading that occurs, n (1 - (1 - 1/n)^r)."""
         readings = np.arange(self.stated.max_reading + 1)
+        if self.trials == 1:
+            return readings.astype(np.float64)
         return np.asarray(-self.trials * np.expm1(readings * np.log1p(-1 / self.trials)))
 
-    def _read(self, start: int, stop: int) -> npt.NDArray[np.uint16]:
-        """Return the counts of some frames. Means are rounded at random, so they have no bias."""
-        counts = np.empty((stop - start, *self.readings.shape[1:]), np.uint16)
-        ones = self._ones.astype(np.float32)
-        for index, frame in enumerate(range(start, stop)):
-            noise = np.random.default_rng((_SEED, frame)).random(counts.shape[1:], np.float32)
-            counts[index] = ones[self.readings.read(frame, frame + 1)[0]] + noise
+    def _read(self, start: int, stop: int) -> npt.NDArray[np.unsignedinteger]:
+        """Return the counts of some cycles."""
+        number, frames = stop - start, range(self.cycle * start, self.cycle * stop)
+        dtype = self.counts.images.dtype
+        if self.trials == 1:
+            bits = self.readings[frames.start : frames.stop].to_array()
+            cycles = bits.reshape(number, self.cycle, *bits.shape[1:])
+            return np.asarray(cycles.sum(axis=1, dtype=dtype))
+        counts = np.zeros((number, *self.readings.shape[1:]), dtype)
+        for index, frame in enumerate(frames):
+            counts[index // self.cycle] += self._spread(frame)
         return counts
 
-    @cached_property
-    def response(self) -> Response:
-        """The response up to rates at which nearly all readings are bright ones."""
-        highest = min(self.stated.max_reading, 2 * self._bright + 16)
-        reach = highest + 8 * (np.sqrt(highest) + self.stated.read_noise + 2)
-        rates = np.linspace(0, np.sqrt(reach), _RATES) ** 2
-        readings = np.arange(min(self.stated.max_reading, int(2 * reach)) + 1)
-        probability = reading_probability(
-            readings,
-            rates[:, None],
-            bit_depth=self.stated.bit_depth,
-            read_noise=self.stated.read_noise,
-        )
-        ones = self._ones[: len(readings)]
-        part = ones % 1
-        mean = probability @ ones
-        variance = probability @ (ones**2 + part * (1 - part)) - mean**2
-        n = self.trials
-        mean = np.maximum.accumulate(mean / n)
-        return Response(rates, mean, variance / n**2, np.gradient(mean, rates))
+    def _spread(self, frame: int) -> npt.NDArray[np.uint16]:
+        """Return the ones of a frame. Means are rounded at random, so they have no bias."""
+        readings = self.readings[frame : frame + 1].to_array()[0]
+        noise = np.random.default_rng((_SEED, frame)).random(readings.shape, np.float32)
+        return np.asarray((self._ones.astype(np.float32)[readings] + noise).astype(np.uint16))
 
-    @property
-    def noise_floor(self) -> float:
-        """The ones of a trial without photons, because of read noise. They are dark counts."""
-        return float(self.response.mean[0])
+    @cached_property
+    def responses(self) -> list[tuple[float, Response]]:
+        """The light of each frame of a cycle in units of the mean one, and its response."""
+        gain = np.broadcast_to(self.stated.gain, len(self.readings))[: self.cycle]
+        threshold = np.broadcast_to(self.stated.threshold, len(self.readings))[: self.cycle]
+        bright = self._bright if self.stated.bit_depth > 1 else None
+        of_threshold = {
+            int(each): Response.of(self.stated, int(each), self.trials, self._ones, bright)
+            for each in np.unique(threshold)
+        }
+        return [
+            (float(share), of_threshold[int(each)])
+            for share, each in zip(gain / gain.mean(), threshold, strict=True)
+        ]
+
+    def _of_cycle(self, light: Array, dark_counts: float | Array) -> list[Array]:
+        """Return the mean and the variance of the fraction of ones of a cycle, and the slope.
+
+        Parameters
+        ----------
+        light : ndarray of float
+            The light of a frame, the mean over a cycle, in detected photons.
+        dark_counts : float or ndarray of float
+            The dark counts of a frame.
+        """
+        parts = [
+            (share, response.at(share * light + dark_counts)) for share, response in self.responses
+        ]
+        number = len(parts)
+        mean = sum(part[0] for _, part in parts) / number
+        variance = sum(part[1] for _, part in parts) / number**2
+        slope = sum(share * part[2] for share, part in parts) / number
+        return [np.asarray(each) for each in (mean, variance, slope)]
+
+    def _light(self, fraction: Array, dark_counts: float) -> Array:
+        """Return the light at which the fraction of ones of a cycle is expected."""
+        light = np.unique(
+            np.concatenate([response.rates / share for share, response in self.responses])
+        )
+        mean = np.maximum.accumulate(self._of_cycle(light, dark_counts)[0])
+        return np.asarray(np.interp(fraction, mean, light))
 
     def correct(self, merged: Merged) -> Merged:
         """Return merged counts whose likelihood near averages of neighbors is that of the readings.
@@ -167,48 +202,64 @@ class SpreadReadings:
         merged : Merged
             Counts of :attr:`counts` along a motion.
         """
+        channels = [self._correct(each) for each in merged.channels()]
         if merged.ones.ndim == 2:
-            return self._correct(merged)
-        trials = np.broadcast_to(merged.trials, merged.shape)
-        channels = [
-            self._correct(dataclasses.replace(merged, ones=ones, trials=number, channel_axis=None))
-            for ones, number in zip(
-                np.moveaxis(merged.ones, -1, 0), np.moveaxis(trials, -1, 0), strict=True
-            )
-        ]
+            return channels[0]
         return dataclasses.replace(
-            merged,
+            channels[0],
             ones=np.stack([each.ones for each in channels], axis=-1),
             trials=np.stack([np.asarray(each.trials) for each in channels], axis=-1),
-            dark_counts=channels[0].dark_counts,
-            sensor=channels[0].sensor,
+            channel_axis=-1,
         )
 
     def _correct(self, merged: Merged) -> Merged:
+        reference = reference_sensor(self.stated)
         trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
         known = trials > 0
         fraction = np.where(known, merged.ones / np.where(known, trials, 1), 0.0)
-        table = self.response
-        rates = np.interp(average_fractions(merged), table.mean, table.rates)
-        mean, variance, slope = (np.interp(rates, table.rates, part) for part in table[1:])
-        # With respect to the rate of a trial, which is the nth part of that of a reading.
-        slope = self.trials * np.maximum(slope, 1e-9)
-        weight = trials / self.trials * slope / np.maximum(variance, 1e-12)
-        rate = np.maximum(rates / self.trials + self.noise_floor, 1e-9)
-        ones, number = linear_counts(weight * (fraction - mean), weight * slope, 1.0, rate, rate)
+        dark = merged.dark_counts * self.trials
+        light = self._light(average_fractions(merged), float(np.median(dark)))
+        mean, variance, slope = self._of_cycle(light, dark)
+        slope = np.maximum(slope, 1e-9)
+        weight = trials / (self.trials * self.cycle) * slope / np.maximum(variance, 1e-12)
+        # A jot of the reference sensor gets this light, in units of that of a frame.
+        share = reference.light_per_intensity * len(self.readings) / np.sum(self.stated.gain)
+        floor = float(np.mean(reference.dark_counts) - np.mean(self.stated.dark_counts))
+        rate = np.maximum(share * light + dark + floor, 1e-9)
+        gradient, information = weight * (fraction - mean), weight * slope
+        ones, number = linear_counts(gradient, information, share, rate, rate)
         whole = diffuse(np.where(known, ones, 0.0), known)
         number = np.maximum(np.where(known, number, 0.0), whole)
         return dataclasses.replace(
             merged,
             ones=whole.astype(np.int32),
             trials=number,
-            dark_counts=merged.dark_counts + self.noise_floor,
-            sensor=self.sensor.replace(dark_counts=self.sensor.dark_counts + self.noise_floor),
+            dark_counts=dark + floor,
+            sensor=reference,
         )
+
+    @property
+    def middle(self) -> float:
+        """The time of the first count: the middle of the first cycle, in frames."""
+        return (self.cycle - 1) / 2
+
+    def in_cycles(self, motion: Motion) -> Motion:
+        """Return a motion of frames as that of counts, whose times are numbers of cycles."""
+        times, reference = (
+            (time - self.middle) / self.cycle for time in (motion.times, motion.reference)
+        )
+        return dataclasses.replace(motion, times=times, reference=reference)
+
+    def in_frames(self, motion: Motion) -> Motion:
+        """Return a motion of counts as that of frames. The inverse of :meth:`in_cycles`."""
+        times, reference = (
+            self.cycle * time + self.middle for time in (motion.times, motion.reference)
+        )
+        return dataclasses.replace(motion, times=times, reference=reference)
 
 
 def spread_readings(data: object, sensor: object) -> SpreadReadings | None:
-    """Return readings of several bits spread over trials, and None for other data.
+    """Return readings that are no plain bits as counts of single bits, and None for other data.
 
     Parameters
     ----------
@@ -220,19 +271,41 @@ def spread_readings(data: object, sensor: object) -> SpreadReadings | None:
     Raises
     ------
     ValueError
-        When the readings differ in gain or threshold, or lie behind a mosaic.
+        When thresholds differ from jot to jot, or exposures do not repeat in cycles.
     """
-    if not isinstance(data, Readings | CountStack):
+    if not isinstance(data, Bits | Readings | CountStack):
         return None
-    stated: Any = data.sensor if sensor is None else sensor
-    if not isinstance(stated, Sensor) or stated.bit_depth == 1:
+    stated: Any = sensor
+    if stated is None:
+        stated = carried_sensor(data) if isinstance(data, Bits) else data.sensor
+    if not isinstance(stated, Sensor) or without_mosaic(stated).has_plain_bits:
         return None
-    require_one_exposure(stated)
-    if stated.mosaic is not None:
-        raise ValueError(
-            "sensor: expected no mosaic for the motion in readings of several bits; "
-            "jotlight.reconstruct makes one image of all frames"
-        )
+    if stated.bit_depth == 1 and not isinstance(data, Bits):
+        return None
+    cycle = exposure_cycle(stated)
+    if isinstance(data, Bits):
+        check_fits(data.shape, stated)
+        return SpreadReadings(data, stated, cycle)
     if isinstance(data, CountStack):
-        return SpreadReadings(data.readings(stated), stated)
-    return SpreadReadings(Readings(data.frames, stated, data.provenance), stated)
+        return SpreadReadings(data.readings(stated), stated, cycle)
+    return SpreadReadings(Readings(data.frames, stated, data.provenance), stated, cycle)
+
+
+def spread_for_motion(data: object, sensor: object) -> SpreadReadings | None:
+    """Return what :func:`spread_readings` returns if its counts can be merged along a motion.
+
+    Raises
+    ------
+    ValueError
+        Also when the readings lie behind a mosaic, or have several jots per pixel.
+    """
+    spread = spread_readings(data, sensor)
+    if spread is None or spread.is_mergeable:
+        return spread
+    stated = spread.stated
+    got = f"an oversampling of {stated.oversampling}" if stated.mosaic is None else stated.mosaic
+    raise ValueError(
+        "sensor: expected gray pixels of one jot for the motion in brackets, in readings of "
+        f"several bits, or with read noise, got {got!s}; jotlight.reconstruct makes one image of "
+        "all frames"
+    )
