@@ -148,7 +148,7 @@ def test_a_warning_about_short_windows_is_about_some_images(run, moving):
     status, output = run(*arguments, "-o", "film.npy")
     assert status == 0, output
     warning = (
-        "expected 16 frames or more to estimate a motion, got 8; the scene is assumed to stand"
+        "expected 16 frames, or cycles of exposures, or more to estimate a motion, got 8; the scene"
     )
     assert f"{warning} still (in at least one image)" in output
     with hide_warnings():

@@ -301,7 +301,10 @@ def _unusable(blocks: Blocks) -> str | None:
     """Return why no motion can be estimated, or None if one can be."""
     burst = blocks.burst
     if len(burst) < MIN_FRAMES:
-        return f"expected {MIN_FRAMES} frames or more to estimate a motion, got {len(burst)}"
+        return (
+            f"expected {MIN_FRAMES} frames, or cycles of exposures, or more to estimate a motion, "
+            f"got {len(burst)}"
+        )
     if blocks.valid is not None and not blocks.valid.any():
         return "all jots are dead or hot, so that no motion can be estimated"
     total = burst.counts(range(len(burst)), blocks.threads)
