@@ -7,7 +7,7 @@ In reading order:
 - ``burst``, ``frame_times``, ``blocks``: frames, their places between blocks, and counts of blocks
   of frames along a motion.
 - ``velocity``, ``segments``, ``rotation``, ``objects``: the search for the velocities of the parts
-  of a scene.
+  of a scene. ``velocity_scores``: the correlations behind it.
 - ``scoring``, ``affine``, ``tiles``, ``regularize``, ``deformation``: displacements of blocks, from
   a template. ``smoothing``, ``affine_curve``, ``shrinkage``: their curves in time. ``track``: what
   is known while they are estimated.
