@@ -8,9 +8,9 @@ from jotlight.motion.consistency import Consistent, disagreement, find_consisten
 from jotlight.motion.deformation import LESS_SMOOTH, SMOOTH, follow_tiles
 from jotlight.motion.flags import find_flags
 from jotlight.motion.flicker import without_saturation
+from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.outlines import choose
 from jotlight.motion.regularize import Smoothness
-from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.tiles import mean_tiles
 from jotlight.motion.track import Paths, Track
 

@@ -1,4 +1,4 @@
-"""The motion that explains the bits of a scene best."""
+"""The search for the paths of all pixels that explain the bits of a scene best."""
 
 import dataclasses
 from collections.abc import Callable
@@ -11,11 +11,11 @@ from jotlight.motion.affine import follow, improve_inside, improve_together
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
+from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.objects import add_objects
 from jotlight.motion.outlines import choose
 from jotlight.motion.scoring import make_blurred_template
 from jotlight.motion.segments import Segment, energy_of, find_segments
-from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.tiles import mean_tiles, tile_counts
 from jotlight.motion.track import Paths, Track, keeps_sums
 
@@ -50,26 +50,6 @@ _OBJECTS_UNKNOWN = 0.002, 0.04
 
 If more is unknown, objects that keep their shape hardly explain it, and the search takes long.
 """
-
-_FEW_BLOCKS, _MANY_BLOCKS = 16, 32
-_FRAMES_OF_MANY = 1024
-"""Above this number of frames, the number of blocks grows with the root of that of frames."""
-
-
-def divide(frames: int) -> npt.NDArray[np.intp]:
-    """Return the first frame of each block, and the number of frames.
-
-    There are T/8 blocks, but at least 16. From 256 to 1,024 frames there are 32. More frames have
-    32 √(T/1024) blocks, so that their number and their length both grow.
-
-    Examples
-    --------
-    >>> [len(divide(frames)) - 1 for frames in (64, 200, 1000, 1_000_000)]
-    [16, 25, 32, 1000]
-    """
-    number = int(np.clip(frames / 8, _FEW_BLOCKS, _MANY_BLOCKS))
-    number = round(number * max(1.0, frames / _FRAMES_OF_MANY) ** 0.5)
-    return np.round(np.linspace(0, frames, min(number, frames) + 1)).astype(np.intp)
 
 
 @dataclasses.dataclass(frozen=True)

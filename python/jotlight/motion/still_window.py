@@ -1,4 +1,4 @@
-"""A guard: where the motion is wrong, a short window without alignment may be better."""
+"""A short window without motion, which is better than merged counts where the motion is wrong."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""How much better one motion explains the bits than another one."""
+"""By how much a motion explains the bits better than a scene that stands still."""
 
 from collections.abc import Callable
 
