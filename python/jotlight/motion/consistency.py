@@ -126,13 +126,16 @@ class Consistent:
         """The sums of all blocks: whole numbers of ones and trials."""
         return self.before + self.after
 
+    def mask(self, block: int) -> npt.NDArray[np.bool_]:
+        """Return the pixels of a block that were accepted, (H, W)."""
+        width = self.accepted.shape[1]
+        return np.unpackbits(self.masks[block], axis=1, count=width).view(np.bool_)
+
     def count(self, motion: Counted) -> Sums:
         """Return the sums along the same motion of other data, such as one of several channels."""
-        width = self.accepted.shape[1]
         total = Sums.zeros(motion.blocks.size)
-        for block, packed in enumerate(self.masks):
-            mask = np.unpackbits(packed, axis=1, count=width).view(np.bool_)
-            total = total + motion.sums(block).masked(mask)
+        for block in range(len(self.masks)):
+            total += motion.sums(block).masked(self.mask(block))
         return total
 
 
