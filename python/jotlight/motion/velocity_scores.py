@@ -70,16 +70,9 @@ class VelocityScores:
 
     def of_whole_image(self) -> Scores:
         """Return the scores of the whole image, (m, m), from pairs at all distances."""
-        (scores,) = engine.velocity_scores(
-            self._blocks,
-            [(0, 0)],
-            (self._blocks.shape[1], self._blocks.shape[2]),
-            BAND,
-            list(range(1, self._lags[-1] + 1)),
-            self._places,
-            self._threads,
-        )
-        return scores
+        size = self._blocks.shape[1], self._blocks.shape[2]
+        every = list(range(1, self._lags[-1] + 1))
+        return np.asarray(self._scores([(0, 0)], size, every)[0])
 
     def of_windows(self, stride: int) -> tuple[Scores, Array]:
         """Return the scores of windows, (k, m, m), and the centers of these, (k, 2).
@@ -92,18 +85,18 @@ class VelocityScores:
         stride : int
             Maximum distance of neighboring windows, in bins.
         """
-        size = self._blocks.shape[1:]
-        corners = list(itertools.product(*(window_starts(length, stride) for length in size)))
-        scores = engine.velocity_scores(
-            self._blocks,
-            corners,
-            self._window,
-            BAND,
-            self._lags,
-            self._places,
-            self._threads,
-        )
-        return scores, BIN * (np.array(corners) + (np.array(self._window) - size) / 2)
+        height, width = self._blocks.shape[1:]
+        rows, columns = window_starts(height, stride), window_starts(width, stride)
+        corners = list(itertools.product(rows, columns))
+        centers = BIN * (np.array(corners) + (np.array(self._window) - (height, width)) / 2)
+        return self._scores(corners, self._window, self._lags), centers
+
+    def _scores(
+        self, corners: list[tuple[int, int]], size: tuple[int, int], lags: list[int]
+    ) -> Scores:
+        """Return the scores of windows of a size in bins."""
+        blocks, places = self._blocks, self._places
+        return engine.velocity_scores(blocks, corners, size, BAND, lags, places, self._threads)
 
 
 def window_starts(length: int, stride: int) -> list[int]:
