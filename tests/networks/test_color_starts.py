@@ -53,7 +53,7 @@ def test_follow_agrees_with_least_squares_in_each_square(fraction, side):
 
 def start_of(counts, sensor):
     channels = [count_pixels(np.ascontiguousarray(each), sensor, 1) for each in counts]
-    planes = planes_of_channels(pretrained_conditional(sensor, COLOR_START), channels, sensor, 1)
+    planes = planes_of_channels(pretrained_conditional(sensor, COLOR_START), channels, 1)
     return np.sin(planes[START] + CENTER) ** 2
 
 

@@ -37,7 +37,7 @@ _MIN_WEIGHT = 1e-9
 
 
 def start_of_mosaic(
-    gray: Network, counted: PixelCounts, sensor: Sensor, mosaic: Mosaic, threads: int | None
+    gray: Network, counted: PixelCounts, mosaic: Mosaic, threads: int | None
 ) -> Colors:
     """Return colors of a mosaic by a gray network and color differences, (3, H, W).
 
@@ -47,7 +47,7 @@ def start_of_mosaic(
     def estimate(planes: Any, own: Sensor) -> tuple[Image, None]:
         return gray.reconstruct(planes, own, threads=threads), None
 
-    values, _ = estimate_values(counted, sensor, mosaic, estimate)
+    values, _ = estimate_values(counted, mosaic, estimate)
     plain = dataclasses.replace(mosaic, white_balance=np.ones(3))
     return np.moveaxis(demosaic(values, plain, "differences"), -1, 0)
 
