@@ -28,7 +28,7 @@ from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.evaluation.channels import takes_channels
-from jotlight.evaluation.choice import COLOR_NETWORK, JOINT, Choice, choose_method
+from jotlight.evaluation.choice import BY_COLOR_NETWORK, COLOR_NETWORK, Choice, choose_method
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import DEFAULT_METHOD, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
@@ -122,7 +122,9 @@ class Inputs:
         request = self.method.request()
         if self.motion.factor > 1:
             request = request or DEFAULT_METHOD
-        may_be_color &= self.method.demosaicing in (None, JOINT) and not self.method.fallback
+        may_be_color &= (
+            self.method.demosaicing in (None, BY_COLOR_NETWORK) and not self.method.fallback
+        )
         network = None if self.method.model is None else load_image_network(self.method.model)
         sensor_kwargs = self.sensor.to_kwargs()
         calibration = None

@@ -279,8 +279,8 @@ def checked(estimator: Estimator) -> Estimator:
     )
     if sensor.mosaic is not None:
         is_default = estimator.method == COLOR_NETWORK
-        is_joint = uses_color_network(sensor, demosaicing, is_default=is_default)
-        choose_demosaicing(sensor.mosaic, None if is_joint else demosaicing)
+        by_network = uses_color_network(sensor, demosaicing, is_default=is_default)
+        choose_demosaicing(sensor.mosaic, None if by_network else demosaicing)
     return estimator
 
 

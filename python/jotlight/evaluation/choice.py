@@ -34,7 +34,7 @@ COLOR_NETWORK = "network-color"
 FILM_NETWORK = "network-film"
 """Name of the method that runs the film network, for films along a motion alone."""
 
-JOINT = "network"
+BY_COLOR_NETWORK = "network"
 """The `demosaicing` by the color network."""
 
 TITLES = {
@@ -56,7 +56,7 @@ def check_demosaicing(demosaicing: str | None, sensor: Sensor | None = None) -> 
       ...
     ValueError: demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')
     """
-    names = JOINT, *DEMOSAICING
+    names = BY_COLOR_NETWORK, *DEMOSAICING
     if demosaicing not in (None, *names):
         raise ValueError(f"demosaicing: expected one of {', '.join(names)}, got {demosaicing!r}")
     if demosaicing is not None and sensor is not None and sensor.mosaic is None:

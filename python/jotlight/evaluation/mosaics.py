@@ -11,8 +11,8 @@ import numpy.typing as npt
 from jotlight.estimators.demosaicing import TITLES, choose_demosaicing, demosaic
 from jotlight.estimators.merge_near import merge_near_neighbors
 from jotlight.evaluation.choice import (
+    BY_COLOR_NETWORK,
     COLOR_NETWORK,
-    JOINT,
     OWN_NETWORK,
     check_demosaicing,
     choose_method,
@@ -46,7 +46,7 @@ from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
 
-LIMITS = (
+_TAKEN = (
     "estimates colors from the bits itself: it takes no method, quality, fallback, or options. Its "
     "data are bits or counts with the same trials in all pixels, up to "
     f'{LARGE_TRIALS:,}, or readings that say as much; demosaicing="differences" takes all data'
@@ -177,10 +177,10 @@ def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: b
     """
     check_demosaicing(demosaicing, sensor)
     choice = choose_method(sensor, is_color=is_default)
-    is_joint = choice.method == COLOR_NETWORK and demosaicing in (None, JOINT)
-    if demosaicing == JOINT and not is_joint:
-        raise ValueError(f'demosaicing: "network" {LIMITS}')
-    return is_joint
+    by_network = choice.method == COLOR_NETWORK and demosaicing in (None, BY_COLOR_NETWORK)
+    if demosaicing == BY_COLOR_NETWORK and not by_network:
+        raise ValueError(f'demosaicing: "network" {_TAKEN}')
+    return by_network
 
 
 def check_color_data(sensor: Sensor, *, takes: bool) -> None:

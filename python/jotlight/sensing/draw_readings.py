@@ -30,7 +30,7 @@ def draw_readings(
     result is (frames, rows, columns), or (frames, rows, columns, C) for color.
     """
     check_threads(threads)
-    oversampling = parts[0][1]["oversampling"]
+    oversampling = parts[0].sensor["oversampling"]
     is_color = layout.channel_axis is not None
     stack = layout.shape[:-1] if is_color else layout.shape
     number = int(np.prod(stack, dtype=int))
@@ -49,7 +49,7 @@ def draw_readings(
         place = out[:, :, start : start + len(run)]
         own = dataclasses.replace(window, frames=run)
         # A jot reports 0 in all parts but its own, because their sensors mask it.
-        shared = len(runs) > 1 and parts[0][0] is None
+        shared = len(runs) > 1 and parts[0].frames is None
         target = np.zeros(place.shape, np.uint16) if shared else place
         _draw(sensor, images, seeds, own, target, threads)
         if shared:

@@ -6,7 +6,7 @@ The functions take the sensor as the dictionary that `Sensor.engine_arguments` r
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
-from typing import Any, Self, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -31,8 +31,13 @@ JotFunction = Callable[
 ]
 """A function of the engine that fills some rows of jots: `engine.rate` or `engine.probability`."""
 
-EnginePart = tuple[npt.NDArray[np.intp] | None, EngineSensor]
-"""Readings with the same gain and threshold: their frames, or None for all, and their sensor."""
+
+class EnginePart(NamedTuple):
+    """Readings with the same gain and threshold."""
+
+    frames: npt.NDArray[np.intp] | None
+    """The numbers of their frames, or None for all."""
+    sensor: EngineSensor
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,7 +156,7 @@ def draw_stack(
 
     Their shape is (frames, rows, bytes), or (frames, rows, bytes, C) for color.
     """
-    shape = window.packed_shape(parts[0][1]["oversampling"])
+    shape = window.packed_shape(parts[0].sensor["oversampling"])
     is_color = layout.channel_axis is not None
     stack, channels = (layout.shape[:-1], layout.shape[-1:]) if is_color else (layout.shape, ())
     packed = packed_output((*stack, *shape, *channels), out)
@@ -185,7 +190,7 @@ def draw_parts(
     """
     check_threads(threads)
     if len(parts) == 1:
-        draw_bits(parts[0][1], images, seeds, window, out, threads, progress)
+        draw_bits(parts[0].sensor, images, seeds, window, out, threads, progress)
         return
     out[:] = 0
     jots = len(seeds) * out.shape[3] * out.shape[4] * 8
@@ -305,9 +310,9 @@ def evaluate_parts(
     """
     check_threads(threads)
     if len(parts) == 1:
-        return evaluate_on_jots(function, parts[0][1], image, layout, out, threads)
-    shape = layout.shape_of(_jots_of(layout.split(image), parts[0][1]))
-    if parts[0][0] is not None:
+        return evaluate_on_jots(function, parts[0].sensor, image, layout, out, threads)
+    shape = layout.shape_of(_jots_of(layout.split(image), parts[0].sensor))
+    if parts[0].frames is not None:
         shape = sum(len(frames) for frames in _distinct_frames(parts)), *shape
     total = np.empty(shape, np.float32) if out is None else check_out(out, shape, np.float32)
     if np.may_share_memory(total, image):
