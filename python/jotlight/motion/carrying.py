@@ -9,7 +9,7 @@ from jotlight.formats.capture import CountStack
 from jotlight.motion.affine import (
     SIGMAS,
     extrapolate,
-    improve,
+    improve_block,
     improve_inside,
     improve_together,
     template_of,
@@ -20,7 +20,7 @@ from jotlight.motion.deformation import SMOOTH, improve_tiles, improve_tiles_tog
 from jotlight.motion.depth import refine_outlines
 from jotlight.motion.merge import as_paths
 from jotlight.motion.motion import Motion
-from jotlight.motion.outlines import choose
+from jotlight.motion.outlines import choose_labels
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import normal_equations
 from jotlight.motion.tiles import affine_inverse, tile_counts
@@ -83,7 +83,7 @@ def carry(
     if not _stays_in_view(paths):
         return None
     if paths.free:
-        return refine_outlines(dataclasses.replace(paths, labels=choose(paths.tracks)))
+        return refine_outlines(dataclasses.replace(paths, labels=choose_labels(paths.tracks)))
     # The bits of one window may not say to which segment a smooth region belongs.
     paths = refine_outlines(paths, are_known=True)
     if len(paths.tracks) > 1:
@@ -109,7 +109,7 @@ def _add_blocks(track: Track, known: npt.NDArray[np.bool_], is_of_tiles: bool) -
             if is_of_tiles:
                 improve_tiles(track, int(block), template, sigma, SMOOTH)
             else:
-                improve(track, int(block), template, sigma, weights)
+                improve_block(track, int(block), template, sigma, weights)
         track.known[block] = True
     if is_of_tiles:
         improve_tiles_together(track, SMOOTH, template)

@@ -8,7 +8,7 @@ pairs are added along each velocity. An object is accepted if the bits gain by i
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.affine import follow, start
+from jotlight.motion.affine import follow_segment, start_track
 from jotlight.motion.blocks import Sums
 from jotlight.motion.depth import ComparedBits, object_gains, refine_outlines, without_absent
 from jotlight.motion.equivalent import equivalent_sums
@@ -77,7 +77,7 @@ def _with_object(paths: Paths) -> Paths | None:
             found.append((net, velocity, pixels))
     for _, velocity, pixels in sorted(found, key=lambda each: -each[0])[:_MAX_FOLLOWED]:
         segment = Segment(velocity, np.ones(tile_counts(paths.blocks.size)), energy=0.0, half=0)
-        track = follow(paths.blocks, int(paths.reference), segment, pixels)
+        track = follow_segment(paths.blocks, int(paths.reference), segment, pixels)
         labels = np.where(pixels, np.uint8(index), paths.labels)
         more = without_absent(refine_outlines(Paths([*paths.tracks, track], labels)))
         gains = [
@@ -91,7 +91,7 @@ def _with_object(paths: Paths) -> Paths | None:
 
 def _constant(paths: Paths, velocity: Array) -> Track:
     """Return the track of a constant velocity."""
-    track = start(paths.blocks, int(paths.reference), velocity)
+    track = start_track(paths.blocks, int(paths.reference), velocity)
     times = paths.blocks.centers - paths.reference
     track.nodes = times[:, None, None, None] * velocity
     track.known[:] = True

@@ -7,13 +7,13 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.added_tiles import add_tiles, is_unexplained, share_of_unknown
-from jotlight.motion.affine import follow, improve_inside, improve_together
+from jotlight.motion.affine import follow_segment, improve_inside, improve_together
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
 from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.objects import add_objects
-from jotlight.motion.outlines import choose
+from jotlight.motion.outlines import choose_labels
 from jotlight.motion.scoring import make_blurred_template
 from jotlight.motion.segments import Segment, energy_of, find_segments
 from jotlight.motion.tiles import mean_tiles, tile_counts
@@ -138,7 +138,7 @@ def _explain(
         segments = [dataclasses.replace(segments[0], weights=weights)]
     tracks = _follow(blocks, reference, segments)
     advance(0.6)
-    paths = Paths(tracks, choose(tracks))
+    paths = Paths(tracks, choose_labels(tracks))
     if len(tracks) > 1:
         paths = _from_back_to_front(_improve_segments(paths))
         paths = without_absent(refine_outlines(improve_inside(refine_outlines(paths))))
@@ -165,12 +165,12 @@ def _follow(blocks: Blocks, reference: int, segments: list[Segment]) -> list[Tra
     The velocity of a scene changes with time. So a segment may have another constant velocity than
     the first one, but the same motion.
     """
-    tracks = [follow(blocks, reference, segments[0])]
+    tracks = [follow_segment(blocks, reference, segments[0])]
     for segment in segments[1:]:
         tiles = segment.weights > 0
         others = [float(_energy_along(track, segment.half)[tiles].sum()) for track in tracks]
         if max(others) < _EXPLAINED * segment.energy:
-            tracks.append(follow(blocks, reference, segment))
+            tracks.append(follow_segment(blocks, reference, segment))
     if len(tracks) == 1 and len(segments) > 1:
         for _ in range(_ROUNDS):
             improve_together(tracks[0], np.ones_like(segments[0].weights))
@@ -205,7 +205,7 @@ def _improve_segments(paths: Paths) -> Paths:
         if weights.any():
             for _ in range(_ROUNDS):
                 improve_together(track, weights)
-    return Paths(paths.tracks, choose(paths.tracks))
+    return Paths(paths.tracks, choose_labels(paths.tracks))
 
 
 def _are_in_doubt(paths: Paths) -> bool:

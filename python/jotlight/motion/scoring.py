@@ -71,8 +71,8 @@ def blur(images: npt.NDArray[np.floating], sigma: float, threads: int | None = N
 
 
 @functools.cache
-def read_network(name: str = FAST) -> Network:
-    """Return a K-conditioned network. Each is read only once."""
+def template_network(name: str = FAST) -> Network:
+    """Return a network that denoises templates: FAST, or PRECISE. Each is read only once."""
     return Network.load(FOLDER / f"{name}.safetensors")
 
 
@@ -89,7 +89,7 @@ def make_template(sums: Sums, threads: int | None, network: str = FAST) -> Templ
     trials = int(np.clip(sums.trials.sum() / max(int(known.sum()), 1), 1, MAX_TRIALS))
     if jots_differ:
         fraction = _supplement(fraction, sums, np.float32(trials))
-    probability = read_network(network).denoise_probability(fraction, trials, threads=threads)
+    probability = template_network(network).denoise_probability(fraction, trials, threads=threads)
     if sums.trials.max() > MAX_TRIALS:
         excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
         probability += excess / (excess + _EQUAL_TRIALS) * (fraction - probability)

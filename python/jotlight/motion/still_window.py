@@ -10,7 +10,7 @@ import numpy.typing as npt
 from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import clip_probability, equivalent_sums, expected_probability
 from jotlight.motion.frame_times import locate
-from jotlight.motion.scoring import read_network
+from jotlight.motion.scoring import template_network
 from jotlight.motion.tiles import interpolate
 from jotlight.motion.track import Paths
 from jotlight.networks.trials_map import denoise_map
@@ -167,4 +167,4 @@ def _estimate(sums: Sums) -> Probability:
     """Return the probabilities that the network estimates for the reference jot, (H, W)."""
     sums = equivalent_sums(sums)
     ones, trials = sums.ones.astype(np.float32), sums.trials.astype(np.float32)
-    return clip_probability(denoise_map(read_network(), ones, trials))
+    return clip_probability(denoise_map(template_network(), ones, trials))

@@ -94,7 +94,10 @@ def start_of_channels(
     side = _side(trials * usual / (1 - usual))
     noise = _NOISE * usual * (1 - usual) / trials
     deviations = np.stack(
-        [follow(common, each.fraction - common, each.weight > 0, side, noise) for each in seen]
+        [
+            guided_filter(common, each.fraction - common, each.weight > 0, side, noise)
+            for each in seen
+        ]
     )
     # Their mean is 0, because the common image is the mean of the channels.
     found = common + deviations - deviations.mean(axis=0)
@@ -127,7 +130,7 @@ def _side(ratio: float) -> int:
     return 2 * round((side - 1) / 2) + 1
 
 
-def follow(
+def guided_filter(
     guide: Colors,
     values: Colors,
     known: npt.NDArray[np.bool_],
@@ -155,7 +158,7 @@ def follow(
     Examples
     --------
     >>> guide = np.linspace(0, 1, 36).reshape(6, 6)
-    >>> found = follow(guide, 3 - 2 * guide, np.ones((6, 6), bool), side=3, noise=1e-9)
+    >>> found = guided_filter(guide, 3 - 2 * guide, np.ones((6, 6), bool), side=3, noise=1e-9)
     >>> bool(np.abs(found - (3 - 2 * guide)).max() < 1e-5)
     True
     """
