@@ -14,5 +14,5 @@ In reading order:
 - ``many``, ``capture_jobs``: runs over many captures.
 - Parts of ``info``: ``capture_facts``, ``origins``.
 - Steps of ``train`` and ``fine-tune``: ``learners``, ``training_data``, ``training_run``.
-- Terminal: ``console`` for output, ``signals`` for termination.
+- Terminal: ``console`` for output, ``signals`` for termination, ``examples`` for help pages.
 """
