@@ -6,7 +6,7 @@
 - `evenness`: tests for the image of a scene, and for a mosaic, in a flat capture.
 - `steadiness`: tests of the assumption that frames are independent and identically distributed.
 - `hot_jots`: hot jots in a capture of a scene, without a dark capture.
-- `periodic_rates`: rates that repeat every few jots, as under a color filter mosaic.
+- `jotlight.sensing.periodic_rates`: rates that repeat every few jots, as under a mosaic.
 - `rates`: from counts to detections per frame.
 - `result`: the `Calibration`; `fields` are its data, and `files` checks the contents of its files.
 - `figure`: a page of plots.

@@ -17,7 +17,7 @@ In reading order:
   front. ``added_tiles``: tiles that move by themselves. ``likelihood_gain``: how much better a
   motion is than none.
 - ``merge``: the counts of all bits along a motion; ``merged_pixels`` adds up their jots.
-  ``consistency``, ``flags``, ``still_window``: which of them agree, which pixels not to trust, and
+  ``consistency``, ``flags``, ``still_window``: which bits agree, which pixels not to trust, and
   when a window without motion is better.
 - ``film``, ``live_film``, ``film_image``: an image of each window of frames. ``film_state``,
   ``film_merging``, ``carrying``, ``memory``: what a film carries from image to image.
