@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import check_threads
-from jotlight.chunks import frame_chunks
 from jotlight.layout import Layout
 from jotlight.seeds import seed_of_image
 from jotlight.sensing.simulate import EnginePart, EngineSensor, Window, frame_runs
@@ -69,22 +68,18 @@ def _draw(
     threads: int | None,
 ) -> None:
     """Draw the readings of a window of each image into `out` (N, C, frames, rows, columns)."""
-    oversampling = sensor["oversampling"]
-    frames, rows, columns = window.frames, window.rows, window.columns
     # A reading takes as much memory as 16 bits.
-    jots = 16 * len(seeds) * len(columns) * oversampling**2
+    parts = list(window.parts(sensor["oversampling"], 16 * len(seeds)))
     for channel in range(images.shape[1]):
         streams = [(seed, channel) for seed in seeds]
-        for f, r in frame_chunks(len(frames), len(rows), jots):
+        for part, place in parts:
             engine.draw_readings(
                 sensor,
                 sensor["response"],
                 images[:, channel],
                 streams,
-                (frames.start + f.start, frames.start + f.stop),
-                (rows.start + r.start, rows.start + r.stop),
-                (columns.start, columns.stop),
-                out[:, channel, f.start : f.stop, r.start * oversampling : r.stop * oversampling],
+                *part.bounds(),
+                out[:, channel, *place],
                 threads,
             )
 

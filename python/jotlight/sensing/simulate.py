@@ -22,6 +22,7 @@ from jotlight.sensing.sensor_like import SensorLike
 
 AnySensor = TypeVar("AnySensor", bound=SensorLike)
 EngineSensor = dict[str, Any]
+Ends = tuple[int, int]
 
 _MAX_JOTS = 1 << 26
 """Maximum number of jots that are drawn at once for one of several parts."""
@@ -79,6 +80,23 @@ class Window:
             len(self.rows) * oversampling,
             math.ceil(len(self.columns) * oversampling / 8),
         )
+
+    def parts(self, oversampling: int, bits: int) -> Iterator[tuple[Self, tuple[slice, slice]]]:
+        """Yield parts to draw at once, with their frames and rows of jots in the output.
+
+        A jot has `bits` bits in each frame.
+        """
+        row_bits = bits * len(self.columns) * oversampling**2
+        for f, r in frame_chunks(len(self.frames), len(self.rows), row_bits):
+            frames, rows = self.frames[f.start : f.stop], self.rows[r.start : r.stop]
+            jots = slice(r.start * oversampling, r.stop * oversampling)
+            part = dataclasses.replace(self, frames=frames, rows=rows)
+            yield part, (slice(f.start, f.stop), jots)
+
+    def bounds(self) -> tuple[Ends, Ends, Ends]:
+        """Return the ends of the frames, the rows, and the columns."""
+        frames, rows, columns = self.frames, self.rows, self.columns
+        return (frames.start, frames.stop), (rows.start, rows.stop), (columns.start, columns.stop)
 
     def jot_slices(self, oversampling: int) -> tuple[slice, slice]:
         """Return the window's rows and columns of jots."""
@@ -253,25 +271,14 @@ def draw_bits(
     progress : callable, optional
         It receives the completed fraction.
     """
-    oversampling, number = sensor["oversampling"], len(seeds)
-    frames, rows, columns = window.frames, window.rows, window.columns
-    chunks = list(frame_chunks(len(frames), len(rows), number * len(columns) * oversampling**2))
+    parts = list(window.parts(sensor["oversampling"], len(seeds)))
     for channel in range(images.shape[1]):
         streams = [(seed, channel) for seed in seeds]
-        for index, (f, r) in enumerate(chunks):
-            jots = slice(r.start * oversampling, r.stop * oversampling)
-            engine.expose(
-                sensor,
-                images[:, channel],
-                streams,
-                (frames.start + f.start, frames.start + f.stop),
-                (rows.start + r.start, rows.start + r.stop),
-                (columns.start, columns.stop),
-                out[:, channel, f.start : f.stop, jots],
-                threads,
-            )
+        for index, (part, place) in enumerate(parts):
+            target = out[:, channel, *place]
+            engine.expose(sensor, images[:, channel], streams, *part.bounds(), target, threads)
             if progress:
-                progress((channel + (index + 1) / len(chunks)) / images.shape[1])
+                progress((channel + (index + 1) / len(parts)) / images.shape[1])
 
 
 def evaluate_on_jots(
