@@ -32,7 +32,7 @@ def known_of(level=0.95):
 def pixels_of(bits):
     gray = without_mosaic(bits.sensor)
     counted = count_pixels(bits.counts(), gray, None)
-    return MosaicPixels.of(counted, gray, bits.sensor.mosaic)
+    return MosaicPixels.of(counted, bits.sensor.mosaic)
 
 
 def covered(known, image=IMAGE):

@@ -12,7 +12,7 @@ import jotlight as jl
 from jotlight import _engine as engine
 from jotlight.motion.blocks import Sums
 from jotlight.motion.consistency import chi_squared, disagreement, find_consistent
-from jotlight.motion.model import _still
+from jotlight.motion.path_search import _still
 from jotlight.motion.scoring import Template
 from moving import blocks_of
 from reference import motion as reference

@@ -170,7 +170,7 @@ def test_where_no_motion_explains_the_scene_the_bits_of_fewer_frames_are_shown(
     bits = jl.Bits(np.asarray(scene.bits.packed), 64 * oversampling, scene.sensor)
     # No motion is better than any window.
     monkeypatch.setattr("jotlight.motion.merge._MAX_FLAGGED", -1.0)
-    monkeypatch.setattr("jotlight.motion.guard._MIN_LEAD", np.inf)
+    monkeypatch.setattr("jotlight.motion.still_window._MIN_LEAD", np.inf)
     with pytest.warns(jl.JotlightWarning, match="only .* frames are used") as caught:
         image = next(iter(film(bits, window=32, step=8)))
     number = int(str(caught[0].message).split("only ")[1].split()[0])

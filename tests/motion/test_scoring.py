@@ -14,7 +14,7 @@ from jotlight.motion.scoring import (
     make_blurred_template,
     make_template,
     normal_equations,
-    read_network,
+    template_network,
 )
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import FOLDER
@@ -297,7 +297,7 @@ def test_blurred_templates_have_no_noise_and_undo_the_mean_remainder():
 def test_most_templates_come_from_a_network_of_their_own():
     sums = random_sums(np.random.default_rng(0), (40, 50), masked=False)
     own, small = (Network.load(FOLDER / f"{name}.safetensors") for name in ("templates", "small"))
-    assert fingerprint_network(read_network()) == fingerprint_network(own)
+    assert fingerprint_network(template_network()) == fingerprint_network(own)
     template = make_template(sums, None).probability
     np.testing.assert_array_equal(template, make_template(sums, None, "templates").probability)
     assert abs(template - make_template(sums, None, "small").probability).max() > 1e-3

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from jotlight.chunks import windows
-from jotlight.cli.reconstruction import Inputs, Reconstruction
+from jotlight.cli.inputs import Inputs, Reconstruction
 from jotlight.cli.records import maps_sha256
 from jotlight.cli.run_options import RunOptions
 from jotlight.dask.estimator import Estimator, check_countable, checked

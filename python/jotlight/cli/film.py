@@ -16,11 +16,12 @@ from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.color_choice import has_colors, without_demosaicing
 from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
 from jotlight.cli.console import progress, report
+from jotlight.cli.inputs import Inputs, Reconstruction
 from jotlight.cli.jot_checks import caution_about_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import FilmMotionOptions
 from jotlight.cli.output_options import OutputOptions, describe_tone, tone_facts
-from jotlight.cli.reconstruction import Brightness, Inputs, Reconstruction, report_assumptions
+from jotlight.cli.reconstruction import Brightness, report_assumptions
 from jotlight.cli.records import Records, origin_of
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS

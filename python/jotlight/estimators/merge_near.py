@@ -9,7 +9,7 @@ import jotlight._engine as engine
 from jotlight.estimators.merge_readings import (
     MAX_TRIALS,
     linear_counts,
-    mean_response,
+    mean_jots,
     merge_joint,
     min_light,
     reference_sensor,
@@ -152,7 +152,7 @@ def merge_near(
     from scipy.ndimage import gaussian_filter
 
     reference, largest = reference_sensor(joint.sensor), joint.sensor.max_intensity
-    efficiency, dark_counts = mean_response(reference)
+    efficiency, dark_counts = mean_jots(reference)
     least = np.maximum(_MIN_SHARE * largest, min_light(joint))
     near = np.clip(intensity.astype(np.float64), least, largest)
     slope = efficiency * reference.light_per_intensity

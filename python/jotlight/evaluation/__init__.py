@@ -8,8 +8,10 @@ In reading order:
 - ``own_method``: functions of the caller as methods.
 - ``reconstruct``: an image by the recommended method, or by another one, and ``info``: how it was
   made. ``channels``, ``mosaics``, ``different_readings``: data other than gray plain bits.
+  ``clipping`` warns about a largest intensity that is too small. ``weights``: the files of the
+  networks behind a result.
 - ``uncertainty``: an interval for each pixel, by ``intervals`` and ``error_scale``, or by
-  ``color_intervals`` behind a mosaic.
+  ``color_intervals`` behind a mosaic. ``known_estimate`` checks an estimate of the caller.
 - ``evaluate``: one method on many images.
 - ``compare``, ``comparison``: many methods on one image.
 """

@@ -146,9 +146,7 @@ def reconstruct_channels(
     gray = pretrained_conditional(sensor, COLOR_START).with_precision(network.precision)
     output = output_of(images, sensor, out)
     for start in range(0, len(images), COLORS):
-        counted = [count_image(one, sensor, threads) for one in images.data[start : start + COLORS]]
-        channels, own = [each for each, _ in counted], counted[0][1]
-        output.images[start : start + COLORS] = estimate_channels(
-            network, gray, channels, own, threads
-        )
+        colors = slice(start, start + COLORS)
+        channels = [count_image(one, sensor, threads) for one in images.data[colors]]
+        output.images[colors] = estimate_channels(network, gray, channels, threads)
     return output.finish(output.images)

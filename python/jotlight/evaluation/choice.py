@@ -17,11 +17,10 @@ from jotlight.evaluation.methods import (
     find_method,
     unknown_option,
 )
-from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.precision import DEEP, F32, check_precision
-from jotlight.networks.pretrained import uses_conditional
+from jotlight.networks.pretrained import check_quality, uses_conditional
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
@@ -34,7 +33,7 @@ COLOR_NETWORK = "network-color"
 FILM_NETWORK = "network-film"
 """Name of the method that runs the film network, for films along a motion alone."""
 
-JOINT = "network"
+BY_COLOR_NETWORK = "network"
 """The `demosaicing` by the color network."""
 
 TITLES = {
@@ -56,7 +55,7 @@ def check_demosaicing(demosaicing: str | None, sensor: Sensor | None = None) -> 
       ...
     ValueError: demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')
     """
-    names = JOINT, *DEMOSAICING
+    names = BY_COLOR_NETWORK, *DEMOSAICING
     if demosaicing not in (None, *names):
         raise ValueError(f"demosaicing: expected one of {', '.join(names)}, got {demosaicing!r}")
     if demosaicing is not None and sensor is not None and sensor.mosaic is None:
@@ -279,9 +278,20 @@ def named_method(method: object, quality: str | None, options: dict[str, Any]) -
         return name
     if method is not None:
         raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
-    if quality not in QUALITIES:
-        raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
-    check_options(f"network-{quality}", options)
+    name = network_name(quality)
+    check_options(name, options)
+    return name
+
+
+def network_name(quality: str) -> str:
+    """Return the name of the method that runs the shipped network of a size.
+
+    Examples
+    --------
+    >>> network_name("small")
+    'network-small'
+    """
+    check_quality(quality)
     return f"network-{quality}"
 
 

@@ -60,18 +60,20 @@ class MosaicPixels:
     """The pixels of the image of a mosaic, (H, W)."""
 
     counted: PixelCounts
-    sensor: Sensor
-    """Their sensor, without the mosaic."""
+    """Their counts. The sensor has no mosaic."""
     mosaic: Mosaic
     """The filters, without a white balance."""
     threads: int | None = None
 
     @classmethod
-    def of(
-        cls, counted: PixelCounts, sensor: Sensor, mosaic: Mosaic, threads: int | None = None
-    ) -> Self:
+    def of(cls, counted: PixelCounts, mosaic: Mosaic, threads: int | None = None) -> Self:
         """Return the pixels of an image; estimates of their colors have no white balance."""
-        return cls(counted, sensor, dataclasses.replace(mosaic, white_balance=np.ones(3)), threads)
+        return cls(counted, dataclasses.replace(mosaic, white_balance=np.ones(3)), threads)
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor, without the mosaic."""
+        return self.counted.sensor
 
     @cached_property
     def trials(self) -> Array:
@@ -105,9 +107,7 @@ class MosaicPixels:
         """Return the colors by the color network, (H, W, 3), of these counts or of others."""
         networks = pretrained_color(MOSAIC_FILE), pretrained_conditional(self.sensor, COLOR_START)
         with hide_warnings():
-            colors = estimate_mosaic(
-                *networks, counted or self.counted, self.sensor, self.mosaic, self.threads
-            )
+            colors = estimate_mosaic(*networks, counted or self.counted, self.mosaic, self.threads)
         return np.clip(colors, 0, self.sensor.max_intensity)
 
     def halves(self) -> list[tuple[Image, Half, Half]]:
@@ -282,8 +282,8 @@ def mosaic_uncertainty(
     images = gray_images(prepared)
     pixels = []
     for one in images.data:
-        counted, own = count_image(one, gray, threads, mosaic)
-        pixels.append(MosaicPixels.of(counted, own, mosaic, threads))
+        counted = count_image(one, gray, threads, mosaic)
+        pixels.append(MosaicPixels.of(counted, mosaic, threads))
         is_plain = gray.has_plain_bits
         check_color_errors_known(np.median(pixels[-1].trials) if is_plain else typical_trials(gray))
     expected = *images.layout.shape, *pixels[0].trials.shape, 3

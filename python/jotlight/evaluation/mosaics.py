@@ -11,8 +11,8 @@ import numpy.typing as npt
 from jotlight.estimators.demosaicing import TITLES, choose_demosaicing, demosaic
 from jotlight.estimators.merge_near import merge_near_neighbors
 from jotlight.evaluation.choice import (
+    BY_COLOR_NETWORK,
     COLOR_NETWORK,
-    JOINT,
     OWN_NETWORK,
     check_demosaicing,
     choose_method,
@@ -46,7 +46,7 @@ from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
 
-LIMITS = (
+_TAKEN = (
     "estimates colors from the bits itself: it takes no method, quality, fallback, or options. Its "
     "data are bits or counts with the same trials in all pixels, up to "
     f'{LARGE_TRIALS:,}, or readings that say as much; demosaicing="differences" takes all data'
@@ -125,7 +125,7 @@ def reconstruct_mosaic(
             "each, got color channels; sensor.replace(mosaic=None) is a sensor of color channels"
         )
     counted = [count_image(one, gray, threads, mosaic) for one in images.data]
-    output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0][0].counts.shape, out)
+    output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0].counts.shape, out)
     found: list[Image] = []
     infos: list[Info] = []
     if estimate is None or isinstance(estimate, ColorNetwork):
@@ -133,11 +133,11 @@ def reconstruct_mosaic(
         network = network if precision is None else network.with_precision(precision)
         start_network = pretrained_conditional(gray, COLOR_START)
         networks = network, start_network.with_precision(network.precision)
-    for each, own in counted:
+    for each in counted:
         if estimate is None or isinstance(estimate, ColorNetwork):
-            colors = estimate_mosaic(*networks, each, own, mosaic, threads)
+            colors = estimate_mosaic(*networks, each, mosaic, threads)
         else:
-            values, infos_of_one = estimate_values(each, own, mosaic, estimate)
+            values, infos_of_one = estimate_values(each, mosaic, estimate)
             colors = demosaic(values, mosaic, method).astype(np.float32)
             infos += infos_of_one
         np.clip(colors, 0, sensor.max_intensity, out=colors)
@@ -177,10 +177,10 @@ def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: b
     """
     check_demosaicing(demosaicing, sensor)
     choice = choose_method(sensor, is_color=is_default)
-    is_joint = choice.method == COLOR_NETWORK and demosaicing in (None, JOINT)
-    if demosaicing == JOINT and not is_joint:
-        raise ValueError(f'demosaicing: "network" {LIMITS}')
-    return is_joint
+    by_network = choice.method == COLOR_NETWORK and demosaicing in (None, BY_COLOR_NETWORK)
+    if demosaicing == BY_COLOR_NETWORK and not by_network:
+        raise ValueError(f'demosaicing: "network" {_TAKEN}')
+    return by_network
 
 
 def check_color_data(sensor: Sensor, *, takes: bool) -> None:
@@ -221,8 +221,8 @@ def takes_colors(data: object, trials: npt.ArrayLike | None = None) -> bool:
 
 def count_image(
     one: GrayData, sensor: Sensor, threads: int | None, mosaic: Mosaic | None = None
-) -> tuple[PixelCounts, Sensor]:
-    """Return the counts of the pixels of one image, with their sensor, which has plain bits.
+) -> PixelCounts:
+    """Return the counts of the pixels of one image. Their sensor has plain bits.
 
     Parameters
     ----------
@@ -237,14 +237,13 @@ def count_image(
 
     Examples
     --------
-    >>> counted, _ = count_image(np.full((4, 6), 3, np.int32), Sensor(frames=8), None)
-    >>> counted.trials
+    >>> count_image(np.full((4, 6), 3, np.int32), Sensor(frames=8), None).trials
     8
     """
     if sensor.has_plain_bits:
         counted = count_pixels(one, sensor, threads)
         if not counted.varies_within_pixels:
-            return counted, sensor
+            return counted
     # A pixel behind a clear filter sees the sum of the colors, which may exceed S.
     most = 1.0 if mosaic is None else max(1.0, float(mosaic.sensitivity.max()))
     bright = sensor.replace(max_intensity=most * sensor.max_intensity)
@@ -252,4 +251,4 @@ def count_image(
     pattern = None if mosaic is None else mosaic.full(*joint.shape)
     merged = merge_near_neighbors(joint, pattern)
     own = merged.sensor.replace(max_intensity=sensor.max_intensity)
-    return count_pixels(dataclasses.replace(merged, sensor=own), own, threads), own
+    return count_pixels(dataclasses.replace(merged, sensor=own), own, threads)

@@ -16,8 +16,8 @@ from jotlight.evaluation.channels import (
     without_warnings_of_colors,
 )
 from jotlight.evaluation.choice import (
+    BY_COLOR_NETWORK,
     COLOR_NETWORK,
-    JOINT,
     check_demosaicing,
     check_extras,
     check_fallback,
@@ -273,13 +273,13 @@ def _run_mosaic(
     takes = takes_colors(data, arrays["trials"])
     if network is not None:
         check_color_data(sensor, takes=takes)
-        if demosaicing not in (None, JOINT):
+        if demosaicing not in (None, BY_COLOR_NETWORK):
             raise ValueError("demosaicing: is not an option of a color network; leave it out")
-        is_joint = True
+        by_network = True
     else:
-        is_joint = uses_color_network(sensor, demosaicing, is_default=is_default and takes)
-    estimate = network if is_joint else partial(run, threads=threads, return_info=True)
-    after = None if is_joint else demosaicing
+        by_network = uses_color_network(sensor, demosaicing, is_default=is_default and takes)
+    estimate = network if by_network else partial(run, threads=threads, return_info=True)
+    after = None if by_network else demosaicing
     return reconstruct_mosaic(
         data, sensor, estimate, **arrays, demosaicing=after, precision=precision, threads=threads
     )

@@ -26,8 +26,6 @@ from jotlight.networks.pretrained import (
     pretrained,
     pretrained_file,
 )
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import (
     Data,
     GrayImages,
@@ -179,7 +177,7 @@ def uncertainty(
         check_precision_of(precision, EXACT_METHOD)
     images = gray_images(data)
     if estimate is not None:
-        shape = images.layout.shape_of(_size(images, sensor))
+        shape = images.layout.shape_of(images.size(sensor))
         estimate = read_estimate(estimate, shape, sensor.max_intensity)
     found = _of_gray_images(
         images, sensor, method, quality, estimate, run, confidence_level, threads
@@ -222,14 +220,6 @@ def _of_gray_images(
         confidence_level=confidence_level,
         threads=threads,
     )
-
-
-def _size(images: GrayImages, sensor: Sensor) -> tuple[int, int]:
-    """Return the height and the width of the images in pixels."""
-    first = images.data[0]
-    side = sensor.oversampling if isinstance(first, Bits | Readings) else 1
-    height, width = first.shape[-2:]
-    return height // side, width // side
 
 
 def check_errors_known(method: Method | None, sensor: Sensor) -> None:

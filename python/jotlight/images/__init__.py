@@ -4,7 +4,8 @@
 - `sets`: read many images from a folder or an array.
 - `color`: color to gray.
 - `tone`: curves from intensities to a display.
+- `saving`: images and films of any kind of number in files.
 - `image_stack`: several named images in one file.
-- `video`: one image per window of frames.
+- `video`: one image per window of frames. `gif` and `mp4`: its formats for display.
 - `exr`: the OpenEXR format.
 """

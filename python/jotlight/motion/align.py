@@ -9,13 +9,14 @@ from jotlight.checks import real_number
 from jotlight.errors import warn
 from jotlight.estimators.planned_motion import MIN_FRAMES
 from jotlight.formats.capture import CountStack
+from jotlight.motion.block_edges import block_edges
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst, as_burst
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.jots import Jots
-from jotlight.motion.model import divide, find_paths
 from jotlight.motion.mosaics import enlarge, in_squares, squares_side
 from jotlight.motion.motion import MODELS, Motion
+from jotlight.motion.path_search import find_paths
 from jotlight.motion.spread import SpreadReadings, spread_for_motion
 from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
@@ -118,7 +119,7 @@ def find_motion(
     if model != "auto" and model not in MODELS:
         raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
     time = reference_time(at, burst)
-    blocks = as_blocks(burst, divide(len(burst)), sensor, threads)
+    blocks = as_blocks(burst, block_edges(len(burst)), sensor, threads)
     if (reason := _unusable(blocks)) is not None:
         warn(f"{reason}; the scene is assumed to stand still")
         model = "none"

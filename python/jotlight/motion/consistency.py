@@ -126,18 +126,21 @@ class Consistent:
         """The sums of all blocks: whole numbers of ones and trials."""
         return self.before + self.after
 
-    def count(self, motion: Counted) -> Sums:
-        """Return the sums along the same motion of other data, such as one of several channels."""
+    def mask(self, block: int) -> npt.NDArray[np.bool_]:
+        """Return the pixels of a block that were accepted, (H, W)."""
         width = self.accepted.shape[1]
-        total = Sums.zeros(motion.blocks.size)
-        for block, packed in enumerate(self.masks):
-            mask = np.unpackbits(packed, axis=1, count=width).view(np.bool_)
-            total = total + motion.sums(block).masked(mask)
+        return np.unpackbits(self.masks[block], axis=1, count=width).view(np.bool_)
+
+    def count(self, paths: Counted) -> Sums:
+        """Return the sums along the same motion of other data, such as one of several channels."""
+        total = Sums.zeros(paths.blocks.size)
+        for block in range(len(self.masks)):
+            total += paths.sums(block).masked(self.mask(block))
         return total
 
 
 def find_consistent(
-    motion: Counted, *, is_still: bool = False, network: str = PRECISE
+    paths: Counted, *, is_still: bool = False, network: str = PRECISE
 ) -> Consistent:
     """Return the sums of all blocks along a motion, without pixels that disagree.
 
@@ -148,8 +151,8 @@ def find_consistent(
 
     Parameters
     ----------
-    motion : Counted
-        The motion.
+    paths : Counted
+        The paths of all pixels.
     is_still : bool
         Whether nothing moves. Then fewer pixels are rejected.
     network : str
@@ -157,14 +160,14 @@ def find_consistent(
         this template. The network ``templates`` denoises the others.
     """
     max_chi_squared, max_disagreement = _LIMITS_IF_STILL if is_still else _LIMITS
-    order = [int(block) for block in from_center(motion)]
-    is_after = motion.blocks.centers > motion.reference
-    size, threads = motion.blocks.size, motion.blocks.threads
+    order = [int(block) for block in from_center(paths)]
+    is_after = paths.blocks.centers > paths.reference
+    size, threads = paths.blocks.size, paths.blocks.threads
     masks = np.tile(np.packbits(np.ones(size, bool), axis=1), (len(order), 1, 1))
     sides = [Sums.zeros(size), Sums.zeros(size)]
     available = np.zeros(size, np.int32)
     for block in order[:_FIRST_RING]:
-        sums = motion.sums(block)
+        sums = paths.sums(block)
         available += sums.trials
         sides[int(is_after[block])] += sums
     start = _FIRST_RING
@@ -176,7 +179,7 @@ def find_consistent(
         for side in (0, 1):
             blocks = [block for block in ring if is_after[block] == side]
             total = Sums.zeros(size)
-            for block, sums, pooled in _pool(motion, blocks, is_after == bool(side)):
+            for block, sums, pooled in _pool(paths, blocks, is_after == bool(side)):
                 pooled = equivalent_sums(pooled, template.probability)
                 test = chi_squared(pooled, at_brightness(template, pooled))
                 available += sums.trials
@@ -192,7 +195,7 @@ def find_consistent(
 
 
 def _pool(
-    motion: Counted, blocks: list[int], on_side: npt.NDArray[np.bool_]
+    paths: Counted, blocks: list[int], on_side: npt.NDArray[np.bool_]
 ) -> Iterator[tuple[int, Sums, Sums]]:
     """Yield blocks, with their sums, and with those that include the neighbors on the same side."""
     counted: dict[int, Sums] = {}
@@ -202,5 +205,5 @@ def _pool(
             for other in (block - 1, block, block + 1)
             if 0 <= other < len(on_side) and on_side[other]
         ]
-        counted = {other: counted.get(other) or motion.sums(other) for other in near}
-        yield block, counted[block], Sums.total(counted.values(), motion.blocks.threads)
+        counted = {other: counted.get(other) or paths.sums(other) for other in near}
+        yield block, counted[block], Sums.total(counted.values(), paths.blocks.threads)

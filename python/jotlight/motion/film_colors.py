@@ -7,7 +7,7 @@ import numpy as np
 
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import bits_behind_mosaic, excluded_jots, prepare_burst
-from jotlight.motion.carrying import divide_by_steps
+from jotlight.motion.block_edges import window_edges
 from jotlight.motion.film_image import FilmImage, FilmSettings
 from jotlight.motion.film_merging import FilmMerging
 from jotlight.motion.film_state import FilmState
@@ -104,7 +104,7 @@ class FilmColors:
             Whether the motion does not explain the squares. All pixels are then flagged.
         """
         motion = enlarge(of_squares, self._squares.side, self._size)
-        edges = divide_by_steps(len(part), self._step)
+        edges = window_edges(len(part), self._step)
         found = []
         for color, memory in self._of_colors:
             burst, _ = prepare_burst(part, color.sensor, may_repeat=True)

@@ -8,14 +8,14 @@ import numpy as np
 from jotlight.errors import hide_warnings, record_warnings, warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
+from jotlight.motion.block_edges import block_edges
 from jotlight.motion.carrying import carry
 from jotlight.motion.film_image import KEPT_WINDOWS, FilmImage, FilmSettings, count_nearest
 from jotlight.motion.film_merging import FilmMerging
+from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.memory import Memory
 from jotlight.motion.merge import as_paths, check_upsample
-from jotlight.motion.model import divide
 from jotlight.motion.motion import Motion
-from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.track import Paths
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
@@ -167,7 +167,7 @@ class FilmState:
         with record_warnings() as texts:
             motion = align(part, self.sensor, model=self._settings.model, threads=self._threads)
         burst, sensor = prepare_burst(part, self.sensor)
-        blocks = as_blocks(burst, divide(len(burst)), sensor, self._threads)
+        blocks = as_blocks(burst, block_edges(len(burst)), sensor, self._threads)
         found = self._merge(as_paths(motion, blocks), motion, start, is_carried=False)
         return dataclasses.replace(found, warnings=[*texts, *found.warnings])
 

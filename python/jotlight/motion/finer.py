@@ -121,12 +121,10 @@ def count_fine(paths: Paths, consistent: Consistent) -> Sums:
     consistent : Consistent
         The sums along the paths on the grid of the jots.
     """
-    width = consistent.accepted.shape[1]
     total = Sums.zeros(paths.blocks.size)
-    for block, packed in enumerate(consistent.masks):
-        mask = np.unpackbits(packed, axis=1, count=width).view(np.bool_)
+    for block in range(len(consistent.masks)):
         # Tracks keep the sums of all blocks, and these are large. New ones do not.
         tracks = [dataclasses.replace(track) for track in paths.tracks]
         sums = dataclasses.replace(paths, tracks=tracks).sums(block)
-        total += sums.masked(double(mask))
+        total += sums.masked(double(consistent.mask(block)))
     return total

@@ -17,18 +17,18 @@ from jotlight.motion.align import (
     prepare_burst,
     reference_time,
 )
+from jotlight.motion.block_edges import block_edges
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
 from jotlight.motion.consistency import Consistent, disagreement, find_consistent
 from jotlight.motion.finer import count_fine, fine_paths
 from jotlight.motion.flags import find_flags, is_unclear
 from jotlight.motion.flicker import without_saturation
-from jotlight.motion.guard import count_window, find_window
 from jotlight.motion.merged_pixels import as_fine, as_merged
-from jotlight.motion.model import divide
 from jotlight.motion.mosaic_colors import join_colors, sensors_of_colors
 from jotlight.motion.motion import Motion
 from jotlight.motion.spread import spread_for_motion
+from jotlight.motion.still_window import count_window, find_window
 from jotlight.motion.track import Paths, Track
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
@@ -212,14 +212,14 @@ def paths_at(
 ) -> tuple[Paths, Motion]:
     """Return the paths of a motion over the blocks of a burst, as seen from a time, and the motion.
 
-    `edges` are those of the blocks. Default: those of :func:`jotlight.motion.model.divide`.
+    `edges` are those of the blocks. Default: those of :func:`block_edges`.
     """
     time = motion.reference if at is None else reference_time(at, burst)
     if time != motion.reference:
         motion = motion.seen_from(time)
     # If nothing moves, only a hot jot itself has seen its scene point. Otherwise others have, too.
     is_still = motion.model == "none"
-    edges = divide(len(burst)) if edges is None else edges
+    edges = block_edges(len(burst)) if edges is None else edges
     blocks = as_blocks(burst, edges, sensor, threads, with_hot_jots=is_still)
     return as_paths(motion, blocks), motion
 

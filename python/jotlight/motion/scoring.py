@@ -9,7 +9,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.motion.blocks import Counts, Sums
-from jotlight.motion.equivalent import equivalent_sums
+from jotlight.motion.equivalent import clip_probability, equivalent_sums
 from jotlight.motion.regularize import Equations
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_TRIALS, TEMPLATES
@@ -21,9 +21,6 @@ FAST, PRECISE = TEMPLATES, CONDITIONAL_SIZE
 
 _EQUAL_TRIALS = np.float32(1024)
 """Number of trials above those that the network serves, for which its error equals the noise."""
-
-_MIN_PROBABILITY = 1e-4
-"""Smallest distance of a probability of the template from 0 and from 1."""
 
 _BLUR = 1.5
 """Standard deviation of the filter of blurred templates, in pixels."""
@@ -74,8 +71,8 @@ def blur(images: npt.NDArray[np.floating], sigma: float, threads: int | None = N
 
 
 @functools.cache
-def read_network(name: str = FAST) -> Network:
-    """Return a K-conditioned network. Each is read only once."""
+def template_network(name: str = FAST) -> Network:
+    """Return a network that denoises templates: FAST, or PRECISE. Each is read only once."""
     return Network.load(FOLDER / f"{name}.safetensors")
 
 
@@ -92,7 +89,7 @@ def make_template(sums: Sums, threads: int | None, network: str = FAST) -> Templ
     trials = int(np.clip(sums.trials.sum() / max(int(known.sum()), 1), 1, MAX_TRIALS))
     if jots_differ:
         fraction = _supplement(fraction, sums, np.float32(trials))
-    probability = read_network(network).denoise_probability(fraction, trials, threads=threads)
+    probability = template_network(network).denoise_probability(fraction, trials, threads=threads)
     if sums.trials.max() > MAX_TRIALS:
         excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
         probability += excess / (excess + _EQUAL_TRIALS) * (fraction - probability)
@@ -124,8 +121,7 @@ def without_shift(probability: Image, sums: Sums, threads: int | None) -> Templa
     # The remainders have shifted the ones on average. This removes the shift to first order.
     moved = np.empty_like(probability)
     engine.undo_remainders(probability, sums.remainders, sums.frames, moved, threads)
-    clipped = np.clip(moved, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
-    return Template(clipped, sums.trials.astype(np.int32, copy=False), threads)
+    return Template(clip_probability(moved), sums.trials.astype(np.int32, copy=False), threads)
 
 
 def normal_equations(sums: Sums, template: Template, sigma: float) -> Equations:

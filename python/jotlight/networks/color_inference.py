@@ -1,5 +1,6 @@
 """Colors by a network: classical colors, improved with the bits of all filters or channels."""
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,19 +25,20 @@ they would contradict the bits of overexposed pixels, whose colors would then be
 
 
 def planes_of_mosaic(
-    gray: Network, counted: PixelCounts, sensor: Sensor, mosaic: Mosaic, threads: int | None
+    gray: Network, counted: PixelCounts, mosaic: Mosaic, threads: int | None
 ) -> Image:
     """Return what a color network reads of the image of a mosaic, (11, H, W).
 
     The parameters are those of :func:`estimate_mosaic`.
     """
-    seen, sensor = _seen_through(mosaic, counted, threads), _with_range(sensor)
-    start = start_of_mosaic(gray, counted, sensor, mosaic, threads)
-    return color_planes(seen, start, response_of(sensor))
+    seen = _seen_through(mosaic, counted, threads)
+    brighter = dataclasses.replace(counted, sensor=_with_range(counted.sensor))
+    start = start_of_mosaic(gray, brighter, mosaic, threads)
+    return color_planes(seen, start, response_of(brighter.sensor))
 
 
 def planes_of_channels(
-    gray: Network, channels: Sequence[PixelCounts], sensor: Sensor, threads: int | None
+    gray: Network, channels: Sequence[PixelCounts], threads: int | None
 ) -> Image:
     """Return what a color network reads of an image with three counts per pixel, (11, H, W).
 
@@ -46,6 +48,7 @@ def planes_of_channels(
         Filtered(share, equivalent_fractions(counted, threads), _weights(counted))
         for share, counted in zip(np.eye(3), channels, strict=True)
     ]
+    sensor = channels[0].sensor
     response, sensor = response_of(sensor), _with_range(sensor)
     start = start_of_channels(gray, channels, seen, sensor, response, threads)
     return color_planes(seen, start, response)
@@ -55,7 +58,6 @@ def estimate_mosaic(
     network: ColorNetwork,
     gray: Network,
     counted: PixelCounts,
-    sensor: Sensor,
     mosaic: Mosaic,
     threads: int | None,
 ) -> Image:
@@ -68,17 +70,15 @@ def estimate_mosaic(
     gray : Network
         The K-conditioned gray network for the planes, with which it was trained.
     counted : PixelCounts
-        The counts of the pixels, (H, W).
-    sensor : Sensor
-        Their sensor, without the mosaic.
+        The counts of the pixels, (H, W). Their sensor has no mosaic.
     mosaic : Mosaic
         The filters.
     threads : int, optional
         Number of threads. Default: all.
     """
-    planes = planes_of_mosaic(gray, counted, sensor, mosaic, threads)
+    planes = planes_of_mosaic(gray, counted, mosaic, threads)
     found = network.estimate_probability(planes, _usual_trials(counted), threads=threads)
-    colors = np.moveaxis(intensity_from_probability(found, sensor, threads), 0, -1)
+    colors = np.moveaxis(intensity_from_probability(found, counted.sensor, threads), 0, -1)
     return colors * mosaic.white_balance.astype(np.float32)
 
 
@@ -86,7 +86,6 @@ def estimate_channels(
     network: ColorNetwork,
     gray: Network,
     channels: Sequence[PixelCounts],
-    sensor: Sensor,
     threads: int | None,
 ) -> Image:
     """Return red, green, and blue of an image with three counts per pixel, (3, H, W).
@@ -98,16 +97,14 @@ def estimate_channels(
     gray : Network
         The K-conditioned gray network with which it was trained.
     channels : sequence of PixelCounts
-        The counts of red, green, and blue, (H, W) each.
-    sensor : Sensor
-        Their sensor.
+        The counts of red, green, and blue, (H, W) each, of the same sensor.
     threads : int, optional
         Number of threads. Default: all.
     """
-    planes = planes_of_channels(gray, channels, sensor, threads)
+    planes = planes_of_channels(gray, channels, threads)
     trials = float(np.median([_usual_trials(counted) for counted in channels]))
     found = network.estimate_probability(planes, trials, threads=threads)
-    return intensity_from_probability(found, sensor, threads)
+    return intensity_from_probability(found, channels[0].sensor, threads)
 
 
 def _with_range(sensor: Sensor) -> Sensor:

@@ -27,7 +27,6 @@ the pixels of one position are too far apart, so the pixels of each filter are o
 
 def estimate_values(
     counted: PixelCounts,
-    sensor: Sensor,
     mosaic: Mosaic,
     estimate: Callable[[Any, Sensor], tuple[Image, I]],
 ) -> tuple[Image, list[I]]:
@@ -36,9 +35,7 @@ def estimate_values(
     Parameters
     ----------
     counted : PixelCounts
-        The counts of the pixels, (H, W).
-    sensor : Sensor
-        Their sensor, without the mosaic.
+        The counts of the pixels, (H, W). Their sensor has no mosaic.
     mosaic : Mosaic
         The filters.
     estimate : callable
@@ -70,10 +67,10 @@ def estimate_values(
     values = np.zeros(counted.counts.shape, np.float32)
     infos = []
     for index, planes in _planes(places, mosaic):
-        own = _plane_sensor(sensor, float(mosaic.sensitivity[index]))
+        own = _plane_sensor(counted.sensor, float(mosaic.sensitivity[index]))
         # In planes by filter, the pixels of other filters are not dead.
         with hide_warnings(NO_VALID_BIT) if by_filter else contextlib.nullcontext():
-            estimates, info = estimate(_plane_data(counted, sensor, own, planes), own)
+            estimates, info = estimate(_plane_data(counted, own, planes), own)
         infos.append(info)
         for plane, image in zip(planes, estimates, strict=True):
             plane.write(values, image)
@@ -159,9 +156,10 @@ def plane_sensors(sensor: Sensor) -> list[Sensor]:
     return [_plane_sensor(gray, float(each)) for each in sensor.mosaic.sensitivity]
 
 
-def _plane_data(counted: PixelCounts, sensor: Sensor, own: Sensor, planes: list[_Plane]) -> Any:
+def _plane_data(counted: PixelCounts, own: Sensor, planes: list[_Plane]) -> Any:
     """Return the counts of planes, (N, h, w), or merged counts if their pixels differ."""
-    # Merged counts may have other numbers than the sensor.
+    # Merged counts may have other numbers than their sensor.
+    sensor = counted.sensor
     are_usual = not sensor.maps() and all(
         np.array_equal(getattr(counted, name), getattr(sensor, name))
         for name in ("trials", "efficiency", "dark_counts")

@@ -228,10 +228,10 @@ class Sensor(Exposure):
     def engine_parts(self) -> list[EnginePart]:
         """Return the groups of equal readings as the engine's simulation expects them."""
         if not self.readings_differ:
-            return [(None, self.engine_arguments())]
+            return [EnginePart(None, self.engine_arguments())]
         by_frame = readings.frames_differ(self)
         return [
-            (group.frames if by_frame else None, group.sensor.engine_arguments())
+            EnginePart(group.frames if by_frame else None, group.sensor.engine_arguments())
             for group in self.groups()
         ]
 

@@ -1,4 +1,4 @@
-"""How much better one motion explains the bits than another one."""
+"""By how much a motion explains the bits better than a scene that stands still."""
 
 from collections.abc import Callable
 
@@ -17,7 +17,7 @@ _STEP = 4
 """Distance of the rows and columns at which it is tested whether a position is seen."""
 
 
-def likelihood_gain(moving: Counted, make: Make = make_template) -> float:
+def likelihood_gain(paths: Counted, make: Make = make_template) -> float:
     """Return the gain of the log-likelihood over that of a scene that stands still, in nats.
 
     Each block is compared with the template of other blocks: of those with odd numbers if its own
@@ -30,21 +30,21 @@ def likelihood_gain(moving: Counted, make: Make = make_template) -> float:
 
     Parameters
     ----------
-    moving : Counted
-        The motion.
+    paths : Counted
+        The paths of all pixels.
     make : callable
         The function that makes a template of sums: :func:`jotlight.motion.scoring.make_template`,
         or a faster one.
     """
-    blocks = moving.blocks
+    blocks = paths.blocks
     own, unmoved = ([Sums.zeros(blocks.size) for _ in range(2)] for _ in range(2))
     seen = [np.zeros(blocks.size, np.float32)[::_STEP, ::_STEP] for _ in range(2)]
     for block in range(len(blocks.centers)):
         half = block % 2
-        own[half] += moving.sums(block)
+        own[half] += paths.sums(block)
         frames = blocks.frames(block)
         blocks.add_unmoved(unmoved[half], frames)
-        seen[half] += np.float32(len(frames)) * _positions_seen(moving, block)
+        seen[half] += np.float32(len(frames)) * _positions_seen(paths, block)
     if blocks.jots is not None:
         for sums in unmoved:
             sums.jots = blocks.jots.at_rest(sums.trials)
@@ -78,11 +78,11 @@ def _log_likelihood(
     return total, trials
 
 
-def _positions_seen(motion: Counted, block: int) -> npt.NDArray[np.bool_]:
+def _positions_seen(paths: Counted, block: int) -> npt.NDArray[np.bool_]:
     """Return whether some pixel counts a position in a block, at every fourth row and column."""
-    size = motion.blocks.size
+    size = paths.blocks.size
     # Motions are so smooth that the displacement of the position is nearly that of the pixel.
-    displaced = np.rint(motion.displacements(block, _STEP))
+    displaced = np.rint(paths.displacements(block, _STEP))
     rows = np.arange(0, size[0], _STEP, dtype=np.float32)[:, None] - displaced[0]
     columns = np.arange(0, size[1], _STEP, dtype=np.float32) - displaced[1]
     inside = (rows >= 0) & (rows < size[0]) & (columns >= 0) & (columns < size[1])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.model import _still
+from jotlight.motion.likelihood_gain import likelihood_gain
+from jotlight.motion.path_search import _still
 from jotlight.motion.scoring import make_template
-from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.tiles import tile_counts
 from jotlight.motion.track import Paths
 from moving import blocks_of, paths_of, record
