@@ -83,10 +83,6 @@ class FilmColors:
         """Return the gray sensor of the squares in some frames."""
         return self._squares.sensor(frames)
 
-    def frames_of(self, of_squares: Merged) -> int:
-        """Return the number of frames of merged squares whose motion was replaced by a window."""
-        return max(1, round(float(np.max(of_squares.trials)) / self._squares.side**2))
-
     def merge(
         self, part: Bits, of_squares: Motion, start: int, *, is_lost: bool
     ) -> tuple[Merged, Motion]:
@@ -109,7 +105,7 @@ class FilmColors:
         for color, memory in self._of_colors:
             burst, _ = prepare_burst(part, color.sensor, may_repeat=True)
             paths, _ = paths_at(burst, color.sensor, None, motion, self._threads, edges)
-            found.append(color.merge(paths, motion, start, memory))
+            found.append(color.merge(paths, motion, start, memory)[0])
         merged = join_colors(found, self._sensor)
         if is_lost:
             merged = dataclasses.replace(merged, flags=np.ones(merged.shape[:2], bool))
@@ -148,13 +144,12 @@ class ColorFilmState:
         around = settings.more_frames(first, first + len(data), start)
         stack = self._colors.squares(data, first, around)
         found = self._of_squares.next_image(stack, around.start, start)
-        merged, motion = self._colors.merge(part, found.motion, start, is_lost=found.is_rejected)
+        still = found.still
+        merged, motion = self._colors.merge(part, found.motion, start, is_lost=still is not None)
+        shown: Merged | Bits = merged
         if motion.model == "none":
-            return FilmImage(merged, motion, start, found.is_carried, part)
-        if not found.is_rejected:
-            return FilmImage(merged, motion, start, found.is_carried, merged)
-        length = self._colors.frames_of(found.merged)
-        low = min(max(0, round(motion.reference) - length // 2), len(part) - length)
-        frames = part.packed[low : low + length]
-        fewer = Bits(frames, part.width, self.sensor.replace(frames=length))
-        return FilmImage(merged, motion, start, found.is_carried, fewer)
+            shown = part
+        elif still is not None:
+            frames = part.packed[still.start : still.stop]
+            shown = Bits(frames, part.width, self.sensor.replace(frames=len(still)))
+        return FilmImage(merged, motion, start, found.is_carried, shown, still=still)

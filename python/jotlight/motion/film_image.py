@@ -44,6 +44,9 @@ class FilmImage:
     in time; the earlier one of two with the same distance is first. The film network reads them
     besides `merged`. They stand still where merging has rejected the motion. Empty for colors and
     for a finer grid."""
+    still: range | None = None
+    """The frames of the window whose sums without motion are shown, because merging has rejected
+    the motion. None if the bits are merged along it."""
 
     def displacement_from(self, time: float) -> npt.NDArray[np.float32] | None:
         """Return where an earlier image showed the points of this one, (2, H, W), in jots.
@@ -69,8 +72,8 @@ class FilmImage:
 
     @property
     def is_rejected(self) -> bool:
-        """Whether merging has rejected the motion, so that all pixels are flagged."""
-        return self.merged.flags is not None and bool(self.merged.flags.all())
+        """Whether merging has rejected the motion. All pixels are then flagged."""
+        return self.still is not None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -184,7 +184,7 @@ def _merge_color(
     They are never those of a window without motion, which might differ from color to color.
     """
     paths, motion = paths_at(burst, sensor, at, motion, threads)
-    return merge_along(paths, motion, sensor, may_stand_still=False)
+    return merge_along(paths, motion, sensor, may_stand_still=False)[0]
 
 
 def _merge(
@@ -199,7 +199,7 @@ def _merge(
     paths, motion = paths_at(burst, sensor, None, motion, threads)
     if motion.model == "none" and hot_jots(sensor) is not None:
         consistent = None
-    return merge_along(paths, motion, sensor, consistent, upsample)
+    return merge_along(paths, motion, sensor, consistent, upsample)[0]
 
 
 def paths_at(
@@ -266,12 +266,13 @@ def merge_along(
     *,
     may_stand_still: bool = True,
     recall: Recall | None = None,
-) -> Merged:
+) -> tuple[Merged, range | None]:
     """Return the counts of the bits along paths, which are those of a motion.
 
     The sums along them are computed if they are not given. If the scene `may_stand_still`, a window
-    without motion replaces them where the motion does not explain it better. `recall` adds bits to
-    the sums unless such a window replaced them.
+    without motion replaces them where the motion does not explain it better. The second result is
+    then the frames of this window, and otherwise None. `recall` adds bits to the sums unless such a
+    window replaced them.
     """
     burst = paths.blocks.burst
     if consistent is None:
@@ -301,8 +302,8 @@ def merge_along(
             trusted = ~flags & (accepted >= _MIN_ACCEPTED)
             sums = recall(sums, trusted | (consistent.total.trials == 0))
     if upsample > 1:
-        return as_fine(sums, accepted, flags, motion, sensor)
-    return as_merged(sums, accepted, flags, motion, sensor)
+        return as_fine(sums, accepted, flags, motion, sensor), window
+    return as_merged(sums, accepted, flags, motion, sensor), window
 
 
 def _count(of_channels: list[Paths], consistent: Consistent, upsample: int) -> list[Sums]:
