@@ -198,5 +198,5 @@ def test_color_films_look_at_more_frames(monkeypatch):
 
 def test_frames_with_channels_are_refused():
     live = LiveFilm(jl.Sensor(frames=64, mosaic="RGGB"), window=16, step=8)
-    with pytest.raises(ValueError, match=r"expected gray bits \(T, H, W\)"):
+    with pytest.raises(ValueError, match=r"expected gray frames \(T, H, W\)"):
         live.add(jl.Bits.from_array(np.zeros((16, 8, 8, 3), bool)))

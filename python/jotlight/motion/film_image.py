@@ -13,6 +13,7 @@ from jotlight.motion.track import Paths, from_center
 from jotlight.networks.film_planes import NEIGHBORS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 KEPT_WINDOWS = 4
@@ -33,10 +34,10 @@ class FilmImage:
     """The number of the first frame of the window."""
     is_carried: bool
     """Whether the motion is that of the image before, with new blocks at its end."""
-    data: Merged | Bits = dataclasses.field(repr=False)
-    """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or bits behind a
-    mosaic: those of the window if the scene stands still, and those of fewer frames if no motion
-    explains it. The flags of `merged` then say nothing about the image."""
+    data: Merged | Bits | Readings = dataclasses.field(repr=False)
+    """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or bits or readings
+    behind a mosaic: those of the window if the scene stands still, and those of fewer frames if no
+    motion explains it. The flags of `merged` then say nothing about the image."""
     nearest: tuple[Merged, ...] = dataclasses.field(default=(), repr=False)
     """The counts of about a quarter and a sixteenth of the window along the motion: whole blocks of
     frames, nearest to the time of the image, whether or not they agree with the motion. They are
