@@ -157,8 +157,8 @@ def test_colors_have_one_motion():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"oversampling": 2}, "expected gray pixels of one jot .* got an oversampling of 2"),
-        ({"mosaic": "RGGB"}, "expected gray pixels of one jot for the motion in brackets"),
+        ({"oversampling": 2}, "expected pixels of one jot .* got an oversampling of 2"),
+        ({"mosaic": "CMYG"}, "expected ideal filters R, G, and B to merge"),
         ({"gain": np.repeat([1.0, 2.0], 8)}, r"bits\[:8\] \(--frame-range 0:8\)"),
     ],
 )
@@ -166,7 +166,7 @@ def test_what_the_motion_does_not_take(changes, message):
     sensor = jl.Sensor(frames=16, bit_depth=3, **changes)
     readings = Readings(np.zeros((16, 8, 8), int), sensor)
     with pytest.raises(ValueError, match=message):
-        jl.align(readings)
+        jl.merge(readings)
 
 
 def test_times_of_a_bracket_are_those_of_frames():
@@ -212,3 +212,37 @@ def test_a_bracket_without_a_cycle_is_refused_with_advice():
     jl.align(bits[:16])
     with pytest.raises(ValueError, match="window: expected a multiple of 3"):
         film(BRACKETS[1].expose(np.full((32, 32), 0.5), rng=0), window=16)
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        jl.Sensor(frames=48, bit_depth=3, read_noise=0.2, mosaic="RGGB"),
+        jl.Sensor(frames=96, gain=np.tile([0.3, 2.0], 48), mosaic="RGGB"),
+    ],
+    ids=repr,
+)
+def test_colors_of_readings_behind_a_mosaic_are_merged_and_filmed(sensor):
+    scene = scene_of(sensor, color=True)
+    motion = jl.align(scene.bits)
+    merged = jl.merge(scene.bits, motion=motion)
+    truth = scene.image(motion.reference)
+    estimate = jl.reconstruct(merged)
+    assert psnr(estimate, truth) > 27
+    assert psnr(estimate, truth) > psnr(jl.reconstruct(scene.bits), truth) + 8
+    assert abs(estimate.mean() / truth.mean() - 1) < 0.02
+    cycle = len(scene.bits) // 48
+    images = list(film(scene.bits, window=32 * cycle, step=8 * cycle, causal=True))
+    last = images[-1]
+    assert last.data is last.merged
+    assert psnr(jl.reconstruct(last.data), scene.image(last.time)) > 26
+
+
+def test_a_scene_behind_a_mosaic_that_stands_still_is_filmed_from_its_readings():
+    sensor = jl.Sensor(frames=96, gain=np.tile([0.3, 2.0], 48), mosaic="RGGB")
+    scene = scene_of(sensor, "static", shape=(64, 80), color=True)
+    image = list(film(scene.bits, window=64, step=16))[1]
+    assert image.motion.model == "none"
+    assert image.start == 16
+    np.testing.assert_array_equal(image.data.to_array(), scene.bits[16:80].to_array())
+    assert image.data.sensor == scene.bits[16:80].sensor

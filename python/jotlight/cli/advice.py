@@ -68,7 +68,7 @@ def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int 
         if score > THRESHOLD:
             way = (
                 "--motion aligns its frames"
-                if (is_mergeable(sensor) if spread is None else spread.is_mergeable)
+                if is_mergeable(sensor) and (spread is None or spread.is_mergeable)
                 else "an image from fewer frames is sharper"
             )
             caution("motion", f"the scene moves, so the image is blurred; {way}")

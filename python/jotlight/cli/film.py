@@ -44,6 +44,7 @@ from jotlight.networks.pretrained import pretrained_film
 from jotlight.sensing.alike_frames import with_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -305,7 +306,7 @@ def _images(
             yield estimates.add(image)
             continue
         settings = (
-            job.settings if isinstance(image.data, Bits) else without_demosaicing(job.settings)
+            without_demosaicing(job.settings) if isinstance(image.data, Merged) else job.settings
         )
         yield reconstruct(image.data, method=job.method, threads=threads, **settings)
 

@@ -246,6 +246,17 @@ def with_frames(capture: Capture, frames: npt.NDArray[Any] | Frames) -> Capture:
     return bits
 
 
+def jot_shape(data: Bits | CountStack) -> tuple[int, ...]:
+    """Return (T, H, W) or (T, H, W, C) of bits, or of images of counts.
+
+    Examples
+    --------
+    >>> jot_shape(Bits.from_array(np.zeros((5, 2, 3), bool)))
+    (5, 2, 3)
+    """
+    return tuple(data.shape if isinstance(data, Bits) else data.images.shape)
+
+
 def is_single_image(shape: tuple[int, ...]) -> bool:
     """Return whether a shape is that of one image, (H, W) or (H, W, C) with C <= 4.
 

@@ -8,13 +8,13 @@ import numpy.typing as npt
 from jotlight.checks import real_number
 from jotlight.errors import warn
 from jotlight.estimators.planned_motion import MIN_FRAMES
-from jotlight.formats.capture import CountStack
+from jotlight.formats.capture import CountStack, jot_shape
 from jotlight.motion.block_edges import block_edges
 from jotlight.motion.blocks import Blocks
-from jotlight.motion.burst import Burst, as_burst
+from jotlight.motion.burst import Burst, as_burst, refuse_pixels
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.jots import Jots
-from jotlight.motion.mosaics import enlarge, in_squares, squares_side
+from jotlight.motion.mosaics import enlarge, in_squares, jots_behind_mosaic, squares_side
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.path_search import find_paths
 from jotlight.motion.spread import SpreadReadings, spread_for_motion
@@ -111,10 +111,10 @@ def find_motion(
     progress: Callable[[float], object],
 ) -> tuple[Motion, Consistent | None]:
     """Return the motion that :func:`align` returns, and the sums along it if they are known."""
-    if (colored := bits_behind_mosaic(data, sensor)) is not None:
-        return _motion_behind_mosaic(*colored, at, model, threads, progress), None
     if (spread := spread_for_motion(data, sensor)) is not None:
         return _motion_of_counts(spread, at, model, threads, progress)
+    if (colored := jots_behind_mosaic(data, sensor)) is not None:
+        return _motion_behind_mosaic(*colored, at, model, threads, progress), None
     burst, sensor = prepare_burst(data, sensor)
     if model != "auto" and model not in MODELS:
         raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
@@ -151,33 +151,8 @@ def _motion_of_counts(
     return motion.seen_from(at), None
 
 
-def bits_behind_mosaic(data: object, sensor: object) -> tuple[Bits, Sensor] | None:
-    """Return bits and their sensor if it has a mosaic, and None otherwise.
-
-    Raises
-    ------
-    ValueError
-        When other data have a sensor with a mosaic.
-    """
-    stated = carried_sensor(data) if sensor is None and isinstance(data, Bits) else sensor
-    if not isinstance(stated, Sensor) or stated.mosaic is None:
-        return None
-    if not isinstance(data, Bits):
-        raise ValueError(
-            "data: expected bits for a sensor with a mosaic, because the motion of its counts "
-            f"cannot be estimated, got {type(data).__name__}"
-        )
-    if len(data.shape) != 3:
-        raise ValueError(
-            "data: expected gray bits (T, H, W) for a sensor with a mosaic, because its pixels "
-            f"have one color each, got shape {data.shape}"
-        )
-    check_fits(data.shape, stated)
-    return data, stated
-
-
 def _motion_behind_mosaic(
-    bits: Bits,
+    data: Bits | CountStack,
     sensor: Sensor,
     at: float | None,
     model: str,
@@ -187,10 +162,11 @@ def _motion_behind_mosaic(
     """Return the motion of a scene behind a mosaic, from sums over squares of jots."""
     require_alike_frames(sensor)
     gray = without_mosaic(sensor)
-    squares, own = in_squares(bits, sensor, excluded_jots(gray))
+    squares, own = in_squares(data, sensor, excluded_jots(gray))
     motion, _ = find_motion(squares, own, at, model, threads, progress)
     side = squares_side(sensor)
-    return enlarge(motion, side, (bits.shape[1], bits.shape[2]))
+    height, width = jot_shape(data)[1:3]
+    return enlarge(motion, side, (height, width))
 
 
 def prepare_burst(
@@ -215,14 +191,9 @@ def prepare_burst(
     if sensor is not None:
         refuse_mosaic(sensor)
         require_alike_frames(sensor)
-    if isinstance(data, CountStack):
-        if sensor is not None and sensor.oversampling > 1:
-            raise ValueError(
-                "sensor: expected an oversampling of 1, because images of counts show pixels; pass "
-                f"oversampling=1 (--oversampling 1) and frames={sensor.trials} (--frames "
-                f"{sensor.trials})"
-            )
-        data = data if sensor is None else data.with_trials_of(sensor)
+    if isinstance(data, CountStack) and sensor is not None:
+        refuse_pixels(sensor)
+        data = data.with_trials_of(sensor)
     burst = as_burst(data)
     if sensor is None:
         sensor = Sensor(frames=burst.trials // burst.channels * len(burst))

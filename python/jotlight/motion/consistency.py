@@ -53,6 +53,13 @@ They would show errors that do not matter, such as those of rounding to whole pi
 _FEW_TRIALS = 128
 """Number of trials above which a test notices that rounding has shifted a block."""
 
+_RARE = np.float32(0.02)
+"""Number of ones, and of zeros, that are added to the counts of each pixel in a test.
+
+Where the light is dim or saturated, hardly any bits differ from the others, and these few would
+disagree: a single zero among bright pixels is much more than the expected number of zeros.
+"""
+
 _PRIOR = 0.01
 """Weight with which pixels are assumed to agree where few are known."""
 
@@ -64,13 +71,22 @@ def chi_squared(sums: Sums, template: Template) -> Image:
     residuals to the variances are averaged in squares of 9 pixels. If there are many trials, the
     template is shifted as rounding has shifted the sums.
     """
-    out = np.empty(sums.ones.shape, np.float32)
     probability, threads = template.probability, template.threads
     if sums.trials.max() > _FEW_TRIALS:
         moved = dataclasses.replace(sums, remainders=-sums.remainders)
         probability = without_shift(probability, moved, threads).probability
     sums = equivalent_sums(_limit_trials(sums), probability)
-    engine.chi_squared(sums.ones, sums.trials, probability, template.trials, out, threads)
+    # The ones and the expected ones increase alike, so only the variance is larger.
+    added = _RARE * (sums.trials > 0)
+    ones, trials = sums.ones + added, sums.trials + 2 * added
+    expected = sums.trials * probability + added
+    known = np.where(trials > 0, trials, 1)
+    ones, trials, probability = (
+        np.asarray(each, np.float32)
+        for each in (ones, trials, np.where(trials > 0, expected / known, probability))
+    )
+    out = np.empty_like(probability)
+    engine.chi_squared(ones, trials, probability, template.trials, out, threads)
     return out
 
 

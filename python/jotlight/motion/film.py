@@ -7,13 +7,15 @@ from typing import Any
 from jotlight.checks import whole_number_in_range
 from jotlight.chunks import windows
 from jotlight.formats.capture import CountStack
-from jotlight.motion.align import bits_behind_mosaic, prepare_burst
+from jotlight.motion.align import prepare_burst
 from jotlight.motion.film_colors import ColorFilmState
 from jotlight.motion.film_image import FilmImage, FilmSettings
 from jotlight.motion.film_state import FilmState
+from jotlight.motion.mosaics import jots_behind_mosaic
 from jotlight.motion.spread import SpreadReadings, spread_for_motion
 from jotlight.sensing.alike_frames import check_cycles
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.sensor import Sensor
 
@@ -91,7 +93,12 @@ def film(
         check_cycles(spread.cycle, window, step)
         data, sensor = spread.counts, spread.sensor
         window, step = window // spread.cycle, None if step is None else step // spread.cycle
-    colored = bits_behind_mosaic(data, sensor)
+    colored = jots_behind_mosaic(data, sensor)
+    if colored and spread is None and isinstance(data, CountStack):
+        raise ValueError(
+            "data: expected bits or readings for the film of a sensor with a mosaic, got counts; "
+            "jotlight.merge makes one image of them"
+        )
     sensor = prepare_burst(data, sensor)[1] if colored is None else colored[1]
     spans = windows(len(data), window, step)
     # A frame of counts has several readings.
@@ -113,14 +120,21 @@ def film(
 
 def _corrected(image: FilmImage, spread: SpreadReadings) -> FilmImage:
     """Return an image of counts as one of the readings that became these counts."""
-    merged = spread.correct(image.merged)
+    merged, cycle, still = spread.correct(image.merged), spread.cycle, image.still
+    if still is not None:
+        still = range(cycle * still.start, cycle * still.stop)
+    data: Merged | Bits | Readings = merged
+    if not isinstance(image.data, Merged):  # counts behind a mosaic that are not merged
+        first = cycle * image.start + (still.start if still else 0)
+        data = spread.readings[first : first + cycle * len(image.data)]
     return dataclasses.replace(
         image,
         merged=merged,
-        data=merged,
+        data=data,
+        still=still,
         nearest=tuple(spread.correct(each) for each in image.nearest),
         motion=spread.in_frames(image.motion),
-        start=spread.cycle * image.start,
+        start=cycle * image.start,
     )
 
 

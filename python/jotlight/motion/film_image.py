@@ -13,6 +13,7 @@ from jotlight.motion.track import Paths, from_center
 from jotlight.networks.film_planes import NEIGHBORS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 KEPT_WINDOWS = 4
@@ -33,10 +34,10 @@ class FilmImage:
     """The number of the first frame of the window."""
     is_carried: bool
     """Whether the motion is that of the image before, with new blocks at its end."""
-    data: Merged | Bits = dataclasses.field(repr=False)
-    """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or bits behind a
-    mosaic: those of the window if the scene stands still, and those of fewer frames if no motion
-    explains it. The flags of `merged` then say nothing about the image."""
+    data: Merged | Bits | Readings = dataclasses.field(repr=False)
+    """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or bits or readings
+    behind a mosaic: those of the window if the scene stands still, and those of fewer frames if no
+    motion explains it. The flags of `merged` then say nothing about the image."""
     nearest: tuple[Merged, ...] = dataclasses.field(default=(), repr=False)
     """The counts of about a quarter and a sixteenth of the window along the motion: whole blocks of
     frames, nearest to the time of the image, whether or not they agree with the motion. They are
@@ -44,6 +45,9 @@ class FilmImage:
     in time; the earlier one of two with the same distance is first. The film network reads them
     besides `merged`. They stand still where merging has rejected the motion. Empty for colors and
     for a finer grid."""
+    still: range | None = None
+    """The frames of the window whose sums without motion are shown, because merging has rejected
+    the motion. None if the bits are merged along it."""
 
     def displacement_from(self, time: float) -> npt.NDArray[np.float32] | None:
         """Return where an earlier image showed the points of this one, (2, H, W), in jots.
@@ -69,8 +73,8 @@ class FilmImage:
 
     @property
     def is_rejected(self) -> bool:
-        """Whether merging has rejected the motion, so that all pixels are flagged."""
-        return self.merged.flags is not None and bool(self.merged.flags.all())
+        """Whether merging has rejected the motion. All pixels are then flagged."""
+        return self.still is not None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

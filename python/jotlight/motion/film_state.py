@@ -69,8 +69,8 @@ class _Candidate:
 
         Where merging has rejected a motion, the other one is better.
         """
-        if 1 in (self.flagged, other.flagged):
-            return self.flagged < other.flagged
+        if self.image.is_rejected or other.image.is_rejected:
+            return not self.image.is_rejected
         return likelihood_gain(self.paths) > likelihood_gain(other.paths)
 
 
@@ -129,7 +129,7 @@ class FilmState:
                 warn(f"{text} (in at least one image)")
         self._number += 1
         self._start, self._motion, self._memory = start, best.motion, best.memory
-        if best.flagged == 1:
+        if best.image.is_rejected:
             # Where merging has rejected the motion, it is not carried.
             self._motion = None
             if self._memory is not None:
@@ -206,8 +206,8 @@ class FilmState:
         # Merging changes the memory, and other candidates need the one before.
         memory = copy.copy(self._memory)
         with record_warnings() as texts:
-            merged = self._merging.merge(paths, shown, start, memory)
-        image = FilmImage(merged, shown, start, is_carried, merged)
+            merged, still = self._merging.merge(paths, shown, start, memory)
+        image = FilmImage(merged, shown, start, is_carried, merged, still=still)
         if self._settings.upsample == 1 and paths.blocks.burst.channels == 1:
             nearest = count_nearest(paths, self.sensor, is_still=image.is_rejected)
             image = dataclasses.replace(image, nearest=nearest)

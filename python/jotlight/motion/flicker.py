@@ -18,6 +18,10 @@ _MIN_CHANGE_OF_BLOCK, _MIN_CHANGE_OF_HALF = 0.03, 0.01
 """Smaller relative changes of the number of ones, of a block and of a half of the frames, have no
 effect. In short blocks, they are mostly noise."""
 
+_FEW_ZEROS = 0.1
+"""Smallest probability of a zero below which changes of a block have an effect that are smaller in
+proportion."""
+
 _MAX_RATIO = 10.0
 """Largest ratio of the numbers of ones of two parts."""
 
@@ -32,7 +36,9 @@ def at_brightness(template: Template, sums: Sums) -> Template:
     """Return the template as it would be in the light of a block of frames."""
     p = template.probability
     ratio = engine.brightness(sums.ones, sums.trials, p, template.threads)
-    if not _is_change(ratio, _MIN_CHANGE_OF_BLOCK):
+    # The test multiplies p by smaller changes, which is wrong where 1 - p is as small as they are.
+    zeros = min(1.0, (1 - float(p.max())) / _FEW_ZEROS)
+    if not _is_change(ratio, _MIN_CHANGE_OF_BLOCK * zeros):
         return template
     changed = _with_factor(p, light_factor(p, sums.trials, ratio))
     return Template(changed, template.trials, template.threads)

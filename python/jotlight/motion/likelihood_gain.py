@@ -14,7 +14,7 @@ Share = npt.NDArray[np.float32]
 Make = Callable[[Sums, int | None], Template]
 
 _STEP = 4
-"""Distance of the rows and columns at which it is tested whether a position is seen."""
+"""Side of the squares of positions for which it is tested whether they are seen."""
 
 
 def likelihood_gain(paths: Counted, make: Make = make_template) -> float:
@@ -79,14 +79,32 @@ def _log_likelihood(
 
 
 def _positions_seen(paths: Counted, block: int) -> npt.NDArray[np.bool_]:
-    """Return whether some pixel counts a position in a block, at every fourth row and column."""
-    size = paths.blocks.size
+    """Return whether some pixel counts a position in a block, in squares of four rows and columns.
+
+    It is that of the center of a square. A corner would be nearer to two borders of the image than
+    its square, and bits that leave the view there would seem to be harder to explain.
+    """
+    height, width = paths.blocks.size
     # Motions are so smooth that the displacement of the position is nearly that of the pixel.
-    displaced = np.rint(paths.displacements(block, _STEP))
-    rows = np.arange(0, size[0], _STEP, dtype=np.float32)[:, None] - displaced[0]
-    columns = np.arange(0, size[1], _STEP, dtype=np.float32) - displaced[1]
-    inside = (rows >= 0) & (rows < size[0]) & (columns >= 0) & (columns < size[1])
+    displaced = paths.displacements(block, _STEP)
+    rows = _centers(height)[:, None] - displaced[0]
+    columns = _centers(width) - displaced[1]
+    inside = (abs(rows - (height - 1) / 2) < height / 2) & (
+        abs(columns - (width - 1) / 2) < width / 2
+    )
     return np.asarray(inside)
+
+
+def _centers(length: int) -> npt.NDArray[np.float32]:
+    """Return the centers of the squares along an axis, and the end where a square exceeds it.
+
+    Examples
+    --------
+    >>> _centers(10).tolist()
+    [1.5, 5.5, 8.5]
+    """
+    starts = np.arange(0, length, _STEP)
+    return np.asarray((starts + np.minimum(starts + _STEP, length) - 1) / 2, np.float32)
 
 
 def _at_pixels(samples: Share, size: tuple[int, int]) -> Share:

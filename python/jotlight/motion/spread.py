@@ -83,8 +83,8 @@ class SpreadReadings:
 
     @property
     def is_mergeable(self) -> bool:
-        """Whether the counts can be merged along a motion: those of gray pixels of one jot."""
-        return self.stated.mosaic is None and self.stated.oversampling == 1
+        """Whether the counts can be merged along a motion: those of pixels of one jot."""
+        return self.stated.oversampling == 1
 
     @cached_property
     def _bright(self) -> int:
@@ -213,7 +213,7 @@ class SpreadReadings:
         )
 
     def _correct(self, merged: Merged) -> Merged:
-        reference = reference_sensor(self.stated)
+        reference = reference_sensor(without_mosaic(self.stated))
         trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
         known = trials > 0
         fraction = np.where(known, merged.ones / np.where(known, trials, 1), 0.0)
@@ -297,15 +297,13 @@ def spread_for_motion(data: object, sensor: object) -> SpreadReadings | None:
     Raises
     ------
     ValueError
-        Also when the readings lie behind a mosaic, or have several jots per pixel.
+        Also when pixels have several jots.
     """
     spread = spread_readings(data, sensor)
     if spread is None or spread.is_mergeable:
         return spread
-    stated = spread.stated
-    got = f"an oversampling of {stated.oversampling}" if stated.mosaic is None else stated.mosaic
     raise ValueError(
-        "sensor: expected gray pixels of one jot for the motion in brackets, in readings of "
-        f"several bits, or with read noise, got {got!s}; jotlight.reconstruct makes one image of "
-        "all frames"
+        "sensor: expected pixels of one jot for the motion in brackets, in readings of several "
+        f"bits, or with read noise, got an oversampling of {spread.stated.oversampling}; "
+        "jotlight.reconstruct makes one image of all frames"
     )
