@@ -190,6 +190,18 @@ def test_divergence_is_an_error_that_says_what_to_change():
         train_small(STARTS["conditional"], learning_rate=1e30, steps=30)
 
 
+def test_a_run_without_gradients_and_with_a_higher_cost_is_an_error():
+    message = r"step \d+: the run diverges: the cost has no gradient .* lower the learning rate"
+    with pytest.raises(FloatingPointError, match=message):
+        train_small(learning_rate=1e3, steps=30)
+
+
+def test_a_result_worse_than_the_start_is_reported():
+    trained = jl.pretrained(jl.Sensor(frames=20), "small")
+    with pytest.warns(jl.JotlightWarning, match="much worse than the network at the start"):
+        train_small(trained, smooth_scenes, steps=3, patch=16, learning_rate=0.3)
+
+
 @pytest.mark.parametrize("network", [Network(STARTS["conditional"]), "small", None])
 def test_anything_but_a_network_is_refused(network):
     message = "network: expected jotlight.Network or jotlight.ColorNetwork or jotlight.FilmNetwork"
