@@ -107,6 +107,12 @@ def test_a_resumed_run_equals_an_uninterrupted_one(tmp_path, step):
     assert_same(whole, resumed)
 
 
+def test_the_first_step_writes_a_checkpoint(tmp_path):
+    path, exists = tmp_path / "run", []
+    train_small(checkpoint=path, callback=lambda record: exists.append(path.exists()))
+    assert all(exists)
+
+
 def test_without_a_seed_a_resumed_run_has_the_seed_of_its_checkpoint(tmp_path):
     options = {"rng": None, "checkpoint": tmp_path / "run"}
     whole = train_small(**options)
