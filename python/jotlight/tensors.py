@@ -12,6 +12,9 @@ from jotlight.files import write_file
 
 Tensors = dict[str, npt.NDArray[Any]]
 
+_ZIP = b"PK\x03\x04"
+"""First bytes of a zip archive."""
+
 
 def write_tensors(
     path: str | os.PathLike[str], tensors: Tensors, metadata: Mapping[str, str]
@@ -65,7 +68,13 @@ def _read_file(path: Path) -> tuple[Tensors, dict[str, str]]:
 
     try:
         with path.open("rb") as file:
-            header_bytes = int.from_bytes(file.read(8), "little")
+            start = file.read(8)
+            if start.startswith(_ZIP):
+                raise ValueError(
+                    "it is a zip archive, such as torch.save writes; save a network with "
+                    "module.to_network().save(path)"
+                )
+            header_bytes = int.from_bytes(start, "little")
             # Without this check, a large file of another kind would be read completely.
             if header_bytes > os.fstat(file.fileno()).st_size:
                 raise ValueError("its header is longer than the file")
