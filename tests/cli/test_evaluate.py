@@ -176,7 +176,10 @@ def test_an_unsupported_sensor_gets_the_reason(run, photo_folder):
         (["photos", "-m", "mle", "-o", "scores.txt"], "ends in .csv"),
         (["photos", "-m", "mle", "-o", "nowhere/scores.csv"], "there is no folder nowhere"),
         (["photos", "-m", "mle", "-k", 0], "oversampling: expected"),
-        (["cube.npy", "-m", "mle"], "expected a numeric array of images (N, H, W)"),
+        (
+            ["cube.npy", "-m", "mle"],
+            "cube.npy: expected gray images (N, H, W), got shape (2, 3, 4, 5)",
+        ),
         (["nan.npy", "-m", "mle"], "finite"),
     ],
 )
