@@ -215,6 +215,11 @@ def test_anything_but_a_network_is_refused(network):
         train_small(network)
 
 
+def test_a_path_in_place_of_a_network_gets_the_call_that_reads_it():
+    with pytest.raises(TypeError, match=r"got a path; pass jotlight\.Network\.load\('a\.safetens"):
+        train_small("a.safetensors")
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
