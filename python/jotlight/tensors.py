@@ -51,8 +51,10 @@ def read_tensors(path: Path, format_: str, version: str) -> tuple[Tensors, dict[
     tensors, metadata = _read_file(path)
     kind = metadata.get("format", "")
     if kind != format_:
-        kind = kind if kind.startswith("jotlight") else "a safetensors file of another kind"
-        raise ValueError(f"{path}: expected a {format_}, got {kind}")
+        got = f"a {kind}" if kind.startswith("jotlight") else "a safetensors file of another kind"
+        if kind.endswith("checkpoint"):
+            got += "; the run that wrote it continues with resume=True (--resume)"
+        raise ValueError(f"{path}: expected a {format_}, got {got}")
     if metadata.get("version") != version:
         raise ValueError(
             f"{path}: expected format version {version}, got {metadata.get('version')}; "

@@ -133,6 +133,8 @@ def test_a_stopped_run_is_kept_and_resumed_to_the_same_network(
     status, output = run("train", "photos", "-o", NETWORK, *SMALL)
     assert status == 1
     assert "add --resume" in output
+    output = run("info", CHECKPOINT)[1]
+    assert "got a jotlight checkpoint; the run that wrote it continues with --resume" in output
     arguments = [*SMALL, "--test", "photos"]
     assert run("train", "photos", "-o", NETWORK, *arguments, "--resume")[0] == 0
     assert run("train", "photos", "-o", "uninterrupted.safetensors", *arguments)[0] == 0
