@@ -79,8 +79,8 @@ def read_image_set(
     paths = sorted(path for path in source.iterdir() if path.suffix.lower() in ENDINGS)
     paths = [path for path in paths if not path.name.startswith(".")][:first]
     if not paths:
-        folder = next((path for path in sorted(source.iterdir()) if path.is_dir()), None)
-        advice = "" if folder is None else f"; folders inside are not read, so pass one: {folder}"
+        inner = next((path for path in sorted(source.iterdir()) if path.is_dir()), None)
+        advice = "" if inner is None else f"; folders inside are not read, so pass one: {inner}"
         raise ValueError(f"{source}: expected images ({', '.join(ENDINGS)}), found none{advice}")
     images = []
     for number, path in enumerate(paths):
