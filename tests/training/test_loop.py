@@ -96,7 +96,7 @@ def test_gray_levels_are_reported():
         ({"images": None}, TypeError, "a list of images, got None"),
         ({"sensor": 8}, TypeError, "sensor: expected a jotlight.Sensor, .*got 8"),
         ({"images": []}, ValueError, "images: expected at least one, got none"),
-        ({"images": IMAGES[0]}, ValueError, "put a single image in a list"),
+        ({"images": IMAGES[0]}, ValueError, r"for a single image, write array\[None\]"),
         ({"images": [IMAGES[0], SMALL]}, ValueError, "got 12; image number 1 is 16 x 6"),
         ({"images": (255 * IMAGES).astype(int)}, TypeError, "images: expected floats"),
         ({"images": [IMAGES[0], COLOR]}, ValueError, r"images\[1\]: expected a gray image"),

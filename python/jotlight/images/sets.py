@@ -115,7 +115,7 @@ def require_gray_stack(name: str, shape: tuple[int, ...]) -> None:
     elif len(shape) == 4:
         advice = "; channels are images of their own: write array.reshape(-1, *array.shape[2:])"
     else:
-        advice = "; put a single image in a list" if len(shape) == 2 else ""
+        advice = "; for a single image, write array[None]" if len(shape) == 2 else ""
     raise ValueError(f"{name}: expected gray images (N, H, W), got shape {shape}{advice}")
 
 
