@@ -310,7 +310,7 @@ def test_a_network_is_refused_as_a_calibration(run, captures):
         "reconstruct", "capture.npy", "-o", "a.npy", "--calibration", "n.safetensors"
     )
     assert status == 1
-    assert "expected a jotlight calibration, got jotlight network" in output
+    assert "expected a jotlight calibration, got a jotlight network" in output
 
 
 def test_a_converted_capture_keeps_its_original_format(run, captures, calibrated):

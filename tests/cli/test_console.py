@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.cli import console
 from jotlight.evaluation.methods import METHODS
+from jotlight.training import Record
 from terminals import on_a_terminal
 
 ITERATIVE = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
@@ -60,3 +62,16 @@ def test_ctrl_c_stops_promptly_and_leaves_the_old_image(tmp_path):
     assert "stopped" in text
     assert "Traceback" not in text
     assert files(tmp_path) == before
+
+
+@pytest.mark.parametrize("seconds_per_step", [1, 90])
+def test_a_training_prints_ten_lines_and_one_each_minute(monkeypatch, capsys, seconds_per_step):
+    show = console.print_steps("training", 40)
+    now = console.time.monotonic()
+    for step in range(41):
+        moment = now + step * seconds_per_step
+        monkeypatch.setattr(console.time, "monotonic", lambda moment=moment: moment)
+        show(Record(step, 1.0, 1.0, None))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "training"
+    assert len(lines) == 1 + (11 if seconds_per_step == 1 else 41)

@@ -62,12 +62,13 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
 
 
 def test_a_conditional_network_is_trained_and_improved(run, photo_folder, tmp_path):
-    arguments = [*SMALL, "--bits-per-pixel", "2:64", "--test", photo_folder, "--plot", "run.png"]
+    arguments = [*SMALL, "--bits-per-pixel", "2:64", "--learning-rate", 1e-3]
+    arguments += ["--test", photo_folder, "--plot", "run.png"]
     assert run("train", photo_folder, "-o", NETWORK, *arguments)[0] == 0
     network = jl.Network.load(NETWORK)
     assert network.trials_range == (2, 64)
     assert (tmp_path / "run.png").stat().st_size > 10_000
-    arguments = ["--start", NETWORK, *SMALL[2:], "--frames", 4]
+    arguments = ["--start", NETWORK, *SMALL[2:], "--frames", 4, "--learning-rate", 1e-3]
     assert run("train", photo_folder, "-o", "more.safetensors", *arguments)[0] == 0
     more = jl.Network.load("more.safetensors")
     assert more.trials_range == (2, 64)
@@ -113,6 +114,8 @@ def test_a_stopped_run_is_kept_and_resumed_to_the_same_network(
     status, output = run("train", "photos", "-o", NETWORK, *SMALL)
     assert status == 1
     assert "add --resume" in output
+    output = run("info", CHECKPOINT)[1]
+    assert "got a jotlight checkpoint; the run that wrote it continues with --resume" in output
     arguments = [*SMALL, "--test", "photos"]
     assert run("train", "photos", "-o", NETWORK, *arguments, "--resume")[0] == 0
     assert run("train", "photos", "-o", "uninterrupted.safetensors", *arguments)[0] == 0
