@@ -1,6 +1,7 @@
 """Compare images of moving scenes from brackets of exposures, with and without their motion.
 
     python benchmarks/studies/moving_brackets.py [--cycles 96]
+    python benchmarks/studies/moving_brackets.py --figure docs/guide/moving_bracket.jpg
 
 The scenes are two photographs that come with scikit-image, at 192 x 192 pixels. The exposures of a
 bracket repeat in cycles. The first table shows the mean PSNR in dB, without a border of 8 pixels, by
@@ -16,6 +17,7 @@ along the motion that is found, from a bracket and from as many equal frames wit
 """
 
 import argparse
+from pathlib import Path
 
 import numpy as np
 
@@ -43,7 +45,12 @@ def main() -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--cycles", type=int, default=96)
-    cycles = parser.parse_args().cycles
+    parser.add_argument("--figure", type=Path, help="a figure of the scene with a wide range")
+    options = parser.parse_args()
+    cycles = options.cycles
+    if options.figure is not None:
+        draw(options.figure, cycles)
+        return
     names = "all frames", "merged", "bias", "still", "sums", "film", "network"
     print(f"| gains | thresholds | read noise | photons | scene | {' | '.join(names)} |")
     print("| --- | --- | ---: | ---: | --- |" + " ---: |" * len(names))
@@ -112,14 +119,42 @@ def measure(
 
 def wide_range(sensor: jl.Sensor, motion: str, name: str) -> list[float]:
     """Return the errors of log intensity in the quarters of a scene with a wide range of light."""
-    image = jl.datasets.photograph(name, gray=True).astype(float)
-    ramp = RANGE ** np.linspace(-1, 0, image.shape[1])
-    scene, bits = record((0.2 + 0.8 * image) * ramp, motion, sensor, 8.0)
+    scene, bits = record(widened(name), motion, sensor, 8.0)
     found = jl.align(bits)
     estimate = jl.reconstruct(jl.merge(bits, motion=found), method=METHOD)[INNER]
     truth = scene.image(found.reference)[INNER]
     errors = np.log(np.maximum(estimate, 1e-9)) - np.log(truth)
     return [float(np.sqrt(np.mean(part**2))) for part in np.array_split(errors, 4, axis=1)]
+
+
+def widened(name: str) -> np.ndarray:
+    """Return a photograph whose intensities rise by a factor of 1,000 from left to right."""
+    image = jl.datasets.photograph(name, gray=True).astype(float)
+    return (0.2 + 0.8 * image) * RANGE ** np.linspace(-1, 0, image.shape[1])
+
+
+def draw(path: Path, cycles: int) -> None:
+    """Write a figure of log intensities: all frames, the merged bracket, equal frames, the scene."""
+    from jotlight.figures import Figure
+
+    sensor = bracket((1.0, 8.0, 64.0), 1, 0.0, cycles)
+    scene, bits = record(widened("camera"), "shake", sensor, 8.0)
+    equal = record(widened("camera"), "shake", bracket((1.0, 1.0, 1.0), 1, 0.0, cycles), 8.0)[1]
+    motion = jl.align(bits)
+    images = {
+        "all frames": jl.reconstruct(bits, method=METHOD),
+        "1 : 8 : 64, merged": jl.reconstruct(jl.merge(bits, motion=motion), method=METHOD),
+        "equal frames, merged": jl.reconstruct(jl.merge(equal), method=METHOD),
+        "scene": scene.image(motion.reference),
+    }
+    limits = np.log(np.quantile(images["scene"], (0.01, 0.999)))
+    figure = Figure(12.0, 3.3)
+    for place, (title, image) in zip(figure.subplots(1, 4), images.items(), strict=True):
+        shown = np.log(np.maximum(image, 1e-9))
+        place.imshow(shown, cmap="gray", vmin=limits[0], vmax=limits[1])
+        place.set_title(title)
+        place.set_axis_off()
+    figure.savefig(path, dpi=100)
 
 
 def psnr(estimate: np.ndarray, truth: np.ndarray) -> float:
