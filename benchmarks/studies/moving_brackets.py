@@ -4,8 +4,8 @@
     python benchmarks/studies/moving_brackets.py --figure docs/guide/moving_bracket.jpg
 
 The scenes are two photographs that come with scikit-image, at 192 x 192 pixels. The exposures of a
-bracket repeat in cycles. The first table shows the mean PSNR in dB, without a border of 8 pixels, by
-the network "medium": of all frames without alignment, along the motion that `jotlight.align` finds,
+bracket repeat in cycles. The first table shows the mean PSNR in dB, without a border of 8 pixels,
+by the network "medium": of all frames without alignment, along the motion that `jotlight.align` finds,
 and of the same photographs standing still, from all their bits and from the sums of cycles.
 *bias* is the relative error of the mean intensity of the merged images. *film* and *network* are
 images of causal films of half the frames, by "medium" and by the film network. *photons* is the
@@ -134,7 +134,7 @@ def widened(name: str) -> np.ndarray:
 
 
 def draw(path: Path, cycles: int) -> None:
-    """Write a figure of log intensities: all frames, the merged bracket, equal frames, the scene."""
+    """Write a figure of log intensities: all frames, the bracket, equal frames, and the scene."""
     from jotlight.figures import Figure
 
     sensor = bracket((1.0, 8.0, 64.0), 1, 0.0, cycles)
