@@ -137,8 +137,8 @@ def reconstruct_mosaic(
         if estimate is None or isinstance(estimate, ColorNetwork):
             colors = estimate_mosaic(*networks, each, own, mosaic, threads)
         else:
-            values, infos_of_one = estimate_values(each, own, mosaic, estimate)
-            colors = demosaic(values, mosaic, method).astype(np.float32)
+            values, weights, infos_of_one = estimate_values(each, own, mosaic, estimate)
+            colors = demosaic(values, mosaic, method, weights).astype(np.float32)
             infos += infos_of_one
         np.clip(colors, 0, sensor.max_intensity, out=colors)
         found.append(np.moveaxis(colors, -1, 0))

@@ -12,7 +12,7 @@ from jotlight.networks.color_starts import start_of_channels, start_of_mosaic
 from jotlight.networks.network import Network
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.pixel_counts import PixelCounts
-from jotlight.sensing.reference import response_of
+from jotlight.sensing.reference import reference_jot, response_of
 from jotlight.sensing.sensor import Sensor
 
 Array = npt.NDArray[np.float64]
@@ -22,6 +22,14 @@ MIN_LARGEST = 4.0
 """The classical colors may reach this intensity, or S if it is larger. If they were clipped at 1,
 they would contradict the bits of overexposed pixels, whose colors would then be wrong."""
 
+_SATURATED = 6.0, 12.0
+"""Detections per jot and frame behind the clearest filter up to which the network's colors are used
+alone, and from which the classical ones are. All bits of these pixels are 1, which the network
+takes for agreement with its start, and its own colors are too bright."""
+
+_TRUST_SIGMA = 2.0
+"""Standard deviation of the filter of this light, in pixels."""
+
 
 def planes_of_mosaic(
     gray: Network, counted: PixelCounts, sensor: Sensor, mosaic: Mosaic, threads: int | None
@@ -30,9 +38,16 @@ def planes_of_mosaic(
 
     The parameters are those of :func:`estimate_mosaic`.
     """
+    return _read_mosaic(gray, counted, sensor, mosaic, threads)[1]
+
+
+def _read_mosaic(
+    gray: Network, counted: PixelCounts, sensor: Sensor, mosaic: Mosaic, threads: int | None
+) -> tuple[Array, Image]:
+    """Return the classical colors of a mosaic, (3, H, W), and the planes."""
     seen, sensor = _seen_through(mosaic, counted, threads), _with_range(sensor)
     start = start_of_mosaic(gray, counted, sensor, mosaic, threads)
-    return color_planes(seen, start, response_of(sensor))
+    return start, color_planes(seen, start, response_of(sensor))
 
 
 def planes_of_channels(
@@ -76,10 +91,27 @@ def estimate_mosaic(
     threads : int, optional
         Number of threads. Default: all.
     """
-    planes = planes_of_mosaic(gray, counted, sensor, mosaic, threads)
+    start, planes = _read_mosaic(gray, counted, sensor, mosaic, threads)
     found = network.estimate_probability(planes, _usual_trials(counted), threads=threads)
-    colors = np.moveaxis(intensity_from_probability(found, sensor, threads), 0, -1)
-    return colors * mosaic.white_balance.astype(np.float32)
+    colors = intensity_from_probability(found, sensor, threads)
+    trust = _trust(start, sensor, mosaic)
+    if (trust < 1).any():
+        colors += (1 - trust) * (np.clip(start, 0, sensor.max_intensity) - colors)
+    return np.moveaxis(colors, 0, -1) * mosaic.white_balance.astype(np.float32)
+
+
+def _trust(start: Array, sensor: Sensor, mosaic: Mosaic) -> Image:
+    """Return how much of the network's change of the classical colors is used, 0 to 1, (H, W).
+
+    It falls from 1 to 0 where the clearest filter passes more light than in the training.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    light = sensor.light_per_intensity * reference_jot(sensor)[0]
+    rates = light * np.tensordot(mosaic.transmission, start, 1).max(axis=0)
+    low, high = _SATURATED
+    smooth = gaussian_filter(rates, _TRUST_SIGMA)
+    return np.clip((high - smooth) / (high - low), 0, 1).astype(np.float32)
 
 
 def estimate_channels(
