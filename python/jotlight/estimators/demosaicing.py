@@ -164,6 +164,21 @@ def _differences(values: Values, places: Pattern, share: Values) -> Values:
     return planes
 
 
+def brightest_mean(values: npt.NDArray[np.floating], places: Pattern) -> Values:
+    """Return the largest of the local means of the values behind each filter, (H, W).
+
+    Where pixels of some filters are saturated, the others show how bright the scene is.
+
+    Examples
+    --------
+    >>> brightest_mean(np.array([[0.5, 0.2, 0.5]]), np.array([[0, 1, 0]])).round(6).tolist()
+    [[0.5, 0.5, 0.5]]
+    """
+    each = np.asarray(values, np.float64)
+    means = [local_mean(each, places == index, SPREAD) for index in np.unique(places)]
+    return np.asarray(np.max(means, axis=0))
+
+
 def local_mean(values: Values, known: npt.NDArray[np.bool_], spread: float) -> Values:
     """Return the mean of the known values around each pixel, with Gaussian weights.
 

@@ -249,7 +249,6 @@ def count_image(
     most = 1.0 if mosaic is None else max(1.0, float(mosaic.sensitivity.max()))
     bright = sensor.replace(max_intensity=most * sensor.max_intensity)
     joint = joint_likelihood(one, bright, threads)
-    pattern = None if mosaic is None else mosaic.full(*joint.shape)
-    merged = merge_near_neighbors(joint, pattern)
+    merged = merge_near_neighbors(joint, mosaic)
     own = merged.sensor.replace(max_intensity=sensor.max_intensity)
     return count_pixels(dataclasses.replace(merged, sensor=own), own, threads), own

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import hide_warnings
-from jotlight.estimators.demosaicing import local_mean
+from jotlight.estimators.demosaicing import brightest_mean
 from jotlight.estimators.inpaint import NO_VALID_BIT, warn_about_dead_pixels
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.mosaic import Mosaic, Pattern
@@ -25,10 +25,6 @@ I = TypeVar("I")  # noqa: E741
 MAX_POSITIONS = 4
 """Maximum number of pixels of a period whose positions are planes of their own. In longer periods,
 the pixels of one position are too far apart, so the pixels of each filter are one plane."""
-
-_NEIGHBORHOOD = 1.0
-"""Standard deviation of the means that show which pixels are saturated, in mean distances of the
-pixels of a filter."""
 
 _LEAST_INTENSITY = 1e-3
 """Smallest intensity at which the information of a pixel is computed."""
@@ -110,10 +106,7 @@ def value_weights(
     [[4.776284, 4.776284], [4.776284, 0.014156]]
     """
     places = mosaic.full(*values.shape)
-    bright = np.zeros(values.shape)
-    for index in np.unique(places):
-        near = local_mean(values.astype(np.float64), places == index, _NEIGHBORHOOD)
-        bright = np.maximum(bright, near)
+    bright = brightest_mean(values, places)
     trials = np.broadcast_to(np.asarray(counted.trials, np.float64), values.shape)
     weights = np.zeros(values.shape)
     for index in np.unique(places):
