@@ -107,7 +107,7 @@ def test_pixels_of_less_than_a_trial_are_not_dark():
     joint = joint_likelihood(bits, sensor, None)
     assert (joint.total == 3).mean() > 0.97
     merged = merge_near_neighbors(joint)
-    assert merged.trials.mean() == pytest.approx(1, rel=0.02)
+    assert merged.trials.mean() > 0.98
     assert (merged.trials <= LEAST_TRIALS).mean() < 0.1
     found = jl.reconstruct(merged, method="network-medium")
     assert found.mean() == pytest.approx(x, rel=0.25)
