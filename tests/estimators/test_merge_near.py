@@ -11,7 +11,7 @@ import jotlight._engine as engine
 from jotlight.estimators.merge_near import diffuse, merge_near, merge_near_neighbors
 from jotlight.estimators.merge_readings import reference_sensor
 from jotlight.sensing.joint_likelihood import joint_likelihood
-from jotlight.sensing.merged import LEAST_TRIALS
+from jotlight.sensing.merged import MAX_SILENT_TRIALS
 from jotlight.sensing.mosaic import Mosaic
 from reference import methods
 
@@ -108,7 +108,7 @@ def test_pixels_of_less_than_a_trial_are_not_dark():
     assert (joint.total == 3).mean() > 0.97
     merged = merge_near_neighbors(joint)
     assert merged.trials.mean() > 0.98
-    assert (merged.trials <= LEAST_TRIALS).mean() < 0.1
+    assert (merged.trials <= MAX_SILENT_TRIALS).mean() < 0.1
     found = jl.reconstruct(merged, method="network-medium")
     assert found.mean() == pytest.approx(x, rel=0.25)
 

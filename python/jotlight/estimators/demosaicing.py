@@ -28,7 +28,7 @@ _IMPORT = threading.Lock()
 _MIN_WEIGHT = 1e-6
 """Weight below which a pixel has no neighbors within the Gaussian."""
 
-LEAST_WEIGHT = 1e-6
+MIN_RELATIVE_WEIGHT = 1e-6
 """Smallest weight of a filter, relative to the largest one, so that all colors are determined."""
 
 COLORS = 3
@@ -138,7 +138,7 @@ def _near_weights(weights: npt.NDArray[np.floating], places: Pattern, usual: Val
         found[..., index] = own.mean() * local_mean(np.asarray(weights, float), own, SPREAD)
     largest = found.max(axis=-1, keepdims=True)
     found = np.where(largest > 0, found / np.where(largest > 0, largest, 1.0), usual)
-    return np.maximum(found, LEAST_WEIGHT * (usual > 0))
+    return np.maximum(found, MIN_RELATIVE_WEIGHT * (usual > 0))
 
 
 def _menon(values: Values, order: str) -> Values:

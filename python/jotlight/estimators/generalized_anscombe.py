@@ -131,7 +131,7 @@ def denoise_readings(
 
 
 def is_saturated(joint: JointLikelihood) -> bool:
-    """Return whether so many readings are the largest one that the transform would be biased.
+    """Return whether the largest readings are too frequent for the transform, which is biased then.
 
     A denoiser averages totals, and where most readings are the largest one, those of a brighter
     pixel can hardly make up for those of a darker one.

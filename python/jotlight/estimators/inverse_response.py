@@ -10,7 +10,7 @@ from jotlight.errors import warn
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.sensing.maps import constant_or_map
-from jotlight.sensing.merged import LEAST_TRIALS
+from jotlight.sensing.merged import MAX_SILENT_TRIALS
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.response import Array
@@ -80,7 +80,7 @@ def _fill_silent_pixels(counts: Counts, pixels: PixelCounts) -> Counts:
 
     With 0 ones of hardly any trial, they would be taken for dark.
     """
-    silent = np.asarray(pixels.trials <= LEAST_TRIALS)
+    silent = np.asarray(pixels.trials <= MAX_SILENT_TRIALS)
     if not silent.any():
         return counts
     filled = []

@@ -18,7 +18,7 @@ from jotlight.estimators.merge_readings import (
     reference_sensor,
 )
 from jotlight.sensing.joint_likelihood import JointLikelihood
-from jotlight.sensing.merged import LEAST_TRIALS, Merged
+from jotlight.sensing.merged import MAX_SILENT_TRIALS, Merged
 from jotlight.sensing.mosaic import Mosaic, Pattern
 from jotlight.sensing.response import Array, inverse_detection_probability
 
@@ -219,7 +219,7 @@ def merge_near(
     for own in _of_each_filter(pattern, ones.shape):
         whole += diffuse(np.where(own, ones, 0.0), own & (trials > 0))
         zeros += _carry_debts(np.where(own, trials - whole, 0.0))
-    trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, LEAST_TRIALS))
+    trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, MAX_SILENT_TRIALS))
     return Merged(whole.astype(np.int32), trials, reference, dark_counts, efficiency)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.sensing.merged import LEAST_TRIALS
+from jotlight.sensing.merged import MAX_SILENT_TRIALS
 from jotlight.sensing.pixel_counts import MAX_PIXELS, PixelCounts
 from jotlight.sensing.values import check_any_valid
 
@@ -107,7 +107,7 @@ def count_local_trials(pixels: PixelCounts) -> list[LocalTrials]:
     maps = pixels.trials[:1] if is_shared else pixels.trials
     filled = []
     for trials in maps:
-        known = trials > LEAST_TRIALS
+        known = trials > MAX_SILENT_TRIALS
         known = known if known.any() else trials > 0
         filled.append(fill_from_nearest(trials, known).astype(np.float64))
     local = engine.local_trials(filled, None)

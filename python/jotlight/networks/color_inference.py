@@ -10,7 +10,7 @@ from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.color_planes import Filtered, color_planes
 from jotlight.networks.color_starts import start_of_channels, start_of_mosaic
 from jotlight.networks.network import Network
-from jotlight.sensing.merged import LEAST_TRIALS
+from jotlight.sensing.merged import MAX_SILENT_TRIALS
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import reference_jot, response_of
@@ -167,5 +167,5 @@ def _weights(counted: PixelCounts) -> Array:
 def _usual_trials(counted: PixelCounts) -> float:
     """Return the median of the trials behind the pixels that say something; 1 if none does."""
     trials = np.broadcast_to(counted.trials, counted.counts.shape)
-    known = trials[trials > LEAST_TRIALS]
+    known = trials[trials > MAX_SILENT_TRIALS]
     return float(np.median(known)) if len(known) else 1.0

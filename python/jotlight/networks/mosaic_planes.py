@@ -26,7 +26,7 @@ MAX_POSITIONS = 4
 """Maximum number of pixels of a period whose positions are planes of their own. In longer periods,
 the pixels of one position are too far apart, so the pixels of each filter are one plane."""
 
-_LEAST_INTENSITY = 1e-3
+_MIN_INTENSITY = 1e-3
 """Smallest intensity at which the information of a pixel is computed."""
 
 
@@ -112,7 +112,7 @@ def value_weights(
     for index in np.unique(places):
         own = places == index
         plane = _plane_sensor(sensor, float(mosaic.sensitivity[index]))
-        light = plane.light_per_intensity * np.maximum(bright[own], _LEAST_INTENSITY)
+        light = plane.light_per_intensity * np.maximum(bright[own], _MIN_INTENSITY)
         weights[own] = (
             trials[own] * plane.light_per_intensity**2 * reading_information(plane, light)
         )

@@ -16,7 +16,7 @@ from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import checked_trials, numbers_from_zero
 
-LEAST_TRIALS = 0.01
+MAX_SILENT_TRIALS = 0.01
 """Maximum number of trials of a pixel that says nothing, but is not dead."""
 
 
