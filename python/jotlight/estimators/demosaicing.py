@@ -138,7 +138,7 @@ def _near_weights(weights: npt.NDArray[np.floating], places: Pattern, usual: Val
         found[..., index] = own.mean() * local_mean(np.asarray(weights, float), own, SPREAD)
     largest = found.max(axis=-1, keepdims=True)
     found = np.where(largest > 0, found / np.where(largest > 0, largest, 1.0), usual)
-    return np.maximum(found, MIN_RELATIVE_WEIGHT * (usual > 0))
+    return np.asarray(np.maximum(found, MIN_RELATIVE_WEIGHT * (usual > 0)))
 
 
 def _menon(values: Values, order: str) -> Values:

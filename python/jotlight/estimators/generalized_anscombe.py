@@ -127,7 +127,8 @@ def denoise_readings(
     trials, term = int(joint.trials.flat[0]), joint.terms[0]
     rate = _rate_of_totals(joint, joint.total[None], trials, denoise, inverse, threads)[0]
     light = (rate - term.cells.dark_counts) / term.cells.efficiency
-    return np.clip(light / term.light, 0, joint.sensor.max_intensity).astype(np.float32)
+    found = np.clip(light / term.light, 0, joint.sensor.max_intensity)
+    return np.asarray(found, np.float32)
 
 
 def is_saturated(joint: JointLikelihood) -> bool:
@@ -148,8 +149,9 @@ def is_saturated(joint: JointLikelihood) -> bool:
     False
     """
     cells = joint.terms[0].cells
-    is_multibit = isinstance(cells, ReadingLikelihood) and joint.sensor.bit_depth > 1
-    return is_multibit and cells.largest_share >= _LARGEST_SHARE
+    if joint.sensor.bit_depth == 1 or not isinstance(cells, ReadingLikelihood):
+        return False
+    return cells.largest_share >= _LARGEST_SHARE
 
 
 def _rate_of_totals(

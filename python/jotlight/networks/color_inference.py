@@ -112,7 +112,7 @@ def _trust(start: Array, sensor: Sensor, mosaic: Mosaic) -> Image:
     rates = light * np.tensordot(mosaic.transmission, start, 1).max(axis=0)
     low, high = _SATURATED
     smooth = gaussian_filter(rates, _TRUST_SIGMA)
-    return np.clip((high - smooth) / (high - low), 0, 1).astype(np.float32)
+    return np.asarray(np.clip((high - smooth) / (high - low), 0, 1), np.float32)
 
 
 def estimate_channels(
