@@ -8,6 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 import jotlight as jl
 import jotlight._engine as engine
+from jotlight.estimators import merge_near as merge_near_module
 from jotlight.estimators.merge_near import diffuse, merge_near, merge_near_neighbors
 from jotlight.estimators.merge_readings import reference_sensor
 from jotlight.sensing.joint_likelihood import joint_likelihood
@@ -186,6 +187,28 @@ def test_averages_over_neighbors_are_of_the_same_filter():
     assert np.ptp([mixed.trials[dark].mean(), mixed.trials[~dark].mean()]) < 0.3 * np.ptp(
         [merged.trials[dark].mean(), merged.trials[~dark].mean()]
     )
+
+
+@pytest.mark.parametrize("intensity", [0.1, 0.5])
+def test_pixels_with_different_thresholds_have_a_common_average(intensity):
+    board = np.where(np.indices(SHAPE).sum(axis=0) % 2, 1, 4)
+    sensor = jl.Sensor(frames=8, gain=32.0, threshold=board)
+    joint = joint_likelihood(sensor.expose(np.full(SHAPE, intensity), rng=0), sensor, None)
+    average = merge_near_module._average(joint, 1.5, None)
+    assert np.abs(average / intensity - 1).mean() < 0.15
+    assert average.mean() == pytest.approx(intensity, rel=0.05)
+    for own in (board == 1, board == 4):
+        assert average[own].mean() == pytest.approx(intensity, rel=0.05)
+
+
+def test_dim_colors_behind_high_thresholds_are_not_black():
+    # Green has the threshold 1, red and blue 3.
+    shape = 96, 96
+    board = np.where(np.indices(shape).sum(axis=0) % 2, 1, 3)
+    sensor = jl.Sensor(frames=16, gain=16.0, threshold=board, mosaic="RGGB")
+    bits = sensor.expose(np.full((*shape, 3), 0.2), rng=0)
+    found = jl.reconstruct(bits)
+    np.testing.assert_allclose(found.mean(axis=(0, 1)), 0.2, rtol=0.35)
 
 
 @pytest.mark.parametrize("intensity", [0.5, 0.8])

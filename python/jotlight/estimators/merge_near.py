@@ -93,17 +93,43 @@ def _behind_filters(joint: JointLikelihood, near: Array, mosaic: Mosaic, pattern
     return np.asarray(mosaic.light(np.maximum(colors, 0)))
 
 
-def _average(
-    joint: JointLikelihood, spread: float, pattern: npt.NDArray[np.integer] | None
-) -> Array:
+def _average(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> Array:
+    """Return the intensity that the readings around each pixel have in common, (H, W).
+
+    It is that at which their sum is expected. The sums of pixels with different thresholds cannot
+    be compared. So each kind of pixels has averages of its own first, and the equivalent counts
+    near them are averaged.
+    """
+    if np.ndim(joint.sensor.threshold) < 2:
+        return _expecting_sums(joint, spread, pattern)
+    kinds = _kinds_of_pixels(joint, pattern)
+    if kinds.max() < _MAX_FILTERS:
+        ones, trials = _real_counts(joint, _expecting_sums(joint, spread, kinds))[:2]
+    else:
+        merged = merge_joint(joint)
+        ones, trials = merged.ones.astype(np.float64), np.broadcast_to(merged.trials, joint.shape)
+    fraction = _fractions(ones, trials, spread, pattern)
+    reference = reference_sensor(joint.sensor)
+    efficiency, dark_counts = mean_response(reference)
+    rate = inverse_detection_probability(1, fraction, 1 - fraction) - dark_counts
+    slope = np.maximum(efficiency, 1e-9) * reference.light_per_intensity
+    return np.asarray(np.maximum(rate, 0) / slope)
+
+
+def _kinds_of_pixels(joint: JointLikelihood, pattern: Pattern | None) -> Pattern:
+    """Return whole numbers from 0 that tell filters and thresholds of pixels apart, (H, W)."""
+    each = [term.sum_pixels(term.trials) > 0 for term in joint.terms]
+    rows = np.stack([*each, np.zeros(joint.shape) if pattern is None else pattern])
+    kinds = np.unique(rows.reshape(len(rows), -1), axis=1, return_inverse=True)[1]
+    return np.asarray(kinds.reshape(joint.shape))
+
+
+def _expecting_sums(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> Array:
     """Return the intensity at which the sum of the readings around each pixel is expected, (H, W).
 
     This has no bias if most readings are the largest one. Where all are, it is the intensity at
-    which a sum of one half less is expected. The sums of pixels with different thresholds cannot be
-    compared, so their averages are those of equivalent counts.
+    which one half less is expected, and where all are 0, that at which one half is.
     """
-    if np.ndim(joint.sensor.threshold) == 2:
-        return _average_of_counts(merge_joint(joint), spread, pattern)
     from scipy.ndimage import gaussian_filter
 
     fraction = np.zeros(joint.shape)
@@ -113,19 +139,10 @@ def _average(
             gaussian_filter(np.where(own, part, 0.0), sigma)
             for part in (joint.total, joint.max_total)
         )
-        below = np.minimum(total, largest - 0.5 / (4 * np.pi * sigma**2))
-        fraction = np.where(own, below / np.maximum(largest, 1e-9), fraction)
+        half = 0.5 / (4 * np.pi * sigma**2)
+        inside = np.minimum(np.maximum(total, half), largest - half)
+        fraction = np.where(own, inside / np.maximum(largest, 1e-9), fraction)
     return solve_expected_total(joint, np.clip(fraction, 0, 1) * joint.max_total)
-
-
-def _average_of_counts(
-    merged: Merged, spread: float, pattern: npt.NDArray[np.integer] | None
-) -> Array:
-    """Return the intensities of averages of counts with the same filter, (H, W)."""
-    fraction = average_fractions(merged, spread, pattern)
-    rate = inverse_detection_probability(1, fraction, 1 - fraction) - merged.dark_counts
-    slope = np.maximum(merged.efficiency, 1e-9) * merged.sensor.light_per_intensity
-    return np.asarray(np.maximum(rate, 0) / slope)
 
 
 def average_fractions(
@@ -142,16 +159,26 @@ def average_fractions(
     pattern : ndarray of int, shape (H, W), optional
         The filter of each pixel. Default: all have the same one.
     """
+    trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
+    return _fractions(merged.ones, trials, spread, pattern)
+
+
+def _fractions(
+    ones: npt.NDArray[np.number],
+    trials: Array,
+    spread: float,
+    pattern: npt.NDArray[np.integer] | None,
+) -> Array:
+    """Return :func:`average_fractions` of real counts (H, W)."""
     from scipy.ndimage import gaussian_filter
 
-    trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
-    fraction = np.zeros(merged.shape)
-    for own in _of_each_filter(pattern, merged.shape):
+    fraction = np.zeros(ones.shape)
+    for own in _of_each_filter(pattern, ones.shape):
         sigma = _own_sigma(spread, own)
-        ones, number = (
-            gaussian_filter(np.where(own, part, 0.0), sigma) for part in (merged.ones, trials)
+        total, number = (
+            gaussian_filter(np.where(own, part, 0.0), sigma) for part in (ones, trials)
         )
-        fraction = np.where(own, ones / np.maximum(number, 1e-9), fraction)
+        fraction = np.where(own, total / np.maximum(number, 1e-9), fraction)
     return np.asarray(np.clip(fraction, 0, _MAX_FRACTION))
 
 
@@ -198,18 +225,11 @@ def merge_near(
     """
     from scipy.ndimage import gaussian_filter
 
-    reference, largest = reference_sensor(joint.sensor), joint.sensor.max_intensity
+    ones, trials, rate = _real_counts(joint, intensity)
+    reference = reference_sensor(joint.sensor)
     efficiency, dark_counts = mean_response(reference)
-    least = np.maximum(_MIN_SHARE * largest, min_light(joint))
-    near = np.clip(intensity.astype(np.float64), least, largest)
-    slope = efficiency * reference.light_per_intensity
-    rate = slope * near + dark_counts
-    is_known = joint.trials > 0
-    gradient = np.where(is_known, joint.gradient_and_curvature(near)[0], 0.0)
-    information = np.where(is_known, joint.information(near), 0.0)
-    ones, trials = linear_counts(gradient, information, slope, rate, rate)
     # Denoisers take each pixel for at least one trial, and 0 ones of fewer trials for darkness.
-    missing = np.where(is_known, np.maximum(1 - trials, 0), 0.0)
+    missing = np.where(joint.trials > 0, np.maximum(1 - trials, 0), 0.0)
     ones, trials = ones - missing * np.expm1(-rate), trials + missing
     if pattern is None and np.ndim(joint.sensor.threshold) == 2:
         ones, trials = (gaussian_filter(part, _MAP_SIGMA) for part in (ones, trials))
@@ -221,6 +241,22 @@ def merge_near(
         zeros += _carry_debts(np.where(own, trials - whole, 0.0))
     trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, MAX_SILENT_TRIALS))
     return Merged(whole.astype(np.int32), trials, reference, dark_counts, efficiency)
+
+
+def _real_counts(
+    joint: JointLikelihood, intensity: npt.NDArray[np.floating]
+) -> tuple[Array, Array, Array]:
+    """Return the ones and the trials near intensities, and the rates of a trial there, (H, W)."""
+    reference, largest = reference_sensor(joint.sensor), joint.sensor.max_intensity
+    efficiency, dark_counts = mean_response(reference)
+    least = np.maximum(_MIN_SHARE * largest, min_light(joint))
+    near = np.clip(intensity.astype(np.float64), least, largest)
+    slope = efficiency * reference.light_per_intensity
+    rate = np.asarray(slope * near + dark_counts)
+    is_known = joint.trials > 0
+    gradient = np.where(is_known, joint.gradient_and_curvature(near)[0], 0.0)
+    information = np.where(is_known, joint.information(near), 0.0)
+    return *linear_counts(gradient, information, slope, rate, rate), rate
 
 
 def _carry_debts(values: Array) -> Array:
