@@ -5,8 +5,8 @@
 
 The scenes are two photographs that come with scikit-image, at 192 x 192 pixels. The exposures of a
 bracket repeat in cycles. The first table shows the mean PSNR in dB, without a border of 8 pixels,
-by the network "medium": of all frames without alignment, along the motion that `jotlight.align` finds,
-and of the same photographs standing still, from all their bits and from the sums of cycles.
+by the network "medium": of all frames without alignment, along the motion that `jotlight.align`
+finds, and of the same photographs standing still, from all their bits and from the sums of cycles.
 *bias* is the relative error of the mean intensity of the merged images. *film* and *network* are
 images of causal films of half the frames, by "medium" and by the film network. *photons* is the
 mean number per pixel and frame.

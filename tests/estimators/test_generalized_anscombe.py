@@ -65,6 +65,18 @@ def test_the_exact_inverse_has_no_bias(sensor):
     assert abs(algebraic.mean() - intensity) > abs(exact.mean() - intensity)
 
 
+@pytest.mark.parametrize(("frames", "photons"), [(1, 6.0), (1, 12.0), (8, 12.0)])
+def test_mostly_saturated_readings_keep_the_mean(frames, photons):
+    truth = jl.datasets.photograph("coffee", gray=True)[40:240, 100:300].astype(np.float64)
+    sensor = jl.Sensor(frames=frames, gain=frames * photons, bit_depth=2)
+    readings = sensor.expose(truth, rng=0)
+    found = jl.noniterative(readings)
+    assert found.mean() == pytest.approx(truth.mean(), rel=0.07)
+    stack = jl.noniterative([readings, sensor.expose(0.1 * truth, rng=0)])
+    np.testing.assert_array_equal(stack[0], found)
+    assert stack[1].mean() == pytest.approx(0.1 * truth.mean(), rel=0.07)
+
+
 def test_pixels_that_differ_are_refused_and_merged():
     dark = np.linspace(0, 0.5, 64).reshape(8, 8)
     sensor = jl.Sensor(frames=4, bit_depth=3, dark_counts=dark)

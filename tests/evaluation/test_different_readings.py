@@ -52,6 +52,16 @@ def test_networks_get_better_counts_than_those_of_merge_readings(captured):
     assert error(direct, truth) < error(merged, truth)
 
 
+@pytest.mark.parametrize(("frames", "photons", "largest"), [(1, 12.0, 0.08), (8, 18.0, 0.16)])
+def test_mostly_saturated_readings_of_two_bits_are_hardly_too_dark(frames, photons, largest):
+    # About half of the pixels have only the largest readings. The likelihood of 8 of them is nearly
+    # the same from 11 to 18 photons.
+    truth = photograph("camera")[100:356:2, 100:356:2].astype(np.float64)
+    sensor = jl.Sensor(frames=frames, gain=frames * photons, bit_depth=2)
+    estimate = jl.reconstruct(sensor.expose(truth, rng=0))
+    assert estimate.mean() == pytest.approx(truth.mean(), rel=largest)
+
+
 @pytest.mark.parametrize(
     "sensor",
     [

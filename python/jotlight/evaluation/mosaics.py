@@ -137,8 +137,8 @@ def reconstruct_mosaic(
         if estimate is None or isinstance(estimate, ColorNetwork):
             colors = estimate_mosaic(*networks, each, mosaic, threads)
         else:
-            values, infos_of_one = estimate_values(each, mosaic, estimate)
-            colors = demosaic(values, mosaic, method).astype(np.float32)
+            values, weights, infos_of_one = estimate_values(each, mosaic, estimate)
+            colors = demosaic(values, mosaic, method, weights).astype(np.float32)
             infos += infos_of_one
         np.clip(colors, 0, sensor.max_intensity, out=colors)
         found.append(np.moveaxis(colors, -1, 0))
@@ -248,7 +248,6 @@ def count_image(
     most = 1.0 if mosaic is None else max(1.0, float(mosaic.sensitivity.max()))
     bright = sensor.replace(max_intensity=most * sensor.max_intensity)
     joint = joint_likelihood(one, bright, threads)
-    pattern = None if mosaic is None else mosaic.full(*joint.shape)
-    merged = merge_near_neighbors(joint, pattern)
+    merged = merge_near_neighbors(joint, mosaic)
     own = merged.sensor.replace(max_intensity=sensor.max_intensity)
     return count_pixels(dataclasses.replace(merged, sensor=own), own, threads)

@@ -11,8 +11,14 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
+from jotlight.evaluation.channel_intervals import find_channel_intervals
 from jotlight.evaluation.channels import takes_channels
-from jotlight.evaluation.choice import check_demosaicing, check_precision_of, choose_method
+from jotlight.evaluation.choice import (
+    COLOR_NETWORK,
+    check_demosaicing,
+    check_precision_of,
+    choose_method,
+)
 from jotlight.evaluation.color_intervals import check_color_errors_known, mosaic_uncertainty
 from jotlight.evaluation.different_readings import with_one_response
 from jotlight.evaluation.intervals import find_intervals
@@ -207,13 +213,20 @@ def _of_gray_images(
         images, sensor = with_one_response(images, sensor, method, threads)
     if method == EXACT_METHOD:
         return exact_uncertainty(images, sensor, confidence_level, threads)
-    network, is_own = _reference(method, quality, images, sensor)
+    check_errors_known(method, sensor)
     if estimate is None:
         estimate = run(images, sensor)
-    values = images.layout.split(np.asarray(estimate, np.float32))
+    values = np.ascontiguousarray(images.layout.split(np.asarray(estimate, np.float32)))
+    if method is None and quality is None and takes_channels(images):
+        choice = choose_method(sensor, is_color=True)
+        if choice.method == COLOR_NETWORK:
+            return find_channel_intervals(
+                images, values, sensor, confidence_level=confidence_level, threads=threads
+            )
+    network, is_own = _reference(method, quality, sensor)
     return find_intervals(
         images,
-        np.ascontiguousarray(values),
+        values,
         sensor,
         network,
         is_own=is_own,
@@ -250,18 +263,16 @@ def check_errors_known(method: Method | None, sensor: Sensor) -> None:
 def _reference(
     method: Method | None,
     quality: str | None,
-    images: GrayImages,
     sensor: Sensor,
 ) -> tuple[Network, bool]:
     """Return the network whose errors are known, and whether it is the method.
 
     If it is not, the network is "medium".
     """
-    check_errors_known(method, sensor)
     if isinstance(method, Network):
         return (method, True) if _is_measured(method) else (_medium(sensor), False)
     if method is None and quality is None:
-        quality = choose_method(sensor, is_color=takes_channels(images)).quality
+        quality = choose_method(sensor).quality
     elif isinstance(method, str):
         quality = find_method(method).quality
     if quality in _MEASURED_SIZES:

@@ -245,17 +245,19 @@ class SpreadReadings:
 
     def in_cycles(self, motion: Motion) -> Motion:
         """Return a motion of frames as that of counts, whose times are numbers of cycles."""
-        times, reference = (
-            (time - self.middle) / self.cycle for time in (motion.times, motion.reference)
+        return dataclasses.replace(
+            motion,
+            times=(motion.times - self.middle) / self.cycle,
+            reference=(motion.reference - self.middle) / self.cycle,
         )
-        return dataclasses.replace(motion, times=times, reference=reference)
 
     def in_frames(self, motion: Motion) -> Motion:
         """Return a motion of counts as that of frames. The inverse of :meth:`in_cycles`."""
-        times, reference = (
-            self.cycle * time + self.middle for time in (motion.times, motion.reference)
+        return dataclasses.replace(
+            motion,
+            times=self.cycle * motion.times + self.middle,
+            reference=self.cycle * motion.reference + self.middle,
         )
-        return dataclasses.replace(motion, times=times, reference=reference)
 
 
 def spread_readings(data: object, sensor: object) -> SpreadReadings | None:

@@ -47,9 +47,9 @@ def start_of_mosaic(
     def estimate(planes: Any, own: Sensor) -> tuple[Image, None]:
         return gray.reconstruct(planes, own, threads=threads), None
 
-    values, _ = estimate_values(counted, mosaic, estimate)
+    values, weights, _ = estimate_values(counted, mosaic, estimate)
     plain = dataclasses.replace(mosaic, white_balance=np.ones(3))
-    return np.moveaxis(demosaic(values, plain, "differences"), -1, 0)
+    return np.moveaxis(demosaic(values, plain, "differences", weights), -1, 0)
 
 
 def start_of_channels(

@@ -1,5 +1,7 @@
 """Checks that all frames of a sensor show a scene alike, or that their exposures repeat."""
 
+from typing import Any
+
 import numpy as np
 
 from jotlight.sensing.readings import (
@@ -86,7 +88,7 @@ def with_frames(sensor: S, frames: int) -> S:
     """
     if not readings_differ(sensor):
         return sensor.replace(frames=frames)
-    changes = {
+    changes: dict[str, Any] = {
         name: np.resize(getattr(sensor, name), frames)
         for name in ("gain", "threshold")
         if np.ndim(getattr(sensor, name)) == 1

@@ -125,6 +125,12 @@ class ReadingLikelihood:
         """2^b - 1."""
         return self.response[0]
 
+    @property
+    def largest_share(self) -> float:
+        """The fraction of the readings that are the largest one."""
+        largest = self.sample[..., -1] if self.is_histogram else self.sample == self.max_reading
+        return float(largest.sum(dtype=np.float64) / max(self.trials.sum(), 1))
+
     def value(self, light: npt.ArrayLike) -> float:
         """Return the log-likelihood in nats, summed over all cells."""
         return engine.readings_log_likelihood(
