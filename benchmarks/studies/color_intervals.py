@@ -51,7 +51,7 @@ def photographs(data: Path, number: int) -> list[Array]:
 
 def mosaic_of(name: str, shape: tuple[int, ...]) -> Mosaic:
     """Return a mosaic by its name; "random" is the RGBW of SwissSPAD2."""
-    if name != "random":
+    if not name.startswith("random"):
         return Mosaic.of(name.split()[0])
     rng = np.random.default_rng(5)
     pattern = rng.choice(4, shape[:2], p=[0.0807, 0.0807, 0.0807, 0.7579]).astype(np.uint8)

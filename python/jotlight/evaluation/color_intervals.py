@@ -54,6 +54,9 @@ Image = npt.NDArray[np.float32]
 _LEAST_SHARE = 0.03
 """Smallest fraction of the pixels that count for a color."""
 
+_NEIGHBORHOOD = 1.0
+"""Standard deviation of the filter of the trials of a color, in mean distances of its pixels."""
+
 
 @dataclasses.dataclass(frozen=True)
 class MosaicPixels:
@@ -100,8 +103,26 @@ class MosaicPixels:
     def colors_of(self, color: int) -> Pixels:
         """Return the pixels of a gray image with as many trials as those of a color."""
         jot = reference_jot(self.sensor)
-        trials = self.densities[color] * np.where(self.trials > 0, self.trials, 1.0)
+        trials = self.densities[color] * self._trials_near[color]
         return Pixels(self.sensor, self.counted.counts, trials, *jot)
+
+    @cached_property
+    def _trials_near(self) -> Array:
+        """The trials of the pixels around each pixel that see each color, (3, H, W).
+
+        Equivalent counts of one filter may have many more trials than those of another.
+        """
+        from scipy.ndimage import gaussian_filter
+
+        some = np.where(self.trials > 0, self.trials, 1.0)
+        if np.ptp(some) == 0:
+            return np.broadcast_to(some, self.shares.shape)
+        near = []
+        for share, density in zip(self.shares, self.densities, strict=True):
+            sigma = _NEIGHBORHOOD / np.sqrt(density)
+            seen, weight = (gaussian_filter(part, sigma) for part in (share * some, share))
+            near.append(np.where(weight > 1e-9, seen / np.maximum(weight, 1e-9), some))
+        return np.stack(near)
 
     def estimate(self, counted: PixelCounts | None = None) -> Image:
         """Return the colors by the color network, (H, W, 3), of these counts or of others."""
