@@ -214,7 +214,7 @@ def test_color_bits_become_a_layer_of_colors():
     bits = jl.Sensor(frames=16).expose(
         jl.datasets.photograph("coffee")[:32, :40], rng=0, channel_axis=-1
     )
-    data, arguments, _ = make_layer(Viewed.from_bits(bits), 8)
+    data, arguments, _ = make_layer(Viewed.from_data(bits), 8)
     assert data.shape == (2, 32, 40, 3)
     assert arguments["rgb"]
     assert 0 <= float(data.min()) <= float(data.max()) <= 1
@@ -222,7 +222,7 @@ def test_color_bits_become_a_layer_of_colors():
 
 def test_channels_that_are_no_colors_get_a_slider():
     bits = jl.Bits.from_array(RNG.random((16, 6, 8, 2)) < 0.4)
-    data, arguments, _ = make_layer(Viewed.from_bits(bits), 8)
+    data, arguments, _ = make_layer(Viewed.from_data(bits), 8)
     assert data.shape == (2, 2, 6, 8)
     assert "rgb" not in arguments
     expected = arguments["metadata"][KEY].image(1)[..., 1]

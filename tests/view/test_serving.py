@@ -115,7 +115,7 @@ def test_the_standard_error_of_a_pixel_is_that_of_the_library(server, bits):
 
 def test_an_overlay_that_is_unknown_does_not_hide_the_others(photo):
     smooth = jl.Sensor(frames=40, oversampling=2, kernel="linear").expose(photo, rng=0)
-    with serving(Viewed.from_bits(smooth)) as server, connected(server) as stream:
+    with serving(Viewed.from_data(smooth)) as server, connected(server) as stream:
         read(stream)
         overlays = ["uncertainty", "saturated"]
         ask(stream, method="noniterative-gaussian", overlays=overlays)
@@ -145,7 +145,7 @@ def test_the_difference_to_another_method_is_sent_in_color(server):
 
 def test_a_method_that_does_not_serve_the_sensor_is_an_error_not_an_end(photo):
     smooth = jl.Sensor(frames=200, kernel="linear").expose(photo, rng=0)
-    with serving(Viewed.from_bits(smooth)) as server, connected(server) as stream:
+    with serving(Viewed.from_data(smooth)) as server, connected(server) as stream:
         read(stream)
         ask(stream, method="held-out")
         assert "expected the box kernel" in read_until(stream, "error")[0]["text"]
@@ -165,23 +165,23 @@ def test_saved_images_are_attachments_with_safe_names(server, ending):
 
 
 def test_the_token_differs_each_time_and_the_port_is_checked(bits):
-    one, other = Server(Viewed.from_bits(bits)), Server(Viewed.from_bits(bits))
+    one, other = Server(Viewed.from_data(bits)), Server(Viewed.from_data(bits))
     assert one.token != other.token
     assert len(one.token) >= 32
     with pytest.raises(OSError, match=f"port {one.port}"):
-        Server(Viewed.from_bits(bits), port=one.port)
+        Server(Viewed.from_data(bits), port=one.port)
     for each in (one, other):
         each._socket.close()
         each._workshop.close()
     with pytest.raises(OSError, match="no address"):
-        Server(Viewed.from_bits(bits), host="no.such.host.invalid")
+        Server(Viewed.from_data(bits), host="no.such.host.invalid")
     with pytest.raises(ValueError, match="port: expected"):
-        Server(Viewed.from_bits(bits), port=70_000)
+        Server(Viewed.from_data(bits), port=70_000)
 
 
 def test_a_server_leaves_no_thread_behind(bits):
     before = {thread.name for thread in threading.enumerate()}
-    with serving(Viewed.from_bits(bits)) as running, connected(running) as stream:
+    with serving(Viewed.from_data(bits)) as running, connected(running) as stream:
         read(stream)
     wait_until(
         lambda: (
@@ -195,7 +195,7 @@ def test_a_server_leaves_no_thread_behind(bits):
 
 def test_methods_that_do_not_serve_the_sensor_state_why(photo):
     smooth = jl.Sensor(frames=40, oversampling=2, kernel="linear").expose(photo, rng=0)
-    methods = describe_capture(Viewed.from_bits(smooth))["methods"]
+    methods = describe_capture(Viewed.from_data(smooth))["methods"]
     reasons = {each["name"]: each.get("reason") for each in methods}
     assert "box kernel" in reasons["held-out"]
     assert reasons["mle"] is None

@@ -9,10 +9,13 @@ import numpy.typing as npt
 from jotlight.calibration import find_hot_jots
 from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
+from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.merged import Merged
+from jotlight.view.counted import EQUIVALENT
 from jotlight.view.estimate import DEMOSAICING, Estimate
-from jotlight.view.viewed import Viewable
+from jotlight.view.viewed import Viewable, frame_bytes, whole_cycles
 
 Map = npt.NDArray[np.uint8]
 
@@ -41,23 +44,27 @@ class JotMap:
 
 
 def _find_jots(viewed: Viewable) -> tuple[Map, str]:
-    frames = viewed.frames
-    part = viewed.part(range(frames.start, frames.start + 1))
-    size = part.packed.nbytes if isinstance(part, Bits) else part.images.nbytes
-    frames = frames[: max(1, _MAX_BYTES // max(1, size))]
+    frames = viewed.frames[: whole_cycles(viewed, _MAX_BYTES // frame_bytes(viewed))]
     data, sensor = viewed.part(frames), viewed.sensor(len(frames))
+    reason = None
     if sensor.mosaic is not None:
+        reason = "their neighbors have other color filters"
+    elif np.ndim(sensor.threshold):
+        reason = "the frames have different thresholds"
+    elif isinstance(data, Bits):
+        counts, trials = data.counts(1), len(data)
+    elif isinstance(data, CountStack) and sensor.oversampling == 1:
+        counts, trials = data.sum(), sensor.trials
+    elif isinstance(data, CountStack):
+        reason = "counts of pixels do not show single jots"
+    else:
+        reason = "readings have several bits"
+    if reason is not None:
         side = sensor.oversampling
         dead = np.zeros((side * viewed.shape[0], side * viewed.shape[1]), np.uint8)
         if sensor.mask is not None:
             dead[sensor.mask] = DEAD
-        return dead, "hot jots are not searched, because their neighbors have other color filters"
-    if isinstance(data, Bits):
-        counts, trials = data.counts(1), len(data)
-    elif sensor.oversampling == 1:
-        counts, trials = data.sum(), sensor.trials
-    else:
-        return np.zeros(viewed.shape[:2], np.uint8), "counts of pixels do not show single jots"
+        return dead, f"hot jots are not searched, because {reason}"
     hot = find_hot_jots(
         counts,
         trials=trials,
@@ -74,7 +81,12 @@ def _find_jots(viewed: Viewable) -> tuple[Map, str]:
 
 
 def find_saturated(estimate: Estimate) -> Map:
-    """Return 1 for the pixels whose bits are all 1, and 0 for others.
+    """Return 1 for the pixels whose bits are all 1, or whose readings are all the largest one.
+
+    Raises
+    ------
+    ValueError
+        For equivalent counts, which do not show whether all readings were the largest one.
 
     Examples
     --------
@@ -84,12 +96,17 @@ def find_saturated(estimate: Estimate) -> Map:
     >>> find_saturated(made).tolist()
     [[0, 1]]
     """
+    if estimate.counted == EQUIVALENT:
+        raise ValueError(
+            "saturated: equivalent counts do not show whether all readings were the largest one; "
+            "turn the alignment off"
+        )
     sensor, trials = estimate.sensor, estimate.trials
     if sensor.mask is not None and not isinstance(trials, np.ndarray):
         side = sensor.oversampling
         height, width = (size // side for size in sensor.mask.shape)
         live = (~sensor.mask).reshape(height, side, width, side).sum(axis=(1, 3))
-        trials = live.astype(np.float64) * sensor.frames
+        trials = live.astype(np.float64) * sensor.frames * estimate.counted.largest
     if isinstance(trials, np.ndarray) and trials.ndim < estimate.counts.ndim:
         trials = trials[..., None]
     saturated = (estimate.counts >= trials) & (np.asarray(trials) > 0)
@@ -110,7 +127,7 @@ def find_errors(estimate: Estimate) -> npt.NDArray[np.float32]:
     check_errors_known(method, estimate.sensor)
     return uncertainty(
         estimate.data,
-        estimate.sensor,
+        None if isinstance(estimate.data, Merged) else estimate.sensor,
         method=method,
         demosaicing=DEMOSAICING if has_planes else None,
         estimate=estimate.image,
