@@ -51,6 +51,14 @@ def test_photons_are_measured_in_both_units():
     assert f"photons per second: {mean * 1e5:.4g}" in text
 
 
+def test_a_bracket_has_no_units_of_photons():
+    bits = jl.Sensor(frames=40, gain=[0.5, 2.0] * 20).expose(PHOTO, rng=0)
+    data, arguments, _ = make_layer(Viewed.from_data(bits))
+    text = measure(arguments["metadata"][KEY], np.asarray(data[0]))
+    assert "mean: " in text
+    assert "photons" not in text
+
+
 def test_the_intensities_of_colors_are_measured():
     bits = expose_colors()
     layer = layer_of(*make_layer(Viewed.from_data(bits), 50))

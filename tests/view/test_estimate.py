@@ -35,6 +35,7 @@ SENSORS = {
     "bracket": jl.Sensor(frames=24, gain=[0.5, 2.0] * 12, max_intensity=4.0),
     "thresholds": jl.Sensor(frames=24, gain=50.0, threshold=[1, 3] * 12, max_intensity=4.0),
 }
+SLOW = "noisy", "noisy bits", "thresholds"
 
 
 def viewed_of(name, **changes):
@@ -47,7 +48,9 @@ def made(viewed, span, method):
 
 
 @pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
-@pytest.mark.parametrize("name", SENSORS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in SENSORS]
+)
 @pytest.mark.parametrize("method", ["mle", "network-medium", "noniterative-gaussian", "admm-tv"])
 def test_the_estimate_equals_that_of_the_library(name, method):
     viewed, span = viewed_of(name), range(4, 12)

@@ -193,6 +193,56 @@ def test_a_server_leaves_no_thread_behind(bits):
     )
 
 
+@pytest.fixture(scope="module")
+def bracket(photo):
+    sensor = jl.Sensor(frames=60, gain=[0.25, 1.0, 4.0] * 20)
+    with serving(Viewed.from_data(sensor.expose(photo, rng=0))) as running:
+        yield running
+
+
+def test_a_window_of_a_bracket_becomes_whole_cycles(bracket):
+    with connected(bracket) as stream:
+        hello, _ = read(stream)
+        assert (hello["cycle"], hello["state"]["window"]) == (3, 60)
+        ask(stream, start=7, window=20)
+        header, _ = read_until(stream, "image", "final")
+        assert (header["start"], header["window"]) == (6, 18)
+        assert header["mean_reading"][0] == "firing rate"
+        stream.send('{"type": "probe", "row": 3, "column": 4}')
+        values = read_until(stream, "values")[0]["values"]
+        assert (values["counted"], values["trials"]) == ("ones", 18)
+        assert "photons" not in values
+        ask(stream, 2, start=0, window=3, align=True)
+        assert "align: expected two cycles" in read_until(stream, "error")[0]["text"]
+
+
+def test_readings_of_several_bits_are_called_so(photo):
+    readings = jl.Sensor(frames=20, bit_depth=4, gain=60.0).expose(photo, rng=0)
+    with serving(Viewed.from_data(readings)) as running, connected(running) as stream:
+        hello, _ = read(stream)
+        assert hello["methods"][0] == {"name": "counts", "title": "sum of readings"}
+        assert ["bits of a reading b", "4"] in hello["sensor"]
+        stream.send('{"type": "probe", "row": 3, "column": 4}')
+        ask(stream, start=2, window=10, overlays=["jots"])
+        header, _ = read_until(stream, "image", "final")
+        assert header["mean_reading"] == [
+            "mean reading",
+            pytest.approx(readings.to_array()[2:12].mean()),
+        ]
+        overlay, _ = read_until(stream, "overlay")
+        assert not overlay["searched"]
+        values = None
+        while values is None:
+            values = read_until(stream, "values")[0]["values"]
+        total = int(readings.to_array()[2:12, 3, 4].sum())
+        assert (values["counted"], values["counts"], values["trials"]) == (
+            "sum of readings",
+            total,
+            150,
+        )
+        assert values["photons"] == pytest.approx(3 * values["intensity"])
+
+
 def test_methods_that_do_not_serve_the_sensor_state_why(photo):
     smooth = jl.Sensor(frames=40, oversampling=2, kernel="linear").expose(photo, rng=0)
     methods = describe_capture(Viewed.from_data(smooth))["methods"]

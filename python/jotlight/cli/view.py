@@ -235,7 +235,12 @@ def _follow(
         "--counts": capture.counts,
         "--counts-scale": capture.counts_scale,
         "--trials": capture.trials,
+        "--bit-depth above 1": (sensor.bit_depth or 1) > 1 or None,
+        "--read-noise": sensor.read_noise or None,
     }
+    for name in _OF_WINDOW:
+        has_several = "," in (getattr(sensor, name) or "")
+        unsupported[f"--{name} with several values"] = has_several or None
     for option, value in unsupported.items():
         if value is not None:
             raise ValueError(f"follow: {option} is for complete captures, not for --follow")

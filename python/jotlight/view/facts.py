@@ -96,7 +96,8 @@ def _describe(name: str, value: Any, sensor: Sensor) -> str:
         return f"{value:.4g} s"
     if name in ("gain", "threshold") and np.ndim(value) == 1:
         more = ", …" if len(value) > _MAX_VALUES else ""
-        return ", ".join(f"{each:.4g}" for each in value[:_MAX_VALUES]) + more
+        unit = " photons" if name == "gain" else ""
+        return ", ".join(f"{each:.4g}" for each in value[:_MAX_VALUES]) + more + unit
     if name == "gain":
         return f"{sensor.gain / sensor.frames:.4g} photons"
     if name == "read_noise":

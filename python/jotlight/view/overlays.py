@@ -13,9 +13,10 @@ from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.photon_readings import Readings
 from jotlight.view.counted import EQUIVALENT
 from jotlight.view.estimate import DEMOSAICING, Estimate
-from jotlight.view.viewed import Viewable, frame_bytes, whole_cycles
+from jotlight.view.viewed import Viewable, count_frames, frame_bytes, whole_cycles
 
 Map = npt.NDArray[np.uint8]
 
@@ -27,44 +28,59 @@ _MAX_BYTES = 1 << 26
 
 
 class JotMap:
-    """The dead and the hot jots of a capture, searched once."""
+    """The dead and the hot jots of a capture, searched once.
+
+    Parameters
+    ----------
+    viewed : Viewable
+        The capture.
+    """
 
     def __init__(self, viewed: Viewable) -> None:
         self._viewed = viewed
         self._lock = threading.Lock()
         self._map: Map | None = None
         self._note = ""
+        self.reason = _reason_without_search(viewed)
+        """Why hot jots are not searched, or None if they are."""
 
     def find(self) -> tuple[Map, str]:
         """Return a map of the jots, with 1 for dead and 2 for hot ones, and how it was found."""
         with self._lock:
             if self._map is None:
-                self._map, self._note = _find_jots(self._viewed)
+                self._map, self._note = _find_jots(self._viewed, self.reason)
             return self._map, self._note
 
 
-def _find_jots(viewed: Viewable) -> tuple[Map, str]:
-    frames = viewed.frames[: whole_cycles(viewed, _MAX_BYTES // frame_bytes(viewed))]
-    data, sensor = viewed.part(frames), viewed.sensor(len(frames))
-    reason = None
+def _reason_without_search(viewed: Viewable) -> str | None:
+    """Return why hot jots cannot be searched, or None if they can."""
+    part, sensor = viewed.part(viewed.frames[:1]), viewed.sensor(viewed.cycle)
     if sensor.mosaic is not None:
-        reason = "their neighbors have other color filters"
-    elif np.ndim(sensor.threshold):
-        reason = "the frames have different thresholds"
-    elif isinstance(data, Bits):
-        counts, trials = data.counts(1), len(data)
-    elif isinstance(data, CountStack) and sensor.oversampling == 1:
-        counts, trials = data.sum(), sensor.trials
-    elif isinstance(data, CountStack):
-        reason = "counts of pixels do not show single jots"
-    else:
-        reason = "readings have several bits"
+        return "their neighbors have other color filters"
+    if np.ndim(sensor.threshold):
+        return "the frames have different thresholds"
+    if isinstance(part, Readings):
+        return "they are known for single bits only"
+    if isinstance(part, CountStack) and sensor.oversampling > 1:
+        return "counts of pixels do not show single jots"
+    return None
+
+
+def _find_jots(viewed: Viewable, reason: str | None) -> tuple[Map, str]:
+    """Return a map of the jots, and how it was found, unless there is a reason against a search."""
+    frames = viewed.frames[: whole_cycles(viewed, _MAX_BYTES // frame_bytes(viewed))]
+    sensor = viewed.sensor(len(frames))
     if reason is not None:
         side = sensor.oversampling
         dead = np.zeros((side * viewed.shape[0], side * viewed.shape[1]), np.uint8)
         if sensor.mask is not None:
             dead[sensor.mask] = DEAD
         return dead, f"hot jots are not searched, because {reason}"
+    data = viewed.part(frames)
+    if isinstance(data, Bits):
+        counts, trials = data.counts(1), len(data)
+    else:
+        counts, trials = count_frames(viewed, frames), sensor.trials
     hot = find_hot_jots(
         counts,
         trials=trials,

@@ -37,11 +37,11 @@ export function showReadout(values) {
 
 const trim = (value) => (Number.isInteger(value) ? value : format(value));
 
-/** Return the numbers of dead and of hot jots. */
-function jotNumbers(bytes) {
+/** Return the numbers of dead and of hot jots, which may not have been searched. */
+function jotNumbers({ bytes, header }) {
   const counts = [0, 0, 0];
   for (const value of bytes) counts[value] += 1;
-  return `${counts[1]}, ${counts[2]}`;
+  return `${counts[1]}, ${header.searched ? counts[2] : "not searched"}`;
 }
 
 /** Show the meaning of the colors of a difference. */
@@ -71,7 +71,7 @@ export function showOverlayNotes(stage, state) {
     if (state.overlays.includes(kind) && overlay) {
       const number = overlay.bytes.reduce((sum, value) => sum + (value > 0 ? 1 : 0), 0);
       if (overlay.header.unknown) text = "unknown";
-      else if (kind === "jots") text = jotNumbers(overlay.bytes);
+      else if (kind === "jots") text = jotNumbers(overlay);
       else if (kind === "saturated") text = String(number);
       else text = `0 – ${format(overlay.header.largest)}`;
       get(id).title = overlay.header.note ?? "";
