@@ -277,6 +277,7 @@ def test_readings_of_several_bits_become_a_layer(tmp_path, is_labeled):
         readings = jl.open(tmp_path / "a.npy", bit_depth=4)
     source = arguments["metadata"][KEY]
     shown = source.viewed.sensor(20).replace(max_intensity=estimated_range(source))
+    assert (shown.max_intensity == 1) == is_labeled
     np.testing.assert_array_equal(np.asarray(data[0]), jl.mle(readings, shown))
     sums, _, _ = change_method(source, "counts", 10, 10)
     expected = readings.to_array()[10:].sum(axis=0) / 150

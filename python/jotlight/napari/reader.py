@@ -120,8 +120,9 @@ def _read_array(
     if isinstance(opened, Bits):
         viewed = dataclasses.replace(Viewed.from_data(opened), title=title)
     elif bit_depth is not None or opened.sensor is not None:
-        readings = as_readings(opened, bit_depth)
-        viewed = dataclasses.replace(Viewed.from_data(readings), title=title)
+        viewed = Viewed.from_data(as_readings(opened, bit_depth))
+        is_known = opened.sensor is not None
+        viewed = dataclasses.replace(viewed, title=title, is_range_known=is_known)
     else:
         viewed = _view_counts(opened, title)
     if mosaic is not None:
