@@ -14,7 +14,7 @@ from jotlight.view.overlays import DEAD, JotMap, find_errors, find_saturated
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
 from jotlight.view.timeline import firing_rates
-from jotlight.view.viewed import Viewed
+from jotlight.view.viewed import FramesGoneError, Viewed
 from moving import in_memory
 
 PHOTO = jl.datasets.photograph("camera")[100:124, 180:212]
@@ -108,6 +108,15 @@ def test_what_cannot_be_aligned_states_why():
     assert "expected gray pixels of one jot" in describe_capture(jots)["align_reason"]
     with pytest.raises(ValueError, match="two cycles of exposures or more, which are 6 frames"):
         merge_window(viewed_of(BRACKET), range(3, 6))
+
+
+def test_plain_bits_can_be_aligned_whatever_frames_have_left_memory():
+    class Gone(Viewed):
+        def part(self, frames):
+            raise FramesGoneError
+
+    bits = jl.Sensor(frames=8).expose(PHOTO, rng=0)
+    assert alignment_reason(Gone("live", bits, bits.sensor)) is None
 
 
 @functools.cache

@@ -218,10 +218,12 @@ def _suffice(counts: Counts, sensor: Sensor, method: str) -> bool:
 
 def alignment_reason(viewed: Viewable) -> str | None:
     """Return why no window can be aligned, or None if windows can."""
-    number = min(2 * viewed.cycle, len(viewed.frames))
-    frames = viewed.frames[:number]
+    number = 2 * viewed.cycle
+    sensor = viewed.sensor(number)
+    if without_mosaic(sensor).has_plain_bits:
+        return None
     try:
-        spread_for_motion(viewed.part(frames), viewed.sensor(number))
+        spread_for_motion(viewed.part(viewed.frames[:number]), sensor)
     except ValueError as error:
         return str(error)
     return None

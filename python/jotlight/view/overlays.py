@@ -41,20 +41,22 @@ class JotMap:
         self._lock = threading.Lock()
         self._map: Map | None = None
         self._note = ""
-        self.reason = _reason_without_search(viewed)
-        """Why hot jots are not searched, or None if they are."""
+        self.is_searched = False
+        """Whether hot jots have been searched."""
 
     def find(self) -> tuple[Map, str]:
         """Return a map of the jots, with 1 for dead and 2 for hot ones, and how it was found."""
         with self._lock:
             if self._map is None:
-                self._map, self._note = _find_jots(self._viewed, self.reason)
+                reason = _reason_without_search(self._viewed)
+                self._map, self._note = _find_jots(self._viewed, reason)
+                self.is_searched = reason is None
             return self._map, self._note
 
 
 def _reason_without_search(viewed: Viewable) -> str | None:
     """Return why hot jots cannot be searched, or None if they can."""
-    part, sensor = viewed.part(viewed.frames[:1]), viewed.sensor(viewed.cycle)
+    part, sensor = viewed.part(viewed.frames[-1:]), viewed.sensor(viewed.cycle)
     if sensor.mosaic is not None:
         return "their neighbors have other color filters"
     if np.ndim(sensor.threshold):

@@ -132,7 +132,7 @@ class Pipeline:
         """Return an overlay of an image, and facts about it as values of JSON."""
         if kind == "jots":
             map_, note = self.workshop.jots.find()
-            return map_, {"note": note, "searched": self.workshop.jots.reason is None}
+            return map_, {"note": note, "searched": self.workshop.jots.is_searched}
         if kind == "saturated":
             return find_saturated(made), {}
         with collected():

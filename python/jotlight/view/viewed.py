@@ -217,7 +217,7 @@ def image_shape(shape: tuple[int, ...], sensor: Sensor) -> tuple[int, ...]:
 
 def frame_bytes(viewed: Viewable) -> int:
     """Return the number of bytes of a frame."""
-    part = viewed.part(viewed.frames[:1])
+    part = viewed.part(viewed.frames[-1:])  # newer frames replace the first ones of a live capture
     if isinstance(part, Bits):
         return max(1, part.packed.nbytes)
     return max(1, part.frames.nbytes if isinstance(part, Readings) else part.images.nbytes)

@@ -91,3 +91,15 @@ def test_an_alignment_that_is_not_known_is_not_offered(opened, several):
     assert tab.locator("#align").is_disabled()
     assert "one jot" in tab.locator("#align-note").get_attribute("title")
     assert "align=1 (expected 0, because" in tab.locator("#address-note").inner_text()
+
+
+@pytest.mark.parametrize("width", [360, 860])
+def test_the_controls_of_time_fit_beside_the_cycles(opened, bracket, width):
+    tab = opened("method=mle", at=bracket, viewport={"width": width, "height": 740})
+    outer = tab.locator(".time").bounding_box()
+    for control in ("#play", "#range", "#window-number", "#window"):
+        inner = tab.locator(control).bounding_box()
+        assert outer["x"] <= inner["x"]
+        assert inner["x"] + inner["width"] <= outer["x"] + outer["width"]
+    play = tab.locator("#play").bounding_box()
+    assert play["width"] == play["height"]
