@@ -79,6 +79,7 @@ def _find_jots(viewed: Viewable, reason: str | None) -> tuple[Map, str]:
             dead[sensor.mask] = DEAD
         return dead, f"hot jots are not searched, because {reason}"
     data = viewed.part(frames)
+    counts: npt.NDArray[np.integer]
     if isinstance(data, Bits):
         counts, trials = data.counts(1), len(data)
     else:
