@@ -44,10 +44,16 @@ def test_the_first_frames_have_the_same_gain_and_threshold():
 )
 def test_no_part_of_the_frames_is_advised_where_none_is_taken(options, message):
     sensor = jl.Sensor(frames=16, **options)
-    for take in (require_alike_frames, lambda sensor: LiveFilm(sensor, window=8, step=4)):
+    for take, ending in (
+        (require_alike_frames, "take frames of one gain and threshold"),
+        (
+            lambda sensor: LiveFilm(sensor, window=8, step=4),
+            "read noise, and exposures that repeat",
+        ),
+    ):
         with pytest.raises(ValueError, match=message) as caught:
             take(sensor)
-        assert str(caught.value).endswith("take frames of one gain and threshold")
+        assert str(caught.value).endswith(ending)
 
 
 @pytest.mark.parametrize(

@@ -165,7 +165,7 @@ def open(
     if isinstance(capture, Bits):
         return with_mosaic(capture, mosaic)
     if bit_depth is not None or capture.sensor is not None:
-        return with_mosaic(_readings(capture, bit_depth), mosaic)
+        return with_mosaic(as_readings(capture, bit_depth), mosaic)
     if mosaic is not None:
         raise ValueError(
             f"mosaic: {path} holds counts, which carry no sensor; pass it to jotlight.reconstruct, "
@@ -176,8 +176,14 @@ def open(
     return capture.sum()
 
 
-def _readings(stack: CountStack, bit_depth: int | None) -> Readings:
-    """Return images as frames of readings of several bits."""
+def as_readings(stack: CountStack, bit_depth: int | None) -> Readings:
+    """Return images as frames of readings of several bits, which are stated or those of the file.
+
+    Raises
+    ------
+    ValueError
+        When the bits of a reading are out of range or contradict the file, or readings exceed them.
+    """
     if bit_depth is None:
         return stack.readings()
     depth = whole_number_in_range("bit_depth", bit_depth, 2, MAX_BIT_DEPTH)
