@@ -12,6 +12,7 @@ from jotlight.motion.affine import follow_segment, start_track
 from jotlight.motion.blocks import Sums
 from jotlight.motion.depth import ComparedBits, object_gains, refine_outlines, without_absent
 from jotlight.motion.equivalent import equivalent_sums
+from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.scoring import make_template
 from jotlight.motion.segments import Segment
 from jotlight.motion.tiles import add_squares, tile_counts
@@ -48,18 +49,35 @@ _MIN_GAIN = 30.0
 _MIN_SHARE = 0.03
 """Minimum gain by an object, as a fraction of the largest gain by another one."""
 
+PARAMETERS = 6
+"""Number of parameters of an affine motion of each block. A motion must gain as many nats."""
+
 _MIN_PIXELS = 64
 """Minimum number of pixels of an object."""
 
 
 def add_objects(paths: Paths) -> Paths:
-    """Return paths with further tracks in front, those of objects that move by themselves."""
+    """Return paths with further tracks in front, those of objects that move by themselves.
+
+    An object is added if the bits are then more likely. In bright light, the first false object
+    ends the search, which would take long.
+    """
     for _ in range(_MAX_OBJECTS):
         more = _with_object(paths)
-        if more is None:
+        if more is None or more_likely(paths, more) is paths:
             break
         paths = more
     return paths
+
+
+def more_likely(fewer: Paths, more: Paths) -> Paths:
+    """Return the paths that explain the bits better: those with fewer tracks, or with more.
+
+    Objects that are not there at the reference time hide good bits of the background.
+    """
+    needed = PARAMETERS * len(more.blocks.centers) * (len(more.tracks) - len(fewer.tracks))
+    gain = likelihood_gain(more) - likelihood_gain(fewer)
+    return more if gain > needed else fewer
 
 
 def _with_object(paths: Paths) -> Paths | None:

@@ -12,7 +12,7 @@ from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
 from jotlight.motion.likelihood_gain import likelihood_gain
-from jotlight.motion.objects import add_objects
+from jotlight.motion.objects import PARAMETERS, add_objects, more_likely
 from jotlight.motion.outlines import choose_labels
 from jotlight.motion.scoring import make_blurred_template
 from jotlight.motion.segments import Segment, energy_of, find_segments
@@ -38,9 +38,6 @@ _EXPLAINED = 0.8
 
 _MIN_FRACTION = 0.5
 """Minimum fraction of a tile that a segment covers, for the tile to improve its motion."""
-
-_PARAMETERS = 6
-"""Number of parameters of an affine motion of each block. A motion must gain as many nats."""
 
 _CLEAR = 10.0
 """With more than this multiple of this gain under blurred templates, a motion is clearly right."""
@@ -145,7 +142,7 @@ def _explain(
         if len(paths.tracks) == 2 and _are_in_doubt(paths):
             paths = _with_other_outlines(paths)
         alone = Paths(paths.tracks[:1], np.zeros_like(paths.labels))
-        paths = _more_likely(alone, paths)
+        paths = more_likely(alone, paths)
     advance(0.7)
     consistent = None
     if model == "auto":
@@ -190,7 +187,7 @@ def _gain_over_rest(paths: Paths) -> tuple[float, bool]:
 
     The gain is that of the log-likelihood in nats, without what its parameters gain by chance.
     """
-    needed = _PARAMETERS * len(paths.blocks.centers) * len(np.unique(paths.labels))
+    needed = PARAMETERS * len(paths.blocks.centers) * len(np.unique(paths.labels))
     gain = likelihood_gain(paths, make_blurred_template)
     if gain > _CLEAR * needed:
         return gain - needed, True
@@ -241,26 +238,14 @@ def _from_back_to_front(paths: Paths) -> Paths:
 def _with_objects(paths: Paths) -> tuple[Paths, Consistent]:
     """Return paths with tracks of objects that nothing explains yet, and the sums along them.
 
-    The given paths are returned if no object is found, or if they explain the bits better.
+    The given paths are returned if no object is found.
     """
     consistent = find_consistent(paths.exact())
     if _OBJECTS_UNKNOWN[0] < share_of_unknown(consistent) < _OBJECTS_UNKNOWN[1]:
         more = add_objects(paths)
         if more is not paths:
-            more = _more_likely(paths, more)
-        if more is not paths:
             return more, find_consistent(more.exact())
     return paths, consistent
-
-
-def _more_likely(fewer: Paths, more: Paths) -> Paths:
-    """Return the paths that explain the bits better: those with fewer tracks, or with more.
-
-    Objects that are not there at the reference time hide good bits of the background.
-    """
-    needed = _PARAMETERS * len(more.blocks.centers) * (len(more.tracks) - len(fewer.tracks))
-    gain = likelihood_gain(more) - likelihood_gain(fewer)
-    return more if gain > needed else fewer
 
 
 def _still(blocks: Blocks, reference: int) -> Track:
