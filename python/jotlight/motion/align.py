@@ -14,7 +14,7 @@ from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst, as_burst, refuse_pixels
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.jots import Jots
-from jotlight.motion.mosaics import enlarge, in_squares, jots_behind_mosaic, squares_side
+from jotlight.motion.mosaics import enlarge_motion, in_squares, jots_behind_mosaic, squares_side
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.path_search import find_paths
 from jotlight.motion.reading_counts import ReadingCounts, counts_for_motion
@@ -166,7 +166,7 @@ def _motion_behind_mosaic(
     motion, _ = find_motion(squares, own, at, model, threads, progress)
     side = squares_side(sensor)
     height, width = jot_shape(data)[1:3]
-    return enlarge(motion, side, (height, width))
+    return enlarge_motion(motion, side, (height, width))
 
 
 def prepare_burst(
