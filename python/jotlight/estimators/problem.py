@@ -203,16 +203,17 @@ def _fit_start(start: Array | None, problem: Problem) -> Array | None:
 
 
 def _pixel_problem(pixels: PixelCounts, threads: int | None) -> Problem:
-    _, light, max_intensity = pixels.sensor.pixel_response()
+    response = pixels.sensor.pixel_response()
     likelihood = Likelihood(
         pixels.counts,
         pixels.trials,
-        threshold=pixels.sensor.threshold,
+        threshold=response.threshold,
         efficiency=pixels.efficiency,
         dark_counts=pixels.dark_counts,
         threads=threads,
     )
-    return Problem(scaling(pixels.counts.shape[1:], light), likelihood, max_intensity)
+    light = scaling(pixels.counts.shape[1:], response.light_per_intensity)
+    return Problem(light, likelihood, response.max_intensity)
 
 
 def _jot_problem(
