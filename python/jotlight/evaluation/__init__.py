@@ -4,7 +4,7 @@ In reading order:
 
 - ``held_out`` with ``blend_weights``: the blend of several methods that suits the data.
 - ``methods``: every method by name.
-- ``choice``: the method for some data.
+- ``color_data``: what the color network takes. ``choice``: the method for some data.
 - ``own_method``: functions of the caller as methods.
 - ``reconstruct``: an image by the recommended method, or by another one, and ``info``: how it was
   made. ``channels``, ``mosaics``, ``different_readings``: data other than gray plain bits.

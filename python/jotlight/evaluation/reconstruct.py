@@ -12,13 +12,10 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.evaluation.channels import (
     reconstruct_channels,
     run_color_network,
-    takes_channels,
     without_warnings_of_colors,
 )
 from jotlight.evaluation.choice import (
-    BY_COLOR_NETWORK,
     COLOR_NETWORK,
-    check_demosaicing,
     check_extras,
     check_fallback,
     check_precision_of,
@@ -26,6 +23,14 @@ from jotlight.evaluation.choice import (
     named_method,
 )
 from jotlight.evaluation.clipping import warn_about_clipping
+from jotlight.evaluation.color_data import (
+    BY_COLOR_NETWORK,
+    check_demosaicing,
+    check_taken,
+    takes_channels,
+    takes_mosaic,
+    uses_color_network,
+)
 from jotlight.evaluation.different_readings import takes_readings, with_one_response
 from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.info import Info
@@ -34,12 +39,7 @@ from jotlight.evaluation.methods import (
     LARGE_METHOD,
     METHODS,
 )
-from jotlight.evaluation.mosaics import (
-    check_color_data,
-    reconstruct_mosaic,
-    takes_colors,
-    uses_color_network,
-)
+from jotlight.evaluation.mosaics import reconstruct_mosaic
 from jotlight.evaluation.own_method import OwnMethod, noting_planes, run_own
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.network import Network
@@ -270,14 +270,14 @@ def _run_mosaic(
     is_default: bool,
 ) -> tuple[Image, Info]:
     """Return the colors of a mosaic by a color network, or by the method that `run` estimates."""
-    takes = takes_colors(data, arrays["trials"])
+    has_form = takes_mosaic(data, arrays["trials"])
     if network is not None:
-        check_color_data(sensor, takes=takes)
+        check_taken(sensor, has_form=has_form)
         if demosaicing not in (None, BY_COLOR_NETWORK):
             raise ValueError("demosaicing: is not an option of a color network; leave it out")
         by_network = True
     else:
-        by_network = uses_color_network(sensor, demosaicing, is_default=is_default and takes)
+        by_network = uses_color_network(sensor, demosaicing, is_default=is_default and has_form)
     estimate = network if by_network else partial(run, threads=threads, return_info=True)
     after = None if by_network else demosaicing
     return reconstruct_mosaic(

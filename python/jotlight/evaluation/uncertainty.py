@@ -12,19 +12,22 @@ from jotlight.estimators.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
 from jotlight.evaluation.channel_intervals import find_channel_intervals
-from jotlight.evaluation.channels import takes_channels
 from jotlight.evaluation.choice import (
-    COLOR_NETWORK,
-    check_demosaicing,
     check_precision_of,
     choose_method,
+)
+from jotlight.evaluation.color_data import (
+    check_demosaicing,
+    takes_channels,
+    takes_mosaic,
+    takes_sensor,
+    uses_color_network,
 )
 from jotlight.evaluation.color_intervals import check_color_errors_known, mosaic_uncertainty
 from jotlight.evaluation.different_readings import with_one_response
 from jotlight.evaluation.intervals import find_intervals
 from jotlight.evaluation.known_estimate import read_estimate
 from jotlight.evaluation.methods import find_method
-from jotlight.evaluation.mosaics import takes_colors, uses_color_network
 from jotlight.evaluation.reconstruct import Method, reconstruct
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import (
@@ -157,7 +160,7 @@ def uncertainty(
     run = partial(reconstruct, method=method, quality=quality, precision=precision, threads=threads)
     stated = carried_sensor(data) if sensor is None else sensor
     if isinstance(stated, Sensor) and stated.mosaic is not None:
-        is_default = method is None and quality is None and takes_colors(data, trials)
+        is_default = method is None and quality is None and takes_mosaic(data, trials)
 
         def colors() -> npt.ArrayLike:
             if estimate is not None:
@@ -217,12 +220,11 @@ def _of_gray_images(
     if estimate is None:
         estimate = run(images, sensor)
     values = np.ascontiguousarray(images.layout.split(np.asarray(estimate, np.float32)))
-    if method is None and quality is None and takes_channels(images):
-        choice = choose_method(sensor, is_color=True)
-        if choice.method == COLOR_NETWORK:
-            return find_channel_intervals(
-                images, values, sensor, confidence_level=confidence_level, threads=threads
-            )
+    is_default = method is None and quality is None
+    if is_default and takes_channels(images) and takes_sensor(sensor):
+        return find_channel_intervals(
+            images, values, sensor, confidence_level=confidence_level, threads=threads
+        )
     network, is_own = _reference(method, quality, sensor)
     return find_intervals(
         images,
