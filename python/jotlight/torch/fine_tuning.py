@@ -101,19 +101,8 @@ def fine_tune(
     rng : int, optional
         Seed. The same seed and number of threads give the same network. Default: a fresh one,
         or that of the run to resume.
-    checkpoint : path, optional
-        File for the state of the run, as in :func:`jotlight.train`.
-    resume : bool
-        Whether to continue from the checkpoint.
-    callback : callable, optional
-        Function that gets the :class:`Record` of each step.
-    progress : bool or callable, optional
-        Whether to show a progress bar, or a function that is called with the completed fraction.
-        Default: a bar in notebooks.
-    device : str or torch.device, optional
-        Device of the training. Default: a GPU if there is one, and the CPU otherwise.
-    threads : int, optional
-        Number of CPU threads. Default: PyTorch's.
+    checkpoint, resume, callback, progress, device, threads
+        As for :func:`jotlight.torch.train`.
 
     Returns
     -------
