@@ -23,6 +23,7 @@ from jotlight.sensing.pixel_counts import (
     gray_images,
     prepare_data,
 )
+from jotlight.sensing.scaled_counts import check_whole
 from jotlight.sensing.sensor import Sensor, require_trainable
 from jotlight.torch.bit_splitting import BitSplitter, check_kernel
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
@@ -304,6 +305,8 @@ def _count_images(
     sensor = sensor or network.sensor_of(data)
     if sensor is not None:
         require_trainable(sensor)
+        if isinstance(data, np.ndarray):
+            check_whole(data, sensor.trials, takes_trials=False)
     prepared, sensor = prepare_data(data, sensor, None, channel_axis)
     network.check_sensor(sensor)
     if not network.tied:
