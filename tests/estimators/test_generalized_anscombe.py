@@ -6,6 +6,7 @@ import pytest
 import jotlight as jl
 from jotlight.estimators.generalized_anscombe import generalized_anscombe, transformed_mean
 from jotlight.sensing.multibit import ReadingLikelihood, reading_probability
+from jotlight.sensing.response import JotResponse
 
 NONE = np.zeros((1, 0), np.int32)
 
@@ -23,7 +24,7 @@ def test_the_noise_is_one_half(bit_depth, noise):
 
 @pytest.mark.parametrize(("bit_depth", "noise", "trials"), [(2, 0.3, 3), (4, 0.0, 2), (3, 0.5, 1)])
 def test_the_mean_is_that_of_all_outcomes(bit_depth, noise, trials):
-    jot = ReadingLikelihood((2**bit_depth - 1, noise, 1), NONE, False)
+    jot = ReadingLikelihood(JotResponse(2**bit_depth - 1, noise, 1), NONE, False)
     rates = np.array([0.0, 0.3, 2.0, 9.0])
     readings = np.arange(2**bit_depth)
     for rate, mean in zip(rates, transformed_mean(jot, trials, rates), strict=True):
@@ -36,7 +37,7 @@ def test_the_mean_is_that_of_all_outcomes(bit_depth, noise, trials):
 
 
 def test_long_totals_are_taken_as_normal():
-    jot = ReadingLikelihood((255, 0.3, 1), NONE, False)
+    jot = ReadingLikelihood(JotResponse(255, 0.3, 1), NONE, False)
     rates = np.array([0.5, 20.0])
     exact, normal = (transformed_mean(jot, trials, rates) for trials in (16, 17))
     # One more reading changes little beyond the factor √(17/16).

@@ -11,7 +11,7 @@ from jotlight.metrics import psnr
 from jotlight.motion import mosaics
 from jotlight.motion.film import film
 from jotlight.motion.mosaic_colors import _with_neighbors, sensors_of_colors
-from jotlight.motion.mosaics import enlarge, in_squares, squares_side
+from jotlight.motion.mosaics import enlarge_motion, in_squares, squares_side
 from jotlight.motion.tiles import tile_centers
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.mosaic import Mosaic
@@ -90,7 +90,7 @@ def test_an_affine_motion_is_enlarged_exactly(side):
         nodes.astype(np.float32), np.zeros(small, np.uint8), np.array([0.0, 8.0]), 0.0,
         "affine", information,
     )  # fmt: skip
-    found = enlarge(motion, side, size)
+    found = enlarge_motion(motion, side, size)
     places = (np.indices(size) - (side - 1) / 2) / side
     np.testing.assert_allclose(found.at(8.0), side * displacement(places), atol=1e-4)
     assert found.size == size

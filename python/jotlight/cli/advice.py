@@ -7,7 +7,7 @@ from jotlight.evaluation.choice import Choice
 from jotlight.formats.capture import Capture
 from jotlight.motion.detection import THRESHOLD, motion_score
 from jotlight.motion.mosaic_colors import is_mergeable
-from jotlight.motion.spread import spread_readings
+from jotlight.motion.reading_counts import counts_of_readings
 from jotlight.networks.pretrained import CONDITIONAL_SIZE
 from jotlight.sensing.alike_frames import find_cycle
 from jotlight.sensing.sensor import Sensor
@@ -61,14 +61,14 @@ def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int 
     if find_cycle(sensor) is None:
         return  # their ones change without motion
     for part in parts:
-        spread = spread_readings(part, sensor)
-        counts = part if spread is None else spread.counts
-        own = sensor if spread is None else spread.sensor
+        converted = counts_of_readings(part, sensor)
+        counts = part if converted is None else converted.counts
+        own = sensor if converted is None else converted.sensor
         score = motion_score(counts, threshold=own.threshold, threads=threads)
         if score > THRESHOLD:
             way = (
                 "--motion aligns its frames"
-                if is_mergeable(sensor) and (spread is None or spread.is_mergeable)
+                if is_mergeable(sensor) and (converted is None or converted.is_mergeable)
                 else "an image from fewer frames is sharper"
             )
             caution("motion", f"the scene moves, so the image is blurred; {way}")

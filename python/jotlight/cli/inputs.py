@@ -8,13 +8,14 @@ from jotlight.cli.applied_calibration import AppliedCalibration
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import Captured, add_sensor, check_outputs_of, of_window
 from jotlight.cli.color_choice import (
-    takes_color_network,
+    takes_capture,
 )
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import MotionOptions
 from jotlight.cli.sensor_options import CapturedSensorOptions
-from jotlight.evaluation.choice import BY_COLOR_NETWORK, COLOR_NETWORK, Choice, choose_method
+from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
+from jotlight.evaluation.color_data import BY_COLOR_NETWORK
 from jotlight.evaluation.methods import DEFAULT_METHOD
 from jotlight.formats.capture import Capture
 from jotlight.networks.color_network import AnyNetwork
@@ -125,7 +126,7 @@ class Inputs:
             requested=request,
             network=network,
             is_range_known=is_range_known,
-            is_color=may_be_color and takes_color_network(captured),
+            is_color=may_be_color and takes_capture(captured),
         )
         choice.check_precision(self.method.precision, fallback=self.method.fallback)
         if self.motion.factor > 1 and choice.quality is None and network is None:

@@ -11,7 +11,8 @@ from jotlight.cli.common_options import METHOD_PANEL, NAMES, Model, Precision, Q
 from jotlight.estimators.demosaicing import TITLES
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
-from jotlight.evaluation.choice import check_demosaicing, network_name, requested_method
+from jotlight.evaluation.choice import network_name, requested_method
+from jotlight.evaluation.color_data import check_demosaicing
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
     LARGE_METHOD,

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from jotlight.cli.advice import range_advice
 from jotlight.cli.color_choice import (
     refuse_demosaicing,
-    takes_color_network,
+    takes_capture,
     without_demosaicing,
 )
 from jotlight.cli.console import caution, live_iterations, progress, report
@@ -22,8 +22,8 @@ from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
 from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.channels import takes_channels
 from jotlight.evaluation.choice import COLOR_NETWORK, choose_method
+from jotlight.evaluation.color_data import takes_channels
 from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.reconstruct import reconstruct
@@ -121,7 +121,7 @@ def _with_colors(job: Reconstruction, merged: Merged | None) -> Reconstruction:
     if job.choice.reason == "requested" or not is_default:
         return job
     if merged is None:
-        takes = takes_color_network(job.captured)
+        takes = takes_capture(job.captured)
     else:
         takes = takes_channels(gray_images(merged))
     choice = choose_method(job.captured.sensor, is_color=takes)

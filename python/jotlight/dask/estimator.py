@@ -14,16 +14,15 @@ from jotlight.evaluation.channels import COLORS
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
     OWN_NETWORK,
-    check_demosaicing,
     check_extras,
     check_fallback,
     check_precision_of,
     choose_method,
     named_method,
 )
+from jotlight.evaluation.color_data import check_demosaicing, uses_color_network
 from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.methods import METHODS
-from jotlight.evaluation.mosaics import uses_color_network
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.weights import weights_sha256
 from jotlight.layout import Layout

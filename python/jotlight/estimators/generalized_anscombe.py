@@ -74,7 +74,8 @@ def transformed_mean(cells: ReadingLikelihood, trials: int, rates: Array) -> Arr
 
     Examples
     --------
-    >>> cells = ReadingLikelihood((3, 0.0, 1), np.zeros((1, 0), np.int32), False)
+    >>> from jotlight.sensing.response import JotResponse
+    >>> cells = ReadingLikelihood(JotResponse(3, 0.0, 1), np.zeros((1, 0), np.int32), False)
     >>> transformed_mean(cells, 1, np.array([0.0])).round(4)  # √(3/8)
     array([0.6124])
     """

@@ -17,7 +17,7 @@ from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.pixel_counts import Data, GrayImages, gray_images, prepare_data
-from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.response import Array, JotResponse, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
 MAX_TRIALS = 2.0**30
@@ -149,7 +149,7 @@ def _noise_floor(sensor: Sensor, reference: Sensor) -> float | npt.NDArray[np.fl
     information = np.zeros(len(distinct))
     for group in sensor.groups():
         own, light = group.sensor, group.sensor.light_per_intensity
-        response = 1, own.read_noise, own.threshold
+        response = JotResponse(1, own.read_noise, own.threshold)
         none = np.zeros((len(distinct), 0), np.int32)
         cells = ReadingLikelihood(response, none, False, 1.0, distinct)
         share = 1.0 if own.mask is None else float(1 - own.mask.mean())

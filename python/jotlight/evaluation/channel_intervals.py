@@ -37,7 +37,7 @@ def find_channel_intervals(
     ----------
     images : GrayImages
         The channels of all images, which
-        :func:`jotlight.evaluation.channels.takes_channels` accepts.
+        :func:`jotlight.evaluation.color_data.takes_channels` accepts.
     estimates : ndarray of float32, shape (N, H, W)
         The estimates of the color network.
     sensor : Sensor

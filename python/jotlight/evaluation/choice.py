@@ -4,8 +4,7 @@ import dataclasses
 from collections.abc import Collection
 from typing import Any
 
-from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
-from jotlight.estimators.typical_trials import typical_trials
+from jotlight.evaluation.color_data import takes_sensor
 from jotlight.evaluation.held_out import smooth_kernel_reason
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
@@ -33,35 +32,12 @@ COLOR_NETWORK = "network-color"
 FILM_NETWORK = "network-film"
 """Name of the method that runs the film network, for films along a motion alone."""
 
-BY_COLOR_NETWORK = "network"
-"""The `demosaicing` by the color network."""
-
 TITLES = {
     OWN_NETWORK: "network, own",
     COLOR_NETWORK: "network, color",
     FILM_NETWORK: "network, film",
 }
 """Names of the methods that are not in :data:`METHODS`, in tables and messages."""
-
-
-def check_demosaicing(demosaicing: str | None, sensor: Sensor | None = None) -> None:
-    """Raise ValueError for an unknown `demosaicing`, or one for a sensor without a mosaic.
-
-    Examples
-    --------
-    >>> check_demosaicing("network")
-    >>> check_demosaicing("network", Sensor(frames=16))
-    Traceback (most recent call last):
-      ...
-    ValueError: demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')
-    """
-    names = BY_COLOR_NETWORK, *DEMOSAICING
-    if demosaicing not in (None, *names):
-        raise ValueError(f"demosaicing: expected one of {', '.join(names)}, got {demosaicing!r}")
-    if demosaicing is not None and sensor is not None and sensor.mosaic is None:
-        raise ValueError(
-            "demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')"
-        )
 
 
 def requested_method(method: str | None, options: Collection[str] = ()) -> str | None:
@@ -177,8 +153,7 @@ def choose_method(
         method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
     else:
         is_large = sensor.trials > LARGE_TRIALS and sensor.kernel == "box"
-        is_color = is_color and sensor.kernel == "box" and typical_trials(sensor) <= LARGE_TRIALS
-        default = COLOR_NETWORK if is_color else DEFAULT_METHOD
+        default = COLOR_NETWORK if is_color and takes_sensor(sensor) else DEFAULT_METHOD
         method = requested or (LARGE_METHOD if is_large else default)
         if requested is None:
             kind = "colors" if method == COLOR_NETWORK else f"{sensor.trials:,} trials per pixel"

@@ -11,15 +11,11 @@ import numpy.typing as npt
 from jotlight.estimators.demosaicing import TITLES, choose_demosaicing, demosaic
 from jotlight.estimators.merge_near import merge_near_neighbors
 from jotlight.evaluation.choice import (
-    BY_COLOR_NETWORK,
     COLOR_NETWORK,
     OWN_NETWORK,
-    check_demosaicing,
-    choose_method,
 )
 from jotlight.evaluation.choice import TITLES as METHOD_TITLES
 from jotlight.evaluation.info import Info, join_infos
-from jotlight.evaluation.methods import LARGE_TRIALS
 from jotlight.layout import Layout
 from jotlight.networks.color_inference import estimate_mosaic
 from jotlight.networks.color_network import ColorNetwork
@@ -31,7 +27,6 @@ from jotlight.networks.pretrained import (
     pretrained_conditional,
 )
 from jotlight.sensing.joint_likelihood import joint_likelihood
-from jotlight.sensing.merged import Merged
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.output_images import OutputImages
 from jotlight.sensing.pixel_counts import (
@@ -45,13 +40,6 @@ from jotlight.sensing.pixel_counts import (
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
-
-_TAKEN = (
-    "estimates colors from the bits itself: it takes no method, quality, fallback, or options. Its "
-    "data are bits or counts with the same trials in all pixels, up to "
-    f'{LARGE_TRIALS:,}, or readings that say as much; demosaicing="differences" takes all data'
-)
-"""What the color network takes, for messages."""
 
 EstimatePlanes = Callable[[Any, Sensor], tuple[Image, Info]]
 """A function from the data of gray planes and their sensor to their estimates (N, h, w), and how
@@ -151,72 +139,6 @@ def reconstruct_mosaic(
     else:
         info = join_infos(infos, TITLES[method], seconds)
     return output.finish(np.concatenate(found)), info
-
-
-def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: bool) -> bool:
-    """Return whether the color network estimates the image of a sensor with a mosaic.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        A sensor with a mosaic.
-    demosaicing : str, optional
-        As of :func:`reconstruct`.
-    is_default : bool
-        Whether no method and no options are requested, and the color network takes the data.
-
-    Raises
-    ------
-    ValueError
-        For an unknown `demosaicing`, and for "network" where the color network cannot be used.
-
-    Examples
-    --------
-    >>> uses_color_network(Sensor(frames=16, mosaic="RGGB"), None, is_default=True)
-    True
-    """
-    check_demosaicing(demosaicing, sensor)
-    choice = choose_method(sensor, is_color=is_default)
-    by_network = choice.method == COLOR_NETWORK and demosaicing in (None, BY_COLOR_NETWORK)
-    if demosaicing == BY_COLOR_NETWORK and not by_network:
-        raise ValueError(f'demosaicing: "network" {_TAKEN}')
-    return by_network
-
-
-def check_color_data(sensor: Sensor, *, takes: bool) -> None:
-    """Raise ValueError unless a color network of the caller can estimate the image.
-
-    `takes` states whether the data have a form that it takes.
-
-    Examples
-    --------
-    >>> check_color_data(Sensor(frames=16, mosaic="RGGB"), takes=True)
-    >>> check_color_data(Sensor(frames=2000, mosaic="RGGB"), takes=True)
-    Traceback (most recent call last):
-      ...
-    ValueError: method: a color network takes bits of ...
-    """
-    if not takes or choose_method(sensor, is_color=True).method != COLOR_NETWORK:
-        raise ValueError(
-            "method: a color network takes bits of a sensor with a mosaic, with the same trials in "
-            "all pixels, or of three channels (channel_axis=-1 for counts), with the box kernel, "
-            f"up to {LARGE_TRIALS:,} per pixel or readings that say as much; got other data"
-        )
-
-
-def takes_colors(data: object, trials: npt.ArrayLike | None = None) -> bool:
-    """Return whether the color network takes data of a sensor with a mosaic.
-
-    Examples
-    --------
-    >>> takes_colors(np.zeros((4, 4), int), trials=8)
-    True
-    >>> takes_colors(np.zeros((4, 4), int), trials=[[8, 8], [0, 8]])
-    False
-    """
-    each = data if isinstance(data, list | tuple) else [data]
-    are_unusual = trials is not None and (np.ndim(trials) > 0 or np.max(trials) > LARGE_TRIALS)
-    return not are_unusual and not any(isinstance(one, Merged) for one in each)
 
 
 def count_image(

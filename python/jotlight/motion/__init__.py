@@ -22,8 +22,8 @@ In reading order:
 - ``film``, ``live_film``, ``film_image``: an image of each window of frames. ``film_state``,
   ``film_merging``, ``carrying``, ``memory``: what a film carries from image to image.
   ``film_estimates``: its images by the film network.
-- ``jots``, ``equivalent``, ``flicker``: jots that differ, and light that changes. ``spread``,
-  ``spread_response``: readings of several bits, and brackets, as counts of bits.
+- ``jots``, ``equivalent``, ``flicker``: jots that differ, and light that changes.
+  ``reading_counts``, ``reading_response``: readings of several bits, and brackets, as counts.
 - ``mosaics``, ``mosaic_colors``, ``film_colors``: color filters. ``finer``: a grid of half pixels.
 - ``detection``: whether a scene moves at all. ``cost``: the time and memory of an alignment.
 

@@ -14,10 +14,10 @@ from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst, as_burst, refuse_pixels
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.jots import Jots
-from jotlight.motion.mosaics import enlarge, in_squares, jots_behind_mosaic, squares_side
+from jotlight.motion.mosaics import enlarge_motion, in_squares, jots_behind_mosaic, squares_side
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.path_search import find_paths
-from jotlight.motion.spread import SpreadReadings, spread_for_motion
+from jotlight.motion.reading_counts import ReadingCounts, counts_for_motion
 from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
 from jotlight.progress import Progress, shown_progress
@@ -111,8 +111,8 @@ def find_motion(
     progress: Callable[[float], object],
 ) -> tuple[Motion, Consistent | None]:
     """Return the motion that :func:`align` returns, and the sums along it if they are known."""
-    if (spread := spread_for_motion(data, sensor)) is not None:
-        return _motion_of_counts(spread, at, model, threads, progress)
+    if (converted := counts_for_motion(data, sensor)) is not None:
+        return _motion_of_counts(converted, at, model, threads, progress)
     if (colored := jots_behind_mosaic(data, sensor)) is not None:
         return _motion_behind_mosaic(*colored, at, model, threads, progress), None
     burst, sensor = prepare_burst(data, sensor)
@@ -136,17 +136,17 @@ def find_motion(
 
 
 def _motion_of_counts(
-    spread: SpreadReadings,
+    converted: ReadingCounts,
     at: float | None,
     model: str,
     threads: int | None,
     progress: Callable[[float], object],
 ) -> tuple[Motion, Consistent | None]:
     """Return the motion of readings that become counts of single bits, as :func:`find_motion`."""
-    counts = spread.counts, spread.sensor
+    counts = converted.counts, converted.sensor
     motion, consistent = find_motion(*counts, None, model, threads, progress)
-    motion = spread.in_frames(motion)
-    if at is None or reference_time(at, spread.readings) == motion.reference:
+    motion = converted.in_frames(motion)
+    if at is None or reference_time(at, converted.readings) == motion.reference:
         return motion, consistent
     return motion.seen_from(at), None
 
@@ -166,7 +166,7 @@ def _motion_behind_mosaic(
     motion, _ = find_motion(squares, own, at, model, threads, progress)
     side = squares_side(sensor)
     height, width = jot_shape(data)[1:3]
-    return enlarge(motion, side, (height, width))
+    return enlarge_motion(motion, side, (height, width))
 
 
 def prepare_burst(

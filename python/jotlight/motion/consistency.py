@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.images.blur import blur
 from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums, estimate_probability
 from jotlight.motion.flicker import at_brightness, without_saturation
@@ -15,7 +16,6 @@ from jotlight.motion.scoring import (
     FAST,
     PRECISE,
     Template,
-    blur,
     make_template,
     without_shift,
 )

@@ -12,7 +12,7 @@ from jotlight.motion.film_colors import ColorFilmState
 from jotlight.motion.film_image import FilmImage, FilmSettings
 from jotlight.motion.film_state import FilmState
 from jotlight.motion.mosaics import jots_behind_mosaic
-from jotlight.motion.spread import SpreadReadings, spread_for_motion
+from jotlight.motion.reading_counts import ReadingCounts, counts_for_motion
 from jotlight.sensing.alike_frames import check_cycles
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
@@ -88,13 +88,13 @@ def film(
     >>> [image.motion.reference for image in film(scene.bits, window=32, step=8, causal=True)]
     [31.0, 31.0, 31.0]
     """
-    spread = spread_for_motion(data, sensor)
-    if spread is not None:
-        check_cycles(spread.cycle, window, step)
-        data, sensor = spread.counts, spread.sensor
-        window, step = window // spread.cycle, None if step is None else step // spread.cycle
+    converted = counts_for_motion(data, sensor)
+    if converted is not None:
+        check_cycles(converted.cycle, window, step)
+        data, sensor = converted.counts, converted.sensor
+        window, step = window // converted.cycle, None if step is None else step // converted.cycle
     colored = jots_behind_mosaic(data, sensor)
-    if colored and spread is None and isinstance(data, CountStack):
+    if colored and converted is None and isinstance(data, CountStack):
         raise ValueError(
             "data: expected bits or readings for the film of a sensor with a mosaic, got counts; "
             "jotlight.merge makes one image of them"
@@ -115,25 +115,25 @@ def film(
     state = begin_film(part, settings)
     frames: Any = data
     images = (state.next_image(frames, 0, span.start) for span in spans)
-    return images if spread is None else (_corrected(image, spread) for image in images)
+    return images if converted is None else (_corrected(image, converted) for image in images)
 
 
-def _corrected(image: FilmImage, spread: SpreadReadings) -> FilmImage:
+def _corrected(image: FilmImage, converted: ReadingCounts) -> FilmImage:
     """Return an image of counts as one of the readings that became these counts."""
-    merged, cycle, still = spread.correct(image.merged), spread.cycle, image.still
+    merged, cycle, still = converted.correct(image.merged), converted.cycle, image.still
     if still is not None:
         still = range(cycle * still.start, cycle * still.stop)
     data: Merged | Bits | Readings = merged
     if not isinstance(image.data, Merged):  # counts behind a mosaic that are not merged
         first = cycle * image.start + (still.start if still else 0)
-        data = spread.readings[first : first + cycle * len(image.data)]
+        data = converted.readings[first : first + cycle * len(image.data)]
     return dataclasses.replace(
         image,
         merged=merged,
         data=data,
         still=still,
-        nearest=tuple(spread.correct(each) for each in image.nearest),
-        motion=spread.in_frames(image.motion),
+        nearest=tuple(converted.correct(each) for each in image.nearest),
+        motion=converted.in_frames(image.motion),
         start=cycle * image.start,
     )
 

@@ -17,8 +17,8 @@ from jotlight.motion.merge import check_upsample, paths_at
 from jotlight.motion.mosaic_colors import check_mergeable, join_colors, sensors_of_colors
 from jotlight.motion.mosaics import (
     Counts,
-    Squares,
-    enlarge,
+    JotSquares,
+    enlarge_motion,
     jots_behind_mosaic,
     trials_of_frame,
 )
@@ -63,7 +63,7 @@ class FilmColors:
         trials: int = 1,
     ) -> None:
         self._sensor, self._size, self._step, self._threads = sensor, size, step, threads
-        self._squares = Squares(sensor, size, excluded_jots(without_mosaic(sensor)), trials)
+        self._squares = JotSquares(sensor, size, excluded_jots(without_mosaic(sensor)), trials)
         self._sums: Counts = np.zeros((0, *self._squares.size), np.uint8)
         self._first = 0
         self._of_colors = [
@@ -109,7 +109,7 @@ class FilmColors:
         is_lost : bool
             Whether the motion does not explain the squares. All pixels are then flagged.
         """
-        motion = enlarge(of_squares, self._squares.side, self._size)
+        motion = enlarge_motion(of_squares, self._squares.side, self._size)
         edges = window_edges(len(part), self._step)
         found = []
         for color, memory in self._of_colors:

@@ -27,7 +27,7 @@ from jotlight.motion.merged_pixels import as_fine, as_merged
 from jotlight.motion.mosaic_colors import join_colors, sensors_of_colors
 from jotlight.motion.mosaics import jots_behind_mosaic
 from jotlight.motion.motion import Motion
-from jotlight.motion.spread import spread_for_motion
+from jotlight.motion.reading_counts import counts_for_motion
 from jotlight.motion.still_window import count_window, find_window
 from jotlight.motion.track import Paths, Track
 from jotlight.progress import Progress, shown_progress
@@ -122,8 +122,8 @@ def merge(
             "motion: expected a jotlight.Motion, as jotlight.align(bits) returns it, or "
             f"jotlight.Motion.load(path), got {motion!r}"
         )
-    spread = spread_for_motion(data, sensor)
-    counts, own = (data, sensor) if spread is None else (spread.counts, spread.sensor)
+    converted = counts_for_motion(data, sensor)
+    counts, own = (data, sensor) if converted is None else (converted.counts, converted.sensor)
     colored = jots_behind_mosaic(counts, own)
     bursts = _bursts_of_colors(*colored) if colored else [prepare_burst(counts, own)]
     check_upsample(upsample, bursts[0][1] if colored is None else colored[1])
@@ -137,14 +137,14 @@ def merge(
         check_motion(motion, bursts[0][0].size, len(data))
         if at is not None and reference_time(at, data) != motion.reference:
             motion, consistent = motion.seen_from(at), None
-        if spread is not None:
-            motion = spread.in_cycles(motion)
+        if converted is not None:
+            motion = converted.in_cycles(motion)
         if colored is None:
             merged = _merge(*bursts[0], motion, consistent, upsample, threads)
         else:
             merged = _merge_colors(bursts, colored[1], motion, threads)
         update(1.0)
-    return merged if spread is None else spread.correct(merged)
+    return merged if converted is None else converted.correct(merged)
 
 
 def _merge(

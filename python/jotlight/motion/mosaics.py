@@ -84,7 +84,7 @@ def squares_side(sensor: Sensor) -> int:
     return sensor.oversampling * (side if side <= _MAX_SIDE else _USUAL_SIDE)
 
 
-class Squares:
+class JotSquares:
     """Sums over squares of the jots of a sensor with a mosaic.
 
     Rows and columns of jots beyond the last whole square are left out.
@@ -187,7 +187,7 @@ def in_squares(
     """
     frames, height, width = jot_shape(data)
     trials = trials_of_frame(data)
-    squares = Squares(sensor, (height, width), excluded, trials)
+    squares = JotSquares(sensor, (height, width), excluded, trials)
     dtype = np.dtype(np.min_scalar_type(squares.side**2 * trials))
     shape = frames, *squares.size
     images: Counts | Frames = Frames(shape, partial(squares.count, data), dtype)
@@ -225,7 +225,7 @@ def _mean(values: Map, side: int) -> Map:
     return np.asarray(whole.reshape(rows, side, columns, side).mean(axis=(1, 3)))
 
 
-def enlarge(motion: Motion, side: int, size: tuple[int, int]) -> Motion:
+def enlarge_motion(motion: Motion, side: int, size: tuple[int, int]) -> Motion:
     """Return the motion of squares of jots as that of the jots.
 
     Parameters
@@ -244,7 +244,7 @@ def enlarge(motion: Motion, side: int, size: tuple[int, int]) -> Motion:
     >>> parts = np.ones((1, 2, 3, 1, 1), np.float32)
     >>> labels = np.zeros((16, 16), np.uint8)
     >>> motion = Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", parts)
-    >>> enlarge(motion, 2, (33, 32)).at(6)[:, 5, 7].tolist()
+    >>> enlarge_motion(motion, 2, (33, 32)).at(6)[:, 5, 7].tolist()
     [3.0, 3.0]
     """
     centers = tile_centers(size)

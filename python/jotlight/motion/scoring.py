@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.estimators.trial_levels import fill_from_nearest
+from jotlight.images.blur import blur
 from jotlight.motion.blocks import Counts, Sums
 from jotlight.motion.equivalent import clip_probability, equivalent_sums
 from jotlight.motion.regularize import Equations
@@ -59,15 +60,6 @@ class Template:
                 self.probability, self.trials, sigma, self.threads
             )
         return self._filtered[sigma]
-
-
-def blur(images: npt.NDArray[np.floating], sigma: float, threads: int | None = None) -> Image:
-    """Return an image (H, W), or each of several (N, H, W), after a Gaussian filter."""
-    source = np.ascontiguousarray(images, np.float32)
-    out = np.empty_like(source)
-    stack = (-1, *source.shape[-2:])
-    engine.blur(source.reshape(stack), sigma, out.reshape(stack), threads)
-    return out
 
 
 @functools.cache

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.spread_response import Response
+from jotlight.motion.reading_response import Response
 from jotlight.sensing.multibit import reading_probability
 from jotlight.sensing.response import detection_probability
 

@@ -2,8 +2,8 @@
 
 The alignment takes counts of bits that all show the scene alike. Two steps make such counts:
 
-- The photons of a reading of several bits are spread over n short trials. A trial with a photon is
-  a one. If readings are numbers of photons, this is exact: the ones are binomial.
+- The photons of a reading of several bits go into n short trials. A trial with a photon is a one.
+  If readings are numbers of photons, this is exact: the ones are binomial.
 - The exposures of a bracket repeat in cycles of frames, such as short, long, short, long. The ones
   of a cycle are added, so that all sums show the scene alike.
 
@@ -22,7 +22,7 @@ from jotlight.estimators.merge_near import average_fractions, diffuse
 from jotlight.estimators.merge_readings import linear_counts, reference_sensor
 from jotlight.formats.capture import CountStack
 from jotlight.motion.motion import Motion
-from jotlight.motion.spread_response import Response
+from jotlight.motion.reading_response import Response
 from jotlight.sensing.alike_frames import exposure_cycle
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
@@ -52,7 +52,7 @@ _SEED = 2027
 
 
 @dataclasses.dataclass(frozen=True)
-class SpreadReadings:
+class ReadingCounts:
     """Readings of several bits, or of a bracket of exposures, as counts of single bits.
 
     Parameters
@@ -68,12 +68,12 @@ class SpreadReadings:
     --------
     >>> sensor = Sensor(frames=32, bit_depth=6, gain=64.0)
     >>> readings = sensor.expose(np.full((8, 8), 0.5), rng=0)
-    >>> spread = SpreadReadings(readings, sensor)
-    >>> spread.trials, spread.sensor
+    >>> converted = ReadingCounts(readings, sensor)
+    >>> converted.trials, converted.sensor
     (31, Sensor(frames=992, gain=64.0))
     >>> bracket = Sensor(frames=32, gain=[1.0, 7.0] * 16)
-    >>> spread = SpreadReadings(bracket.expose(np.full((8, 8), 0.5), rng=0), bracket, 2)
-    >>> len(spread.counts), spread.counts.trials, spread.sensor
+    >>> converted = ReadingCounts(bracket.expose(np.full((8, 8), 0.5), rng=0), bracket, 2)
+    >>> len(converted.counts), converted.counts.trials, converted.sensor
     (16, 2, Sensor(frames=32, gain=128.0))
     """
 
@@ -143,10 +143,10 @@ class SpreadReadings:
             return np.asarray(cycles.sum(axis=1, dtype=dtype))
         counts = np.zeros((number, *self.readings.shape[1:]), dtype)
         for index, frame in enumerate(frames):
-            counts[index // self.cycle] += self._spread(frame)
+            counts[index // self.cycle] += self._ones_of(frame)
         return counts
 
-    def _spread(self, frame: int) -> npt.NDArray[np.uint16]:
+    def _ones_of(self, frame: int) -> npt.NDArray[np.uint16]:
         """Return the ones of a frame. Means are rounded at random, so they have no bias."""
         readings = self.readings[frame : frame + 1].to_array()[0]
         noise = np.random.default_rng((_SEED, frame)).random(readings.shape, np.float32)
@@ -260,7 +260,7 @@ class SpreadReadings:
         )
 
 
-def spread_readings(data: object, sensor: object) -> SpreadReadings | None:
+def counts_of_readings(data: object, sensor: object) -> ReadingCounts | None:
     """Return readings that are no plain bits as counts of single bits, and None for other data.
 
     Parameters
@@ -287,25 +287,25 @@ def spread_readings(data: object, sensor: object) -> SpreadReadings | None:
     cycle = exposure_cycle(stated)
     if isinstance(data, Bits):
         check_fits(data.shape, stated)
-        return SpreadReadings(data, stated, cycle)
+        return ReadingCounts(data, stated, cycle)
     if isinstance(data, CountStack):
-        return SpreadReadings(data.readings(stated), stated, cycle)
-    return SpreadReadings(Readings(data.frames, stated, data.provenance), stated, cycle)
+        return ReadingCounts(data.readings(stated), stated, cycle)
+    return ReadingCounts(Readings(data.frames, stated, data.provenance), stated, cycle)
 
 
-def spread_for_motion(data: object, sensor: object) -> SpreadReadings | None:
-    """Return what :func:`spread_readings` returns if its counts can be merged along a motion.
+def counts_for_motion(data: object, sensor: object) -> ReadingCounts | None:
+    """Return what :func:`counts_of_readings` returns if its counts can be merged along a motion.
 
     Raises
     ------
     ValueError
         Also when pixels have several jots.
     """
-    spread = spread_readings(data, sensor)
-    if spread is None or spread.is_mergeable:
-        return spread
+    converted = counts_of_readings(data, sensor)
+    if converted is None or converted.is_mergeable:
+        return converted
     raise ValueError(
         "sensor: expected pixels of one jot for the motion in brackets, in readings of several "
-        f"bits, or with read noise, got an oversampling of {spread.stated.oversampling}; "
+        f"bits, or with read noise, got an oversampling of {converted.stated.oversampling}; "
         "jotlight.reconstruct makes one image of all frames"
     )

@@ -8,7 +8,7 @@ from jotlight.estimators.inverse_response import equivalent_fractions
 from jotlight.formats.capture import CountStack
 from jotlight.motion.film import film
 from jotlight.motion.film_estimates import FilmEstimates
-from jotlight.motion.spread import SpreadReadings, spread_readings
+from jotlight.motion.reading_counts import ReadingCounts, counts_of_readings
 from jotlight.sensing.multibit import reading_probability
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import count_pixels
@@ -44,24 +44,24 @@ def psnr(estimate, truth):
     return jl.metrics.psnr(estimate[inner], truth[inner], data_range=1.0)
 
 
-def whole(spread):
+def whole(converted):
     """Return the merged counts of all frames without motion."""
-    counts = spread.counts
-    return jl.Merged(counts.sum(), np.full(SHAPE, float(counts.total_trials)), spread.sensor)
+    counts = converted.counts
+    return jl.Merged(counts.sum(), np.full(SHAPE, float(counts.total_trials)), converted.sensor)
 
 
 @pytest.mark.parametrize("bit_depth", [4, 8])
 def test_the_photons_of_poisson_readings_become_binomial_ones(bit_depth):
     sensor = SENSORS[0].replace(bit_depth=bit_depth)
-    spread = SpreadReadings(flat(sensor), sensor)
-    n, rate = spread.trials, 0.6
+    converted = ReadingCounts(flat(sensor), sensor)
+    n, rate = converted.trials, 0.6
     readings = np.arange(2**bit_depth)
     probability = reading_probability(readings, rate, bit_depth=bit_depth)
     p = -np.expm1(-rate / n)
     # The mean is exact. Random rounding replaces a part of the variance.
     ones = n * (1 - (1 - 1 / n) ** readings)
     assert probability @ ones == pytest.approx(n * p, rel=1e-6)
-    counts = np.asarray(spread.counts.images[:FRAMES])
+    counts = np.asarray(converted.counts.images[:FRAMES])
     noise = np.sqrt(n * p * (1 - p) / counts.size)
     assert abs(counts.mean() - n * p) < 5 * noise
     assert counts.var() == pytest.approx(n * p * (1 - p), rel=0.15)
@@ -70,11 +70,11 @@ def test_the_photons_of_poisson_readings_become_binomial_ones(bit_depth):
 @pytest.mark.parametrize("sensor", BRACKETS[:4], ids=repr)
 def test_the_counts_of_a_bracket_are_sums_over_cycles(sensor):
     bits = flat(sensor, shape=(12, 20))
-    spread = spread_readings(bits, None)
-    cycle = spread.cycle
-    assert len(spread.counts) == len(bits) // cycle
-    assert spread.counts.trials == cycle
-    counts = np.asarray(spread.counts.images[5:9])
+    converted = counts_of_readings(bits, None)
+    cycle = converted.cycle
+    assert len(converted.counts) == len(bits) // cycle
+    assert converted.counts.trials == cycle
+    counts = np.asarray(converted.counts.images[5:9])
     expected = bits.to_array()[5 * cycle : 9 * cycle].reshape(4, cycle, 12, 20).sum(axis=1)
     np.testing.assert_array_equal(counts, expected)
 
@@ -82,8 +82,8 @@ def test_the_counts_of_a_bracket_are_sums_over_cycles(sensor):
 @pytest.mark.parametrize("sensor", [*SENSORS, *BRACKETS], ids=repr)
 @pytest.mark.parametrize("intensity", [0.05, 0.6])
 def test_corrected_counts_have_no_bias_and_state_their_noise(sensor, intensity):
-    spread = spread_readings(flat(sensor, intensity), None)
-    merged = spread.correct(whole(spread))
+    converted = counts_of_readings(flat(sensor, intensity), None)
+    merged = converted.correct(whole(converted))
     counted = count_pixels(merged, merged.sensor, None)
     fraction = equivalent_fractions(counted, None)
     rate = merged.sensor.light_per_intensity * intensity
@@ -119,10 +119,10 @@ def test_a_moving_scene_is_about_as_good_as_one_that_stands_still(sensor):
 
 
 def test_a_frame_has_the_same_counts_whenever_it_is_read():
-    spread = SpreadReadings(flat(SENSORS[2]), SENSORS[2])
-    images = spread.counts.images
+    converted = ReadingCounts(flat(SENSORS[2]), SENSORS[2])
+    images = converted.counts.images
     np.testing.assert_array_equal(images[10:20][3:5], images[13:15])
-    part = spread.counts[13:15]
+    part = converted.counts[13:15]
     np.testing.assert_array_equal(np.asarray(part.images), np.asarray(images[13:15]))
 
 
@@ -131,7 +131,7 @@ def test_stacks_of_counts_with_such_a_sensor_are_the_same():
     stack = CountStack(readings.to_array(), Provenance("npy", "a.npy"), sensor=SENSORS[2])
     expected = jl.merge(readings)
     np.testing.assert_array_equal(jl.merge(stack, SENSORS[2]).ones, expected.ones)
-    assert spread_readings(jl.Bits.from_array(np.zeros((2, 4, 8), int)), None) is None
+    assert counts_of_readings(jl.Bits.from_array(np.zeros((2, 4, 8), int)), None) is None
 
 
 def test_films_and_the_film_network_take_readings():
