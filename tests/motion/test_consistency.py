@@ -52,7 +52,7 @@ def test_chi_squared_is_that_of_the_twin(seed, size, trials):
 
 @pytest.mark.parametrize("light", [1e-4, 8.0])
 def test_bits_of_dim_and_of_saturated_scenes_agree(light):
-    """Few bits differ from the others there, and none of them is a surprise by itself."""
+    """Few bits differ from the others there, and none of them disagrees by itself."""
     rng = np.random.default_rng(0)
     bits = rng.random((64, 64, 64)) < -np.expm1(-light * rng.uniform(0.9, 1.1, (64, 1, 1)))
     blocks = blocks_of(jl.Bits.from_array(bits))

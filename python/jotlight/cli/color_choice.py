@@ -3,8 +3,7 @@
 from typing import Any
 
 from jotlight.cli.captured import Captured
-from jotlight.estimators.demosaicing import TITLES
-from jotlight.evaluation.channels import COLORS
+from jotlight.estimators.demosaicing import COLORS, TITLES
 from jotlight.evaluation.color_data import takes_mosaic
 from jotlight.sensing.bits import Bits
 

@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.deconvolution import DECONVOLUTION_RADIUS
-from jotlight.estimators.demosaicing import choose_demosaicing
-from jotlight.evaluation.channels import COLORS
+from jotlight.estimators.demosaicing import COLORS, choose_demosaicing
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
     OWN_NETWORK,

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from jotlight.errors import hide_warnings
+from jotlight.estimators.demosaicing import COLORS
 from jotlight.estimators.uncertainty import Uncertainty
-from jotlight.evaluation.channels import COLORS, reconstruct_channels
+from jotlight.evaluation.channels import reconstruct_channels
 from jotlight.evaluation.error_scale import Half, divide_bits, error_model
 from jotlight.evaluation.intervals import MIN_TRIALS, Pixels
 from jotlight.layout import Layout

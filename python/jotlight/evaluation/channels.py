@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import hide_warnings
+from jotlight.estimators.demosaicing import COLORS
 from jotlight.estimators.inpaint import NO_VALID_BIT
 from jotlight.evaluation.choice import OWN_NETWORK, TITLES
 from jotlight.evaluation.color_data import check_taken, takes_channels
@@ -27,9 +28,6 @@ from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
-
-COLORS = 3
-"""Red, green, and blue."""
 
 
 @contextlib.contextmanager

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.chunks import windows
-from jotlight.evaluation.channels import COLORS
+from jotlight.estimators.demosaicing import COLORS
 from jotlight.sensing.alike_frames import check_cycles
 from jotlight.sensing.merged import Merged
 from jotlight.view.counts import RunningCounts

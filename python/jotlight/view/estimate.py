@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.evaluation.channels import COLORS
+from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
 from jotlight.evaluation.methods import LARGE_TRIALS, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align
 from jotlight.motion.merge import merge
-from jotlight.motion.spread import spread_for_motion
+from jotlight.motion.reading_counts import counts_for_motion
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.multibit import ReadingLikelihood
@@ -129,7 +129,7 @@ def fraction_at(intensity: float, sensor: Sensor) -> float:
     total = 0.0
     for group in plain.groups():
         rate = plain.efficiency * group.sensor.light_per_intensity * intensity + plain.dark_counts
-        mean, _, _ = ReadingLikelihood(group.sensor.engine_response(), none, False).moments(rate)
+        mean, _, _ = ReadingLikelihood(group.sensor.jot_response(), none, False).moments(rate)
         total += len(group.frames) * mean.item()
     return total / (plain.frames * plain.max_reading)
 
@@ -223,7 +223,7 @@ def alignment_reason(viewed: Viewable) -> str | None:
     if without_mosaic(sensor).has_plain_bits:
         return None
     try:
-        spread_for_motion(viewed.part(viewed.frames[:number]), sensor)
+        counts_for_motion(viewed.part(viewed.frames[:number]), sensor)
     except ValueError as error:
         return str(error)
     return None
