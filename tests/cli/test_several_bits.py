@@ -95,7 +95,6 @@ def test_moving_scenes_have_images_and_films(run, photo):
     [
         (["simulate", "photo.png", "-o", "x.npy", "--bit-depth", 4, "-q", 3], "threshold: expec"),
         (["simulate", "photo.png", "-o", "x.npy", "--bit-depth", 40], "bit_depth: expected"),
-        (["view", "r.npy"], "expected single bits without noise"),
     ],
 )
 def test_what_needs_single_bits_says_so(run, photo, arguments, message):
