@@ -20,7 +20,9 @@ from jotlight.estimators.merge_readings import (
 from jotlight.sensing.joint_likelihood import JointLikelihood
 from jotlight.sensing.merged import MAX_SILENT_TRIALS, Merged
 from jotlight.sensing.mosaic import Mosaic, Pattern
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.sensor import Sensor
 
 _MIN_SHARE = 1e-5
 """Smallest intensity near which readings are merged, as a share of the largest one."""
@@ -108,12 +110,21 @@ def _average(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> 
     else:
         merged = merge_joint(joint)
         ones, trials = merged.ones.astype(np.float64), np.broadcast_to(merged.trials, joint.shape)
-    fraction = _fractions(ones, trials, spread, pattern)
+    fraction = average_fractions(ones, trials, spread, pattern)
     reference = reference_sensor(joint.sensor)
-    efficiency, dark_counts = mean_jots(reference)
+    efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
     rate = inverse_detection_probability(1, fraction, 1 - fraction) - dark_counts
     slope = np.maximum(efficiency, 1e-9) * reference.light_per_intensity
     return np.asarray(np.maximum(rate, 0) / slope)
+
+
+def _jots_of_counts(sensor: Sensor, reference: Sensor) -> tuple[float | Array, float | Array]:
+    """Return the efficiency and the dark counts of the jots to which equivalent counts refer.
+
+    These are the jots of each pixel. Counts of a map of thresholds are averaged over neighbors, so
+    all of them refer to the same jot.
+    """
+    return reference_jot(reference) if np.ndim(sensor.threshold) == 2 else mean_jots(reference)
 
 
 def _kinds_of_pixels(joint: JointLikelihood, pattern: Pattern | None) -> Pattern:
@@ -146,30 +157,22 @@ def _expecting_sums(joint: JointLikelihood, spread: float, pattern: Pattern | No
 
 
 def average_fractions(
-    merged: Merged, spread: float = 1.0, pattern: npt.NDArray[np.integer] | None = None
+    ones: npt.NDArray[np.number],
+    trials: Array,
+    spread: float = 1.0,
+    pattern: npt.NDArray[np.integer] | None = None,
 ) -> Array:
     """Return the fraction of ones of each pixel and its neighbors with the same filter, (H, W).
 
     Parameters
     ----------
-    merged : Merged
-        Gray counts.
+    ones, trials : ndarray of shape (H, W)
+        Gray counts. They may be real numbers.
     spread : float
         Standard deviation of an average in pixels if all have the same filter.
     pattern : ndarray of int, shape (H, W), optional
         The filter of each pixel. Default: all have the same one.
     """
-    trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
-    return _fractions(merged.ones, trials, spread, pattern)
-
-
-def _fractions(
-    ones: npt.NDArray[np.number],
-    trials: Array,
-    spread: float,
-    pattern: npt.NDArray[np.integer] | None,
-) -> Array:
-    """Return :func:`average_fractions` of real counts (H, W)."""
     from scipy.ndimage import gaussian_filter
 
     fraction = np.zeros(ones.shape)
@@ -227,7 +230,7 @@ def merge_near(
 
     ones, trials, rate = _real_counts(joint, intensity)
     reference = reference_sensor(joint.sensor)
-    efficiency, dark_counts = mean_jots(reference)
+    efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
     # Denoisers take each pixel for at least one trial, and 0 ones of fewer trials for darkness.
     missing = np.where(joint.trials > 0, np.maximum(1 - trials, 0), 0.0)
     ones, trials = ones - missing * np.expm1(-rate), trials + missing
@@ -248,7 +251,7 @@ def _real_counts(
 ) -> tuple[Array, Array, Array]:
     """Return the ones and the trials near intensities, and the rates of a trial there, (H, W)."""
     reference, largest = reference_sensor(joint.sensor), joint.sensor.max_intensity
-    efficiency, dark_counts = mean_jots(reference)
+    efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
     least = np.maximum(_MIN_SHARE * largest, min_light(joint))
     near = np.clip(intensity.astype(np.float64), least, largest)
     slope = efficiency * reference.light_per_intensity
