@@ -37,6 +37,7 @@ def test_the_first_frames_have_the_same_gain_and_threshold():
     ("options", "message"),
     [
         ({"threshold": CHECKERBOARD}, "got a threshold for each jot"),
+        ({"gain": GAIN, "threshold": CHECKERBOARD}, "a gain for each frame and a threshold for"),
         ({"bit_depth": 4}, "expected single bits without noise, got readings of 4 bits"),
         ({"read_noise": 0.3}, "without noise, got single bits with read noise 0.3"),
         ({"bit_depth": 4, "mosaic": "RGGB"}, "got readings of 4 bits"),
@@ -61,6 +62,7 @@ def test_no_part_of_the_frames_is_advised_where_none_is_taken(options, message):
         (6, {"gain": np.repeat([1.0, 2.0], 3)}, None),
         (2, {"gain": [1.0, 2.0]}, None),
         (8, {"threshold": CHECKERBOARD}, None),
+        (8, {"gain": [1.0, 2.0] * 4, "threshold": CHECKERBOARD}, None),
     ],
 )
 def test_the_cycle_of_exposures(frames, options, cycle):
