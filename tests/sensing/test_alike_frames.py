@@ -84,6 +84,12 @@ def test_the_cycle_of_exposures(frames, options, cycle):
             exposure_cycle(sensor)
 
 
+def test_read_noise_is_not_why_maps_of_thresholds_have_no_motion():
+    sensor = jl.Sensor(frames=8, threshold=CHECKERBOARD, read_noise=0.3)
+    with pytest.raises(ValueError, match=r"one gain and one threshold.* for each jot"):
+        exposure_cycle(sensor)
+
+
 @pytest.mark.parametrize(("window", "step"), [(7, None), (6, 4)])
 def test_windows_have_whole_cycles(window, step):
     check_cycles(3, 6, None)

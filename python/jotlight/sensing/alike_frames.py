@@ -9,6 +9,7 @@ from jotlight.sensing.readings import (
     S,
     frames_differ,
     readings_differ,
+    refuse_different_readings,
     require_plain_bits,
     without_mosaic,
 )
@@ -56,7 +57,8 @@ def exposure_cycle(sensor: GroupedSensor) -> int:
     if (cycle := find_cycle(sensor)) is not None:
         return cycle
     if np.ndim(sensor.threshold) == 2:
-        require_alike_frames(sensor)
+        # Read noise and brackets do not matter for the motion, but the map does.
+        refuse_different_readings(sensor, _ADVICE + _first_frames(sensor))
     raise ValueError(
         "sensor: expected exposures that repeat in cycles, such as short, long, short, long, so "
         f"that each part of a scene is seen alike at all times, got {sensor.frames} frames without "
