@@ -224,6 +224,18 @@ def test_maps_of_thresholds_and_of_jots_together_make_no_bias(gain):
     assert ratio.std() < 2 * np.sqrt(p * (1 - p) / inner.mean())
 
 
+@pytest.mark.parametrize(("side", "noise"), [(1, 0.85), (2, 1.0)])
+def test_counts_are_averaged_only_where_the_thresholds_of_pixels_differ(side, noise):
+    shape = tuple(side * size for size in SHAPE)
+    board = np.where(np.indices(shape).sum(axis=0) % 2, 1, 2)
+    sensor = jl.Sensor(oversampling=side, frames=16, gain=16.0 * side**2, threshold=board)
+    bits = sensor.expose(np.full(SHAPE, 0.8), rng=0)
+    merged = merge_near_neighbors(joint_likelihood(bits, sensor, None))
+    p = merged.ones.sum() / merged.trials.sum()
+    expected = np.sqrt(p * (1 - p) / merged.trials.mean())
+    assert (merged.ones / merged.trials).std() / expected == pytest.approx(noise, abs=0.1)
+
+
 def test_dim_colors_behind_high_thresholds_are_not_black():
     # Green has the threshold 1, red and blue 3.
     shape = 96, 96

@@ -41,6 +41,10 @@ _MAP_SIGMA = 0.4
 Some of their pixels say much and their neighbors little, and denoisers take both for equally good.
 """
 
+_ALIKE = 0.9
+"""Fraction of the pixels with the same thresholds from which pixels count as alike. If the jots of
+each pixel have all thresholds, an average would only hide noise from denoisers and intervals."""
+
 _MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
 
@@ -135,6 +139,13 @@ def _kinds_of_pixels(joint: JointLikelihood, pattern: Pattern | None) -> Pattern
     return np.asarray(kinds.reshape(joint.shape))
 
 
+def _thresholds_of_pixels_differ(joint: JointLikelihood) -> bool:
+    if np.ndim(joint.sensor.threshold) < 2:
+        return False
+    kinds = _kinds_of_pixels(joint, None)
+    return bool(np.bincount(kinds.ravel()).max() < _ALIKE * kinds.size)
+
+
 def _expecting_sums(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> Array:
     """Return the intensity at which the sum of the readings around each pixel is expected, (H, W).
 
@@ -202,8 +213,9 @@ def merge_near(
     depend on the noise of a pixel, and the ones are a linear function of its readings, without
     bias. Pixels of less than one trial are completed to one, which agrees with the known intensity.
     The ones are rounded such that the errors of neighbors cancel. Where rounding makes more ones
-    than trials, the next pixels have fewer trials. Counts of a map of
-    thresholds are averaged over the nearest neighbors, unless there is a mosaic.
+    than trials, the next pixels have fewer trials. Where the
+    thresholds of pixels differ, counts are averaged over the nearest neighbors, unless there is a
+    mosaic.
 
     Parameters
     ----------
@@ -234,7 +246,7 @@ def merge_near(
     # Denoisers take each pixel for at least one trial, and 0 ones of fewer trials for darkness.
     missing = np.where(joint.trials > 0, np.maximum(1 - trials, 0), 0.0)
     ones, trials = ones - missing * np.expm1(-rate), trials + missing
-    if pattern is None and np.ndim(joint.sensor.threshold) == 2:
+    if pattern is None and _thresholds_of_pixels_differ(joint):
         ones, trials = (gaussian_filter(part, _MAP_SIGMA) for part in (ones, trials))
     trials = np.minimum(trials, MAX_TRIALS)
     ones = np.minimum(ones, MAX_TRIALS)
