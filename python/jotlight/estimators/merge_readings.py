@@ -132,12 +132,12 @@ def reference_sensor(sensor: Sensor) -> Sensor:
     reference = sensor.replace(
         threshold=1, gain=min(per_frame) * sensor.frames, bit_depth=1, read_noise=0.0
     )
-    floor = noise_floor(sensor, reference, sensor.dark_counts)
-    is_map = isinstance(floor, np.ndarray)
-    return reference.replace(dark_counts=floor.astype(np.float32) if is_map else floor)
+    return reference.replace(dark_counts=noise_floor(sensor, reference, sensor.dark_counts))
 
 
-def noise_floor(sensor: Sensor, reference: Sensor, dark_counts: float | Array) -> float | Array:
+def noise_floor(
+    sensor: Sensor, reference: Sensor, dark_counts: float | npt.NDArray[np.floating]
+) -> float | Array:
     """Return the dark counts with which bits tell as much about darkness as the readings.
 
     With dark counts d, T bits have the information T (α/K)² / (exp(d) - 1) about intensity 0.
@@ -153,9 +153,9 @@ def noise_floor(sensor: Sensor, reference: Sensor, dark_counts: float | Array) -
     dark_counts : float or ndarray of float
         Dark counts of the readings, of any shape.
     """
-    if sensor.read_noise == 0:
-        return dark_counts
     dark = np.asarray(dark_counts, np.float64)
+    if sensor.read_noise == 0:
+        return float(dark) if dark.ndim == 0 else dark
     distinct, places = np.unique(dark, return_inverse=True)
     information = np.zeros(len(distinct))
     for group in sensor.groups():
