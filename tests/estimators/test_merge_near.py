@@ -201,6 +201,41 @@ def test_pixels_with_different_thresholds_have_a_common_average(intensity):
         assert average[own].mean() == pytest.approx(intensity, rel=0.05)
 
 
+@pytest.mark.parametrize("gain", [16.0, np.repeat([8.0, 0.25], 8)], ids=["one", "bracket"])
+def test_maps_of_thresholds_and_of_jots_together_make_no_bias(gain):
+    rng = np.random.default_rng(0)
+    sensor = jl.Sensor(
+        frames=16,
+        gain=gain,
+        threshold=np.where(np.indices(SHAPE).sum(axis=0) % 2, 1, 3),
+        dark_counts=np.where(rng.random(SHAPE) < 0.02, 2.0, rng.uniform(0, 0.2, SHAPE)),
+        efficiency=rng.uniform(0.5, 1, SHAPE),
+        mask=rng.random(SHAPE) < 0.02,
+    )
+    bits = sensor.expose(np.full(SHAPE, 0.4), rng=0)
+    merged = merge_near_neighbors(joint_likelihood(bits, sensor, None))
+    inner = merged.trials[4:-4, 4:-4]
+    fraction = merged.ones[4:-4, 4:-4].sum() / inner.sum()
+    light = float(merged.efficiency) * merged.sensor.light_per_intensity
+    assert (-np.log1p(-fraction) - merged.dark_counts) / light == pytest.approx(0.4, rel=0.05)
+    # No pixel says much more than others about a light that is the same everywhere.
+    ratio = merged.ones[4:-4, 4:-4] / inner
+    p = -np.expm1(-0.4 * light - merged.dark_counts)
+    assert ratio.std() < 2 * np.sqrt(p * (1 - p) / inner.mean())
+
+
+@pytest.mark.parametrize(("side", "noise"), [(1, 0.85), (2, 1.0)])
+def test_counts_are_averaged_only_where_the_thresholds_of_pixels_differ(side, noise):
+    shape = tuple(side * size for size in SHAPE)
+    board = np.where(np.indices(shape).sum(axis=0) % 2, 1, 2)
+    sensor = jl.Sensor(oversampling=side, frames=16, gain=16.0 * side**2, threshold=board)
+    bits = sensor.expose(np.full(SHAPE, 0.8), rng=0)
+    merged = merge_near_neighbors(joint_likelihood(bits, sensor, None))
+    p = merged.ones.sum() / merged.trials.sum()
+    expected = np.sqrt(p * (1 - p) / merged.trials.mean())
+    assert (merged.ones / merged.trials).std() / expected == pytest.approx(noise, abs=0.1)
+
+
 def test_dim_colors_behind_high_thresholds_are_not_black():
     # Green has the threshold 1, red and blue 3.
     shape = 96, 96

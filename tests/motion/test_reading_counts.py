@@ -96,6 +96,24 @@ def test_corrected_counts_have_no_bias_and_state_their_noise(sensor, intensity):
     assert fraction.var() == pytest.approx(p * (1 - p) / trials.mean(), rel=0.35)
 
 
+@pytest.mark.parametrize(("read_noise", "error"), [(0.0, 0.03), (0.3, 0.25)])
+def test_hot_jots_make_no_bias_in_brackets(read_noise, error):
+    hot = np.random.default_rng(0).random(SHAPE) < 0.02
+    sensor = jl.Sensor(
+        frames=FRAMES,
+        gain=np.tile([1.0, 16.0], FRAMES // 2),
+        read_noise=read_noise,
+        dark_counts=np.where(hot, 2.0, 0.01),
+    )
+    merged = jl.merge(flat(sensor, 0.3))
+    assert np.asarray(merged.dark_counts).min() >= 0
+    # With read noise, hot jots have two equivalent trials, which whole numbers of ones bias.
+    for own, limit in ((hot, error), (~hot, 0.03)):
+        fraction = merged.ones[own].sum() / np.asarray(merged.trials)[own].sum()
+        rate = -np.log1p(-fraction) - np.asarray(merged.dark_counts)[own].mean()
+        assert rate / merged.sensor.light_per_intensity == pytest.approx(0.3, rel=limit)
+
+
 @pytest.mark.parametrize(
     "sensor",
     [

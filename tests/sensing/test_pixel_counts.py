@@ -14,6 +14,19 @@ def prepared(data, **options):
     return gray_images(prepare_data(data, SENSOR, **options)[0])
 
 
+def test_a_hot_jot_among_others_makes_no_bias():
+    dark = np.where(np.indices((64, 64)).sum(axis=0) % 8 == 0, 3.0, 0.01)
+    sensor = jl.Sensor(oversampling=2, frames=64, gain=64.0, dark_counts=dark)
+    bits = sensor.expose(np.full((32, 32), 0.5), rng=0)
+    pixels = gray_images(prepare_data(bits, sensor)[0]).count(sensor, None)
+    expected = -np.expm1(-0.25 * 0.5 - np.asarray(pixels.dark_counts))
+    found = pixels.counts / pixels.trials
+    hot = dark.reshape(32, 2, 32, 2).max(axis=(1, 3)) == 3.0
+    for own in (hot, ~hot):
+        np.testing.assert_allclose(found[0][own].mean(), expected[0][own].mean(), rtol=0.03)
+    np.testing.assert_allclose(jl.noniterative(bits, threads=1)[hot].mean(), 0.5, rtol=0.1)
+
+
 @pytest.mark.parametrize("axis", [None, 0, 1, -1])
 def test_counts_become_gray_images_and_back(axis):
     counts = np.arange(120).reshape(2, 2, 5, 6) if axis is None else np.arange(80).reshape(2, 5, 8)

@@ -131,6 +131,19 @@ def test_the_sampler_passes_exact_binomial_tests():
         assert stats.binomtest(int(count), scene.size, p).pvalue > 1e-5
 
 
+def test_noisy_bits_of_a_bracket_and_a_map_of_thresholds_pass_binomial_tests():
+    checkerboard = np.where(np.indices((200, 200)).sum(axis=0) % 2, 3, 1)
+    sensor = jl.Sensor(frames=4, gain=[0.5, 2.0, 4.0, 2.0], threshold=checkerboard, read_noise=0.3)
+    scene = np.full((200, 200), 0.8)
+    bits, probability = sensor.expose(scene, rng=11).to_array(), sensor.probability(scene)
+    for own in (checkerboard == 1, checkerboard == 3):
+        for frame in range(4):
+            p = float(probability[frame][own][0])
+            ones = int(bits[frame][own].sum())
+            # 8 tests: one run in 12,500 fails by chance.
+            assert stats.binomtest(ones, int(own.sum()), p).pvalue > 1e-5
+
+
 def test_groups_cover_each_reading_of_a_live_jot_once():
     for sensor in SENSORS:
         seen = np.zeros((6, 12, 16), int)

@@ -105,7 +105,7 @@ def test_methods_that_do_not_take_the_readings_state_why():
 def test_what_cannot_be_aligned_states_why():
     assert alignment_reason(viewed_of(BRACKET)) is None
     jots = viewed_of(SEVERAL.replace(oversampling=2, frames=3))
-    assert "expected gray pixels of one jot" in describe_capture(jots)["align_reason"]
+    assert "expected pixels of one jot" in describe_capture(jots)["align_reason"]
     with pytest.raises(ValueError, match="two cycles of exposures or more, which are 6 frames"):
         merge_window(viewed_of(BRACKET), range(3, 6))
 

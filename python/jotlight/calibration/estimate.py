@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.calibration.bulk import fit_bulk
+from jotlight.calibration.captured_sensor import check_captured_sensor
 from jotlight.calibration.flat import measure_response
 from jotlight.calibration.hot_jots import check_false_positive_rate
 from jotlight.calibration.rates import detections
@@ -83,7 +84,8 @@ def calibrate(
     Raises
     ------
     TypeError, ValueError
-        If the captures contradict the other arguments.
+        If the captures contradict the other arguments, or their sensor has read noise or several
+        gains or thresholds.
 
     Warns
     -----
@@ -111,6 +113,8 @@ def calibrate(
     Sensor(frames=16, dark_counts=<64 x 64 map>, mask=<64 x 64 map>)
     """
     check_limits(false_positive_rate, max_dark)
+    check_captured_sensor("dark", dark, threshold)
+    check_captured_sensor("flat", flat, threshold)
     if mosaic is not None and flat is None:
         raise ValueError("mosaic: is for a flat capture, and there is none; leave it out")
     known = _provenance(dark=dark, flat=flat) if provenance is None else dict(provenance)

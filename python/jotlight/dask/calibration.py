@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.calibration.captured_sensor import check_captured_sensor
 from jotlight.calibration.estimate import (
     MAX_DARK,
     JotSums,
@@ -123,6 +124,8 @@ def calibrate(
     if mosaic is not None and flat is None:
         raise ValueError("mosaic: is for a flat capture, and there is none; leave it out")
     captures = {"dark": dark, "flat": flat}
+    for name, each in captures.items():
+        check_captured_sensor(name, each, threshold)
     known = {
         name: each.provenance
         for name, each in captures.items()

@@ -20,7 +20,9 @@ from jotlight.estimators.merge_readings import (
 from jotlight.sensing.joint_likelihood import JointLikelihood
 from jotlight.sensing.merged import MAX_SILENT_TRIALS, Merged
 from jotlight.sensing.mosaic import Mosaic, Pattern
+from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.sensor import Sensor
 
 _MIN_SHARE = 1e-5
 """Smallest intensity near which readings are merged, as a share of the largest one."""
@@ -38,6 +40,10 @@ _MAP_SIGMA = 0.4
 
 Some of their pixels say much and their neighbors little, and denoisers take both for equally good.
 """
+
+_ALIKE = 0.9
+"""Fraction of the pixels with the same thresholds from which pixels count as alike. If the jots of
+each pixel have all thresholds, an average would only hide noise from denoisers and intervals."""
 
 _MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
@@ -108,12 +114,21 @@ def _average(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> 
     else:
         merged = merge_joint(joint)
         ones, trials = merged.ones.astype(np.float64), np.broadcast_to(merged.trials, joint.shape)
-    fraction = _fractions(ones, trials, spread, pattern)
+    fraction = average_fractions(ones, trials, spread, pattern)
     reference = reference_sensor(joint.sensor)
-    efficiency, dark_counts = mean_jots(reference)
+    efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
     rate = inverse_detection_probability(1, fraction, 1 - fraction) - dark_counts
     slope = np.maximum(efficiency, 1e-9) * reference.light_per_intensity
     return np.asarray(np.maximum(rate, 0) / slope)
+
+
+def _jots_of_counts(sensor: Sensor, reference: Sensor) -> tuple[float | Array, float | Array]:
+    """Return the efficiency and the dark counts of the jots to which equivalent counts refer.
+
+    These are the jots of each pixel. Counts of a map of thresholds are averaged over neighbors, so
+    all of them refer to the same jot.
+    """
+    return reference_jot(reference) if np.ndim(sensor.threshold) == 2 else mean_jots(reference)
 
 
 def _kinds_of_pixels(joint: JointLikelihood, pattern: Pattern | None) -> Pattern:
@@ -122,6 +137,13 @@ def _kinds_of_pixels(joint: JointLikelihood, pattern: Pattern | None) -> Pattern
     rows = np.stack([*each, np.zeros(joint.shape) if pattern is None else pattern])
     kinds = np.unique(rows.reshape(len(rows), -1), axis=1, return_inverse=True)[1]
     return np.asarray(kinds.reshape(joint.shape))
+
+
+def _thresholds_of_pixels_differ(joint: JointLikelihood) -> bool:
+    if np.ndim(joint.sensor.threshold) < 2:
+        return False
+    kinds = _kinds_of_pixels(joint, None)
+    return bool(np.bincount(kinds.ravel()).max() < _ALIKE * kinds.size)
 
 
 def _expecting_sums(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> Array:
@@ -146,30 +168,22 @@ def _expecting_sums(joint: JointLikelihood, spread: float, pattern: Pattern | No
 
 
 def average_fractions(
-    merged: Merged, spread: float = 1.0, pattern: npt.NDArray[np.integer] | None = None
+    ones: npt.NDArray[np.number],
+    trials: Array,
+    spread: float = 1.0,
+    pattern: npt.NDArray[np.integer] | None = None,
 ) -> Array:
     """Return the fraction of ones of each pixel and its neighbors with the same filter, (H, W).
 
     Parameters
     ----------
-    merged : Merged
-        Gray counts.
+    ones, trials : ndarray of shape (H, W)
+        Gray counts. They may be real numbers.
     spread : float
         Standard deviation of an average in pixels if all have the same filter.
     pattern : ndarray of int, shape (H, W), optional
         The filter of each pixel. Default: all have the same one.
     """
-    trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
-    return _fractions(merged.ones, trials, spread, pattern)
-
-
-def _fractions(
-    ones: npt.NDArray[np.number],
-    trials: Array,
-    spread: float,
-    pattern: npt.NDArray[np.integer] | None,
-) -> Array:
-    """Return :func:`average_fractions` of real counts (H, W)."""
     from scipy.ndimage import gaussian_filter
 
     fraction = np.zeros(ones.shape)
@@ -199,8 +213,9 @@ def merge_near(
     depend on the noise of a pixel, and the ones are a linear function of its readings, without
     bias. Pixels of less than one trial are completed to one, which agrees with the known intensity.
     The ones are rounded such that the errors of neighbors cancel. Where rounding makes more ones
-    than trials, the next pixels have fewer trials. Counts of a map of
-    thresholds are averaged over the nearest neighbors, unless there is a mosaic.
+    than trials, the next pixels have fewer trials. Where the
+    thresholds of pixels differ, counts are averaged over the nearest neighbors, unless there is a
+    mosaic.
 
     Parameters
     ----------
@@ -227,11 +242,11 @@ def merge_near(
 
     ones, trials, rate = _real_counts(joint, intensity)
     reference = reference_sensor(joint.sensor)
-    efficiency, dark_counts = mean_jots(reference)
+    efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
     # Denoisers take each pixel for at least one trial, and 0 ones of fewer trials for darkness.
     missing = np.where(joint.trials > 0, np.maximum(1 - trials, 0), 0.0)
     ones, trials = ones - missing * np.expm1(-rate), trials + missing
-    if pattern is None and np.ndim(joint.sensor.threshold) == 2:
+    if pattern is None and _thresholds_of_pixels_differ(joint):
         ones, trials = (gaussian_filter(part, _MAP_SIGMA) for part in (ones, trials))
     trials = np.minimum(trials, MAX_TRIALS)
     ones = np.minimum(ones, MAX_TRIALS)
@@ -248,7 +263,7 @@ def _real_counts(
 ) -> tuple[Array, Array, Array]:
     """Return the ones and the trials near intensities, and the rates of a trial there, (H, W)."""
     reference, largest = reference_sensor(joint.sensor), joint.sensor.max_intensity
-    efficiency, dark_counts = mean_jots(reference)
+    efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
     least = np.maximum(_MIN_SHARE * largest, min_light(joint))
     near = np.clip(intensity.astype(np.float64), least, largest)
     slope = efficiency * reference.light_per_intensity

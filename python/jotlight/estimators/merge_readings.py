@@ -132,19 +132,30 @@ def reference_sensor(sensor: Sensor) -> Sensor:
     reference = sensor.replace(
         threshold=1, gain=min(per_frame) * sensor.frames, bit_depth=1, read_noise=0.0
     )
-    if sensor.read_noise == 0:
-        return reference
-    return reference.replace(dark_counts=_noise_floor(sensor, reference))
+    return reference.replace(dark_counts=noise_floor(sensor, reference, sensor.dark_counts))
 
 
-def _noise_floor(sensor: Sensor, reference: Sensor) -> float | npt.NDArray[np.float32]:
-    """Return the dark counts with which bits tell as much about darkness as noisy bits.
+def noise_floor(
+    sensor: Sensor, reference: Sensor, dark_counts: float | npt.NDArray[np.floating]
+) -> float | Array:
+    """Return the dark counts with which bits tell as much about darkness as the readings.
 
     With dark counts d, T bits have the information T (α/K)² / (exp(d) - 1) about intensity 0.
     Readings of several bits count as whether they are 0: the information of larger ones, which are
     rare in the dark, vanishes with the least light.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor of the readings.
+    reference : Sensor
+        Their reference sensor. Its dark counts do not matter.
+    dark_counts : float or ndarray of float
+        Dark counts of the readings, of any shape.
     """
-    dark = np.asarray(sensor.dark_counts, np.float64)
+    dark = np.asarray(dark_counts, np.float64)
+    if sensor.read_noise == 0:
+        return float(dark) if dark.ndim == 0 else dark
     distinct, places = np.unique(dark, return_inverse=True)
     information = np.zeros(len(distinct))
     for group in sensor.groups():
@@ -156,7 +167,7 @@ def _noise_floor(sensor: Sensor, reference: Sensor) -> float | npt.NDArray[np.fl
         information += len(group.frames) * share * light**2 * cells.information_per_reading(0.0)
     floor = np.log1p(sensor.frames * reference.light_per_intensity**2 / information)
     floors = floor[places].reshape(dark.shape)
-    return float(floors) if floors.ndim == 0 else floors.astype(np.float32)
+    return float(floors) if floors.ndim == 0 else floors
 
 
 def merge_joint(joint: JointLikelihood) -> Merged:

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.merge_near import average_fractions, diffuse
-from jotlight.estimators.merge_readings import linear_counts, reference_sensor
+from jotlight.estimators.merge_readings import linear_counts, noise_floor, reference_sensor
 from jotlight.formats.capture import CountStack
 from jotlight.motion.motion import Motion
 from jotlight.motion.reading_response import Response
@@ -194,6 +194,18 @@ class ReadingCounts:
         mean = np.maximum.accumulate(self._of_cycle(light, dark_counts)[0])
         return np.asarray(np.interp(fraction, mean, light))
 
+    def _light_of_neighbors(
+        self, ones: npt.NDArray[np.number], trials: Array, dark_counts: float | Array
+    ) -> Array:
+        """Return the light at which the ones of each pixel and its neighbors are expected."""
+        typical = float(np.median(dark_counts))
+        light = self._light(average_fractions(ones, trials), typical)
+        if np.ndim(dark_counts) == 0:
+            return light
+        # Ones from dark counts above the typical ones do not come from light.
+        excess = self._of_cycle(light, dark_counts)[0] - self._of_cycle(light, typical)[0]
+        return self._light(average_fractions(ones - trials * excess, trials), typical)
+
     def correct(self, merged: Merged) -> Merged:
         """Return merged counts whose likelihood near averages of neighbors is that of the readings.
 
@@ -213,19 +225,20 @@ class ReadingCounts:
         )
 
     def _correct(self, merged: Merged) -> Merged:
-        reference = reference_sensor(without_mosaic(self.stated))
+        gray = without_mosaic(self.stated)
+        reference = reference_sensor(gray)
         trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
         known = trials > 0
         fraction = np.where(known, merged.ones / np.where(known, trials, 1), 0.0)
         dark = merged.dark_counts * self.trials
-        light = self._light(average_fractions(merged), float(np.median(dark)))
+        light = self._light_of_neighbors(merged.ones, trials, dark)
         mean, variance, slope = self._of_cycle(light, dark)
         slope = np.maximum(slope, 1e-9)
         weight = trials / (self.trials * self.cycle) * slope / np.maximum(variance, 1e-12)
         # A jot of the reference sensor gets this light, in units of that of a frame.
         share = reference.light_per_intensity * len(self.readings) / np.sum(self.stated.gain)
-        floor = float(np.mean(reference.dark_counts) - np.mean(self.stated.dark_counts))
-        rate = np.maximum(share * light + dark + floor, 1e-9)
+        floor = noise_floor(gray, reference, dark)
+        rate = np.maximum(share * light + floor, 1e-9)
         gradient, information = weight * (fraction - mean), weight * slope
         ones, number = linear_counts(gradient, information, share, rate, rate)
         whole = diffuse(np.where(known, ones, 0.0), known)
@@ -234,7 +247,7 @@ class ReadingCounts:
             merged,
             ones=whole.astype(np.int32),
             trials=number,
-            dark_counts=dark + floor,
+            dark_counts=floor,
             sensor=reference,
         )
 

@@ -9,6 +9,7 @@ from jotlight.sensing.readings import (
     S,
     frames_differ,
     readings_differ,
+    refuse_different_readings,
     require_plain_bits,
     without_mosaic,
 )
@@ -21,8 +22,10 @@ def find_cycle(sensor: GroupedSensor) -> int | None:
 
     Return None if thresholds differ from jot to jot, or exposures do not repeat at least once.
     """
+    if np.ndim(sensor.threshold) == 2:
+        return None
     if not frames_differ(sensor):
-        return None if np.ndim(sensor.threshold) == 2 else 1
+        return 1
     frames = sensor.frames
     exposures = np.stack([np.broadcast_to(each, frames) for each in _exposures(sensor)])
     for cycle in range(2, frames // 2 + 1):
@@ -54,7 +57,8 @@ def exposure_cycle(sensor: GroupedSensor) -> int:
     if (cycle := find_cycle(sensor)) is not None:
         return cycle
     if np.ndim(sensor.threshold) == 2:
-        require_alike_frames(sensor)
+        # Read noise and brackets do not matter for the motion, but the map does.
+        refuse_different_readings(sensor, _ADVICE + _first_frames(sensor))
     raise ValueError(
         "sensor: expected exposures that repeat in cycles, such as short, long, short, long, so "
         f"that each part of a scene is seen alike at all times, got {sensor.frames} frames without "
@@ -123,7 +127,8 @@ def _first_frames(sensor: GroupedSensor) -> str:
     """Return advice to take the first frames with the same exposure, or to take one exposure."""
     advice = "; motion, films, and the viewer take frames of one gain and threshold"
     per_frame = [each for each in _exposures(sensor) if each.ndim == 1]
-    if not per_frame:
+    # Parts of a capture with a map of thresholds have the map, too.
+    if not per_frame or np.ndim(sensor.threshold) == 2:
         return advice
     differ = np.any([each != each[0] for each in per_frame], axis=0)
     first = int(np.argmax(differ))

@@ -47,8 +47,9 @@ def draw_readings(
         start = run.start - window.frames.start
         place = out[:, :, start : start + len(run)]
         own = dataclasses.replace(window, frames=run)
-        # A jot reports 0 in all parts but its own, because their sensors mask it.
-        shared = len(runs) > 1 and parts[0].frames is None
+        # A jot reports 0 in all parts but its own, because their sensors mask it. A part without
+        # masked jots shares its frames with no other part.
+        shared = len(runs) > 1 and sensor["dead"] is not None
         target = np.zeros(place.shape, np.uint16) if shared else place
         _draw(sensor, images, seeds, own, target, threads)
         if shared:

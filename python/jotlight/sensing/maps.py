@@ -140,7 +140,7 @@ def checked_threshold_map(values: npt.NDArray[Any]) -> int | npt.NDArray[np.uint
 
 
 def pixel_means(
-    value: float | npt.NDArray[np.float32], mask: npt.NDArray[np.bool_] | None, oversampling: int
+    value: float | npt.NDArray[np.floating], mask: npt.NDArray[np.bool_] | None, oversampling: int
 ) -> tuple[float | npt.NDArray[np.float64], bool]:
     """Return the mean over the live jots of each pixel, and whether those of any pixel differ.
 
@@ -164,6 +164,30 @@ def pixel_means(
     mean = np.where(valid.any(axis=(1, 3)), mean, blocks.mean(axis=(1, 3)))
     differs = valid & (blocks != mean[:, None, :, None].astype(np.float32))
     return np.ascontiguousarray(mean), bool(differs.any())
+
+
+def mean_dark_counts(
+    value: float | npt.NDArray[np.float32],
+    mask: npt.NDArray[np.bool_] | None,
+    oversampling: int,
+    threshold: int,
+) -> tuple[float | npt.NDArray[np.float64], bool]:
+    """Return the dark counts of a typical jot of each pixel, and whether those of any pixel differ.
+
+    With threshold 1 and these dark counts in all jots, a pixel of jots of equal efficiency has as
+    many ones on average at any light. For other thresholds, they are the mean.
+
+    Examples
+    --------
+    >>> pixel = np.float32([[0.0, 2.0]] * 2)
+    >>> mean_dark_counts(pixel, None, 2, 1)[0].round(4)  # half of the jots have exp(-2) zeros
+    array([[0.5662]])
+    """
+    mean, differs = pixel_means(value, mask, oversampling)
+    if threshold != 1 or not differs:
+        return mean, differs
+    zeros = pixel_means(np.exp(-np.asarray(value, np.float64)), mask, oversampling)[0]
+    return -np.log(np.maximum(zeros, np.finfo(np.float64).tiny)), differs
 
 
 def _read_only_copy(array: npt.NDArray[Any], dtype: type[np.generic]) -> npt.NDArray[Any]:

@@ -14,7 +14,7 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.counting import count_ones
 from jotlight.sensing.data_lists import list_of_data
-from jotlight.sensing.maps import constant_or_map, pixel_means, stack_maps
+from jotlight.sensing.maps import constant_or_map, mean_dark_counts, pixel_means, stack_maps
 from jotlight.sensing.merged import Merged, refuse_finer_grid
 from jotlight.sensing.periodic_rates import warn_about_periods
 from jotlight.sensing.photon_readings import Readings, image_of_readings
@@ -331,7 +331,7 @@ def describe_pixels(counts: npt.NDArray[np.int32], sensor: Sensor) -> PixelCount
     if mask is not None:
         trials = Bits.from_array(~mask).counts(side).astype(np.float64) * sensor.frames
     efficiency, efficiency_varies = pixel_means(sensor.efficiency, mask, side)
-    dark, dark_varies = pixel_means(sensor.dark_counts, mask, side)
+    dark, dark_varies = mean_dark_counts(sensor.dark_counts, mask, side, sensor.threshold)
     trials, efficiency, dark = (
         np.broadcast_to(value, counts.shape) if isinstance(value, np.ndarray) else value
         for value in (trials, efficiency, dark)
