@@ -13,6 +13,7 @@ from jotlight.motion.film_image import FilmImage, FilmSettings
 from jotlight.motion.film_state import FilmState
 from jotlight.motion.spread import SpreadReadings, spread_readings
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.sensor import Sensor
 
@@ -111,8 +112,11 @@ def film(
 def _corrected(image: FilmImage, spread: SpreadReadings) -> FilmImage:
     """Return an image with the counts of readings of several bits."""
     merged = spread.correct(image.merged)
-    nearest = tuple(spread.correct(each) for each in image.nearest)
-    return dataclasses.replace(image, merged=merged, data=merged, nearest=nearest)
+
+    def count_nearest() -> tuple[Merged, ...]:
+        return tuple(spread.correct(each) for each in image.nearest)
+
+    return dataclasses.replace(image, merged=merged, data=merged, count_nearest=count_nearest)
 
 
 def begin_film(sensor: Sensor, settings: FilmSettings) -> "FilmState | ColorFilmState":

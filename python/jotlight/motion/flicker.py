@@ -13,7 +13,7 @@ import jotlight._engine as engine
 from jotlight.motion.blocks import Sums
 from jotlight.motion.scoring import Template
 
-_MIN_CHANGE_OF_BLOCK, _MIN_CHANGE_OF_HALF = 0.03, 0.01
+MIN_CHANGE_OF_BLOCK, _MIN_CHANGE_OF_HALF = 0.03, 0.01
 """Smaller relative changes of the number of ones, of a block and of a half of the frames, have no
 effect. In short blocks, they are mostly noise."""
 
@@ -34,7 +34,7 @@ def at_brightness(template: Template, sums: Sums) -> Template:
     """Return the template as it would be in the light of a block of frames."""
     p = template.probability
     ratio = engine.brightness(sums.ones, sums.trials, p, template.threads)
-    if not _is_change(ratio, _MIN_CHANGE_OF_BLOCK):
+    if not _is_change(ratio, MIN_CHANGE_OF_BLOCK):
         return template
     changed = _with_factor(p, light_factor(p, sums.trials, ratio))
     return Template(changed, template.trials, template.threads)

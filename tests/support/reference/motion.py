@@ -107,6 +107,39 @@ def undo_remainders(image, remainders, frames):
     return image - means[:, 0] * slopes[0] - means[:, 1] * slopes[1]
 
 
+def changed_remainders(remainders, change, frames):
+    """Return the remainders (H, 2, columns) of counts in frames whose motion changes."""
+    height = len(remainders)
+    row, fraction = row_places(height, change.shape[1])
+    after = np.minimum(row + 1, change.shape[1] - 1)
+    rows = change[:, row] + fraction[:, None] * (change[:, after] - change[:, row])
+    return remainders - frames * rows.transpose(1, 0, 2)
+
+
+def row_places(height, tiles):
+    """Return the tile above each row of pixels, and how far the row is from its center in tiles."""
+    place = (np.arange(height) - 7.5) / 16
+    row = np.clip(np.floor(place), 0, max(tiles - 2, 0)).astype(int)
+    return row, place - row
+
+
+def accept_agreeing(parts, p, trials_of_template, limit, block):
+    """Return the ones and trials of a block where χ² of some parts is below a limit, and where."""
+    ones, trials = (sum(each) for each in zip(*parts, strict=True))
+    agrees = chi_squared(ones, trials, p, trials_of_template) < limit
+    return block[0] * agrees, block[1] * agrees, agrees
+
+
+def fit_blocks(sums, template, sigma, weights, basis, min_others):
+    """Return the affine errors of blocks that are part of a template, and their information."""
+    fits = []
+    for each in sums:
+        information, right = normal_equations(each, *template, sigma)
+        others = 1 - each.trials.mean() / template[1].mean()
+        fits.append(fit_affine(information, right / max(others, min_others), weights, basis))
+    return [np.stack(each) for each in zip(*fits, strict=True)]
+
+
 def chi_squared(ones, trials, p, trials_of_template):
     """Return χ² of each pixel, which is about 1 if the counts agree with the template."""
 
