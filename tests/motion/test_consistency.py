@@ -91,9 +91,7 @@ def agreeing_case(seed, size, light=1.0, threads=None):
     probability = np.clip(light * 0.4 + rng.normal(0, 0.1, size), 0.01, 0.99).astype(np.float32)
     template = Template(probability, rng.integers(0, 50, size, np.int32), threads)
     near = [(blocks[:2], 0), (blocks, 1), (blocks[1:], 1)]
-    return [
-        ComparedBlock(block, *each, most_trials=27) for block, each in enumerate(near)
-    ], template
+    return [ComparedBlock(block, *each, max_trials=27) for block, each in enumerate(near)], template
 
 
 def accept(tested, template, size):

@@ -203,7 +203,7 @@ class ComparedBlock:
     """The sums of the block and of its neighbors."""
     index: int
     """The index of the block among them."""
-    most_trials: int
+    max_trials: int
     """A pixel of their sum has no more trials than these."""
 
     @property
@@ -215,7 +215,7 @@ class ComparedBlock:
     def is_plain(self) -> bool:
         """Whether there are only few bits, of jots that are alike, so that nothing changes them."""
         jots_differ = any(each.jots is not None for each in self.near)
-        return not jots_differ and self.most_trials <= _FEW_TRIALS
+        return not jots_differ and self.max_trials <= _FEW_TRIALS
 
 
 def add_agreeing(
@@ -282,5 +282,5 @@ def _with_neighbors(
         ]
         counted = {other: counted.get(other) or motion.sums(other) for other in near}
         sums = list(counted.values())
-        most_trials = motion.blocks.trials * sum(each.frames for each in sums)
-        yield ComparedBlock(block, sums, near.index(block), most_trials)
+        max_trials = motion.blocks.trials * sum(each.frames for each in sums)
+        yield ComparedBlock(block, sums, near.index(block), max_trials)

@@ -43,10 +43,10 @@ def likelihood_gain(moving: Counted, make: Make = make_template) -> float:
         own.append(Sums.total(map(moving.sums, every_second), blocks.threads, blocks.size))
         frames = [blocks.frames(block) for block in every_second]
         unmoved.append(blocks.count_unmoved(frames))
-        shares = np.zeros(blocks.size, np.float32)[::_STEP, ::_STEP]
+        in_view = np.zeros(blocks.size, np.float32)[::_STEP, ::_STEP]
         for block, counted in zip(every_second, frames, strict=True):
-            shares += np.float32(len(counted)) * _positions_seen(moving, block)
-        seen.append(shares)
+            in_view += np.float32(len(counted)) * _positions_seen(moving, block)
+        seen.append(in_view)
     every = equivalent_sums(Sums.total(unmoved, blocks.threads))
     mean = float(np.clip(every.ones.sum() / max(float(every.trials.sum()), 1), 1e-9, 1 - 1e-9))
     gain, kept = _log_likelihood(own, None, mean, make, blocks.threads)

@@ -32,11 +32,12 @@ const MIN_SHARE: f64 = 0.03;
 const NEAR: f64 = 0.99;
 
 /// A level for less than this fraction of the pixels is left out, if the ratio of its neighbors is at
-/// most the second number. Its pixels get the next lower level, or lie between its neighbors.
-const LEFT_OUT: [(f64, f64); 2] = [(0.002, 4.0), (0.05, 2.1)];
+/// most [`MAX_GAP`]. Its pixels get the next lower level. Those of the lowest level get the next higher
+/// one, which is at most √2 times as large.
+const FEW_PIXELS: f64 = 0.002;
 
-/// The lowest level is left out for less than this fraction of the pixels.
-const MIN_LOWEST: f64 = 0.002;
+/// See [`FEW_PIXELS`].
+const MAX_GAP: f64 = 4.0;
 
 /// The number of trials that states the noise around each pixel of an image: the local trials.
 #[derive(Clone, Debug)]
@@ -149,19 +150,16 @@ fn levels_of_map(trials: ArrayView2<'_, f32>) -> Vec<u32> {
     let levels = level_range(f64::from(low), largest_level(trials, f64::from(high)));
     let count = |&level: &u32| trials.iter().filter(|&&n| n >= level as f32).count();
     let above: Vec<_> = levels.iter().map(count).collect();
-    let is_rare = |pixels: usize, share: f64| (pixels as f64) < share * trials.len() as f64;
-    // Then the lowest pixels get the next higher level, which is at most √2 times as large.
+    let is_rare = |pixels: usize| (pixels as f64) < FEW_PIXELS * trials.len() as f64;
     let below = above.get(1).map(|&higher| trials.len() - higher);
-    let first = usize::from(below.is_some_and(|pixels| is_rare(pixels, MIN_LOWEST)));
+    let first = usize::from(below.is_some_and(is_rare));
     let mut kept = vec![levels[first]];
     for index in first + 1..levels.len() {
         // The last level is always kept.
         let is_needed = above.get(index + 1).is_none_or(|&higher| {
             let pixels = above[index - 1] - higher;
             let gap = f64::from(levels[index + 1]) / f64::from(kept[kept.len() - 1]);
-            !LEFT_OUT
-                .iter()
-                .any(|&(share, most)| is_rare(pixels, share) && gap <= most)
+            !is_rare(pixels) || gap > MAX_GAP
         });
         if is_needed {
             kept.push(levels[index]);
