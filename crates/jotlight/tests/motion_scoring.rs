@@ -5,8 +5,8 @@ mod random;
 use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
 use jotlight::motion::{
-    Accepted, BLOCK, Comparison, Counts, Equations, EquationsView, Limits, Share, Sums, TILE,
-    Template, accept_agreeing, changed_remainders, chi_squared, disagreement, fit_affine,
+    BLOCK, Comparison, Counts, Equations, EquationsView, Limits, Share, Sums, TILE, Template,
+    Tested, Totals, accept_agreeing, changed_remainders, chi_squared, disagreement, fit_affine,
     fit_blocks, normal_equations,
 };
 use jotlight::threads::install;

@@ -64,35 +64,28 @@ pub fn accept_agreeing<'a>(
     } = totals;
     let is_same = |&brightness: &f64| (brightness - 1.0).abs() <= limits.change;
     let is_same: Vec<_> = brightness.iter().map(is_same).collect();
-    let mut tested = Vec::new();
-    // The masks of all tested blocks, for each band.
-    let bands = probability.nrows().div_ceil(ROWS_PER_TASK);
-    let mut masks_of_bands: Vec<Vec<_>> = (0..bands).map(|_| Vec::new()).collect();
-    for (index, mask) in masks
-        .iter_mut()
-        .enumerate()
-        .filter(|&(index, _)| is_same[index])
-    {
+    let compare = |index: usize| {
         let comparison = Comparison {
             parts: near[index],
             probability,
             trials_of_template,
         };
-        tested.push((
+        (
             comparison,
             1.0 / brightness[index] as f32,
             blocks[index].own,
-        ));
-        let parts = mask.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK);
-        let pairs = masks_of_bands.iter_mut().zip(parts);
-        pairs.for_each(|(masks, part)| masks.push(part));
-    }
+        )
+    };
+    let indices = (0..blocks.len()).filter(|&index| is_same[index]);
+    let tested: Vec<_> = indices.map(compare).collect();
+    let masks = masks.iter_mut().zip(&is_same).filter(|&(_, &same)| same);
+    let masks = divide_masks(masks.map(|(mask, _)| mask), probability.nrows());
     let bands = ones
         .axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK)
         .into_par_iter()
         .zip(trials.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK))
         .zip(available.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK))
-        .zip(masks_of_bands);
+        .zip(masks);
     // All blocks of a band, one after the other: the rows of neighbors stay in the cache.
     bands
         .enumerate()
@@ -114,6 +107,21 @@ pub fn accept_agreeing<'a>(
             }
         });
     Ok(is_same)
+}
+
+/// Return the parts of all masks in each band of rows.
+fn divide_masks<'a, 'b: 'a>(
+    masks: impl Iterator<Item = &'a mut ArrayViewMut2<'b, u8>>,
+    rows: usize,
+) -> Vec<Vec<ArrayViewMut2<'a, u8>>> {
+    let bands = rows.div_ceil(ROWS_PER_TASK);
+    let mut divided: Vec<Vec<_>> = (0..bands).map(|_| Vec::new()).collect();
+    for mask in masks {
+        let parts = mask.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK);
+        let pairs = divided.iter_mut().zip(parts);
+        pairs.for_each(|(masks, part)| masks.push(part));
+    }
+    divided
 }
 
 /// Check that totals have the shape of an image, and a mask for each block.
