@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from folders import file_names
 from jotlight.files import (
     atomic_folder,
     atomic_write,
@@ -15,10 +16,6 @@ from jotlight.files import (
     write_file,
 )
 from jotlight.temporary_names import reserve_temporary
-
-
-def names(folder):
-    return sorted(path.name for path in folder.iterdir())
 
 
 def permissions(path):
@@ -32,7 +29,7 @@ def test_the_file_appears_when_the_block_ends_and_not_before(tmp_path):
         assert not path.exists()
         assert (temporary.parent, temporary.suffix) == (tmp_path, ".txt")
     assert path.read_text() == "all"
-    assert names(tmp_path) == ["note.txt"]
+    assert file_names(tmp_path) == ["note.txt"]
 
 
 def test_a_path_may_be_a_string_in_the_current_folder(tmp_path, monkeypatch):
@@ -56,7 +53,7 @@ def test_an_interrupted_block_keeps_the_old_file(tmp_path, error, before):
 
     with pytest.raises(error):
         interrupted()
-    assert names(tmp_path) == (["note.txt"] if before else [])
+    assert file_names(tmp_path) == (["note.txt"] if before else [])
     assert not before or path.read_text() == before
 
 
@@ -74,7 +71,7 @@ def test_a_temporary_file_that_was_removed_is_an_error_and_leaves_the_old_file(t
     path.write_text("old")
     with pytest.raises(FileNotFoundError), atomic_write(path) as temporary:
         temporary.unlink()
-    assert names(tmp_path) == ["note.txt"]
+    assert file_names(tmp_path) == ["note.txt"]
 
 
 @pytest.mark.parametrize("mask", [0o022, 0o077])
@@ -117,14 +114,14 @@ def test_a_path_that_cannot_be_written_to_is_found_before_any_work(tmp_path, nam
     (tmp_path / "file").write_text("x")
     with pytest.raises(error, match=message):
         enter(tmp_path / name)
-    assert names(tmp_path) == ["file", "folder"]
+    assert file_names(tmp_path) == ["file", "folder"]
 
 
 def test_a_name_as_long_as_the_system_allows_is_written(tmp_path):
     path = tmp_path / ("n" * 251 + ".txt")
     with atomic_write(path) as temporary:
         temporary.write_text("x")
-    assert names(tmp_path) == [path.name]
+    assert file_names(tmp_path) == [path.name]
 
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that refuses files")
@@ -150,7 +147,7 @@ def test_a_folder_appears_when_the_block_ends_and_not_before(tmp_path):
     with atomic_folder(tmp_path / "set") as temporary:
         (temporary / "a").write_text("all")
         assert not (tmp_path / "set").exists()
-    assert names(tmp_path) == ["set"]
+    assert file_names(tmp_path) == ["set"]
     assert permissions(tmp_path / "set") & 0o700 == 0o700
     with pytest.raises(FileExistsError, match="it already exists"), atomic_folder(tmp_path / "set"):
         pass
@@ -164,7 +161,7 @@ def test_a_half_written_folder_is_removed(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    assert names(tmp_path) == []
+    assert file_names(tmp_path) == []
 
 
 @pytest.mark.parametrize("content", ["größer", b"\x00\xff"])
@@ -172,7 +169,7 @@ def test_content_is_written_as_it_is(tmp_path, content):
     write_file(tmp_path / "a", content)
     encoded = content.encode() if isinstance(content, str) else content
     assert (tmp_path / "a").read_bytes() == encoded
-    assert names(tmp_path) == ["a"]
+    assert file_names(tmp_path) == ["a"]
 
 
 def test_a_temporary_file_is_itself_written_in_place(tmp_path):
@@ -191,7 +188,7 @@ def test_deleting_a_file_also_deletes_what_killed_processes_left(tmp_path):
     temporary.write_text("half")
     temporary.with_name(f"{temporary.name}.lock").touch()
     delete_file(path)
-    assert names(tmp_path) == []
+    assert file_names(tmp_path) == []
 
 
 class TestPowerFailure:
@@ -257,7 +254,7 @@ def test_a_disk_that_fails_at_the_end_leaves_everything_as_before(
     path = tmp_path / "note"
     if create is atomic_write:
         path.write_text("old")
-    before = names(tmp_path)
+    before = file_names(tmp_path)
     monkeypatch.setattr(os, "fsync", failing(number))
     with pytest.raises(OSError, match="cannot write") as caught, create(path):
         pass
@@ -265,14 +262,14 @@ def test_a_disk_that_fails_at_the_end_leaves_everything_as_before(
         number,
         f"cannot write {path}: {os.strerror(number)}",
     )
-    assert names(tmp_path) == before
+    assert file_names(tmp_path) == before
     assert create is atomic_folder or path.read_text() == "old"
 
 
 def test_a_file_system_that_cannot_flush_is_no_error(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fsync", failing(errno.EINVAL))
     write_file(tmp_path / "a", "all")
-    assert names(tmp_path) == ["a"]
+    assert file_names(tmp_path) == ["a"]
 
 
 def fail(path, error, cause=None):

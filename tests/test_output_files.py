@@ -1,26 +1,15 @@
 """Files that libraries write to."""
 
-import contextlib
 import errno
 import io
 
 import numpy as np
 import pytest
 
+from folders import size_limit
 from jotlight.output_files import described_error, open_output
 
-resource = pytest.importorskip("resource", reason="needs limits of the operating system")
-
-
-@contextlib.contextmanager
-def size_limit(size):
-    """Let every write past this size of a file fail, as on a full disk."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+pytest.importorskip("resource", reason="needs limits of the operating system")
 
 
 def test_everything_written_is_in_the_file_in_its_order(tmp_path):

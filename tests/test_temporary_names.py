@@ -9,6 +9,7 @@ import sys
 
 import pytest
 
+from folders import file_names
 from jotlight import temporary_names
 from jotlight.temporary_names import reserve_temporary
 
@@ -29,15 +30,11 @@ with contextlib.ExitStack() as stack:
 """
 
 
-def names(folder):
-    return sorted(path.name for path in folder.iterdir())
-
-
 def leave_behind(folder, *targets):
     """Leave the temporary files and folders of a process that is killed while it writes."""
     ended = subprocess.run([sys.executable, "-c", KILLED, *targets], cwd=folder, check=False)
     assert ended.returncode == -signal.SIGKILL
-    return names(folder)
+    return file_names(folder)
 
 
 def test_a_temporary_file_has_the_ending_of_its_target_and_is_hidden(tmp_path):
@@ -47,15 +44,15 @@ def test_a_temporary_file_has_the_ending_of_its_target_and_is_hidden(tmp_path):
         assert temporary.name.startswith(".note.jotlight-")
         assert not temporary.exists()
         temporary.write_text("half")
-    assert names(tmp_path) == []
+    assert file_names(tmp_path) == []
 
 
 def test_what_killed_processes_left_is_removed(tmp_path):
     left = leave_behind(tmp_path, "note.txt", "note.txt", "folder", "other.txt")
     assert len(left) == 8
     with reserve_temporary(tmp_path / "note.txt"), reserve_temporary(tmp_path / "folder"):
-        assert all(name.endswith(".lock") or "other" in name for name in names(tmp_path))
-    assert names(tmp_path) == [name for name in left if "other" in name]
+        assert all(name.endswith(".lock") or "other" in name for name in file_names(tmp_path))
+    assert file_names(tmp_path) == [name for name in left if "other" in name]
 
 
 @pytest.mark.slow
@@ -74,7 +71,7 @@ def test_a_file_that_a_living_process_writes_is_kept(tmp_path):
         )
         assert run.stdout.strip() == second.name
         assert first.read_text() == "first"
-    assert names(tmp_path) == []
+    assert file_names(tmp_path) == []
 
 
 def unsupported(*_):
@@ -102,7 +99,7 @@ def test_without_locks_names_are_random_and_nothing_is_removed(tmp_path, monkeyp
             path.write_text("half")
         stack.enter_context(reserve_temporary(tmp_path / "note.txt"))
     assert not any(path.exists() for path in found)
-    assert names(tmp_path) == [leftover.name]
+    assert file_names(tmp_path) == [leftover.name]
 
 
 def lock_name(folder):
@@ -119,7 +116,7 @@ def test_a_link_that_somebody_planted_is_not_followed(tmp_path):
         assert "-1." in temporary.name
         temporary.write_text("ours")
     assert victim.read_text() == "precious"
-    assert names(tmp_path) == [lock.name, "victim"]
+    assert file_names(tmp_path) == [lock.name, "victim"]
 
 
 def test_a_file_of_another_user_is_left_alone(tmp_path, monkeypatch):
@@ -135,7 +132,7 @@ def test_a_file_of_another_user_is_left_alone(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "open", refuse)
     with reserve_temporary(tmp_path / "note.txt") as temporary:
         assert "-1." in temporary.name
-    assert names(tmp_path) == [lock.name]
+    assert file_names(tmp_path) == [lock.name]
 
 
 def test_a_lock_that_its_owner_deletes_meanwhile_is_taken_anew(tmp_path, monkeypatch):
@@ -151,8 +148,8 @@ def test_a_lock_that_its_owner_deletes_meanwhile_is_taken_anew(tmp_path, monkeyp
     monkeypatch.setattr(fcntl, "flock", flock)
     with reserve_temporary(tmp_path / "note.txt"):
         assert len(calls) == 2
-        assert names(tmp_path) == [lock.name]
-    assert names(tmp_path) == []
+        assert file_names(tmp_path) == [lock.name]
+    assert file_names(tmp_path) == []
 
 
 def test_a_folder_that_refuses_files_raises(tmp_path):

@@ -92,7 +92,7 @@ def scenes(images: list[NDArray[np.float64]], rng: np.random.Generator) -> Itera
                 bits = sensor.expose(image, rng=int(rng.integers(1 << 30)), channel_axis=-1)
                 gray = without_mosaic(sensor)
                 counted = count_pixels(bits.counts(), gray, 1)
-                yield MosaicPixels.of(counted, gray, mosaic, threads=1), image
+                yield MosaicPixels.of(counted, mosaic, threads=1), image
 
 
 def training_errors(images: list[NDArray[np.float64]], rng: np.random.Generator) -> Errors:

@@ -153,7 +153,7 @@ def validation_errors(
         halves = divide_bits(pixels.ones, pixels.trials)
         [of_halves] = estimate_halves(network(pixels.sensor), [pixels], [halves], 1)
         errors = pixels.errors(halves, of_halves)
-        z, scale = pixels.stabilize(values), pixels.scale(values, errors)
+        z, scale = pixels.stabilize(values), pixels.scale(values, errors, error_model())
         chosen = rng.choice(z.size, PIXELS, replace=False)
         ratios.append(((truth - z) / scale).flat[chosen])
         ones.append(np.log1p(pixels.trials * np.sin(z) ** 2).flat[chosen])

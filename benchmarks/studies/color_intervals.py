@@ -1,12 +1,15 @@
 """Measure the coverage of the intervals of colors behind a mosaic.
 
-    python benchmarks/studies/color_intervals.py DATA [--mosaics RGGB RGBW random] [--images 10]
+    python benchmarks/studies/color_intervals.py DATA [--mosaics RGGB RGBW random channels]
 
 The images are the first ten photographs of ``photographs/gb82``, which neither train nor validate.
 For each mosaic, K, and method, the table shows how many exact intensities lie in the intervals of
 90 %: of each color, of a color behind its own filter and behind others, of the darkest and the
 brightest third of the pixels, and of the third with the least and the most activity. The last
 columns are the median of the width, and of the error.
+
+"channels" are three counts per pixel. "RGGB bracket" has the gains 4, 1, and 1/4, each in a third
+of at least three frames. "RGGB thresholds" has a checkerboard of thresholds 1 and 3.
 """
 
 import argparse
@@ -48,11 +51,24 @@ def photographs(data: Path, number: int) -> list[Array]:
 
 def mosaic_of(name: str, shape: tuple[int, ...]) -> Mosaic:
     """Return a mosaic by its name; "random" is the RGBW of SwissSPAD2."""
-    if name != "random":
-        return Mosaic.of(name)
+    if not name.startswith("random"):
+        return Mosaic.of(name.split()[0])
     rng = np.random.default_rng(5)
     pattern = rng.choice(4, shape[:2], p=[0.0807, 0.0807, 0.0807, 0.7579]).astype(np.uint8)
     return Mosaic(pattern, "RGBW")
+
+
+def sensor_of(name: str, trials: int, photons: float, shape: tuple[int, ...]) -> jl.Sensor:
+    """Return the sensor of a row."""
+    if name == "channels":
+        return jl.Sensor(frames=trials, gain=photons * trials)
+    sensor = jl.Sensor(frames=trials, gain=photons * trials, mosaic=mosaic_of(name, shape))
+    if name.endswith("bracket"):
+        frames = max(3, trials // 3 * 3)
+        return sensor.replace(frames=frames, gain=photons * np.repeat([4, 1, 1 / 4], frames // 3))
+    if name.endswith("thresholds"):
+        return sensor.replace(threshold=np.where(np.indices(shape[:2]).sum(axis=0) % 2, 1, 3))
+    return sensor
 
 
 def activity(image: Array) -> Array:
@@ -63,10 +79,12 @@ def activity(image: Array) -> Array:
     return np.sqrt(np.maximum(uniform_filter(gray**2, 3) - uniform_filter(gray, 3) ** 2, 0))
 
 
-def classes(image: Array, mosaic: Mosaic) -> dict[str, NDArray[np.bool_]]:
+def classes(image: Array, mosaic: Mosaic | None) -> dict[str, NDArray[np.bool_]]:
     """Return the pixels and colors of each class, (H, W, 3)."""
     ones = np.ones(image.shape, bool)
-    shares = mosaic.transmission[mosaic.full(*image.shape[:2])]
+    shares = np.ones(image.shape)
+    if mosaic is not None:
+        shares = mosaic.transmission[mosaic.full(*image.shape[:2])]
     found = {"all": ones}
     for index, name in enumerate(("red", "green", "blue")):
         found[name] = ones & (np.arange(3) == index)
@@ -85,13 +103,13 @@ def measure(
     inside: dict[str, list[NDArray[np.bool_]]] = {}
     widths, errors = [], []
     for seed, image in enumerate(images):
-        mosaic = mosaic_of(name, image.shape)
-        sensor = jl.Sensor(frames=trials, gain=photons * trials, mosaic=mosaic)
+        sensor = sensor_of(name, trials, photons, image.shape)
+        options = {key: options[key] for key in options if sensor.mosaic or key == "quality"}
         bits = sensor.expose(image, rng=seed, channel_axis=-1)
         estimate = jl.reconstruct(bits, **options)
         found = jl.uncertainty(bits, estimate=estimate, confidence_level=LEVEL, **options)
         covered = (found.low <= image) & (image <= found.high)
-        for key, chosen in classes(image, mosaic).items():
+        for key, chosen in classes(image, sensor.mosaic).items():
             inside.setdefault(key, []).append(covered[chosen])
         widths.append(np.median(found.high - found.low))
         errors.append(np.median(abs(estimate - image)))

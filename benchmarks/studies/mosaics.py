@@ -147,7 +147,7 @@ def start_of_channels(bits: jl.Bits) -> Array:
     sensor = bits.sensor
     counted = [count_pixels(each, sensor, None) for each in bits.channels()]
     gray = pretrained.pretrained_conditional(sensor, pretrained.COLOR_START)
-    return _start(planes_of_channels(gray, counted, sensor, None), sensor)
+    return _start(planes_of_channels(gray, counted, None), sensor)
 
 
 def start_of_mosaic(bits: jl.Bits) -> Array:
@@ -155,7 +155,7 @@ def start_of_mosaic(bits: jl.Bits) -> Array:
     mosaic, sensor = bits.sensor.mosaic, without_mosaic(bits.sensor)
     gray = pretrained.pretrained_conditional(sensor, pretrained.COLOR_START)
     counted = count_pixels(bits, sensor, None)
-    return _start(planes_of_mosaic(gray, counted, sensor, mosaic, None), sensor)
+    return _start(planes_of_mosaic(gray, counted, mosaic, None), sensor)
 
 
 def _start(planes: Array, sensor: jl.Sensor) -> Array:

@@ -19,8 +19,8 @@ import tracemalloc
 import numpy as np
 
 import jotlight as jl
+from jotlight.motion.block_edges import block_edges
 from jotlight.motion.film import film
-from jotlight.motion.model import divide
 
 SIZES = (128, 128), (256, 256), (256, 512)
 FRAMES = 64, 256, 1024
@@ -45,7 +45,7 @@ def main() -> None:
         print(f"| {cells} | {memory / 1e6:.0f} |", flush=True)
         rows.append((size[0] * size[1], frames, first, further, memory))
     pixels, numbers, first, further, memory = np.array(rows).T
-    blocks = np.array([len(divide(int(number))) - 1 for number in numbers])
+    blocks = np.array([len(block_edges(int(number))) - 1 for number in numbers])
     terms = np.stack([blocks, blocks * pixels, pixels * numbers])
     a, b, c = fit(terms, first)
     d, e = fit(terms[:2], further)

@@ -43,9 +43,9 @@ import jotlight as jl
 from jotlight.datasets.moving_scenes import MovingScene
 from jotlight.images.sets import read_image_set
 from jotlight.motion.align import prepare_burst
+from jotlight.motion.block_edges import block_edges
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import find_consistent
-from jotlight.motion.model import divide
 
 SIZE = 256, 256
 INNER = (slice(8, -8),) * 2
@@ -272,7 +272,7 @@ def merge_by_flow(bits: jl.Bits) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.
     import cv2
 
     burst, _ = prepare_burst(bits, None)
-    blocks = Blocks(burst, divide(len(burst)))
+    blocks = Blocks(burst, block_edges(len(burst)))
     network = jl.pretrained(bits.sensor)
     images = []
     for start, end in itertools.pairwise(blocks.edges.tolist()):

@@ -22,8 +22,10 @@ from jotlight.files import atomic_write
 from jotlight.images.sets import read_image_set
 from jotlight.networks.architectures import ARCHITECTURES, Architecture
 from jotlight.torch import Network, training
+from jotlight.torch.ahead import AheadLoader
 from jotlight.torch.distributed import ProcessGroup
 from jotlight.torch.patches import PatchLoader
+from jotlight.training import ImagePatches
 
 SENSOR = jl.Sensor(frames=16)
 COLUMNS = "nonlinearity", "channels", "steps", "seed", "psnr_db"
@@ -78,12 +80,14 @@ def train_and_measure(
     with patch.dict(ARCHITECTURES, small=Architecture((channels,), (3,))):
         network = jl.Network.residual(SENSOR, "small", rng=seed)
     module = kind(network)
-    loader = PatchLoader(scenes, network, SENSOR, seed, training.BATCH, training.PATCH)
-    trainer = training.ImageTrainer(
-        module, loader, {}, training.LEARNING_RATE, None, ProcessGroup()
-    )
-    for step in range(options.steps):
-        trainer.step(step, options.steps)
+    source = ImagePatches(scenes)
+    loader = PatchLoader(source, network, SENSOR, seed, training.BATCH, training.PATCH)
+    with AheadLoader(loader, slice(None), options.steps - 1) as ahead:
+        trainer = training.ImageTrainer(
+            module, ahead, {}, training.LEARNING_RATE, None, ProcessGroup(), "adam"
+        )
+        for step in range(options.steps):
+            trainer.step(step, options.steps)
     values = []
     with torch.inference_mode():
         for number, image in enumerate(tests):

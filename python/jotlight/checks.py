@@ -245,8 +245,10 @@ def require_image_list(images: object) -> None:
         )
 
 
-def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
+def as_image(image: npt.ArrayLike, name: str = "image") -> npt.NDArray[Any]:
     """Return intensities of images as float32 or float64. Such arrays are not copied.
+
+    Messages call the images `name`.
 
     Raises
     ------
@@ -255,21 +257,21 @@ def as_image(image: npt.ArrayLike) -> npt.NDArray[Any]:
     ValueError
         When an intensity is negative or not finite, or there are none.
     """
-    refuse_masked("image", image)
-    refuse_image_path("image", image, "jotlight.read_image(path)")
+    refuse_masked(name, image)
+    refuse_image_path(name, image, "jotlight.read_image(path)")
     array = np.asarray(image)
-    require_intensities("image", array)
+    require_intensities(name, array)
     if array.ndim < 2 or array.size == 0:
         raise ValueError(
-            f"image: expected shape (H, W) or (..., H, W), and at least one pixel, got "
+            f"{name}: expected shape (H, W) or (..., H, W), and at least one pixel, got "
             f"{array.shape}"
         )
     # min and max propagate NaN and infinity, and need no temporary array of the image's size.
     low, high = array.min(), array.max()
     if not (np.isfinite(low) and np.isfinite(high)):
-        raise ValueError("image: expected finite intensities, got NaN or infinity")
+        raise ValueError(f"{name}: expected finite intensities, got NaN or infinity")
     if low < 0:
-        raise ValueError(f"image: expected intensities of 0 or more, got {low}")
+        raise ValueError(f"{name}: expected intensities of 0 or more, got {low}")
     if array.dtype not in (np.float32, np.float64):
         array = array.astype(np.float64 if array.dtype.itemsize > 4 else np.float32)
     return array if array.flags.aligned else array.copy()

@@ -127,14 +127,18 @@ def import_extra(name: str, extra: str, purpose: str) -> Any:
 
 
 def warn(message: str, category: type[JotlightWarning] = JotlightWarning) -> None:
-    """Issue a warning that points to the line of code which called jotlight."""
+    """Issue a warning that points to the line of code which called jotlight.
+
+    Calls of modules pass through PyTorch, whose lines are left out, too.
+    """
     if any(text in message for text in _hidden.get()):
         return
     if (recorded := _recorded.get()) is not None:
         recorded.append(message)
         return
     level, frame = 1, sys._getframe()
-    while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] == "jotlight":
+    inside = "jotlight", "torch"
+    while frame.f_back and frame.f_globals.get("__name__", "").split(".")[0] in inside:
         level, frame = level + 1, frame.f_back
     warnings.warn(message, category, stacklevel=level)
 

@@ -12,6 +12,9 @@ from jotlight.files import write_file
 
 Tensors = dict[str, npt.NDArray[Any]]
 
+_ZIP = b"PK\x03\x04"
+"""First bytes of a zip archive."""
+
 
 def write_tensors(
     path: str | os.PathLike[str], tensors: Tensors, metadata: Mapping[str, str]
@@ -48,8 +51,10 @@ def read_tensors(path: Path, format_: str, version: str) -> tuple[Tensors, dict[
     tensors, metadata = _read_file(path)
     kind = metadata.get("format", "")
     if kind != format_:
-        kind = kind if kind.startswith("jotlight") else "a safetensors file of another kind"
-        raise ValueError(f"{path}: expected a {format_}, got {kind}")
+        got = f"a {kind}" if kind.startswith("jotlight") else "a safetensors file of another kind"
+        if kind.endswith("checkpoint"):
+            got += "; the run that wrote it continues with resume=True (--resume)"
+        raise ValueError(f"{path}: expected a {format_}, got {got}")
     if metadata.get("version") != version:
         raise ValueError(
             f"{path}: expected format version {version}, got {metadata.get('version')}; "
@@ -65,7 +70,13 @@ def _read_file(path: Path) -> tuple[Tensors, dict[str, str]]:
 
     try:
         with path.open("rb") as file:
-            header_bytes = int.from_bytes(file.read(8), "little")
+            start = file.read(8)
+            if start.startswith(_ZIP):
+                raise ValueError(
+                    "it is a zip archive, such as torch.save writes; save a network with "
+                    "module.to_network().save(path)"
+                )
+            header_bytes = int.from_bytes(start, "little")
             # Without this check, a large file of another kind would be read completely.
             if header_bytes > os.fstat(file.fileno()).st_size:
                 raise ValueError("its header is longer than the file")

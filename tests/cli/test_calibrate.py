@@ -8,6 +8,7 @@ import pytest
 import tifffile
 
 import jotlight as jl
+from folders import file_names
 from jotlight.formats.writing import write_capture
 from jotlight.images.io import read_image
 
@@ -44,10 +45,6 @@ def captures(tmp_path):
 def calibrated(run, captures):
     assert run("calibrate", "dark.npy", "flat.npy", "-o", "c.safetensors")[0] == 0
     return jl.Calibration.load(captures / "c.safetensors")
-
-
-def files(folder):
-    return sorted(path.name for path in folder.iterdir())
 
 
 @pytest.mark.slow
@@ -196,7 +193,7 @@ def test_a_capture_of_another_shape_is_refused(run, captures, calibrated):
         status, output = run(*command, "--calibration", "c.safetensors")
         assert status == 1
         assert "it has 24 x 32 jots, and the capture has 32 x 24" in output
-    assert "a.npy" not in files(captures)
+    assert "a.npy" not in file_names(captures)
 
 
 @pytest.mark.slow
@@ -213,7 +210,7 @@ def test_a_capture_of_another_orientation_is_refused(run, captures, calibrated, 
         assert (
             f"this capture is {expected}, and the calibration's dark capture not turned" in output
         )
-        assert "a.npy" not in files(captures)
+        assert "a.npy" not in file_names(captures)
     calibrate = ("calibrate", "dark.npy", "flat.npy", "-o", "c.safetensors", "--rotate", 180)
     assert run(*calibrate)[0] == 0
     status, output = run(*command, "--flip", "vertical")
@@ -285,7 +282,7 @@ def test_info_describes_and_draws_a_calibration(run, captures, calibrated):
 
 
 def test_a_refused_calibration_leaves_all_files_unchanged(run, captures):
-    before = files(captures)
+    before = file_names(captures)
     for arguments, expected in (
         (("-o", "dark.safetensor"), "ends in .safetensors"),
         (("-o", "c.safetensors", "--plot", "page.gif"), "ends in .png"),
@@ -300,11 +297,11 @@ def test_a_refused_calibration_leaves_all_files_unchanged(run, captures):
         status, output = run("calibrate", "dark.npy", "flat.npy", *arguments)
         assert status == 1
         assert expected in output
-        assert files(captures) == before
+        assert file_names(captures) == before
     status, output = run("calibrate", "dark.npy", "counts.npy", "-o", "c.safetensors", "-t", 1)
     assert status == 1
     assert "at least the largest of the flat counts" in output
-    assert files(captures) == before
+    assert file_names(captures) == before
 
 
 def test_a_network_is_refused_as_a_calibration(run, captures):
@@ -313,7 +310,7 @@ def test_a_network_is_refused_as_a_calibration(run, captures):
         "reconstruct", "capture.npy", "-o", "a.npy", "--calibration", "n.safetensors"
     )
     assert status == 1
-    assert "expected a jotlight calibration, got jotlight network" in output
+    assert "expected a jotlight calibration, got a jotlight network" in output
 
 
 def test_a_converted_capture_keeps_its_original_format(run, captures, calibrated):

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 import jotlight as jl
+from folders import file_names
 from jotlight.cli import console
 from jotlight.evaluation.methods import METHODS
 
@@ -20,10 +21,6 @@ TITLES = {name: METHODS[name].title for name in ITERATIVE}
 def forget_warnings(monkeypatch):
     """Forget the warnings of other tests: a process prints each warning once."""
     monkeypatch.setattr(console, "shown_warnings", set())
-
-
-def files(folder):
-    return sorted(path.name for path in folder.iterdir())
 
 
 @pytest.mark.slow
@@ -39,7 +36,7 @@ def test_compare_prints_a_table_and_writes_one_figure(run, photo, tmp_path):
         "time",
     ):
         assert word in output
-    assert files(tmp_path) == ["photo-compare.png", "photo.png"]
+    assert file_names(tmp_path) == ["photo-compare.png", "photo.png"]
     with Image.open(tmp_path / "photo-compare.png") as figure:
         assert min(figure.size) > 300
 
@@ -128,7 +125,7 @@ def test_compare_shows_both_iterative_methods_for_a_smooth_kernel(
     assert status == 0
     assert all(output.count(title) == 1 for title in TITLES.values())
     assert "not converged" not in output
-    assert "photo-compare.png" in files(tmp_path)
+    assert "photo-compare.png" in file_names(tmp_path)
 
 
 @pytest.mark.slow
@@ -141,12 +138,12 @@ def test_functions_and_networks_are_compared_with_named_methods(run, photo, own_
 
 
 def test_a_missing_function_is_refused_before_any_work(run, photo, own_module, tmp_path):
-    before = files(tmp_path)
+    before = file_names(tmp_path)
     status, output = run("compare", photo, "-m", f"{own_module}:meen")
     assert status == 1
     assert f"did you mean {own_module}:mean?" in output
     # Python may write the bytecode of the module.
-    assert [name for name in files(tmp_path) if "__pycache__" not in name] == before
+    assert [name for name in file_names(tmp_path) if "__pycache__" not in name] == before
 
 
 def test_missing_packages_are_named_only_if_all_methods_are_compared(run, photo):

@@ -1,6 +1,5 @@
 """Every command that writes files, when a write fails: one line, and everything is as before."""
 
-import contextlib
 import importlib.util
 import shutil
 from pathlib import Path
@@ -11,8 +10,9 @@ from PIL import Image
 
 import jotlight as jl
 from conversions import BITS, COUNTS, NEEDS, path_for
+from folders import size_limit
 
-resource = pytest.importorskip("resource", reason="needs limits of the operating system")
+pytest.importorskip("resource", reason="needs limits of the operating system")
 
 pytestmark = pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
 
@@ -81,17 +81,6 @@ def material(tmp_path_factory):
     for path in (folder / "photo.png", folder / "photos/1.png", folder / "photos/2.png"):
         Image.fromarray(rng.integers(0, 256, (24, 32), np.uint8)).save(path)
     return folder
-
-
-@contextlib.contextmanager
-def size_limit(size):
-    """Let every write past this size of a file fail, as on a full disk."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def snapshot(folder):

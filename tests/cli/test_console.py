@@ -1,17 +1,16 @@
 """The output of the commands on a terminal: progress, iterations, and the end by Ctrl-C."""
 
-import contextlib
-import os
 import re
 import signal
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.cli import console
 from jotlight.evaluation.methods import METHODS
+from jotlight.training import Record
+from terminals import on_a_terminal
 
 ITERATIVE = {"admm-tv": jl.admm_tv, "mle-iterative": jl.mle_iterative}
 TITLES = {name: METHODS[name].title for name in ITERATIVE}
@@ -24,64 +23,11 @@ def files(folder):
 
 @pytest.mark.slow
 def test_a_long_command_shows_its_progress_on_a_terminal(tmp_path, photo):
-    """The terminal is a pseudo-terminal."""
-    leader, follower = os.openpty()
-    command = [
-        sys.executable,
-        "-m",
-        "jotlight",
-        "compare",
-        str(photo),
-        "-m",
-        "mle,noniterative-nlm",
-    ]
-    child = subprocess.Popen(command, stderr=follower, stdout=subprocess.DEVNULL, cwd=tmp_path)
-    os.close(follower)
-    shown = b""
-    while True:
-        try:
-            part = os.read(leader, 4096)
-        except OSError:  # The other end is closed.
-            break
-        if not part:
-            break
-        shown += part
-    os.close(leader)
-    assert child.wait() == 0
-    assert b"drawing the figure" in shown
-    assert b"%" in shown
-
-
-@contextlib.contextmanager
-def on_a_terminal(folder, *arguments):
-    """Start a command with a pseudo-terminal as stderr; yield the process and its output."""
-    # A shell lets its background jobs ignore SIGINT, and these tests may be one.
-    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
-    code += "from jotlight.cli.app import main; main()"
-    leader, follower = os.openpty()
-    with subprocess.Popen(
-        [sys.executable, "-c", code, *map(str, arguments)],
-        cwd=folder,
-        env={**os.environ, "TERM": "xterm", "COLUMNS": "120"},
-        stdout=subprocess.DEVNULL,
-        stderr=follower,
-    ) as child:
-        os.close(follower)
-        try:
-            yield child, read_terminal(leader)
-        finally:
-            child.kill()
-            os.close(leader)
-
-
-def read_terminal(leader):
-    """Yield the whole output so far after each read, until the other end is closed."""
-    text = b""
-    # Reading from a pseudo-terminal fails when its other end is closed.
-    with contextlib.suppress(OSError):
-        while part := os.read(leader, 4096):
-            text += part
-            yield text.decode(errors="replace")
+    with on_a_terminal(tmp_path, "compare", photo, "-m", "mle,noniterative-nlm") as (child, texts):
+        *_, text = texts
+        assert child.wait() == 0
+    assert "drawing the figure" in text
+    assert "%" in text
 
 
 @pytest.mark.slow
@@ -116,3 +62,16 @@ def test_ctrl_c_stops_promptly_and_leaves_the_old_image(tmp_path):
     assert "stopped" in text
     assert "Traceback" not in text
     assert files(tmp_path) == before
+
+
+@pytest.mark.parametrize("seconds_per_step", [1, 90])
+def test_a_training_prints_ten_lines_and_one_each_minute(monkeypatch, capsys, seconds_per_step):
+    show = console.print_steps("training", 40)
+    now = console.time.monotonic()
+    for step in range(41):
+        moment = now + step * seconds_per_step
+        monkeypatch.setattr(console.time, "monotonic", lambda moment=moment: moment)
+        show(Record(step, 1.0, 1.0, None))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "training"
+    assert len(lines) == 1 + (11 if seconds_per_step == 1 else 41)

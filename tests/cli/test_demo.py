@@ -2,9 +2,7 @@
 
 import pytest
 
-
-def files(folder):
-    return sorted(path.name for path in folder.iterdir())
+from folders import file_names
 
 
 @pytest.mark.slow
@@ -12,4 +10,4 @@ def test_demo_shows_at_least_three_methods(run, tmp_path):
     status, output = run("demo", "-o", "demo.png")
     assert status == 0
     assert output.count(" dB") >= 3
-    assert files(tmp_path) == ["demo.png"]
+    assert file_names(tmp_path) == ["demo.png"]

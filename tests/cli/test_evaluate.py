@@ -170,13 +170,16 @@ def test_an_unsupported_sensor_gets_the_reason(run, photo_folder):
             "expected one of --method, --quality, --model, got --method mle and --model model",
         ),
         (["photos", "--model", MODEL, "-k", 5], "it is for Sensor(oversampling=3, frames=2)"),
-        (["photos", "--model", MODEL, "-q", 2], "got Sensor(oversampling=3, frames=2, threshold"),
+        (["photos", "--model", MODEL, "-q", 2], "threshold=2); --quality is for this sensor"),
         (["photos", "-m", "mle", "--first", 0], "first: expected at least 1"),
         (["photos", "-m", "mle", "--key", "a"], "key: names an array in a .npz"),
         (["photos", "-m", "mle", "-o", "scores.txt"], "ends in .csv"),
         (["photos", "-m", "mle", "-o", "nowhere/scores.csv"], "there is no folder nowhere"),
         (["photos", "-m", "mle", "-k", 0], "oversampling: expected"),
-        (["cube.npy", "-m", "mle"], "expected a numeric array of images (N, H, W)"),
+        (
+            ["cube.npy", "-m", "mle"],
+            "cube.npy: expected gray images (N, H, W), got shape (2, 3, 4, 5)",
+        ),
         (["nan.npy", "-m", "mle"], "finite"),
     ],
 )

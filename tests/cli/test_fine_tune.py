@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from folders import file_names
 from jotlight.training import History, parameter_vector
+from training_runs import interrupted_at
 
 torch = pytest.importorskip("torch")
 
@@ -32,10 +34,6 @@ def run_fine_tune(run, tmp_path):
     return run_fine_tune
 
 
-def files(folder):
-    return sorted(path.name for path in folder.iterdir())
-
-
 def held_out(name=OWN):
     return History.from_json(jl.Network.load(name).history["fine tuning"]["records"]).held_out
 
@@ -53,7 +51,7 @@ def test_the_held_out_bits_of_a_capture_become_more_likely(run_fine_tune, run, t
     assert "fine-tuned on this capture, trained in 60 steps" in output
     assert f"{before:.5f} to {after:.5f} nats per held-out bit" in output
     assert (tmp_path / "run.png").stat().st_size > 10_000
-    assert CHECKPOINT not in files(tmp_path)
+    assert CHECKPOINT not in file_names(tmp_path)
     # The printed command writes an image.
     command = shlex.split(output.split("Reconstruct with it: jotlight ")[1].splitlines()[0])
     assert run(*command)[0] == 0
@@ -140,22 +138,11 @@ def test_a_calibration_changes_the_likelihood(run_fine_tune, run, tmp_path):
 
 @pytest.mark.parametrize("step", [0, 2])
 def test_a_resumed_run_equals_an_uninterrupted_one(run_fine_tune, tmp_path, monkeypatch, step):
-    tune = fine_tuning.fine_tune
-
-    def stopped(*positional, callback, **options):
-        def interrupt(record):
-            callback(record)
-            if record.step == step:
-                raise KeyboardInterrupt
-
-        return tune(*positional, callback=interrupt, **options)
-
-    with monkeypatch.context() as patched:
-        patched.setattr(fine_tuning, "fine_tune", stopped)
+    with interrupted_at(step, fine_tuning, "fine_tune"):
         status, output = run_fine_tune()
     assert status == 130
     assert f"The run so far is kept in {CHECKPOINT}" in output
-    assert OWN not in files(tmp_path)
+    assert OWN not in file_names(tmp_path)
     status, output = run_fine_tune()
     assert status == 1
     assert "add --resume" in output
@@ -168,7 +155,7 @@ def test_a_resumed_run_equals_an_uninterrupted_one(run_fine_tune, tmp_path, monk
     whole = jl.Network.load(OWN)
     np.testing.assert_array_equal(parameter_vector(resumed), parameter_vector(whole))
     assert resumed.history == whole.history
-    assert CHECKPOINT not in files(tmp_path)
+    assert CHECKPOINT not in file_names(tmp_path)
 
 
 def test_a_run_without_improvement_is_reported_and_keeps_the_start(run_fine_tune):
@@ -194,7 +181,7 @@ def test_bad_input_gets_one_line(run_fine_tune, tmp_path, arguments, expected):
     assert status == 1
     assert expected in output
     assert len(output.splitlines()) == 1
-    assert OWN not in files(tmp_path)
+    assert OWN not in file_names(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -213,7 +200,7 @@ def test_options_of_train_are_unknown(run_fine_tune, tmp_path, arguments):
     status, output = run_fine_tune(*arguments)
     assert status == 2
     assert output.startswith("error: Un")
-    assert OWN not in files(tmp_path)
+    assert OWN not in file_names(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -233,7 +220,7 @@ def test_an_unsuitable_capture_is_refused_with_the_reason(
     assert status == 1
     assert expected in output
     assert output.splitlines()[-1].startswith("error: ")
-    assert OWN not in files(tmp_path)
+    assert OWN not in file_names(tmp_path)
 
 
 def test_capture_options_need_a_capture(run, photo_folder):
@@ -256,4 +243,4 @@ def test_only_the_first_of_several_processes_prints_and_writes(
     monkeypatch.setattr(distributed, "rank", lambda: 1)
     assert run_fine_tune() == (0, "")
     assert "callback" not in received
-    assert OWN not in files(tmp_path)
+    assert OWN not in file_names(tmp_path)

@@ -10,6 +10,7 @@ import pytest
 import tifffile
 
 import jotlight as jl
+from folders import file_names
 from jotlight.formats.capture import CountStack
 from jotlight.formats.checksums import file_checksum
 from jotlight.images.io import read_image, read_note
@@ -22,10 +23,6 @@ def moving(tmp_path):
     _, bits = record("shake", shape=(48, 64))
     jl.save(bits, tmp_path / "moving.npy")
     return bits
-
-
-def files(folder):
-    return sorted(path.name for path in folder.iterdir())
 
 
 @pytest.mark.slow
@@ -205,14 +202,14 @@ def test_uncertainty_is_that_of_the_merged_bits(run, moving, tmp_path):
 def test_bad_input_gets_one_clear_line_and_leaves_no_files(
     run, moving, tmp_path, arguments, expected
 ):
-    before = files(tmp_path)
+    before = file_names(tmp_path)
     output_file = "b.npy" if "b.npy" in arguments else "a.png"
     status, output = run("reconstruct", "moving.npy", "-o", output_file, *arguments)
     assert status == 1
     [line] = output.splitlines()
     assert line.startswith("error: ")
     assert expected in line
-    assert files(tmp_path) == before
+    assert file_names(tmp_path) == before
 
 
 def test_a_finer_grid_is_refused_for_a_mosaic_with_the_option_to_leave_out(run, tmp_path):
@@ -231,7 +228,7 @@ def test_ctrl_c_stops_the_alignment_and_leaves_no_files(tmp_path):
     )
     packed = np.tile(np.asarray(scene.bits.packed), (40, 1, 1))
     jl.save(jl.Bits(packed, 300), tmp_path / "moving.npy")
-    before = files(tmp_path)
+    before = file_names(tmp_path)
     code = (
         "import sys, signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
         "sys.argv = 'jotlight reconstruct moving.npy --motion -o a.png'.split();"
@@ -241,7 +238,7 @@ def test_ctrl_c_stops_the_alignment_and_leaves_no_files(tmp_path):
         [sys.executable, "-c", code], cwd=tmp_path, stderr=subprocess.PIPE, text=True
     )
     end = time.monotonic() + 30
-    while files(tmp_path) == before and time.monotonic() < end:
+    while file_names(tmp_path) == before and time.monotonic() < end:
         time.sleep(0.01)
     time.sleep(0.3)
     assert child.poll() is None
@@ -249,4 +246,4 @@ def test_ctrl_c_stops_the_alignment_and_leaves_no_files(tmp_path):
     _, output = child.communicate(timeout=30)
     assert child.returncode == 130
     assert output.splitlines()[-1] == "error: stopped"
-    assert files(tmp_path) == before
+    assert file_names(tmp_path) == before

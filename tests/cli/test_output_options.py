@@ -7,6 +7,7 @@ import pytest
 import tifffile
 
 import jotlight as jl
+from folders import file_names
 from jotlight.cli import console
 from jotlight.images.io import read_image
 
@@ -21,10 +22,6 @@ def capture(tmp_path):
     jl.save(bits, tmp_path / "known.npy")
     np.save(tmp_path / "cube.npy", SENSOR.replace(gain=40.0).expose(SCENE / 4, rng=0).packed)
     return bits
-
-
-def files(folder):
-    return sorted(path.name for path in folder.iterdir())
 
 
 @pytest.mark.parametrize("ending", ["npy", "tif", "exr"])
@@ -176,13 +173,13 @@ def test_uncertainty_is_shown_as_an_image(run, capture, tmp_path):
 def test_bad_input_gets_one_clear_line_and_leaves_no_files(
     run, capture, tmp_path, arguments, expected
 ):
-    before = files(tmp_path)
+    before = file_names(tmp_path)
     status, output = run("reconstruct", "known.npy", *arguments)
     assert status == 1
     [line] = output.splitlines()
     assert line.startswith("error: ")
     assert expected in line
-    assert files(tmp_path) == before
+    assert file_names(tmp_path) == before
 
 
 def test_photons_per_second_are_those_of_python(run, tmp_path):

@@ -38,7 +38,7 @@ def test_info_shows_the_values(run, files):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["film", "bracket.npy", "--window", 4], "got a gain for each frame; jotlight.reconstruct"),
+        (["film", "bracket.npy", "--window", 4], "12 frames without a repetition; jotlight.recon"),
         (["film", "map.npy", "--window", 4], "got a threshold for each jot; jotlight.reconstruct"),
         (["reconstruct", "map.npy", "--find-hot-jots"], "find-hot-jots: expected one threshold"),
         (["view", "bracket.npy"], "expected one gain and one threshold"),
@@ -69,6 +69,33 @@ def test_brackets_are_stated_on_the_command_line(run, tmp_path, monkeypatch):
     np.save("q.npy", q)
     assert run(*common, "-t", 4, "--gain", 16, "-q", "q.npy")[0] == 0
     np.testing.assert_array_equal(jl.open("b.npy").sensor.threshold, q)
+
+
+def test_brackets_that_repeat_are_aligned_and_filmed(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    jl.save_image("p.png", jl.datasets.photograph("camera")[100:300, 150:350])
+    common = ["simulate", "p.png", "-o", "b.npy", "-k", 1, "-t", 96, "--gain", "1,8,..."]
+    status, text = run(*common, "--motion", "shake")
+    assert status == 0, text
+    bits = jl.open("b.npy")
+    assert bits.sensor == jl.Sensor(frames=96, gain=np.tile([1.0, 8.0], 48))
+    status, text = run("reconstruct", "b.npy", "-o", "e.tif")
+    assert "moves" in text
+    assert "--motion aligns its frames" in " ".join(text.split())
+    status, text = run("reconstruct", "b.npy", "-o", "e.tif", "--motion")
+    assert status == 0, text
+    np.testing.assert_array_equal(jl.read_image("e.tif"), jl.reconstruct(jl.merge(bits)))
+    options = ["--window", 32, "--step", 16]
+    status, text = run("film", "b.npy", "-o", "f.npy", *options, "-m", "mle")
+    assert status == 0, text
+    np.testing.assert_array_equal(np.load("f.npy")[1], jl.mle(bits[16:48]))
+    for more in ([], ["--recurrent", "--causal"]):
+        status, text = run("film", "b.npy", "-o", "g.npy", *options, "--motion", *more)
+        assert status == 0, text
+        assert np.load("g.npy").shape == (5, *bits.shape[1:])
+    status, text = run("film", "b.npy", "-o", "h.npy", "--window", 32, "--step", 15)
+    assert status == 1
+    assert "step: expected a multiple of 2" in text
 
 
 @pytest.mark.parametrize(

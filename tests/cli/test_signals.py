@@ -9,6 +9,8 @@ import time
 import numpy as np
 import pytest
 
+from folders import file_names
+
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="sends signals")
 
 NEEDS = {"out.h5": "h5py", "out.zarr": "zarr"}
@@ -108,10 +110,6 @@ def test_a_command_that_ignores_sighup_survives_it(large_capture):
         child.kill()
 
 
-def files(folder):
-    return sorted(path.name for path in folder.iterdir())
-
-
 LONG = ["simulate", "large.npy", "-o", "bits.npy", "-k", "16", "-t", "40"]
 
 
@@ -129,9 +127,9 @@ def long_command(folder):
     ) as child:
         try:
             deadline = time.monotonic() + 30
-            while len(files(folder)) < 3 and time.monotonic() < deadline:
+            while len(file_names(folder)) < 3 and time.monotonic() < deadline:
                 time.sleep(0.05)
-            assert len(files(folder)) >= 3, "the command wrote no temporary files"
+            assert len(file_names(folder)) >= 3, "the command wrote no temporary files"
             time.sleep(0.3)
             yield child
         finally:
@@ -145,7 +143,7 @@ def test_ctrl_c_stops_promptly_and_leaves_no_files(tmp_path):
         _, output = child.communicate(timeout=20)
     assert child.returncode == 130
     assert "stopped" in output
-    assert files(tmp_path) == ["large.npy"]
+    assert file_names(tmp_path) == ["large.npy"]
 
 
 @pytest.mark.slow
@@ -153,4 +151,4 @@ def test_a_terminated_command_leaves_no_files(tmp_path):
     with long_command(tmp_path) as child:
         child.terminate()
         assert child.wait(timeout=20) == 143
-    assert files(tmp_path) == ["large.npy"]
+    assert file_names(tmp_path) == ["large.npy"]

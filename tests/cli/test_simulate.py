@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from folders import file_names, size_limit
 from jotlight.images.io import read_image
-
-
-def files(folder):
-    return sorted(path.name for path in folder.iterdir())
 
 
 def test_simulate_and_reconstruct_write_what_the_python_interface_returns(run, photo, tmp_path):
@@ -70,16 +67,12 @@ def test_simulate_does_not_delete_the_map_that_it_reads(run, tmp_path):
 
 
 def test_a_failed_write_is_reported_and_leaves_no_files(run, photo, tmp_path):
-    resource = pytest.importorskip("resource")
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 14, limits[1]))
-    try:
+    pytest.importorskip("resource")
+    with size_limit(1 << 14):
         status, output = run("simulate", photo, "-o", "bits.npy", "-k", 1, "-t", 100)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert status == 1
     assert "cannot write bits.npy: File too large" in output
-    assert files(tmp_path) == ["photo.png"]
+    assert file_names(tmp_path) == ["photo.png"]
 
 
 @pytest.mark.parametrize("options", [[], ["--gray"]])
@@ -144,9 +137,9 @@ def test_bad_options_of_motion_are_refused(run, photo, tmp_path, options, messag
     (tmp_path / "text.csv").write_text("0, 0\none, two\n")
     (tmp_path / "three.csv").write_text("0, 0, 1\n")
     np.save("dead.npy", np.zeros((40, 49), bool))
-    before = files(tmp_path)
+    before = file_names(tmp_path)
     arguments = ["simulate", photo, "-o", "bits.npy", "-k", 1, "--mask", "dead.npy"]
     status, output = run(*arguments, *options)
     assert status == 1
     assert message in output
-    assert files(tmp_path) == before
+    assert file_names(tmp_path) == before

@@ -1,6 +1,5 @@
 """`jotlight train` in the engine: images, options, and messages."""
 
-import os
 import subprocess
 import sys
 
@@ -8,15 +7,13 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from folders import file_names
 from jotlight.images.sets import read_image_set
 from jotlight.training import Adam, parameter_vector
+from terminals import on_a_terminal
 
 SMALL = ["--patch", 24, "--batch", 4, "--steps", 3, "--optimizer", "adam"]
 NETWORK = "net.safetensors"
-
-
-def files(folder):
-    return sorted(path.name for path in folder.iterdir())
 
 
 def contents(folder):
@@ -43,7 +40,7 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
     assert_same(network, trained)
     assert network.history["run"] == trained.history["run"]
     assert f"cost {history.loss[0]:.4g} to {history.loss[-1]:.4g}" in output
-    assert files(tmp_path) == [NETWORK, "photos"]
+    assert file_names(tmp_path) == [NETWORK, "photos"]
 
 
 @pytest.mark.slow
@@ -188,28 +185,11 @@ def test_progress_goes_to_stderr_and_the_result_to_stdout(photo_folder, tmp_path
 
 @pytest.mark.slow
 def test_on_a_terminal_a_live_line_shows_the_run(photo_folder, tmp_path):
-    """The terminal is a pseudo-terminal."""
-    leader, follower = os.openpty()
-    arguments = ["train", "photos", "-o", NETWORK, *map(str, SMALL), "--test", "photos"]
-    child = subprocess.Popen(
-        [sys.executable, "-m", "jotlight", *arguments],
-        cwd=tmp_path,
-        stderr=follower,
-        stdout=subprocess.DEVNULL,
-    )
-    os.close(follower)
-    shown = b""
-    while True:
-        try:
-            part = os.read(leader, 4096)
-        except OSError:  # The other end is closed.
-            break
-        if not part:
-            break
-        shown += part
-    os.close(leader)
-    assert child.wait() == 0
-    for text in (b"step 3/3", b"cost ", b"gradient ", b"test ", b"%", b"\x1b["):
+    arguments = ["train", "photos", "-o", NETWORK, *SMALL, "--test", "photos"]
+    with on_a_terminal(tmp_path, *arguments) as (child, texts):
+        *_, shown = texts
+        assert child.wait() == 0
+    for text in ("step 3/3", "cost ", "gradient ", "test ", "%", "\x1b["):
         assert text in shown
 
 

@@ -97,7 +97,7 @@ def test_a_network_can_be_trained_for_fewer_frames_and_for_counts(run, tmp_path,
             "--sensor counts.npy --frames 16 --seconds 0",
             "seconds: expected a finite number above 0",
         ),
-        ("--sensor counts.npy --frames 16 --calibration x.safetensors", "got jotlight network"),
+        ("--sensor counts.npy --frames 16 --calibration x.safetensors", "got a jotlight network"),
     ],
 )
 def test_captures_that_cannot_be_trained_for_are_refused(run, tmp_path, arguments, message):

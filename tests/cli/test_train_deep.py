@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from folders import file_names
 from jotlight.images.sets import read_image_set
 from jotlight.training import History, parameter_vector
+from training_runs import assert_same_networks, interrupted_at
 
 torch = pytest.importorskip("torch")
 
@@ -16,30 +18,9 @@ SMALL = ["--quality", "small", "--batch", 2, "--steps", 3, "--device", "cpu", "-
 NETWORK, CHECKPOINT = "net.safetensors", "net.checkpoint.safetensors"
 
 
-def files(folder):
-    return sorted(path.name for path in folder.iterdir())
-
-
-def assert_same(first, second):
-    np.testing.assert_array_equal(
-        *(parameter_vector(jl.Network.load(name)) for name in (first, second))
-    )
-
-
-def stop(monkeypatch, run, *arguments, step):
+def stop(run, *arguments, step):
     """Run the command and press Ctrl-C at the end of a step, after the next has begun."""
-    train = training.train
-
-    def stopped(*positional, callback, **options):
-        def interrupt(record):
-            callback(record)
-            if record.step == step:
-                raise KeyboardInterrupt
-
-        return train(*positional, callback=interrupt, **options)
-
-    with monkeypatch.context() as patched:
-        patched.setattr(training, "train", stopped)
+    with interrupted_at(step, training):
         return run("train", "photos", "-o", NETWORK, *SMALL, *arguments)
 
 
@@ -74,19 +55,20 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
     assert network.history["records"] == trained.history["records"]
     assert history.steps.tolist() == [0, 1, 2, 3]
     assert np.isfinite(history.test_psnr[-1])
-    assert files(tmp_path) == [NETWORK, "photos", "run.png"]
+    assert file_names(tmp_path) == [NETWORK, "photos", "run.png"]
     assert (tmp_path / "run.png").stat().st_size > 10_000
     assert run("info", NETWORK, "--plot", "later.png")[0] == 0
     assert "3 steps of Muon(learning_rate=0.002)" in run("info", NETWORK)[1]
 
 
 def test_a_conditional_network_is_trained_and_improved(run, photo_folder, tmp_path):
-    arguments = [*SMALL, "--bits-per-pixel", "2:64", "--test", photo_folder, "--plot", "run.png"]
+    arguments = [*SMALL, "--bits-per-pixel", "2:64", "--learning-rate", 1e-3]
+    arguments += ["--test", photo_folder, "--plot", "run.png"]
     assert run("train", photo_folder, "-o", NETWORK, *arguments)[0] == 0
     network = jl.Network.load(NETWORK)
     assert network.trials_range == (2, 64)
     assert (tmp_path / "run.png").stat().st_size > 10_000
-    arguments = ["--start", NETWORK, *SMALL[2:], "--frames", 4]
+    arguments = ["--start", NETWORK, *SMALL[2:], "--frames", 4, "--learning-rate", 1e-3]
     assert run("train", photo_folder, "-o", "more.safetensors", *arguments)[0] == 0
     more = jl.Network.load("more.safetensors")
     assert more.trials_range == (2, 64)
@@ -125,22 +107,24 @@ def test_synthetic_scenes_reduce_the_patch_to_their_size(run):
 def test_a_stopped_run_is_kept_and_resumed_to_the_same_network(
     run, photo_folder, tmp_path, monkeypatch, step
 ):
-    status, output = stop(monkeypatch, run, "--test", "photos", step=step)
+    status, output = stop(run, "--test", "photos", step=step)
     assert status == 130
     assert f"The run so far is kept in {CHECKPOINT}" in output
-    assert files(tmp_path) == [CHECKPOINT, "photos"]
+    assert file_names(tmp_path) == [CHECKPOINT, "photos"]
     status, output = run("train", "photos", "-o", NETWORK, *SMALL)
     assert status == 1
     assert "add --resume" in output
+    output = run("info", CHECKPOINT)[1]
+    assert "got a jotlight checkpoint; the run that wrote it continues with --resume" in output
     arguments = [*SMALL, "--test", "photos"]
     assert run("train", "photos", "-o", NETWORK, *arguments, "--resume")[0] == 0
     assert run("train", "photos", "-o", "uninterrupted.safetensors", *arguments)[0] == 0
-    assert_same(NETWORK, "uninterrupted.safetensors")
+    assert_same_networks(NETWORK, "uninterrupted.safetensors")
     first, second = (
         jl.Network.load(name).history for name in (NETWORK, "uninterrupted.safetensors")
     )
     assert first == second
-    assert CHECKPOINT not in files(tmp_path)
+    assert CHECKPOINT not in file_names(tmp_path)
 
 
 def test_a_run_out_of_time_reports_its_steps(run, photo_folder):
@@ -176,7 +160,7 @@ def test_a_diverging_run_names_the_option_to_lower(run, photo_folder, tmp_path, 
     assert status == 1
     advice = "lower the learning rate, now 0.003. Start again with --restart and --learning-rate"
     assert advice in output
-    assert files(tmp_path) == ["photos"]
+    assert file_names(tmp_path) == ["photos"]
 
 
 def test_a_missing_gpu_is_an_error(run, photo_folder):
@@ -204,7 +188,7 @@ def test_only_the_first_of_several_processes_prints_and_writes(
     assert (status, output) == (0, "")
     assert received["checkpoint"].name == CHECKPOINT
     assert "callback" not in received
-    assert files(tmp_path) == [CHECKPOINT, "photos"]
+    assert file_names(tmp_path) == [CHECKPOINT, "photos"]
     status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--learning-rate", -1)
     assert status == 1
     assert output.startswith("error: learning_rate: expected a finite number above 0")

@@ -11,37 +11,17 @@ import pytest
 from safetensors.numpy import load_file
 
 import jotlight as jl
-from jotlight.training import parameter_vector
+from folders import file_names
+from training_runs import assert_same_networks, interrupted_at
 
 SMALL = ["--patch", 24, "--batch", 4, "--steps", 3, "--optimizer", "adam"]
 LONG = ["--patch", 24, "--batch", 4, "--steps", 600, "--optimizer", "adam"]
 NETWORK, CHECKPOINT = "net.safetensors", "net.checkpoint.safetensors"
 
 
-def files(folder):
-    return sorted(path.name for path in folder.iterdir())
-
-
-def assert_same(first, second):
-    np.testing.assert_array_equal(
-        *(parameter_vector(jl.Network.load(name)) for name in (first, second))
-    )
-
-
-def stop(monkeypatch, run, photo_folder, *arguments, step=1):
+def stop(run, photo_folder, *arguments, step=1):
     """Run the command and press Ctrl-C at the end of a step."""
-    train = jl.training.train
-
-    def stopped(*positional, callback, **options):
-        def interrupt(record):
-            callback(record)
-            if record.step == step:
-                raise KeyboardInterrupt
-
-        return train(*positional, callback=interrupt, **options)
-
-    with monkeypatch.context() as patched:
-        patched.setattr(jl.training, "train", stopped)
+    with interrupted_at(step, jl.training):
         return run("train", photo_folder, "-o", NETWORK, *SMALL, *arguments)
 
 
@@ -66,7 +46,7 @@ def long_run(folder):
 
 
 def test_the_same_command_removes_what_a_killed_run_left(run, photo_folder, tmp_path, monkeypatch):
-    assert stop(monkeypatch, run, photo_folder)[0] == 130
+    assert stop(run, photo_folder)[0] == 130
     leftovers = [".net.jotlight-vm-0.safetensors", ".figure.jotlight-vm-0.svg"]
     monkeypatch.setattr("platform.node", lambda: "vm")
     for name in leftovers:
@@ -75,7 +55,7 @@ def test_the_same_command_removes_what_a_killed_run_left(run, photo_folder, tmp_
     status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--plot", "figure.svg")
     assert status == 1
     assert "add --resume to continue it" in output
-    assert files(tmp_path) == [CHECKPOINT, "photos"]
+    assert file_names(tmp_path) == [CHECKPOINT, "photos"]
 
 
 @pytest.mark.slow
@@ -88,15 +68,15 @@ def test_a_run_stopped_by_ctrl_c_resumes_to_the_same_network(run, photo_folder, 
     assert "--resume" in output
     assert "error: stopped" in output
     assert "Traceback" not in output
-    assert files(tmp_path) == [CHECKPOINT, "photos"]
+    assert file_names(tmp_path) == [CHECKPOINT, "photos"]
     assert np.isfinite(load_file(CHECKPOINT)["vector"]).all()
     status, output = run("train", "photos", "-o", NETWORK, *LONG, "--resume")
     assert status == 0
     assert "step 0/600" not in output
     assert "step 600/600" in output
-    assert files(tmp_path) == [NETWORK, "photos"]
+    assert file_names(tmp_path) == [NETWORK, "photos"]
     assert run("train", "photos", "-o", "uninterrupted.safetensors", *LONG)[0] == 0
-    assert_same(NETWORK, "uninterrupted.safetensors")
+    assert_same_networks(NETWORK, "uninterrupted.safetensors")
 
 
 @pytest.mark.slow
@@ -104,7 +84,7 @@ def test_a_terminated_run_leaves_only_its_checkpoint(photo_folder, tmp_path):
     with long_run(tmp_path) as child:
         child.terminate()
         assert child.wait(timeout=20) == 143
-    assert files(tmp_path) == [CHECKPOINT, "photos"]
+    assert file_names(tmp_path) == [CHECKPOINT, "photos"]
     assert np.isfinite(load_file(tmp_path / CHECKPOINT)["vector"]).all()
 
 
@@ -126,18 +106,18 @@ def test_a_run_stopped_at_any_step_resumes_to_the_same_network(
         "--threads",
         1,
     ]
-    status, output = stop(monkeypatch, run, "photos", *arguments, step=step)
+    status, output = stop(run, "photos", *arguments, step=step)
     assert status == 130
     assert "--resume" in output
-    assert files(tmp_path) == [CHECKPOINT, "photos"]
+    assert file_names(tmp_path) == [CHECKPOINT, "photos"]
     assert run("train", "photos", "-o", NETWORK, *SMALL, *arguments, "--resume")[0] == 0
     assert run("train", "photos", "-o", "uninterrupted.safetensors", *SMALL, *arguments)[0] == 0
-    assert_same(NETWORK, "uninterrupted.safetensors")
+    assert_same_networks(NETWORK, "uninterrupted.safetensors")
     first, second = (
         jl.Network.load(name).history for name in (NETWORK, "uninterrupted.safetensors")
     )
     assert first == second
-    assert CHECKPOINT not in files(tmp_path)
+    assert CHECKPOINT not in file_names(tmp_path)
 
 
 def test_ctrl_c_before_the_first_checkpoint_mentions_none(run, photo_folder, tmp_path, monkeypatch):
@@ -149,12 +129,12 @@ def test_ctrl_c_before_the_first_checkpoint_mentions_none(run, photo_folder, tmp
     monkeypatch.setattr(jl.training, "train", stopped)
     status, output = run("train", photo_folder, "-o", NETWORK, *SMALL)
     assert status == 130
-    assert files(tmp_path) == ["photos"]
+    assert file_names(tmp_path) == ["photos"]
     assert "is kept in" not in output
 
 
 def test_a_stopped_run_is_not_overwritten_without_restart(run, photo_folder, tmp_path, monkeypatch):
-    stop(monkeypatch, run, photo_folder)
+    stop(run, photo_folder)
     before = (tmp_path / CHECKPOINT).read_bytes()
     status, output = run("train", photo_folder, "-o", NETWORK, *SMALL)
     assert status == 1
@@ -162,19 +142,19 @@ def test_a_stopped_run_is_not_overwritten_without_restart(run, photo_folder, tmp
     assert "--resume" in output
     assert "--restart" in output
     assert (tmp_path / CHECKPOINT).read_bytes() == before
-    assert files(tmp_path) == [CHECKPOINT, "photos"]
+    assert file_names(tmp_path) == [CHECKPOINT, "photos"]
 
 
 def test_restart_starts_a_new_run(run, photo_folder, tmp_path, monkeypatch):
-    stop(monkeypatch, run, photo_folder)
+    stop(run, photo_folder)
     status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--seed", 4, "--restart")
     assert status == 0
     assert "step 0/3" in output
-    assert files(tmp_path) == [NETWORK, "photos"]
+    assert file_names(tmp_path) == [NETWORK, "photos"]
     assert (
         run("train", photo_folder, "-o", "uninterrupted.safetensors", *SMALL, "--seed", 4)[0] == 0
     )
-    assert_same(NETWORK, "uninterrupted.safetensors")
+    assert_same_networks(NETWORK, "uninterrupted.safetensors")
 
 
 def test_restart_without_a_stopped_run_starts_a_run(run, photo_folder):
@@ -187,7 +167,7 @@ def test_restart_without_a_stopped_run_starts_a_run(run, photo_folder):
 def test_restart_with_a_mistake_keeps_the_stopped_run(
     run, photo_folder, tmp_path, monkeypatch, mistake
 ):
-    stop(monkeypatch, run, photo_folder)
+    stop(run, photo_folder)
     before = (tmp_path / CHECKPOINT).read_bytes()
     assert run("train", photo_folder, "-o", NETWORK, *SMALL, "--restart", *mistake)[0] == 1
     assert (tmp_path / CHECKPOINT).exists()
@@ -211,7 +191,7 @@ def test_restart_with_a_mistake_keeps_the_stopped_run(
 def test_resuming_with_other_options_names_them_and_keeps_the_run(
     run, photo_folder, tmp_path, monkeypatch, arguments, difference
 ):
-    stop(monkeypatch, run, photo_folder)
+    stop(run, photo_folder)
     before = (tmp_path / CHECKPOINT).read_bytes()
     status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--resume", *arguments)
     assert status == 1
@@ -219,11 +199,11 @@ def test_resuming_with_other_options_names_them_and_keeps_the_run(
     assert difference in output
     assert "Start again with --restart, or use the settings" in " ".join(output.split())
     assert (tmp_path / CHECKPOINT).read_bytes() == before
-    assert files(tmp_path) == [CHECKPOINT, "photos"]
+    assert file_names(tmp_path) == [CHECKPOINT, "photos"]
 
 
 def test_resuming_with_other_images_is_refused(run, photo_folder, monkeypatch):
-    stop(monkeypatch, run, photo_folder)
+    stop(run, photo_folder)
     (photo_folder / "1.png").unlink()
     status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--resume")
     assert status == 1
@@ -232,14 +212,14 @@ def test_resuming_with_other_images_is_refused(run, photo_folder, monkeypatch):
 
 @pytest.mark.parametrize("fraction", [0, 0.5, 0.99])
 def test_a_damaged_checkpoint_is_named_and_kept(run, photo_folder, tmp_path, monkeypatch, fraction):
-    stop(monkeypatch, run, photo_folder)
+    stop(run, photo_folder)
     whole = (tmp_path / CHECKPOINT).read_bytes()
     (tmp_path / CHECKPOINT).write_bytes(whole[: int(fraction * len(whole))])
     status, output = run("train", photo_folder, "-o", NETWORK, *SMALL, "--resume")
     assert status == 1
     assert output.startswith(f"error: {CHECKPOINT}: ")
     assert len(output.splitlines()) == 1
-    assert files(tmp_path) == [CHECKPOINT, "photos"]
+    assert file_names(tmp_path) == [CHECKPOINT, "photos"]
 
 
 def test_a_diverging_run_names_the_option_to_lower_and_keeps_its_checkpoint(
@@ -254,11 +234,11 @@ def test_a_diverging_run_names_the_option_to_lower_and_keeps_its_checkpoint(
     assert line.startswith("error: step ")
     assert "diverges" in line
     assert "lower its learning_rate" in line
-    assert files(tmp_path) == [CHECKPOINT, "photos"]
+    assert file_names(tmp_path) == [CHECKPOINT, "photos"]
     assert np.isfinite(load_file(tmp_path / CHECKPOINT)["vector"]).all()
     again = [*arguments, "--learning-rate", 1e-6, "--steps", 3, "--restart"]
     assert run("train", photo_folder, "-o", NETWORK, *again)[0] == 0
-    assert files(tmp_path) == [NETWORK, "photos"]
+    assert file_names(tmp_path) == [NETWORK, "photos"]
 
 
 def test_a_full_disk_at_the_end_keeps_the_run(run, photo_folder, tmp_path, monkeypatch):
@@ -271,10 +251,10 @@ def test_a_full_disk_at_the_end_keeps_the_run(run, photo_folder, tmp_path, monke
     assert status == 1
     assert f"error: cannot write {NETWORK}: No space left on device" in output
     assert f"The run so far is kept in {CHECKPOINT}" in output
-    assert files(tmp_path) == ["net.checkpoint.safetensors", "photos"]
+    assert file_names(tmp_path) == ["net.checkpoint.safetensors", "photos"]
     assert run("train", photo_folder, "-o", NETWORK, *SMALL, "--resume")[0] == 0
     assert run("train", photo_folder, "-o", "uninterrupted.safetensors", *SMALL)[0] == 0
-    assert_same(NETWORK, "uninterrupted.safetensors")
+    assert_same_networks(NETWORK, "uninterrupted.safetensors")
 
 
 def test_a_run_out_of_time_reports_its_steps_and_the_option(run, photo_folder, tmp_path):
@@ -285,7 +265,7 @@ def test_a_run_out_of_time_reports_its_steps_and_the_option(run, photo_folder, t
         in output
     )
     assert "; a larger --seconds allows more" in output
-    assert files(tmp_path) == [NETWORK, "photos"]
+    assert file_names(tmp_path) == [NETWORK, "photos"]
     assert len(jl.Network.load(NETWORK).history["records"]["loss"]) == 2
 
 
@@ -327,4 +307,4 @@ def test_a_disk_that_is_full_from_the_start_is_reported(photo_folder, tmp_path):
     assert "error: cannot write net." in done.stderr
     assert "too large" in done.stderr
     assert "Traceback" not in done.stderr
-    assert files(tmp_path) == ["photos"]
+    assert file_names(tmp_path) == ["photos"]

@@ -37,10 +37,17 @@ def capture(tmp_path):
         (["no.such.bin", "--follow", "--format", "swissspad2"], "error: there is no file no.such"),
         (["-"], "-: is a stream; write it to a file first, or show it by `jotlight view - --foll"),
         (["capture.npy", "--frames", "3"], "--frame-range leaves some of them out"),
+        (["several.npy", "--frames", "3"], "expected the 4 frames of the capture, got 3"),
+        (["several.npy", "--bit-depth", "3"], "several.npy states readings of 4 bits, not 3"),
+        (["several.npy", "--find-hot-jots"], "expected single bits, got readings of 4 bits"),
+        (["capture.npy", "--gain", "8,1", "--frames", "40"], "such as --frame-range 0:20"),
         (["capture.npy", "--port", "70000"], "port: expected 0 to 65535"),
         (["capture.npy", "--host", "no.such.host.invalid"], "no address of this machine"),
         (["capture.npy", "--follow", "--rotate", "90"], "--rotate is for complete captures"),
         (["capture.npy", "--follow", "--counts"], "--counts is for complete captures"),
+        (["capture.npy", "--follow", "--bit-depth", "4"], "--bit-depth above 1 is for complete"),
+        (["capture.npy", "--follow", "--read-noise", "0.2"], "--read-noise is for complete"),
+        (["capture.npy", "--follow", "--gain", "8,1,..."], "--gain with several values is for"),
         (["capture.npy", "--follow", "--width", "60"], "width: expected 17 to 24, since a row"),
         (["raw.bin", "--follow", "--shape", "16x24", "--width", "24"], "--width is for a .npy or"),
         (["capture.npy", "--follow", "--key", "bits"], "--key is for a folder of files"),
@@ -54,6 +61,8 @@ def capture(tmp_path):
 def test_bad_input_is_refused_in_one_line(run, capture, monkeypatch, options, message):
     pytest.importorskip("uvicorn", reason="no server: pip install 'jotlight[view]'")
     monkeypatch.chdir(capture.parent)
+    several = jl.Sensor(frames=4, bit_depth=4).expose(np.full((16, 24), 0.4), rng=0)
+    jl.save(several, "several.npy")
     (capture.parent / "raw.bin").write_bytes(bytes(480))
     status, output = run("view", *options)
     assert status == 1

@@ -121,6 +121,8 @@ def test_networks_fall_back_on_request(bits):
         ({"method": max}, "method: expected"),
         ({"method": "mle", "fallback": True}, "fallback: is for networks"),
         ({"window": 65}, "window"),
+        ({"foo": 1}, "foo: without a method, expected one of the options inverse"),
+        ({"method": "admm-tv", "wieght": 1}, "wieght: admm-tv has .*; did you mean weight?"),
     ],
 )
 def test_bad_options_are_refused_before_work(bits, options, message):

@@ -36,6 +36,28 @@ def test_a_uniform_color_is_exact(mosaic):
     )
 
 
+@pytest.mark.parametrize("mosaic", [Mosaic("RGBW"), RANDOM], ids=repr)
+def test_values_without_weight_do_not_count(mosaic):
+    image = np.broadcast_to([0.4, 0.3, 0.1], (24, 30, 3))
+    clear = mosaic.full(24, 30) == 3
+    values = np.where(clear, 0.15, seen(mosaic, image))
+    found = demosaic(values, mosaic, "differences", np.where(clear, 0.0, 5.0))
+    np.testing.assert_allclose(found, image, atol=1e-5)
+    assert np.abs(demosaic(values, mosaic, "differences") - image).mean() > 0.02
+
+
+def test_equal_light_is_the_usual_weight():
+    image = np.random.default_rng(0).random((24, 30, 3))
+    mosaic = Mosaic("RGBW")
+    values, places = seen(mosaic, image), mosaic.full(24, 30)
+    usual = demosaic(values, mosaic, "differences")
+    found = demosaic(values, mosaic, "differences", 0.2 * mosaic.sensitivity[places])
+    np.testing.assert_allclose(found, usual, atol=1e-9)
+    # Where nothing counts, the usual weights do.
+    unknown = demosaic(values, mosaic, "differences", np.zeros((24, 30)))
+    np.testing.assert_allclose(unknown, usual, atol=1e-9)
+
+
 def test_the_local_mean_is_that_of_gaussian_weights():
     rng = np.random.default_rng(0)
     values, known = rng.random((9, 11)), rng.random((9, 11)) < 0.4

@@ -6,6 +6,7 @@ import pytest
 import jotlight as jl
 from jotlight.estimators.generalized_anscombe import generalized_anscombe, transformed_mean
 from jotlight.sensing.multibit import ReadingLikelihood, reading_probability
+from jotlight.sensing.response import JotResponse
 
 NONE = np.zeros((1, 0), np.int32)
 
@@ -23,7 +24,7 @@ def test_the_noise_is_one_half(bit_depth, noise):
 
 @pytest.mark.parametrize(("bit_depth", "noise", "trials"), [(2, 0.3, 3), (4, 0.0, 2), (3, 0.5, 1)])
 def test_the_mean_is_that_of_all_outcomes(bit_depth, noise, trials):
-    jot = ReadingLikelihood((2**bit_depth - 1, noise, 1), NONE, False)
+    jot = ReadingLikelihood(JotResponse(2**bit_depth - 1, noise, 1), NONE, False)
     rates = np.array([0.0, 0.3, 2.0, 9.0])
     readings = np.arange(2**bit_depth)
     for rate, mean in zip(rates, transformed_mean(jot, trials, rates), strict=True):
@@ -36,7 +37,7 @@ def test_the_mean_is_that_of_all_outcomes(bit_depth, noise, trials):
 
 
 def test_long_totals_are_taken_as_normal():
-    jot = ReadingLikelihood((255, 0.3, 1), NONE, False)
+    jot = ReadingLikelihood(JotResponse(255, 0.3, 1), NONE, False)
     rates = np.array([0.5, 20.0])
     exact, normal = (transformed_mean(jot, trials, rates) for trials in (16, 17))
     # One more reading changes little beyond the factor √(17/16).
@@ -63,6 +64,18 @@ def test_the_exact_inverse_has_no_bias(sensor):
         assert exact.mean() == pytest.approx(intensity, rel=0.02)
     algebraic = jl.noniterative(data, denoiser=lambda z: mean(z), inverse="algebraic")
     assert abs(algebraic.mean() - intensity) > abs(exact.mean() - intensity)
+
+
+@pytest.mark.parametrize(("frames", "photons"), [(1, 6.0), (1, 12.0), (8, 12.0)])
+def test_mostly_saturated_readings_keep_the_mean(frames, photons):
+    truth = jl.datasets.photograph("coffee", gray=True)[40:240, 100:300].astype(np.float64)
+    sensor = jl.Sensor(frames=frames, gain=frames * photons, bit_depth=2)
+    readings = sensor.expose(truth, rng=0)
+    found = jl.noniterative(readings)
+    assert found.mean() == pytest.approx(truth.mean(), rel=0.07)
+    stack = jl.noniterative([readings, sensor.expose(0.1 * truth, rng=0)])
+    np.testing.assert_array_equal(stack[0], found)
+    assert stack[1].mean() == pytest.approx(0.1 * truth.mean(), rel=0.07)
 
 
 def test_pixels_that_differ_are_refused_and_merged():

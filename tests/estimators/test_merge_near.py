@@ -8,9 +8,12 @@ from hypothesis.extra.numpy import arrays
 
 import jotlight as jl
 import jotlight._engine as engine
+from jotlight.estimators import merge_near as merge_near_module
 from jotlight.estimators.merge_near import diffuse, merge_near, merge_near_neighbors
 from jotlight.estimators.merge_readings import reference_sensor
 from jotlight.sensing.joint_likelihood import joint_likelihood
+from jotlight.sensing.merged import MAX_SILENT_TRIALS
+from jotlight.sensing.mosaic import Mosaic
 from reference import methods
 
 SHAPE = 80, 90
@@ -86,6 +89,31 @@ def test_mostly_saturated_readings_have_no_bias(intensity):
     assert found == pytest.approx(intensity, rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("frames", "photons"), [(8, 96.0), (4, 64.0), (16, 16 * 16.0)], ids=["12", "16", "16, many"]
+)
+def test_averages_of_mostly_saturated_readings_have_no_bias(frames, photons):
+    # At 9.6 photons, 99 % of the readings are 3, and at 12.8 photons 99.97 %.
+    sensor, x = jl.Sensor(frames=frames, gain=photons, bit_depth=2), 0.8
+    bits = sensor.expose(np.full((160, 180), x), rng=0)
+    merged = merge_near_neighbors(joint_likelihood(bits, sensor, None))
+    fraction = merged.ones.sum() / merged.trials.sum()
+    found = -np.log1p(-fraction) / merged.sensor.light_per_intensity
+    assert found == pytest.approx(x, rel=0.12)
+
+
+def test_pixels_of_less_than_a_trial_are_not_dark():
+    sensor, x = jl.Sensor(bit_depth=2, gain=12.0), 0.7
+    bits = sensor.expose(np.full(SHAPE, x), rng=0)
+    joint = joint_likelihood(bits, sensor, None)
+    assert (joint.total == 3).mean() > 0.97
+    merged = merge_near_neighbors(joint)
+    assert merged.trials.mean() > 0.98
+    assert (merged.trials <= MAX_SILENT_TRIALS).mean() < 0.1
+    found = jl.reconstruct(merged, method="network-medium")
+    assert found.mean() == pytest.approx(x, rel=0.25)
+
+
 def test_a_wrong_intensity_changes_the_result_less_than_it_is_wrong():
     sensor, x = jl.Sensor(frames=4, gain=GAINS), 0.6
     reference = reference_sensor(sensor)
@@ -145,7 +173,7 @@ def test_averages_over_neighbors_are_of_the_same_filter():
     light = np.where(pattern, 0.9, 0.1)
     bits = sensor.expose(light, rng=0)
     joint = joint_likelihood(bits, sensor, None)
-    merged = merge_near_neighbors(joint, pattern)
+    merged = merge_near_neighbors(joint, Mosaic(pattern, "RGB"))
     expected = merge_near(joint, light, pattern=pattern)
     for each in (0, 1):
         own = pattern == each
@@ -159,3 +187,39 @@ def test_averages_over_neighbors_are_of_the_same_filter():
     assert np.ptp([mixed.trials[dark].mean(), mixed.trials[~dark].mean()]) < 0.3 * np.ptp(
         [merged.trials[dark].mean(), merged.trials[~dark].mean()]
     )
+
+
+@pytest.mark.parametrize("intensity", [0.1, 0.5])
+def test_pixels_with_different_thresholds_have_a_common_average(intensity):
+    board = np.where(np.indices(SHAPE).sum(axis=0) % 2, 1, 4)
+    sensor = jl.Sensor(frames=8, gain=32.0, threshold=board)
+    joint = joint_likelihood(sensor.expose(np.full(SHAPE, intensity), rng=0), sensor, None)
+    average = merge_near_module._average(joint, 1.5, None)
+    assert np.abs(average / intensity - 1).mean() < 0.15
+    assert average.mean() == pytest.approx(intensity, rel=0.05)
+    for own in (board == 1, board == 4):
+        assert average[own].mean() == pytest.approx(intensity, rel=0.05)
+
+
+def test_dim_colors_behind_high_thresholds_are_not_black():
+    # Green has the threshold 1, red and blue 3.
+    shape = 96, 96
+    board = np.where(np.indices(shape).sum(axis=0) % 2, 1, 3)
+    sensor = jl.Sensor(frames=16, gain=16.0, threshold=board, mosaic="RGGB")
+    bits = sensor.expose(np.full((*shape, 3), 0.2), rng=0)
+    found = jl.reconstruct(bits)
+    np.testing.assert_allclose(found.mean(axis=(0, 1)), 0.2, rtol=0.35)
+
+
+@pytest.mark.parametrize("intensity", [0.5, 0.8])
+def test_colors_tell_how_bright_saturated_clear_pixels_are(intensity):
+    mosaic = Mosaic("RGBW")
+    gray = jl.Sensor(bit_depth=2, gain=6.0, max_intensity=3.0)
+    sensor = gray.replace(mosaic=mosaic)
+    bits = sensor.expose(np.full((*SHAPE, 3), intensity), rng=0, channel_axis=-1)
+    merged = merge_near_neighbors(joint_likelihood(bits, gray, None), mosaic)
+    clear = mosaic.full(*SHAPE) == 3
+    for own, light in ((~clear, intensity), (clear, 3 * intensity)):
+        fraction = merged.ones[own].sum() / merged.trials[own].sum()
+        found = -np.log1p(-fraction) / merged.sensor.light_per_intensity
+        assert found == pytest.approx(light, rel=0.1)

@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.estimators.joint_mle import maximize
-from jotlight.estimators.merge_readings import equivalent_counts, reference_sensor
+from jotlight.estimators.merge_readings import counts_at_maximum, reference_sensor
 from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.likelihood import Likelihood
 
@@ -44,7 +44,7 @@ def reference_likelihood(merged):
 def test_the_likelihood_has_the_same_maximum_and_the_same_information(sensor):
     bits = expose(sensor)
     joint = joint_likelihood(bits, sensor, None)
-    ones, trials = equivalent_counts(joint, reference_sensor(sensor))
+    ones, trials = counts_at_maximum(joint, reference_sensor(sensor))
     merged = jl.merge_readings(bits)
     assert merged.sensor == reference_sensor(sensor)
     estimate = maximize(joint)

@@ -7,7 +7,7 @@ from scipy import optimize
 import jotlight as jl
 from jotlight.estimators.bracketing import intensity_range, snr_bound
 from jotlight.estimators.joint_mle import maximize
-from jotlight.estimators.merge_readings import equivalent_counts, reference_sensor
+from jotlight.estimators.merge_readings import counts_at_maximum, reference_sensor
 from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.multibit import reading_probability
 
@@ -117,7 +117,7 @@ def test_equivalent_counts_have_the_same_maximum_and_information(name):
     joint = joint_likelihood(sensor.expose(SCENE, rng=4), sensor, None)
     reference = reference_sensor(sensor)
     assert reference.has_plain_bits
-    ones, trials = equivalent_counts(joint, reference)
+    ones, trials = counts_at_maximum(joint, reference)
     x = maximize(joint)
     clear = (x > 0.1) & (x < 5) & (joint.total > 0) & (joint.total < joint.max_total)
     assert clear.sum() > 40

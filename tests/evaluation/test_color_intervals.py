@@ -32,11 +32,22 @@ def known_of(level=0.95):
 def pixels_of(bits):
     gray = without_mosaic(bits.sensor)
     counted = count_pixels(bits.counts(), gray, None)
-    return MosaicPixels.of(counted, gray, bits.sensor.mosaic)
+    return MosaicPixels.of(counted, bits.sensor.mosaic)
 
 
 def covered(known, image=IMAGE):
     return float(((known.low <= image) & (image <= known.high)).mean())
+
+
+def test_a_color_has_the_trials_of_the_pixels_that_see_it():
+    # Behind RGGB, green has the threshold 1, and red and blue 3, which say little in the dark.
+    board = np.where(np.indices(IMAGE.shape[:2]).sum(axis=0) % 2, 1, 3)
+    bits = expose("RGGB", threshold=board)
+    known = jl.uncertainty(bits, confidence_level=0.9)
+    inside = (known.low <= IMAGE) & (known.high >= IMAGE)
+    dark = np.quantile(IMAGE, 1 / 3) >= IMAGE
+    assert 0.85 < inside.mean() < 0.98
+    assert 0.82 < inside[dark].mean() < 0.98
 
 
 @pytest.mark.slow

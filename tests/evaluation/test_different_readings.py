@@ -52,6 +52,16 @@ def test_networks_get_better_counts_than_those_of_merge_readings(captured):
     assert error(direct, truth) < error(merged, truth)
 
 
+@pytest.mark.parametrize(("frames", "photons", "largest"), [(1, 12.0, 0.08), (8, 18.0, 0.16)])
+def test_mostly_saturated_readings_of_two_bits_are_hardly_too_dark(frames, photons, largest):
+    # About half of the pixels have only the largest readings. The likelihood of 8 of them is nearly
+    # the same from 11 to 18 photons.
+    truth = photograph("camera")[100:356:2, 100:356:2].astype(np.float64)
+    sensor = jl.Sensor(frames=frames, gain=frames * photons, bit_depth=2)
+    estimate = jl.reconstruct(sensor.expose(truth, rng=0))
+    assert estimate.mean() == pytest.approx(truth.mean(), rel=largest)
+
+
 @pytest.mark.parametrize(
     "sensor",
     [
@@ -166,7 +176,12 @@ def test_many_readings_are_blended_on_held_out_bits():
     estimate, info = jl.reconstruct(bits, return_info=True)
     assert info.method == "held-out"
     assert sum(info.shares.values()) == pytest.approx(1)
-    assert error(estimate, truth) < error(jl.mle(bits), truth)
+    # The likelihood chooses the shares, and not the error of the logarithm, which is as large as
+    # that of "mle": 2 % less to 2 % more.
+    assert error(estimate, truth) < 1.05 * error(jl.mle(bits), truth)
+    assert jl.metrics.psnr(estimate / 60, truth / 60) > 0.3 + jl.metrics.psnr(
+        jl.mle(bits) / 60, truth / 60
+    )
 
 
 @pytest.mark.slow

@@ -11,8 +11,10 @@ from jotlight.datasets import photograph
 from jotlight.estimators.demosaicing import demosaic
 from jotlight.evaluation.mosaics import count_image
 from jotlight.formats.checksums import file_checksum
+from jotlight.networks.mosaic_planes import value_weights
 from jotlight.networks.pretrained import MOSAIC_FILE
 from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.pixel_counts import count_pixels
 from jotlight.sensing.readings import without_mosaic
 
 SCENE = photograph("astronaut")[:256:4, 100:356:4].astype(np.float64)
@@ -29,6 +31,7 @@ def psnr(estimate, truth=SCENE):
 def test_planes_are_the_images_of_each_position_of_the_period(order):
     mosaic = Mosaic(order)
     sensor = jl.Sensor(oversampling=2, frames=4, dark_counts=0.02, max_intensity=2, mosaic=order)
+    plain = without_mosaic(sensor)
     bits = sensor.expose(SCENE[:, :63], rng=0)  # rows and columns that are no multiples
     counts, values = bits.counts(), np.zeros((64, 63))
     rows, columns = mosaic.pattern.shape
@@ -39,12 +42,26 @@ def test_planes_are_the_images_of_each_position_of_the_period(order):
         )  # fmt: skip
         part = (slice(row, None, rows), slice(column, None, columns))
         values[part] = jl.reconstruct(counts[part], own, quality="small")
-    expected = np.clip(demosaic(values, mosaic, "differences"), 0, 2)
+    weights = value_weights(values, count_pixels(counts, plain, None), mosaic)
+    expected = np.clip(demosaic(values, mosaic, "differences", weights), 0, 2)
     found, info = jl.reconstruct(bits, quality="small", return_info=True, **LINEAR)
     np.testing.assert_allclose(found, expected, atol=2e-6)
     assert found.shape == (64, 63, 3)
     assert found.dtype == np.float32
     assert (info.method, info.title) == ("network-small", "network, small, color differences")
+
+
+@pytest.mark.parametrize("method", ["network-medium", "admm-tv"])
+def test_saturated_clear_pixels_change_the_mean_little(method):
+    # 12 photons behind the clear filter, but 4 behind the others
+    bits = jl.Sensor(frames=16, gain=128.0, mosaic="RGBW").expose(np.full((48, 48, 3), 0.5), rng=0)
+    found = jl.reconstruct(bits, method=method, **LINEAR)
+    np.testing.assert_allclose(found.mean(axis=(0, 1)), 0.5, rtol=0.05)
+
+
+def test_the_color_network_keeps_the_mean_where_clear_pixels_are_saturated():
+    bits = jl.Sensor(frames=4, gain=32.0, mosaic="RGBW").expose(SCENE, rng=0)
+    assert jl.reconstruct(bits).mean() == pytest.approx(SCENE.mean(), rel=0.1)
 
 
 @pytest.mark.parametrize("mosaic", ["RGGB", "RGBW", RANDOM], ids=repr)
@@ -141,11 +158,11 @@ def test_clear_pixels_see_more_than_the_largest_intensity(options):
     # White of 0.8 is 2.4 behind a clear filter.
     sensor = jl.Sensor(mosaic="RGBW", **options)
     white = np.full((64, 64, 3), 0.8)
-    merged, own = count_image(sensor.expose(white, rng=0), without_mosaic(sensor), None, RGBW)
+    merged = count_image(sensor.expose(white, rng=0), without_mosaic(sensor), None, RGBW)
     clear = (slice(1, None, 2), slice(1, None, 2))
     fraction = merged.counts[clear].sum() / merged.trials[clear].sum()
-    assert -np.log1p(-fraction) / own.light_per_intensity == pytest.approx(2.4, rel=0.03)
-    assert own.max_intensity == merged.sensor.max_intensity == 1
+    assert -np.log1p(-fraction) / merged.sensor.light_per_intensity == pytest.approx(2.4, rel=0.03)
+    assert merged.sensor.max_intensity == 1
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from examples.arrays import file_names
 from examples.encodings import npy_bytes
+from folders import file_names
 from jotlight.formats.archives import read_npz
 from jotlight.formats.arrays import read_npy
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from examples.arrays import file_names, random_bits
+from examples.arrays import random_bits
+from folders import file_names
 from jotlight.formats.writing import write_capture
 from jotlight.sensing.frames import Frames
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from examples.arrays import file_names, random_bits
+from examples.arrays import random_bits
 from examples.encodings import npy_bytes
+from folders import file_names
 from jotlight.formats import verify_capture
 from jotlight.formats.description import description_path
 

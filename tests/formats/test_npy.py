@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from examples.arrays import file_names, random_bits, random_frames
+from examples.arrays import random_bits, random_frames
+from folders import file_names
 from jotlight.formats.reading import open_capture
 from jotlight.formats.writing import write_capture
 from jotlight.sensing.provenance import Provenance

@@ -232,9 +232,35 @@ def test_python_objects_are_refused(tmp_path, ending):
 @pytest.mark.parametrize("ending", [".npy", ".npz"])
 def test_an_array_of_another_shape_or_type_is_refused(tmp_path, stack, ending):
     path = save_as(tmp_path / f"a{ending}", stack)
-    message = rf"a\{ending}: expected a numeric array of images \(N, H, W\)"
+    message = rf"a\{ending}: expected .*gray images \(N, H, W\)"
     with pytest.raises(ValueError, match=message):
         read_image_set(path)
+
+
+@pytest.mark.parametrize("shape", [(8, 9, 3), (2, 8, 9, 3), (2, 3, 8, 9), (2, 1, 8, 9)])
+def test_the_advice_about_channels_returns_a_stack(tmp_path, shape):
+    stack = np.random.default_rng(0).random(shape)
+    with pytest.raises(ValueError, match="images of their own: write ") as caught:
+        read_image_set(save_as(tmp_path / "a.npy", stack))
+    converted = eval(str(caught.value).partition(" write ")[2], {"np": np, "array": stack})
+    assert converted.shape == (stack.size // 72, 8, 9)
+    _, images = read_image_set(save_as(tmp_path / "b.npy", converted))
+    np.testing.assert_array_equal(images, converted.astype(np.float32))
+
+
+def test_the_error_of_a_value_that_is_no_intensity_names_the_file(tmp_path):
+    image = np.full((8, 9), np.nan)
+    (tmp_path / "folder").mkdir()
+    save_as(tmp_path / "folder" / "a.npy", image)
+    for source in save_as(tmp_path / "a.npy", image[None]), tmp_path / "folder":
+        with pytest.raises(ValueError, match=r"a\.npy: expected finite intensities"):
+            read_image_set(source)
+
+
+def test_the_error_of_a_folder_of_folders_names_one(tmp_path):
+    (tmp_path / "more").mkdir()
+    with pytest.raises(ValueError, match=r"found none; folders inside .* pass one: .*more"):
+        read_image_set(tmp_path)
 
 
 def test_a_single_image_is_refused_as_a_set(tmp_path):

@@ -10,6 +10,7 @@ import tifffile
 from PIL import Image
 
 import jotlight as jl
+from folders import size_limit
 from jotlight.chunks import windows
 from jotlight.images.io import read_image
 from jotlight.images.tone import Tone
@@ -110,21 +111,16 @@ def test_images_of_different_shapes_and_empty_films_are_refused(tmp_path, name):
 
 @pytest.mark.parametrize("name", ["a.npy", "a.tif", "a", "a.gif"])
 def test_a_full_disk_is_reported_and_leaves_no_file(tmp_path, name):
-    resource = pytest.importorskip("resource", reason="needs limits of the operating system")
+    pytest.importorskip("resource", reason="needs limits of the operating system")
     noise = np.random.default_rng(0).random((100, 100), np.float32)
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
 
     def write():
         with video_writer(tmp_path / name) as add:
             for _ in range(5):
                 add(noise)
 
-    resource.setrlimit(resource.RLIMIT_FSIZE, (8000, before[1]))
-    try:
-        with pytest.raises(OSError, match=f"cannot write .*{name}: File too large"):
-            write()
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    with size_limit(8000), pytest.raises(OSError, match=f"cannot write .*{name}: File too large"):
+        write()
     assert list(tmp_path.iterdir()) == []
 
 

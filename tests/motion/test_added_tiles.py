@@ -8,7 +8,7 @@ import pytest
 from jotlight.motion.added_tiles import add_tiles, degrees_of_freedom, is_unexplained
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.deformation import LESS_SMOOTH
-from jotlight.motion.model import find_paths
+from jotlight.motion.path_search import find_paths
 from moving import blocks_of, record
 
 

@@ -8,7 +8,7 @@ import jotlight as jl
 from jotlight.motion.carrying import carry
 from jotlight.motion.film_image import FilmSettings
 from jotlight.motion.film_state import FilmState
-from jotlight.motion.mosaics import enlarge, in_squares
+from jotlight.motion.mosaics import enlarge_motion, in_squares
 from moving import behind, in_memory
 
 
@@ -55,4 +55,4 @@ def test_the_end_of_a_window_moves_as_its_own_bits_show():
         return jl.metrics.psnr(jl.reconstruct(merged)[inner], truth[inner], data_range=1.0)
 
     alone = quality(jl.align(part))
-    assert quality(enlarge(found.image.motion, 2, bits.shape[1:])) > alone - 0.3
+    assert quality(enlarge_motion(found.image.motion, 2, bits.shape[1:])) > alone - 0.3

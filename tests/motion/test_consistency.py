@@ -19,8 +19,9 @@ from jotlight.motion.consistency import (
     disagreement,
     find_consistent,
 )
-from jotlight.motion.model import _still
+from jotlight.motion.path_search import _still
 from jotlight.motion.scoring import Template
+from jotlight.motion.track import Paths
 from moving import blocks_of
 from reference import motion as reference
 
@@ -46,6 +47,16 @@ def test_chi_squared_is_that_of_the_twin(seed, size, trials):
     sums, template = random_case(seed, size, trials)
     expected = reference.chi_squared(sums.ones, sums.trials, template.probability, template.trials)
     np.testing.assert_allclose(chi_squared(sums, template), expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("light", [1e-4, 8.0])
+def test_bits_of_dim_and_of_saturated_scenes_agree(light):
+    """Few bits differ from the others there, and none of them disagrees by itself."""
+    rng = np.random.default_rng(0)
+    bits = rng.random((64, 64, 64)) < -np.expm1(-light * rng.uniform(0.9, 1.1, (64, 1, 1)))
+    blocks = blocks_of(jl.Bits.from_array(bits))
+    still = Paths([_still(blocks, 32)], np.zeros(blocks.size, np.uint8))
+    assert find_consistent(still).accepted.mean() > 0.999
 
 
 def test_many_trials_do_not_show_small_errors():

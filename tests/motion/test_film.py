@@ -9,7 +9,7 @@ import pytest
 import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import as_motion
-from jotlight.motion.carrying import carry, divide_by_steps
+from jotlight.motion.carrying import carry
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.film import film
 from jotlight.motion.live_film import LiveFilm
@@ -243,22 +243,6 @@ def test_color_is_filmed():
     images = list(film(colors, window=32, step=8))
     assert images[-1].merged.shape == (48, 48, 2)
     np.testing.assert_array_equal(images[-1].merged.ones[..., 0], images[-1].merged.ones[..., 1])
-
-
-@pytest.mark.parametrize("frames", [16, 63, 64, 100, 256, 1000])
-@pytest.mark.parametrize("step", [1, 3, 8, 16, 25, 32])
-def test_blocks_are_shared_by_windows(frames, step):
-    edges = divide_by_steps(frames, step)
-    lengths = np.diff(edges)
-    usual = frames / (len(jl.motion.model.divide(frames)) - 1)
-    assert edges[0] == 0
-    assert edges[-1] == frames
-    assert lengths.min() >= 1
-    assert lengths.max() <= max(2 * usual + 1, 24)
-    if step >= usual:
-        # The last block is longer or shorter, so that all frames lie in one.
-        shared = edges[(edges >= step) & (edges < frames)] - step
-        assert set(shared) <= set(edges.tolist())
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.errors import hide_warnings
 from jotlight.motion import film_state
 from jotlight.motion.film import film
 from jotlight.motion.film_image import FilmSettings
@@ -100,14 +101,28 @@ def test_the_motion_that_explains_the_bits_is_better_unless_merging_rejected_it(
     wrong = dataclasses.replace(right, motion=wrong_motion, paths=paths)
     assert right.explains_more(wrong)
     assert not wrong.explains_more(right)
-    rejected = dataclasses.replace(right, image=flagged_everywhere(right.image))
+    rejected = dataclasses.replace(right, image=dataclasses.replace(right.image, still=range(16)))
     assert wrong.explains_more(rejected)
     assert not rejected.explains_more(wrong)
 
 
-def flagged_everywhere(image):
-    flags = np.ones(image.merged.shape, bool)
-    return dataclasses.replace(image, merged=dataclasses.replace(image.merged, flags=flags))
+def test_a_motion_is_carried_although_all_pixels_are_flagged(monkeypatch):
+    """It is lost only where the sums of a window without motion predict the bits better."""
+    monkeypatch.setattr(film_state, "_MAX_FLAGGED", 1.0)  # no motion in more frames
+    monkeypatch.setattr(film_state, "_MAX_LOSS", 1.0)  # no fresh motion
+    _, bits = record("shake", frames=20, shape=(48, 48), photons=1.0)
+    monkeypatch.setattr(
+        "jotlight.motion.merge.find_flags",
+        lambda _, disagreements, *__, **___: np.ones(disagreements.shape, bool),
+    )
+    for window, is_lost in ((None, False), (range(6, 10), True)):
+        monkeypatch.setattr("jotlight.motion.merge.find_window", lambda *_, window=window: window)
+        with hide_warnings():
+            images = list(film(bits, window=16, step=4, model="affine"))
+        assert [image.merged.flags.all() for image in images] == [True, True]
+        assert [image.is_rejected for image in images] == [is_lost, is_lost]
+        assert images[0].still == window
+        assert images[1].is_carried != is_lost
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.finer import double, spread_frames
+from jotlight.motion.finer import double, fine_frames
 from moving import constant_motion, in_memory, moved
 
 module = sys.modules["jotlight.motion.merge"]
@@ -17,7 +17,7 @@ REFERENCE = 16
 
 
 @pytest.fixture(autouse=True)
-def _without_guard(monkeypatch):
+def _without_still_window(monkeypatch):
     """Merge along the motion in all cases, even where a sum without motion may be better."""
     monkeypatch.setattr(module, "find_window", lambda paths, total: None)
 
@@ -47,12 +47,12 @@ def fine_sums(frames, shifts, valid=None):
 
 
 @pytest.mark.parametrize("width", [5, 8, 13, 64, 67])
-def test_frames_are_spread_over_even_rows_and_columns(width):
+def test_frames_are_placed_on_even_rows_and_columns(width):
     frames = np.random.default_rng(width).random((3, 4, width)) < 0.5
     expected = np.zeros((3, 8, 2 * width), bool)
     expected[:, ::2, ::2] = frames
     np.testing.assert_array_equal(
-        spread_frames(np.packbits(frames, axis=2), width), np.packbits(expected, axis=2)
+        fine_frames(np.packbits(frames, axis=2), width), np.packbits(expected, axis=2)
     )
 
 

@@ -56,6 +56,17 @@ def test_blocks_in_other_light_agree_with_the_template(factor):
     assert np.quantile(values, 0.99) < 2.5 < np.quantile(chi_squared(sums, template()), 0.99)
 
 
+def test_saturated_pixels_agree_if_the_light_changes_little():
+    """A change by 2 % of the ones would be many times the zeros of saturated pixels."""
+    photons = 2.5 * light()
+    same = Template((-np.expm1(-photons)).astype(np.float32), np.full(SIZE, 10_000, np.int32))
+    sums = sums_of(1.04 * photons, 64, 4)
+    assert at_brightness(same, sums) is not same
+    saturated = photons > 7
+    assert chi_squared(sums, at_brightness(same, sums))[saturated].mean() < 1.2
+    assert chi_squared(sums, same)[saturated].mean() > 1.4
+
+
 @pytest.mark.parametrize("factor", [0.5, 0.8, 0.9, 1.1, 1.3])
 def test_halves_in_other_light_agree(factor):
     first, second = sums_of(factor * light(), 128, 3), sums_of(light(), 128, 4)

@@ -16,7 +16,7 @@ FRAMES = 32
 
 
 @pytest.fixture(autouse=True)
-def _without_guard(monkeypatch):
+def _without_still_window(monkeypatch):
     """Merge along the motion in all cases, even where a sum without motion may be better."""
     monkeypatch.setattr(module, "find_window", lambda paths, total: None)
 

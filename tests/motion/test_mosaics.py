@@ -9,8 +9,9 @@ import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.metrics import psnr
 from jotlight.motion import mosaics
+from jotlight.motion.film import film
 from jotlight.motion.mosaic_colors import _with_neighbors, sensors_of_colors
-from jotlight.motion.mosaics import enlarge, in_squares, squares_side
+from jotlight.motion.mosaics import enlarge_motion, in_squares, squares_side
 from jotlight.motion.tiles import tile_centers
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.mosaic import Mosaic
@@ -89,7 +90,7 @@ def test_an_affine_motion_is_enlarged_exactly(side):
         nodes.astype(np.float32), np.zeros(small, np.uint8), np.array([0.0, 8.0]), 0.0,
         "affine", information,
     )  # fmt: skip
-    found = enlarge(motion, side, size)
+    found = enlarge_motion(motion, side, size)
     places = (np.indices(size) - (side - 1) / 2) / side
     np.testing.assert_allclose(found.at(8.0), side * displacement(places), atol=1e-4)
     assert found.size == size
@@ -222,11 +223,28 @@ def test_what_cannot_be_merged_is_refused():
     with pytest.raises(ValueError, match="ideal filters"):
         sensors_of_colors(jl.Sensor(mosaic="CMYG"), (4, 4))
     channels = jl.Bits.from_array(np.zeros((32, 8, 8, 3), bool), sensor=sensor)
-    with pytest.raises(ValueError, match=r"expected gray bits \(T, H, W\) for a sensor with a mos"):
+    with pytest.raises(ValueError, match=r"expected gray frames \(T, H, W\) for a sensor with"):
         jl.align(channels)
     stack = CountStack(np.zeros((32, 8, 8), np.uint8), Provenance("npy", "a.npy"), trials=4)
-    with pytest.raises(ValueError, match="data: expected bits for a sensor with a mosaic"):
-        jl.align(stack, sensor)
+    with pytest.raises(ValueError, match="sensor: expected 128 frames"):
+        jl.align(stack, sensor.replace(frames=96))
+    with pytest.raises(ValueError, match="an oversampling of 1, because images of counts show"):
+        jl.align(stack, jl.Sensor(frames=32, oversampling=2, mosaic="RGGB"))
+
+
+def test_counts_behind_a_mosaic_have_the_motion_of_their_bits():
+    scene, bits = small()
+    counts = bits.to_array().reshape(FRAMES // 2, 2, *SIZE).sum(axis=1).astype(np.uint8)
+    stack = CountStack(counts, Provenance("npy", "a.npy"), trials=2)
+    motion = jl.align(stack, bits.sensor)
+    for index in (3, 40):  # images of two frames
+        true = scene.motion(2 * index + 0.5, 2 * motion.reference + 0.5)
+        assert np.sqrt(((motion.at(index) - true) ** 2).mean()) < 0.5
+    merged = jl.merge(stack, bits.sensor, motion=motion)
+    assert merged.shape == (*SIZE, 3)
+    assert merged.ones.sum() <= counts.sum()
+    with pytest.raises(ValueError, match="film of a sensor with a mosaic, got counts"):
+        film(stack, bits.sensor, window=32)
 
 
 def test_an_all_zero_capture_is_assumed_to_stand_still():

@@ -6,7 +6,12 @@ from scipy.ndimage import map_coordinates
 from scipy.optimize import minimize
 from skimage.restoration import denoise_tv_chambolle
 
-from jotlight.motion.outlines import _cost, _with_short_outlines, choose, with_little_variation
+from jotlight.motion.outlines import (
+    _cost,
+    _with_short_outlines,
+    choose_labels,
+    with_little_variation,
+)
 from jotlight.motion.tiles import tile_counts
 from jotlight.motion.track import Track
 from moving import blocks_of, record, two_halves
@@ -29,7 +34,7 @@ def test_an_image_with_little_variation_is_that_of_another_library(weight):
 def test_each_half_follows_its_own_motion():
     velocities = (0.4, 0.3), (-0.3, 0.5)
     blocks = blocks_of(two_halves(velocities, 48))
-    labels = choose([track_of(blocks, velocity, 24) for velocity in velocities])
+    labels = choose_labels([track_of(blocks, velocity, 24) for velocity in velocities])
     assert labels.dtype == np.uint8
     assert (labels[:, :88] == 0).mean() > 0.95
     assert (labels[:, 104:] == 1).mean() > 0.95
@@ -42,7 +47,7 @@ def test_a_wrong_motion_is_followed_nowhere():
     true = track_of(blocks, (0, 0), scene.reference)
     true.nodes += np.stack([scene.motion(time)[:, :1, :1] for time in blocks.centers])
     wrong = track_of(blocks, (1.5, -1.5), scene.reference)
-    assert (choose([wrong, true]) == 1).mean() > 0.97
+    assert (choose_labels([wrong, true]) == 1).mean() > 0.97
     assert shape == (6, 6)
     assert number == 16
     # The cost is χ², which is about 1 if the bits agree.
@@ -52,7 +57,7 @@ def test_a_wrong_motion_is_followed_nowhere():
 
 def test_one_motion_has_no_outlines():
     _, bits = record("shake")
-    assert (choose([track_of(blocks_of(bits), (0, 0), 24)]) == 0).all()
+    assert (choose_labels([track_of(blocks_of(bits), (0, 0), 24)]) == 0).all()
 
 
 @pytest.mark.slow

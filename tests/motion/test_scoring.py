@@ -10,11 +10,10 @@ from jotlight import _engine as engine
 from jotlight.motion.blocks import Sums
 from jotlight.motion.scoring import (
     Template,
-    blur,
     make_blurred_template,
     make_template,
     normal_equations,
-    read_network,
+    template_network,
 )
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import FOLDER
@@ -47,31 +46,6 @@ def cases(draw):
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     sums = random_sums(rng, size, draw(st.integers(1, 200)), draw(st.booleans()))
     return sums, random_template(rng, size), draw(st.sampled_from([0.1, 0.7, 1.0, 2.0, 8.0]))
-
-
-@pytest.mark.parametrize("level", engine.cpu_levels())
-@pytest.mark.parametrize("shape", [(1, 1), (17, 64), (3, 40, 129), (2, 1, 70)])
-@pytest.mark.parametrize("sigma", [0.1, 0.75, 1.5, 8.0])
-def test_blurred_images_are_those_of_scipy_for_any_number_of_threads(level, shape, sigma):
-    images = np.random.default_rng(0).random(shape, np.float32)
-    engine.choose_cpu_level(level)
-    try:
-        found = [blur(images, sigma, threads) for threads in (1, 3)]
-    finally:
-        engine.choose_cpu_level(None)
-    sigmas = *[0] * (len(shape) - 2), sigma, sigma
-    expected = gaussian_filter(images.astype(np.float64), sigmas, mode="reflect", truncate=3.0)
-    np.testing.assert_allclose(found[0], expected, atol=2e-6)
-    np.testing.assert_array_equal(found[1], found[0])
-
-
-def test_a_filter_of_a_wrong_width_or_shape_is_refused():
-    images = np.zeros((2, 4, 4), np.float32)
-    for sigma in (0.0, -1.0, np.nan, 101.0):
-        with pytest.raises(ValueError, match="width of the filter: expected above 0"):
-            engine.blur(images, sigma, images.copy(), None)
-    with pytest.raises(ValueError, match="output"):
-        engine.blur(images, 1.0, images[:1].copy(), None)
 
 
 @settings(max_examples=20)
@@ -297,7 +271,7 @@ def test_blurred_templates_have_no_noise_and_undo_the_mean_remainder():
 def test_most_templates_come_from_a_network_of_their_own():
     sums = random_sums(np.random.default_rng(0), (40, 50), masked=False)
     own, small = (Network.load(FOLDER / f"{name}.safetensors") for name in ("templates", "small"))
-    assert fingerprint_network(read_network()) == fingerprint_network(own)
+    assert fingerprint_network(template_network()) == fingerprint_network(own)
     template = make_template(sums, None).probability
     np.testing.assert_array_equal(template, make_template(sums, None, "templates").probability)
     assert abs(template - make_template(sums, None, "small").probability).max() > 1e-3

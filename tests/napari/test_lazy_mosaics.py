@@ -31,7 +31,7 @@ def intensities(layer):
 
 
 def test_a_layer_of_a_mosaic_has_colors():
-    data, arguments, kind = make_layer(Viewed.from_bits(BITS), 16)
+    data, arguments, kind = make_layer(Viewed.from_data(BITS), 16)
     assert (kind, arguments["rgb"]) == ("image", True)
     assert (data.shape, data.dtype) == ((3, *SCENE.shape), np.float32)
     shown = np.asarray(data)
@@ -46,7 +46,7 @@ def test_a_layer_of_a_mosaic_has_colors():
 
 @pytest.mark.slow
 def test_methods_of_the_dock_widget_show_colors():
-    source = make_layer(Viewed.from_bits(BITS), 16)[1]["metadata"][KEY]
+    source = make_layer(Viewed.from_data(BITS), 16)[1]["metadata"][KEY]
     part = BITS[8:24]
     joint = intensities(change_method(source, "network-color", 16, 8))
     np.testing.assert_array_equal(joint[1], jl.reconstruct(part.counts(), part.sensor))
@@ -56,7 +56,7 @@ def test_methods_of_the_dock_widget_show_colors():
 
 
 def test_counts_of_a_mosaic_are_gray():
-    data, arguments, _ = make_layer(Viewed.from_bits(BITS), 16, method="counts")
+    data, arguments, _ = make_layer(Viewed.from_data(BITS), 16, method="counts")
     assert data.shape == (3, *SCENE.shape[:2])
     assert "rgb" not in arguments
     np.testing.assert_allclose(np.asarray(data[1]), BITS[16:32].counts() / 16, rtol=1e-6)
@@ -65,7 +65,7 @@ def test_counts_of_a_mosaic_are_gray():
 def test_a_gray_capture_has_no_color_network():
     gray = jl.Sensor(frames=16).expose(SCENE[..., 0], rng=0)
     with pytest.raises(ValueError, match="the color network takes three colors"):
-        make_layer(Viewed.from_bits(gray), 16, method="network-color")
+        make_layer(Viewed.from_data(gray), 16, method="network-color")
 
 
 def test_a_mosaic_is_stated_when_a_capture_is_opened(tmp_path):
@@ -85,7 +85,7 @@ def test_a_mosaic_is_stated_when_a_capture_is_opened(tmp_path):
 
 
 def test_colors_are_measured():
-    layer = make_layer(Viewed.from_bits(BITS), 48)
+    layer = make_layer(Viewed.from_data(BITS), 48)
     text = measure_layer(Layer(*layer), (0,))
     means = intensities(layer)[0].astype(np.float64).mean(axis=(0, 1))
     assert "channels: red, green, blue" in text
@@ -94,7 +94,7 @@ def test_colors_are_measured():
 
 
 def test_a_still_window_is_shown_as_it_is():
-    source = make_layer(Viewed.from_bits(BITS), 16, method="counts")[1]["metadata"][KEY]
+    source = make_layer(Viewed.from_data(BITS), 16, method="counts")[1]["metadata"][KEY]
     layer = align_window(source, 1)
     part = BITS[16:32]
     expected = jl.reconstruct(part.counts(), part.sensor, **DIFFERENCES)
@@ -106,7 +106,7 @@ def test_a_moving_window_is_merged_along_the_motion():
     coffee = jl.datasets.photograph("coffee")
     sensor = jl.Sensor(frames=96, mosaic="RGGB")
     moving = jl.datasets.moving(coffee, sensor=sensor, shape=(128, 192), photons=0.5, rng=0)
-    viewed = Viewed.from_bits(moving.bits)
+    viewed = Viewed.from_data(moving.bits)
     source = make_layer(viewed, 48, method="network-color")[1]["metadata"][KEY]
     found = intensities(align_window(source, 1))
     bits = moving.bits[48:]
@@ -124,7 +124,7 @@ def test_a_calibration_tells_filters_from_jots(tmp_path):
     for name, bits in (("dark", dark), ("flat", flat)):
         jl.save(jl.Bits.from_array(np.asarray(bits)), tmp_path / f"{name}.npy")
     bits = sensor.expose(np.full((*shape, 3), 0.5), rng=rng)
-    source = make_layer(Viewed.from_bits(bits), 256)[1]["metadata"][KEY]
+    source = make_layer(Viewed.from_data(bits), 256)[1]["metadata"][KEY]
     layer, _ = apply_calibration(source, tmp_path / "dark.npy", tmp_path / "flat.npy", None)
     expected = jl.calibrate(dark, flat).applied_to(sensor)
     assert layer[1]["metadata"][KEY].viewed.sensor_of_all == expected
@@ -139,7 +139,7 @@ def test_a_calibration_of_pixels_with_several_jots(tmp_path):
     flat = sensor.expose(np.full((20, 24, 3), [0.8, 0.3, 0.5]), rng=rng)
     for name, bits in (("dark", dark), ("flat", flat)):
         jl.save(jl.Bits.from_array(np.asarray(bits)), tmp_path / f"{name}.npy")
-    source = make_layer(Viewed.from_bits(flat), 256)[1]["metadata"][KEY]
+    source = make_layer(Viewed.from_data(flat), 256)[1]["metadata"][KEY]
     layer, _ = apply_calibration(source, tmp_path / "dark.npy", tmp_path / "flat.npy", None)
     expected = jl.calibrate(dark, flat).applied_to(sensor)
     assert layer[1]["metadata"][KEY].viewed.sensor_of_all == expected

@@ -77,3 +77,13 @@ def test_errors_are_shown(widget, click, tmp_path):
     press_open(widget, click)
     assert "does not identify its format" in widget.message.value
     assert widget.open.enabled
+
+
+def test_a_stack_that_does_not_state_the_bits_of_its_readings(widget, click, tmp_path):
+    array = RNG.integers(0, 16, (8, 6, 8), dtype=np.uint8)
+    np.save(tmp_path / "stack.npy", array)
+    widget.file.value = tmp_path / "stack.npy"
+    widget.bit_depth.value = 4
+    [readings] = press_open(widget, click)
+    assert readings.bit_depth == 4
+    np.testing.assert_array_equal(readings.to_array(), array)

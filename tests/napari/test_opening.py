@@ -197,7 +197,7 @@ def test_a_browser_in_the_terminal_does_not_delay_the_page(monkeypatch):
         closed.wait(60)
 
     monkeypatch.setattr(serving.webbrowser, "open", browse)
-    with serving.serving(Viewed.from_bits(BITS)) as server:
+    with serving.serving(Viewed.from_data(BITS)) as server:
         server.open_browser()
         assert begun.wait(20)
         assert opened == [server.address]

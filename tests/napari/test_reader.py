@@ -214,7 +214,7 @@ def test_color_bits_become_a_layer_of_colors():
     bits = jl.Sensor(frames=16).expose(
         jl.datasets.photograph("coffee")[:32, :40], rng=0, channel_axis=-1
     )
-    data, arguments, _ = make_layer(Viewed.from_bits(bits), 8)
+    data, arguments, _ = make_layer(Viewed.from_data(bits), 8)
     assert data.shape == (2, 32, 40, 3)
     assert arguments["rgb"]
     assert 0 <= float(data.min()) <= float(data.max()) <= 1
@@ -222,7 +222,7 @@ def test_color_bits_become_a_layer_of_colors():
 
 def test_channels_that_are_no_colors_get_a_slider():
     bits = jl.Bits.from_array(RNG.random((16, 6, 8, 2)) < 0.4)
-    data, arguments, _ = make_layer(Viewed.from_bits(bits), 8)
+    data, arguments, _ = make_layer(Viewed.from_data(bits), 8)
     assert data.shape == (2, 2, 6, 8)
     assert "rgb" not in arguments
     expected = arguments["metadata"][KEY].image(1)[..., 1]
@@ -263,6 +263,43 @@ def test_a_calibration_changes_the_sensor(path, tmp_path):
     assert "masked jots: 1 of 2400" in text
     with pytest.raises(ValueError, match="dark capture"):
         apply_calibration(source, None, None, None)
+
+
+@pytest.mark.parametrize("is_labeled", [True, False])
+def test_readings_of_several_bits_become_a_layer(tmp_path, is_labeled):
+    readings = jl.Sensor(frames=20, bit_depth=4, gain=60.0).expose(PHOTO, rng=0)
+    if is_labeled:
+        jl.save(readings, tmp_path / "a.npy")
+        [(data, arguments, _)] = reader.read(tmp_path / "a.npy")
+    else:
+        np.save(tmp_path / "a.npy", readings.to_array())
+        [(data, arguments, _)] = reader.read(tmp_path / "a.npy", bit_depth=4)
+        readings = jl.open(tmp_path / "a.npy", bit_depth=4)
+    source = arguments["metadata"][KEY]
+    shown = source.viewed.sensor(20).replace(max_intensity=estimated_range(source))
+    assert (shown.max_intensity == 1) == is_labeled
+    np.testing.assert_array_equal(np.asarray(data[0]), jl.mle(readings, shown))
+    sums, _, _ = change_method(source, "counts", 10, 10)
+    expected = readings.to_array()[10:].sum(axis=0) / 150
+    np.testing.assert_allclose(np.asarray(sums[1]), expected, rtol=1e-6)
+
+
+def estimated_range(source):
+    from jotlight.view.estimate import choose
+
+    return choose(source.viewed, source.window, "mle").max_intensity
+
+
+def test_the_windows_of_a_bracket_are_whole_cycles():
+    bits = jl.Sensor(frames=100, gain=np.resize([0.25, 1.0, 4.0], 100)).expose(PHOTO, rng=0)
+    data, arguments, _ = make_layer(Viewed.from_data(bits))
+    source = arguments["metadata"][KEY]
+    assert (source.window, len(data)) == (63, 1)
+    data, _, _ = change_method(source, "mle", 30, 15)
+    np.testing.assert_array_equal(np.asarray(data[1]), jl.mle(bits[15:45]))
+    for window, step, name in ((20, 3, "window"), (30, 10, "step")):
+        with pytest.raises(ValueError, match=f"{name}: expected a multiple of 3, because"):
+            change_method(source, "mle", window, step)
 
 
 def test_layers_of_others_are_refused():

@@ -19,7 +19,7 @@ PHOTO = jl.datasets.photograph("camera")[100:164, 180:244]
 @pytest.fixture
 def viewer(empty_viewer):
     bits = jl.Sensor(frames=96, max_intensity=4.0).expose(PHOTO, rng=0)
-    data, arguments, _ = make_layer(Viewed.from_bits(bits, "scene"), 32)
+    data, arguments, _ = make_layer(Viewed.from_data(bits, "scene"), 32)
     empty_viewer.add_image(data, **arguments)
     return empty_viewer
 
@@ -73,7 +73,7 @@ def test_a_color_layer_is_measured_as_intensities(viewer, widget, click):
     sensor = jl.Sensor(frames=64, max_intensity=20.0)
     scene = 3 * jl.datasets.photograph("coffee")[100:164, 180:244]
     bits = sensor.expose(scene, rng=0, channel_axis=-1)
-    data, arguments, _ = make_layer(Viewed.from_bits(bits, "colors"), 32)
+    data, arguments, _ = make_layer(Viewed.from_data(bits, "colors"), 32)
     viewer.add_image(data, **arguments)
     viewer.dims.set_current_step(0, 1)
     widget.measure.native.click()
@@ -89,7 +89,7 @@ def test_a_color_layer_is_measured_as_intensities(viewer, widget, click):
 def test_a_mosaic_becomes_a_layer_of_colors(viewer, widget, click):
     scene = jl.datasets.photograph("coffee")[100:164:2, 180:244:2]
     bits = jl.Sensor(frames=64, mosaic="RGGB").expose(scene, rng=0)
-    data, arguments, _ = make_layer(Viewed.from_bits(bits, "mosaic"), 32)
+    data, arguments, _ = make_layer(Viewed.from_data(bits, "mosaic"), 32)
     viewer.add_image(data, **arguments)
     widget.method.value, widget.step.value = "network-color", 16
     click(widget, widget.reconstruct, lambda: len(viewer.layers) == 3)

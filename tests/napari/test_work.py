@@ -44,16 +44,24 @@ def test_a_rectangle_is_measured():
 
 def test_photons_are_measured_in_both_units():
     bits = SENSOR.expose(PHOTO, rng=0)
-    data, arguments, _ = make_layer(Viewed.from_bits(bits))
+    data, arguments, _ = make_layer(Viewed.from_data(bits))
     text = measure(arguments["metadata"][KEY], np.asarray(data[0]))
     mean = float(np.asarray(data[0], np.float64).mean())
     assert f"photons per pixel and frame: {mean:.4g}" in text
     assert f"photons per second: {mean * 1e5:.4g}" in text
 
 
+def test_a_bracket_has_no_units_of_photons():
+    bits = jl.Sensor(frames=40, gain=[0.5, 2.0] * 20).expose(PHOTO, rng=0)
+    data, arguments, _ = make_layer(Viewed.from_data(bits))
+    text = measure(arguments["metadata"][KEY], np.asarray(data[0]))
+    assert "mean: " in text
+    assert "photons" not in text
+
+
 def test_the_intensities_of_colors_are_measured():
     bits = expose_colors()
-    layer = layer_of(*make_layer(Viewed.from_bits(bits), 50))
+    layer = layer_of(*make_layer(Viewed.from_data(bits), 50))
     text = measure_layer(layer, (1,))
     expected = jl.mle(bits[50:]).astype(np.float64)
     assert "channels: red, green, blue" in text
@@ -71,13 +79,13 @@ def test_an_aligned_color_image_is_measured_as_intensities():
 
 
 def test_data_derived_from_clipped_colors_are_refused():
-    data, arguments, _ = make_layer(Viewed.from_bits(expose_colors()), 50)
+    data, arguments, _ = make_layer(Viewed.from_data(expose_colors()), 50)
     with pytest.raises(ValueError, match="measure the color layer itself"):
         measure_layer(layer_of(data[..., 0], arguments), (0,))
 
 
 def test_a_projection_has_no_units_of_photons():
-    data, arguments, _ = make_layer(Viewed.from_bits(SENSOR.expose(PHOTO, rng=0)), 50)
+    data, arguments, _ = make_layer(Viewed.from_data(SENSOR.expose(PHOTO, rng=0)), 50)
     projection = layer_of(np.asarray(data).sum(axis=0), arguments)
     assert "photons" not in measure_layer(projection, ())
 
@@ -91,6 +99,6 @@ def test_colors_of_other_layers_are_measured_as_they_are():
 
 @pytest.mark.parametrize("index", [-1, 2])
 def test_an_image_beyond_the_layer_is_refused(index):
-    layer = layer_of(*make_layer(Viewed.from_bits(SENSOR.expose(PHOTO, rng=0)), 50))
+    layer = layer_of(*make_layer(Viewed.from_data(SENSOR.expose(PHOTO, rng=0)), 50))
     with pytest.raises(ValueError, match="expected one of the 2 images"):
         measure_layer(layer, (index,))

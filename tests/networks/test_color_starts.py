@@ -8,7 +8,7 @@ from jotlight.datasets import photograph
 from jotlight.metrics import psnr
 from jotlight.networks.color_inference import planes_of_channels
 from jotlight.networks.color_planes import CENTER, START
-from jotlight.networks.color_starts import follow
+from jotlight.networks.color_starts import guided_filter
 from jotlight.networks.pretrained import COLOR_START, pretrained_conditional
 from jotlight.sensing.pixel_counts import count_pixels
 
@@ -43,17 +43,17 @@ def by_least_squares(guide, values, known, side, noise):
 
 @pytest.mark.parametrize("fraction", [1.0, 0.6, 0.05, 0.0])
 @pytest.mark.parametrize("side", [3, 5])
-def test_follow_agrees_with_least_squares_in_each_square(fraction, side):
+def test_the_guided_filter_agrees_with_least_squares_in_each_square(fraction, side):
     rng = np.random.default_rng(0)
     guide = rng.random((11, 13))
     values, known = rng.random((11, 13)) - guide, rng.random((11, 13)) < fraction
-    found = follow(guide, values, known, side, 0.01)
+    found = guided_filter(guide, values, known, side, 0.01)
     np.testing.assert_allclose(found, by_least_squares(guide, values, known, side, 0.01), atol=1e-6)
 
 
 def start_of(counts, sensor):
     channels = [count_pixels(np.ascontiguousarray(each), sensor, 1) for each in counts]
-    planes = planes_of_channels(pretrained_conditional(sensor, COLOR_START), channels, sensor, 1)
+    planes = planes_of_channels(pretrained_conditional(sensor, COLOR_START), channels, 1)
     return np.sin(planes[START] + CENTER) ** 2
 
 

@@ -85,6 +85,11 @@ def test_files_of_another_kind_are_refused(tmp_path, content):
     assert_refused(tmp_path / "net", content, "expected a safetensors file")
 
 
+def test_a_zip_archive_is_refused_with_the_call_that_saves_a_network(tmp_path):
+    message = r"a zip archive, such as torch\.save writes; .* module\.to_network\(\)\.save\(path\)"
+    assert_refused(tmp_path / "net.pt", b"PK\x03\x04" + bytes(100), message)
+
+
 @pytest.mark.parametrize("metadata", [None, {"format": "pt"}])
 def test_safetensors_files_of_other_programs_are_refused(tmp_path, metadata):
     content = save({"layers.0.filters": np.ones(3)}, metadata)

@@ -5,7 +5,13 @@ import pytest
 
 import jotlight as jl
 from jotlight.motion.live_film import LiveFilm
-from jotlight.sensing.alike_frames import require_alike_frames
+from jotlight.sensing.alike_frames import (
+    check_cycles,
+    exposure_cycle,
+    find_cycle,
+    require_alike_frames,
+    with_frames,
+)
 
 CHECKERBOARD = 1 + np.indices((8, 8)).sum(axis=0) % 2
 GAIN = np.repeat([8.0, 1.0], [6, 10])
@@ -38,7 +44,52 @@ def test_the_first_frames_have_the_same_gain_and_threshold():
 )
 def test_no_part_of_the_frames_is_advised_where_none_is_taken(options, message):
     sensor = jl.Sensor(frames=16, **options)
-    for take in (require_alike_frames, lambda sensor: LiveFilm(sensor, window=8, step=4)):
+    for take, ending in (
+        (require_alike_frames, "take frames of one gain and threshold"),
+        (
+            lambda sensor: LiveFilm(sensor, window=8, step=4),
+            "read noise, and exposures that repeat",
+        ),
+    ):
         with pytest.raises(ValueError, match=message) as caught:
             take(sensor)
-        assert str(caught.value).endswith("take frames of one gain and threshold")
+        assert str(caught.value).endswith(ending)
+
+
+@pytest.mark.parametrize(
+    ("frames", "options", "cycle"),
+    [
+        (1, {}, 1),
+        (7, {"bit_depth": 3}, 1),
+        (7, {"gain": [1.0, 2.0] * 3 + [1.0]}, 2),
+        (8, {"gain": [1.0, 2.0] * 4, "threshold": [1, 1, 3, 3] * 2}, 4),
+        (6, {"gain": 3.0, "threshold": [1, 1, 2] * 2}, 3),
+        (6, {"gain": np.repeat([1.0, 2.0], 3)}, None),
+        (2, {"gain": [1.0, 2.0]}, None),
+        (8, {"threshold": CHECKERBOARD}, None),
+    ],
+)
+def test_the_cycle_of_exposures(frames, options, cycle):
+    sensor = jl.Sensor(frames=frames, **options)
+    assert find_cycle(sensor) == cycle
+    if cycle is not None:
+        assert exposure_cycle(sensor) == cycle
+        longer = with_frames(sensor, 2 * cycle)
+        assert longer == sensor.select_frames(slice(0, cycle)).replace(
+            frames=2 * cycle,
+            **{
+                name: np.resize(np.broadcast_to(value, frames), 2 * cycle)
+                for name, value in options.items()
+                if name in ("gain", "threshold") and np.ndim(value) == 1
+            },
+        )
+    else:
+        with pytest.raises(ValueError, match=r"expected (exposures that repeat|one gain and one)"):
+            exposure_cycle(sensor)
+
+
+@pytest.mark.parametrize(("window", "step"), [(7, None), (6, 4)])
+def test_windows_have_whole_cycles(window, step):
+    check_cycles(3, 6, None)
+    with pytest.raises(ValueError, match="expected a multiple of 3, because the exposures repeat"):
+        check_cycles(3, window, step)

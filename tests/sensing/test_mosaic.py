@@ -143,6 +143,9 @@ def test_colors_invert_the_transmission_and_apply_the_white_balance():
     seen[:, 3] += 0.1  # with a large weight, the sum of the colors is that of the clear pixels
     found = white.colors(seen, [1, 1, 1, 1e9])
     np.testing.assert_allclose(found.mean(axis=1), seen[:, 3], rtol=1e-6)
+    each = np.random.default_rng(1).random((50, 4))
+    expected = [white.colors(*pair) for pair in zip(seen, each, strict=True)]
+    np.testing.assert_allclose(white.colors(seen, each), expected)
 
 
 @pytest.mark.parametrize("pattern", ["RGGB", ["RG", "GB"], [["R", "G"], ["G", "B"]]])

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from jotlight.sensing.multibit import ReadingLikelihood, reading_probability
+from jotlight.sensing.response import JotResponse
 from reference import multibit
 
 RESPONSES = [
@@ -29,7 +30,7 @@ def some_readings(bit_depth):
 def cells(response, reading):
     bit_depth, noise, threshold = response
     sample = np.array([[reading]], np.int32)
-    return ReadingLikelihood((2**bit_depth - 1, noise, threshold), sample, False)
+    return ReadingLikelihood(JotResponse(2**bit_depth - 1, noise, threshold), sample, False)
 
 
 def kinds_of_readings():
@@ -83,7 +84,7 @@ def test_the_information_is_the_mean_of_the_curvature_and_of_the_squared_slope(r
     bit_depth, noise, threshold = response
     readings = np.arange(min(2**bit_depth, 6000))
     none = np.zeros((1, 0), np.int32)
-    jot = ReadingLikelihood((2**bit_depth - 1, noise, threshold), none, False)
+    jot = ReadingLikelihood(JotResponse(2**bit_depth - 1, noise, threshold), none, False)
     for rate in (1e-6, 0.1, 4.7, 300.0):
         weights = jot.probability(readings, np.array([rate]))
         each = ReadingLikelihood(jot.response, readings[:, None].astype(np.int32), False)
@@ -113,7 +114,7 @@ def test_histograms_and_lists_of_readings_say_the_same():
     histograms = np.stack([(readings == value).sum(axis=-1) for value in range(16)], axis=-1)
     light, efficiency = rng.uniform(0.1, 20, (5, 7)), rng.uniform(0.3, 1, (5, 7))
     each = [
-        ReadingLikelihood((15, 0.3, 1), sample.astype(np.int32), kind, efficiency, 0.2)
+        ReadingLikelihood(JotResponse(15, 0.3, 1), sample.astype(np.int32), kind, efficiency, 0.2)
         for sample, kind in ((readings, False), (histograms, True))
     ]
     np.testing.assert_allclose(each[0].value(light), each[1].value(light), rtol=1e-12)
@@ -130,7 +131,9 @@ def test_histograms_and_lists_of_readings_say_the_same():
         for r in readings[0, 0]
         if r >= 0
     )
-    one = ReadingLikelihood((15, 0.3, 1), readings[:1, :1], False, efficiency[:1, :1], 0.2)
+    one = ReadingLikelihood(
+        JotResponse(15, 0.3, 1), readings[:1, :1], False, efficiency[:1, :1], 0.2
+    )
     assert one.value(light[:1, :1]) == pytest.approx(value, rel=1e-12)
 
 

@@ -109,6 +109,18 @@ def test_the_probability_of_noisy_bits_is_exact():
         np.testing.assert_allclose(own[frame], expected, rtol=1e-6)
 
 
+def test_the_readings_of_the_jots_of_a_pixel_are_added():
+    array = np.arange(48).reshape(2, 4, 6) % 16
+    readings = jl.Readings(array, jl.Sensor(frames=2, bit_depth=4))
+    fractions = []
+    pixels = readings.sum(2, progress=fractions.append)
+    expected = array.sum(axis=0).reshape(2, 2, 3, 2).sum(axis=(1, 3))
+    np.testing.assert_array_equal(pixels, expected)
+    assert fractions[-1] == 1
+    with pytest.raises(ValueError, match="oversampling: expected one that divides 4 x 6 jots"):
+        readings.sum(3)
+
+
 def test_readings_are_indexed_and_read_like_bits():
     array = np.arange(24).reshape(4, 2, 3) % 16
     readings = jl.Readings(array, jl.Sensor(frames=4, bit_depth=4))

@@ -64,6 +64,21 @@ def test_notebooks_show_an_image_and_facts(tmp_path):
     assert "<b>&" not in text
 
 
+def test_the_mean_reading_is_shown_with_pyplot(monkeypatch):
+    plt = pytest.importorskip("matplotlib.pyplot")
+    shown = []
+    monkeypatch.setattr(plt, "show", lambda: shown.append(plt.gcf()))
+    array = np.arange(24).reshape(2, 3, 4) % 16
+    jl.Readings(array, jl.Sensor(frames=2, bit_depth=4)).show()
+    (axes,) = shown[0].axes
+    assert "mean reading" in axes.get_title()
+    mean = array.mean(axis=0)
+    np.testing.assert_allclose(
+        axes.images[0].get_array(), np.minimum(mean / np.percentile(mean, 99.5), 1)
+    )
+    plt.close("all")
+
+
 def test_bits_are_shown_with_pyplot(monkeypatch):
     mpl.use("agg")
     import matplotlib.pyplot as plt

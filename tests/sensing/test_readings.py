@@ -249,16 +249,12 @@ USES = {
     "noniterative": lambda sensor, bits: jl.noniterative(bits),
     "network": lambda sensor, bits: jl.pretrained(sensor, "small").reconstruct(bits),
     "initial": lambda sensor, bits: jl.Network.initial(sensor),
-    "merge": lambda sensor, bits: jl.merge(bits),
-    "align": lambda sensor, bits: jl.align(bits),
     "hot jots": lambda sensor, bits: jl.calibration.find_hot_jots(bits),
 }
 
 
 OTHER_ADVICE = {
     "plan": r"state one of each; jotlight\.plan_brackets",
-    "merge": r"jotlight\.reconstruct makes one image",
-    "align": r"jotlight\.reconstruct makes one image",
     "initial": r"reconstruct takes this sensor with the networks",
 }
 

@@ -86,12 +86,12 @@ def as_burst_of(array):
 
 def blocks_of(bits, number=None, **options):
     """Return bits as blocks: as many as an alignment uses, or a number."""
+    from jotlight.motion.block_edges import block_edges
     from jotlight.motion.blocks import Blocks
     from jotlight.motion.burst import as_burst
-    from jotlight.motion.model import divide
 
     burst = as_burst(bits)
-    edges = divide(len(burst))
+    edges = block_edges(len(burst))
     if number is not None:
         edges = np.round(np.linspace(0, len(burst), number + 1)).astype(np.intp)
     return Blocks(burst, edges, **options)

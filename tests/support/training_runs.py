@@ -1,5 +1,8 @@
 """Small runs of `jotlight.train`."""
 
+import contextlib
+from unittest import mock
+
 import numpy as np
 
 import jotlight as jl
@@ -28,3 +31,26 @@ def assert_same(one, other):
     np.testing.assert_array_equal(parameter_vector(network), parameter_vector(again))
     assert network.history == again.history
     assert history.to_json() == history_again.to_json()
+
+
+def assert_same_networks(first, second):
+    """Check that two files hold networks with the same parameters."""
+    one, two = (parameter_vector(jl.Network.load(path)) for path in (first, second))
+    np.testing.assert_array_equal(one, two)
+
+
+@contextlib.contextmanager
+def interrupted_at(step, module, name="train"):
+    """Press Ctrl-C at the end of a step of a module's training function, which a command calls."""
+    function = getattr(module, name)
+
+    def run(*positional, callback, **options):
+        def interrupt(record):
+            callback(record)
+            if record.step == step:
+                raise KeyboardInterrupt
+
+        return function(*positional, callback=interrupt, **options)
+
+    with mock.patch.object(module, name, run):
+        yield

@@ -51,8 +51,12 @@ def test_bits_are_0_or_1():
 
 
 def test_means_in_place_of_counts_cause_a_warning(network):
-    with pytest.warns(jl.JotlightWarning, match="look like means, .* multiply means by K"):
-        network(torch.rand(1, 1, 4, 4))
+    module = torch.nn.Sequential(network)
+    with pytest.warns(
+        jl.JotlightWarning, match="look like means, .* multiply means by K"
+    ) as caught:
+        module(torch.rand(1, 1, 4, 4))
+    assert caught[0].filename == __file__
 
 
 @pytest.mark.parametrize(

@@ -159,6 +159,9 @@ def test_the_denoiser_removes_noise_for_one_sigma_or_one_per_image():
     torch.testing.assert_close(both[:1], denoised)
     assert not torch.equal(both[1:], denoised)
     assert psnr(unchanged) > 20
+    with torch.no_grad():
+        colors = denoiser(torch.cat([noisy, image, noisy], dim=1), 0.2)
+    torch.testing.assert_close(colors[:, ::2], denoised.expand(1, 2, -1, -1))
     with pytest.raises(ValueError, match="network: expected a K-conditioned network"):
         NetworkDenoiser(jl.Network.initial(SENSOR))
 

@@ -41,7 +41,7 @@ SOURCE = FilmPatches([example(seed) for seed in range(4)])
 
 
 def test_the_module_agrees_with_the_engine():
-    trained, _ = train(START, SOURCE, **{**OPTIONS, "steps": 6})
+    trained, _ = train(START, SOURCE, **{**OPTIONS, "steps": 6, "learning_rate": 1e-3})
     planes = example(5).planes
     found = trained.estimate_probability(planes, 50)
     with torch.no_grad():

@@ -260,6 +260,19 @@ def test_anything_but_a_network_is_refused(network, received):
         tune(network)
 
 
+def test_the_advice_about_pixels_without_data_can_be_followed():
+    x = np.where(SCENE > 0.8, np.nan, BITS.counts())
+    with pytest.raises(TypeError, match="got float64 with NaN; if these pixels x have") as error:
+        tune(data=x, sensor=SENSOR)
+    advice = re.fullmatch(r".*pass (.*) and (sensor\..*)", str(error.value))
+    data, sensor = (eval(part, {"np": np, "x": x, "sensor": SENSOR}) for part in advice.groups())
+    np.testing.assert_array_equal(sensor.mask, np.isnan(x))
+    with pytest.warns(jl.JotlightWarning, match="no valid bit"):
+        assert np.isfinite(tune(data=data, sensor=sensor)[1].loss).all()
+    with pytest.raises(TypeError, match=r"sensor.replace\(mask=a map \(H, W\) of them\)"):
+        tune(data=x[None], sensor=SENSOR)
+
+
 UNTIED = jl.Network.initial(jl.Sensor(oversampling=2), tied=False)
 CUBIC = jl.Sensor(frames=8, kernel="cubic")
 MASKED = jl.Sensor(mask=np.ones(SCENE.shape, bool))

@@ -222,6 +222,39 @@ def test_intensities_of_an_unknown_scale_are_refused(dtype):
             method(light)
 
 
+@pytest.mark.parametrize("output", ["counts", "bits"])
+def test_gray_levels_are_reported(output):
+    sensing = Sensing(jl.Sensor(frames=4), output=output)
+    levels = torch.arange(256.0).reshape(1, 1, 16, 16)
+    with pytest.warns(jl.JotlightWarning, match=r"whole numbers up to 255; .* intensities / 255"):
+        sensing(levels)
+    sensing(levels / 255)
+    sensing(levels.requires_grad_())
+
+
+@pytest.mark.parametrize(
+    ("shape", "convert"),
+    [
+        ((5, 6), lambda intensities: intensities[None, None]),
+        ((2, 5, 6), lambda intensities: intensities[:, None]),
+        ((2, 3, 5, 6), lambda intensities: intensities.flatten(0, 1)[:, None]),
+    ],
+)
+def test_the_message_about_a_shape_says_how_to_convert_it(shape, convert):
+    sensing, intensities = Sensing(jl.Sensor(frames=4)), torch.rand(shape)
+    with pytest.raises(ValueError, match=r"got \(.*\); .* write intensities") as caught:
+        sensing(intensities)
+    code = str(caught.value).partition(" write ")[2]
+    converted = eval(code, {"intensities": intensities})
+    assert torch.equal(converted, convert(intensities))
+    assert sensing(converted).shape == converted.shape
+
+
+def test_a_layer_prints_its_arguments():
+    expected = "Sensing(Sensor(frames=4), output='counts', gradient='straight-through')"
+    assert repr(Sensing(jl.Sensor(frames=4))) == expected
+
+
 def test_other_types_are_refused():
     with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, .*got 8"):
         Sensing(8)

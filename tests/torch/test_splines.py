@@ -179,10 +179,15 @@ def test_engine_and_pytorch_have_the_same_slope_on_knots():
     torch.testing.assert_close(*slopes)
 
 
-def test_nan_stays_nan_and_changes_no_other_value():
-    z = torch.tensor([[[float("nan"), 0.5]]])
-    values = spline_reference(z, torch.arange(7.0)[None], 0.0, 0.5)
-    assert torch.isfinite(values).tolist() == [[[False, True]]]
+@pytest.mark.parametrize("function", [spline, spline_reference])
+def test_nan_stays_nan_and_changes_no_other_value(function):
+    z = torch.tensor([[[float("nan"), 0.5, float("inf"), -float("inf")]]])
+    values = function(z, torch.arange(7.0)[None], 0.0, 0.5)
+    assert torch.isfinite(values).tolist() == [[[False, True, True, True]]]
+
+
+def test_a_module_prints_its_knots():
+    assert repr(Spline(3, 7, low=-1, high=0.5)) == "Spline(3, coefficients=7, low=-1, high=0.5)"
 
 
 @pytest.mark.parametrize("dtype", [torch.bfloat16, torch.float16])
@@ -236,9 +241,29 @@ def test_a_new_spline_is_nearly_relu_and_keeps_its_values_in_a_copy():
         assert abs(module(z) - expected).max() < 0.03
 
 
-def test_a_module_refuses_fewer_than_four_coefficients():
-    with pytest.raises(ValueError, match="coefficients: expected at least 4, got 3"):
-        Spline(2, coefficients=3)
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((2, 3), "coefficients: expected at least 4, got 3"),
+        ((0,), "channels: expected at least 1, got 0"),
+        ((2, 9, 1.0, 1.0), "low, high: expected low below high, got 1.0 and 1.0"),
+    ],
+)
+def test_a_module_refuses_arguments_without_a_spline(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        Spline(*arguments)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.filterwarnings("ignore::torch.jit.TracerWarning")
+def test_pytorch_exports_a_module_with_splines_to_onnx(tmp_path):
+    onnxruntime = pytest.importorskip("onnxruntime")
+    pytest.importorskip("onnx")
+    module = torch.nn.Sequential(torch.nn.Conv2d(1, 3, 3), Spline(3))
+    z, path = torch.randn(1, 1, 6, 7), str(tmp_path / "model.onnx")
+    torch.onnx.export(module, (z,), path, dynamo=False, input_names=["z"])
+    (values,) = onnxruntime.InferenceSession(path).run(None, {"z": z.numpy()})
+    torch.testing.assert_close(torch.from_numpy(values), module(z).detach())
 
 
 @pytest.mark.parametrize("device", ["cpu", "meta"])

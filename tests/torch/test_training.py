@@ -107,6 +107,12 @@ def test_a_resumed_run_equals_an_uninterrupted_one(tmp_path, step):
     assert_same(whole, resumed)
 
 
+def test_the_first_step_writes_a_checkpoint(tmp_path):
+    path, exists = tmp_path / "run", []
+    train_small(checkpoint=path, callback=lambda record: exists.append(path.exists()))
+    assert all(exists)
+
+
 def test_without_a_seed_a_resumed_run_has_the_seed_of_its_checkpoint(tmp_path):
     options = {"rng": None, "checkpoint": tmp_path / "run"}
     whole = train_small(**options)
@@ -190,11 +196,28 @@ def test_divergence_is_an_error_that_says_what_to_change():
         train_small(STARTS["conditional"], learning_rate=1e30, steps=30)
 
 
+def test_a_run_without_gradients_and_with_a_higher_cost_is_an_error():
+    message = r"step \d+: the run diverges: the cost has no gradient .* lower the learning rate"
+    with pytest.raises(FloatingPointError, match=message):
+        train_small(learning_rate=1e3, steps=30)
+
+
+def test_a_result_worse_than_the_start_is_reported():
+    trained = jl.pretrained(jl.Sensor(frames=20), "small")
+    with pytest.warns(jl.JotlightWarning, match="much worse than the network at the start"):
+        train_small(trained, smooth_scenes, steps=3, patch=16, learning_rate=0.3)
+
+
 @pytest.mark.parametrize("network", [Network(STARTS["conditional"]), "small", None])
 def test_anything_but_a_network_is_refused(network):
     message = "network: expected jotlight.Network or jotlight.ColorNetwork or jotlight.FilmNetwork"
     with pytest.raises(TypeError, match=message):
         train_small(network)
+
+
+def test_a_path_in_place_of_a_network_gets_the_call_that_reads_it():
+    with pytest.raises(TypeError, match=r"got a path; pass jotlight\.Network\.load\('a\.safetens"):
+        train_small("a.safetensors")
 
 
 @pytest.mark.parametrize(

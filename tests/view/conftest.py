@@ -24,5 +24,5 @@ def server(bits):
     pytest.importorskip("starlette")
     from jotlight.view.serving import serving
 
-    with serving(Viewed.from_bits(bits, TITLE)) as running:
+    with serving(Viewed.from_data(bits, TITLE)) as running:
         yield running

@@ -158,7 +158,7 @@ def test_many_connections_are_refused_not_fatal(server):
 
 @pytest.mark.slow
 def test_a_public_server_shows_a_name_and_accepts_its_addresses(bits):
-    running = Server(Viewed.from_bits(bits), host="0.0.0.0")
+    running = Server(Viewed.from_data(bits), host="0.0.0.0")
     thread = threading.Thread(target=running.run, daemon=True)
     thread.start()
     try:

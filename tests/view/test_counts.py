@@ -23,7 +23,7 @@ WINDOWS = st.lists(
 
 @given(WINDOWS)
 def test_the_running_sum_equals_the_sum(spans):
-    running = RunningCounts(Viewed.from_bits(jl.Bits.from_array(BITS)))
+    running = RunningCounts(Viewed.from_data(jl.Bits.from_array(BITS)))
     for span in spans:
         cost, before = running.cost(span), running.counted
         counts = running.move(span)
@@ -32,14 +32,14 @@ def test_the_running_sum_equals_the_sum(spans):
 
 
 def test_counts_of_an_earlier_window_do_not_change():
-    running = RunningCounts(Viewed.from_bits(jl.Bits.from_array(BITS)))
+    running = RunningCounts(Viewed.from_data(jl.Bits.from_array(BITS)))
     first = running.move(range(40))
     running.move(range(1, 41))
     np.testing.assert_array_equal(first, BITS[:40].sum(axis=0))
 
 
 def test_a_canceled_sum_leaves_the_window_before():
-    running = RunningCounts(Viewed.from_bits(jl.Bits.from_array(BITS)))
+    running = RunningCounts(Viewed.from_data(jl.Bits.from_array(BITS)))
     running.move(range(40))
 
     def check():
@@ -65,7 +65,7 @@ def test_images_of_counts_are_summed():
 @pytest.mark.slow
 def test_rates_of_a_long_capture_are_sampled():
     bits = jl.Bits.from_array(np.repeat([[[0]], [[1]]], 1000, axis=0) * np.ones((1, 2, 8), int))
-    rates, frames = firing_rates(Viewed.from_bits(bits))
+    rates, frames = firing_rates(Viewed.from_data(bits))
     assert len(rates) == 512
     assert frames == 2000 // 512
     assert set(rates[:255]) == {0.0}

@@ -29,12 +29,18 @@ SENSORS = {
     "oversampled": jl.Sensor(frames=12, oversampling=2, max_intensity=4.0),
     "masked": jl.Sensor(frames=48, mask=MASK, dark_counts=0.01, max_intensity=4.0),
     "smooth": jl.Sensor(frames=12, oversampling=2, kernel="linear", max_intensity=4.0),
+    "several": jl.Sensor(frames=24, bit_depth=4, gain=40.0, max_intensity=4.0),
+    "noisy": jl.Sensor(frames=24, bit_depth=2, read_noise=0.3, oversampling=2, max_intensity=4.0),
+    "noisy bits": jl.Sensor(frames=24, read_noise=0.3, max_intensity=4.0),
+    "bracket": jl.Sensor(frames=24, gain=[0.5, 2.0] * 12, max_intensity=4.0),
+    "thresholds": jl.Sensor(frames=24, gain=50.0, threshold=[1, 3] * 12, max_intensity=4.0),
 }
+SLOW = "noisy", "noisy bits", "thresholds"
 
 
 def viewed_of(name, **changes):
     sensor = SENSORS[name].replace(**changes)
-    return Viewed.from_bits(sensor.expose(PHOTO, rng=0), name)
+    return Viewed.from_data(sensor.expose(PHOTO, rng=0), name)
 
 
 def made(viewed, span, method):
@@ -42,18 +48,20 @@ def made(viewed, span, method):
 
 
 @pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
-@pytest.mark.parametrize("name", SENSORS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in SENSORS]
+)
 @pytest.mark.parametrize("method", ["mle", "network-medium", "noniterative-gaussian", "admm-tv"])
 def test_the_estimate_equals_that_of_the_library(name, method):
-    viewed, span = viewed_of(name), range(3, 11)
-    expected = jl.reconstruct(viewed.data[3:11], method=method)
+    viewed, span = viewed_of(name), range(4, 12)
+    expected = jl.reconstruct(viewed.data[4:12], method=method)
     np.testing.assert_array_equal(made(viewed, span, method).image, expected)
 
 
 def test_color_bits_are_estimated():
     sensor = jl.Sensor(frames=8, max_intensity=4.0)
     bits = sensor.expose(np.stack([PHOTO] * 3, axis=2), rng=0, channel_axis=-1)
-    viewed = Viewed.from_bits(bits)
+    viewed = Viewed.from_data(bits)
     image = made(viewed, range(2, 7), "mle")
     np.testing.assert_array_equal(image.image, jl.mle(bits[2:7]))
     assert display(image, ViewState(), 1.0).levels.shape == (*PHOTO.shape, 3)
@@ -62,7 +70,7 @@ def test_color_bits_are_estimated():
 def test_the_color_network_is_recommended_for_three_channels():
     sensor = jl.Sensor(frames=8, max_intensity=4.0)
     bits = sensor.expose(np.stack([PHOTO] * 3, axis=2), rng=0, channel_axis=-1)
-    viewed = Viewed.from_bits(bits)
+    viewed = Viewed.from_data(bits)
     assert recommend(viewed, 5).method == COLOR_NETWORK
     image = made(viewed, range(2, 7), COLOR_NETWORK)
     assert image.title == "network, color"
@@ -82,7 +90,7 @@ def mosaic_bits(motion):
 
 
 def mosaic_viewed(motion="static"):
-    return Viewed.from_bits(mosaic_bits(motion))
+    return Viewed.from_data(mosaic_bits(motion))
 
 
 @pytest.mark.slow
@@ -173,7 +181,7 @@ def test_dead_hot_and_saturated_jots_are_marked():
     mask = np.zeros((32, 32), bool)
     mask[9, 9] = True
     sensor = jl.Sensor(frames=400, gain=400.0, mask=mask, max_intensity=100.0)
-    viewed = Viewed.from_bits(sensor.expose(scene, rng=0))
+    viewed = Viewed.from_data(sensor.expose(scene, rng=0))
     found, note = JotMap(viewed).find()
     assert found[9, 9] == DEAD
     assert {tuple(place) for place in np.argwhere(found == HOT)} == {(5, 7), (20, 3)}
@@ -198,7 +206,7 @@ def test_an_aligned_window_equals_that_of_the_library():
     scene = jl.datasets.moving(
         motion="shake", sensor=jl.Sensor(frames=32), shape=(64, 64), photons=0.5, rng=0
     )
-    viewed = Viewed.from_bits(scene.bits)
+    viewed = Viewed.from_data(scene.bits)
     merged = merge_window(viewed, range(32))
     expected = jl.merge(scene.bits, motion=jl.align(scene.bits))
     np.testing.assert_array_equal(merged.ones, expected.ones)
@@ -238,7 +246,7 @@ def test_saved_counts_are_as_bright_as_on_the_page():
 def test_two_channels_are_saved_as_their_mean(ending):
     sensor = jl.Sensor(frames=8, max_intensity=4.0)
     bits = sensor.expose(np.stack([PHOTO, PHOTO / 2], axis=2), rng=0, channel_axis=-1)
-    viewed, state = Viewed.from_bits(bits), ViewState(0, 8, "mle", white=1.0, curve="linear")
+    viewed, state = Viewed.from_data(bits), ViewState(0, 8, "mle", white=1.0, curve="linear")
     content = save_view(viewed, state, ending)
     expected = jl.mle(bits).mean(axis=2)
     if ending == "tif":

@@ -13,6 +13,8 @@ from jotlight.cli.app import app, run
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.cli.view import _open
+from jotlight.view.counts import RunningCounts
+from jotlight.view.estimate import estimate
 from jotlight.view.recipe import recipe
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
@@ -44,6 +46,17 @@ def folder(tmp_path, monkeypatch):
     scene = jl.datasets.moving(color, sensor=bayer, photons=0.6, rng=4)
     jl.save(scene.bits, "shaken.npy")
     jl.save(record("shake", shape=(128, 128))[1], "gray.npy")
+    several = sensor.replace(bit_depth=4, read_noise=0.3, gain=120.0)
+    readings = several.expose(PHOTO, rng=0)
+    jl.save(readings, "several.npy")
+    np.save("numbers.npy", readings.to_array())
+    jl.save(jl.Sensor(frames=60, read_noise=0.3).expose(PHOTO, rng=0), "noisy.npy")
+    bracket = jl.Sensor(frames=60, gain=[0.25, 1.0, 4.0] * 20)
+    jl.save(bracket.expose(PHOTO, rng=0), "bracket.npy")
+    np.save("bracket without sensor.npy", bracket.expose(PHOTO, rng=0).packed)
+    for name, moving in (("moving several.npy", several), ("moving bracket.npy", bracket)):
+        scene = jl.datasets.moving(motion="shake", sensor=moving, shape=(64, 72), photons=2, rng=0)
+        jl.save(scene.bits, name)
     mask = np.zeros(PHOTO.shape, bool)
     mask[3, 4] = True
     np.save("mask.npy", mask)
@@ -58,6 +71,8 @@ def open_with(name, options):
     return _open(name, capture, sensor)
 
 
+RESPONSE = "--read-noise 0.3 --gain 120"
+BRACKET = "--gain 0.25,1,4,... --threshold 1 --width 60 --frames 60"
 CASES = [
     ("own sensor.npy", "", ViewState(5, 20, "mle", white=0.8)),
     ("own sensor.npy", "", ViewState(0, 16, "network-medium", white=0.7, curve="reinhard")),
@@ -85,6 +100,20 @@ CASES = [
     ("gray.npy", "", ViewState(2, 44, "network-medium", align=True, white=0.8)),
     ("color.npy", "", ViewState(4, 50, "network-color", white=0.8)),
     ("color.npy", "", ViewState(4, 50, "mle", align=True, white=0.8)),
+    ("several.npy", "", ViewState(5, 20, "network-medium", white=0.8)),
+    ("several.npy", "--gain 90 --max-intensity 3", ViewState(5, 20, "mle", white=2.0)),
+    ("several.npy", "--mask mask.npy --bit-depth 4", ViewState(5, 20, "admm-tv", white=0.8)),
+    ("numbers.npy", f"--bit-depth 4 {RESPONSE}", ViewState(5, 20, "mle", white=0.8)),
+    ("numbers.npy", f"--bit-depth 4 {RESPONSE}", ViewState(0, 60, "noniterative-tv", white=0.8)),
+    ("noisy.npy", "--find-hot-jots", ViewState(5, 20, "network-small", white=0.8)),
+    ("noisy.npy", "--read-noise 0.25", ViewState(0, 60, "mle", align=True, white=0.8)),
+    ("bracket.npy", "", ViewState(6, 21, "network-medium", white=0.8)),
+    ("bracket.npy", "--find-hot-jots", ViewState(6, 21, "mle", white=0.8)),
+    ("bracket.npy", "--frame-range 1:50 --efficiency 0.5", ViewState(6, 21, "mle", white=0.8)),
+    ("bracket without sensor.npy", BRACKET, ViewState(6, 21, "mle", white=0.8)),
+    ("bracket without sensor.npy", BRACKET, ViewState(6, 21, "network-medium", align=True)),
+    ("moving several.npy", "", ViewState(6, 50, "network-medium", align=True, white=0.8)),
+    ("moving bracket.npy", "", ViewState(6, 51, "network-medium", align=True, white=0.8)),
 ]
 
 
@@ -117,6 +146,9 @@ def test_both_make_the_saved_image(folder, name, options, state):
         ("own sensor.npy", "", ViewState(5, 20, "mle", "admm-tv")),
         ("gray.npy", "", ViewState(0, 48, "mle", "network-small", align=True)),
         ("counts.npy", "--frames 60 --counts", ViewState(1, 4, "counts")),
+        ("several.npy", "", ViewState(5, 20, "counts")),
+        ("bracket.npy", "", ViewState(6, 21, "counts")),
+        ("moving bracket.npy", "", ViewState(6, 51, "mle", "network-small", align=True)),
     ],
 )
 def test_the_command_for_counts_and_differences_runs_the_code(folder, name, options, state):
@@ -127,8 +159,19 @@ def test_the_command_for_counts_and_differences_runs_the_code(folder, name, opti
     np.testing.assert_array_equal(jl.read_image("view.tif"), jl.read_image("saved.tif"))
 
 
+def test_readings_in_memory_have_code_that_makes_the_image():
+    readings = jl.Sensor(frames=16, bit_depth=4, oversampling=2, gain=99.0).expose(PHOTO, rng=0)
+    viewed = Viewed.from_data(readings)
+    for method in ("counts", "mle"):
+        code = recipe(viewed, ViewState(4, 8, method))["python"].partition("\ntone")[0]
+        names = {"readings": readings}
+        exec(code.partition("\njl.save")[0], names)
+        shown = estimate(viewed, range(4, 12), method, RunningCounts(viewed).move(range(4, 12)))
+        np.testing.assert_array_equal(names["image"].astype(np.float32), shown.image)
+
+
 def test_bits_in_memory_have_code_but_no_command():
-    viewed = Viewed.from_bits(jl.Sensor(frames=16).expose(PHOTO, rng=0))
+    viewed = Viewed.from_data(jl.Sensor(frames=16).expose(PHOTO, rng=0))
     texts = recipe(viewed, ViewState(4, 8, "mle", compare="network-small", align=True))
     assert texts["command"] is None
     assert "bits[4 : 12]" in texts["python"]

@@ -115,7 +115,7 @@ def test_the_standard_error_of_a_pixel_is_that_of_the_library(server, bits):
 
 def test_an_overlay_that_is_unknown_does_not_hide_the_others(photo):
     smooth = jl.Sensor(frames=40, oversampling=2, kernel="linear").expose(photo, rng=0)
-    with serving(Viewed.from_bits(smooth)) as server, connected(server) as stream:
+    with serving(Viewed.from_data(smooth)) as server, connected(server) as stream:
         read(stream)
         overlays = ["uncertainty", "saturated"]
         ask(stream, method="noniterative-gaussian", overlays=overlays)
@@ -145,7 +145,7 @@ def test_the_difference_to_another_method_is_sent_in_color(server):
 
 def test_a_method_that_does_not_serve_the_sensor_is_an_error_not_an_end(photo):
     smooth = jl.Sensor(frames=200, kernel="linear").expose(photo, rng=0)
-    with serving(Viewed.from_bits(smooth)) as server, connected(server) as stream:
+    with serving(Viewed.from_data(smooth)) as server, connected(server) as stream:
         read(stream)
         ask(stream, method="held-out")
         assert "expected the box kernel" in read_until(stream, "error")[0]["text"]
@@ -165,23 +165,23 @@ def test_saved_images_are_attachments_with_safe_names(server, ending):
 
 
 def test_the_token_differs_each_time_and_the_port_is_checked(bits):
-    one, other = Server(Viewed.from_bits(bits)), Server(Viewed.from_bits(bits))
+    one, other = Server(Viewed.from_data(bits)), Server(Viewed.from_data(bits))
     assert one.token != other.token
     assert len(one.token) >= 32
     with pytest.raises(OSError, match=f"port {one.port}"):
-        Server(Viewed.from_bits(bits), port=one.port)
+        Server(Viewed.from_data(bits), port=one.port)
     for each in (one, other):
         each._socket.close()
         each._workshop.close()
     with pytest.raises(OSError, match="no address"):
-        Server(Viewed.from_bits(bits), host="no.such.host.invalid")
+        Server(Viewed.from_data(bits), host="no.such.host.invalid")
     with pytest.raises(ValueError, match="port: expected"):
-        Server(Viewed.from_bits(bits), port=70_000)
+        Server(Viewed.from_data(bits), port=70_000)
 
 
 def test_a_server_leaves_no_thread_behind(bits):
     before = {thread.name for thread in threading.enumerate()}
-    with serving(Viewed.from_bits(bits)) as running, connected(running) as stream:
+    with serving(Viewed.from_data(bits)) as running, connected(running) as stream:
         read(stream)
     wait_until(
         lambda: (
@@ -193,9 +193,59 @@ def test_a_server_leaves_no_thread_behind(bits):
     )
 
 
+@pytest.fixture(scope="module")
+def bracket(photo):
+    sensor = jl.Sensor(frames=60, gain=[0.25, 1.0, 4.0] * 20)
+    with serving(Viewed.from_data(sensor.expose(photo, rng=0))) as running:
+        yield running
+
+
+def test_a_window_of_a_bracket_becomes_whole_cycles(bracket):
+    with connected(bracket) as stream:
+        hello, _ = read(stream)
+        assert (hello["cycle"], hello["state"]["window"]) == (3, 60)
+        ask(stream, start=7, window=20)
+        header, _ = read_until(stream, "image", "final")
+        assert (header["start"], header["window"]) == (6, 18)
+        assert header["mean_reading"][0] == "firing rate"
+        stream.send('{"type": "probe", "row": 3, "column": 4}')
+        values = read_until(stream, "values")[0]["values"]
+        assert (values["counted"], values["trials"]) == ("ones", 18)
+        assert "photons" not in values
+        ask(stream, 2, start=0, window=3, align=True)
+        assert "align: expected two cycles" in read_until(stream, "error")[0]["text"]
+
+
+def test_readings_of_several_bits_are_called_so(photo):
+    readings = jl.Sensor(frames=20, bit_depth=4, gain=60.0).expose(photo, rng=0)
+    with serving(Viewed.from_data(readings)) as running, connected(running) as stream:
+        hello, _ = read(stream)
+        assert hello["methods"][0] == {"name": "counts", "title": "sum of readings"}
+        assert ["bits of a reading b", "4"] in hello["sensor"]
+        stream.send('{"type": "probe", "row": 3, "column": 4}')
+        ask(stream, start=2, window=10, overlays=["jots"])
+        header, _ = read_until(stream, "image", "final")
+        assert header["mean_reading"] == [
+            "mean reading",
+            pytest.approx(readings.to_array()[2:12].mean()),
+        ]
+        overlay, _ = read_until(stream, "overlay")
+        assert not overlay["searched"]
+        values = None
+        while values is None:
+            values = read_until(stream, "values")[0]["values"]
+        total = int(readings.to_array()[2:12, 3, 4].sum())
+        assert (values["counted"], values["counts"], values["trials"]) == (
+            "sum of readings",
+            total,
+            150,
+        )
+        assert values["photons"] == pytest.approx(3 * values["intensity"])
+
+
 def test_methods_that_do_not_serve_the_sensor_state_why(photo):
     smooth = jl.Sensor(frames=40, oversampling=2, kernel="linear").expose(photo, rng=0)
-    methods = describe_capture(Viewed.from_bits(smooth))["methods"]
+    methods = describe_capture(Viewed.from_data(smooth))["methods"]
     reasons = {each["name"]: each.get("reason") for each in methods}
     assert "box kernel" in reasons["held-out"]
     assert reasons["mle"] is None

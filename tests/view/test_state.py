@@ -36,12 +36,14 @@ def test_a_state_survives_a_round_trip(values):
 @given(
     STATES,
     st.integers(0, 1000),
-    st.integers(1, 1000),
+    st.integers(1, 300),
+    st.integers(1, 7),
 )
-def test_a_window_always_lies_in_the_frames(values, first, number):
-    frames = range(first, first + number)
-    span = ViewState.from_json(values).within(frames).span
+def test_a_window_is_whole_cycles_of_the_frames(values, first, number, cycle):
+    frames = range(first, first + number * cycle)
+    span = ViewState.from_json(values).within(frames, cycle).span
     assert frames.start <= span.start < span.stop <= frames.stop
+    assert (span.start - first) % cycle == len(span) % cycle == 0
 
 
 @pytest.mark.parametrize(

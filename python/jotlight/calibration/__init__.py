@@ -2,11 +2,11 @@
 
 - `estimate`: `calibrate`, from captures to a `Calibration`.
 - `bulk`: the distribution of the dark counts of ordinary jots, which identifies the hot ones.
-- `flat`: the response of each jot, from the `light` on it; `dead_jots`, and the `spread` of others.
+- `flat`: the response of each jot, from the `light` on it; `dead_jots`, and the `prnu` of others.
 - `evenness`: tests for the image of a scene, and for a mosaic, in a flat capture.
 - `steadiness`: tests of the assumption that frames are independent and identically distributed.
 - `hot_jots`: hot jots in a capture of a scene, without a dark capture.
-- `periodic_rates`: rates that repeat every few jots, as under a color filter mosaic.
+- `jotlight.sensing.periodic_rates`: rates that repeat every few jots, as under a mosaic.
 - `rates`: from counts to detections per frame.
 - `result`: the `Calibration`; `fields` are its data, and `files` checks the contents of its files.
 - `figure`: a page of plots.

@@ -8,8 +8,8 @@ import numpy.typing as npt
 from jotlight.calibration.dead_jots import MIN_RESPONSE, find_dead_jots
 from jotlight.calibration.evenness import warn_about_light
 from jotlight.calibration.light import excess_and_slope, mean_light, median_light, window_mean
+from jotlight.calibration.prnu import measure_prnu
 from jotlight.calibration.rates import Rates, detections, variance
-from jotlight.calibration.spread import response_spread
 from jotlight.checks import Counts
 from jotlight.sensing.mosaic import Pattern
 from jotlight.sensing.response import detection_density
@@ -126,7 +126,7 @@ def measure_response(
     used = (found.neighbors > 1) & _ordinary(
         found.excess, found.slope, light / found.light - 1, noise, working
     )
-    prnu, error = response_spread(found, noise, used, dark, threshold)
+    prnu, error = measure_prnu(found, noise, used, dark, threshold)
     relative = np.ones(light.shape)
     relative[good] = shrink_response((light / found.light)[good], counting[good], prnu**2)
     relative = np.clip(relative, MIN_RESPONSE, 1 / MIN_RESPONSE)

@@ -9,9 +9,10 @@ In reading order:
 - Option groups, each declared once as a dataclass: ``common_options``, ``capture_options``,
   ``sensor_options``, ``method_options``, ``motion_options``, ``output_options``,
   ``run_options``, ``training_options``.
-- Steps of ``reconstruct`` and ``film``: ``captured``, ``applied_calibration``, ``reconstruction``,
-  ``color_choice``, ``advice``, ``jot_checks``, ``records``. ``many``: runs over many captures.
+- Steps of ``reconstruct`` and ``film``: ``inputs``, ``captured``, ``applied_calibration``,
+  ``reconstruction``, ``color_choice``, ``advice``, ``jot_checks``, ``records``.
+- ``many``, ``capture_jobs``: runs over many captures.
 - Parts of ``info``: ``capture_facts``, ``origins``.
 - Steps of ``train`` and ``fine-tune``: ``learners``, ``training_data``, ``training_run``.
-- Terminal: ``console`` for output, ``signals`` for termination.
+- Terminal: ``console`` for output, ``signals`` for termination, ``examples`` for help pages.
 """

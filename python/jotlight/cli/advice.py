@@ -7,9 +7,9 @@ from jotlight.evaluation.choice import Choice
 from jotlight.formats.capture import Capture
 from jotlight.motion.detection import THRESHOLD, motion_score
 from jotlight.motion.mosaic_colors import is_mergeable
-from jotlight.motion.spread import spread_readings
+from jotlight.motion.reading_counts import counts_of_readings
 from jotlight.networks.pretrained import CONDITIONAL_SIZE
-from jotlight.sensing.readings import without_mosaic
+from jotlight.sensing.alike_frames import find_cycle
 from jotlight.sensing.sensor import Sensor
 
 _DIM = 0.7
@@ -58,17 +58,17 @@ def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int 
     threads : int, optional
         Number of threads. Default: all.
     """
-    gray = without_mosaic(sensor)
-    if sensor.readings_differ or (sensor.bit_depth == 1 and not gray.has_plain_bits):
+    if find_cycle(sensor) is None:
         return  # their ones change without motion
     for part in parts:
-        spread = spread_readings(part, gray)
-        counts = part if spread is None else spread.counts
-        score = motion_score(counts, threshold=sensor.threshold, threads=threads)
+        converted = counts_of_readings(part, sensor)
+        counts = part if converted is None else converted.counts
+        own = sensor if converted is None else converted.sensor
+        score = motion_score(counts, threshold=own.threshold, threads=threads)
         if score > THRESHOLD:
             way = (
                 "--motion aligns its frames"
-                if is_mergeable(sensor) and (spread is None or sensor.mosaic is None)
+                if is_mergeable(sensor) and (converted is None or converted.is_mergeable)
                 else "an image from fewer frames is sharper"
             )
             caution("motion", f"the scene moves, so the image is blurred; {way}")

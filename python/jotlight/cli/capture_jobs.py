@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from jotlight.chunks import windows
-from jotlight.cli.reconstruction import Inputs, Reconstruction
+from jotlight.cli.inputs import Inputs, Reconstruction
 from jotlight.cli.records import maps_sha256
 from jotlight.cli.run_options import RunOptions
 from jotlight.dask.estimator import Estimator, check_countable, checked
@@ -76,7 +76,9 @@ def reconstruction_job(
     sensors: dict[Sensor, Sensor],
 ) -> Job:
     """Return the job that reconstructs a capture: a video if there are windows, else an image."""
-    prepared = inputs.prepare_opened(bits, target.output, window=run.window, may_be_color=True)
+    prepared = inputs.prepare_opened(
+        bits, target.output, window=run.window, step=run.step, may_be_color=True
+    )
     estimator = _estimator(prepared, inputs, sensors)
     facts = _method_facts(estimator, prepared, inputs)
     if run.window is not None:

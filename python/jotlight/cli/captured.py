@@ -12,7 +12,7 @@ from jotlight.cli.console import progress
 from jotlight.files import check_outputs
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.description import companion_files
-from jotlight.sensing.alike_frames import require_one_exposure
+from jotlight.sensing.alike_frames import check_cycles, exposure_cycle, with_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.frames import read_frames
@@ -199,10 +199,16 @@ def check_outputs_of(
                 )
 
 
-def of_window(captured: Captured, window: int) -> Captured:
-    """Return a capture with the sensor of one window of its frames."""
+def of_window(captured: Captured, window: int, step: int | None) -> Captured:
+    """Return a capture with the sensor of one window of its frames.
+
+    Raises
+    ------
+    ValueError
+        When the windows are no part of the data, or see different exposures.
+    """
     data, sensor = captured.data, captured.sensor
-    require_one_exposure(sensor)
+    check_cycles(exposure_cycle(sensor), window, step)
     if isinstance(data, Bits):
         windows(len(data), window)
         check_fits(data.shape, sensor)
@@ -210,7 +216,7 @@ def of_window(captured: Captured, window: int) -> Captured:
     else:
         _check_window_of_counts(len(data), sensor.frames, window)
         each = sensor.frames // len(data)
-    return dataclasses.replace(captured, sensor=sensor.replace(frames=each * window))
+    return dataclasses.replace(captured, sensor=with_frames(sensor, each * window))
 
 
 def _check_window_of_counts(number: int, frames: int, window: int) -> None:

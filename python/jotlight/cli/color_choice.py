@@ -3,16 +3,15 @@
 from typing import Any
 
 from jotlight.cli.captured import Captured
-from jotlight.estimators.demosaicing import TITLES
-from jotlight.evaluation.channels import COLORS
-from jotlight.evaluation.mosaics import takes_colors
+from jotlight.estimators.demosaicing import COLORS, TITLES
+from jotlight.evaluation.color_data import takes_mosaic
 from jotlight.sensing.bits import Bits
 
 
-def takes_color_network(captured: Captured) -> bool:
-    """Return whether the color network estimates a capture by default."""
+def takes_capture(captured: Captured) -> bool:
+    """Return whether a capture has the form that the color network takes."""
     if captured.sensor.mosaic is not None:
-        return takes_colors(captured.data)
+        return takes_mosaic(captured.data)
     frame = _frame_shape(captured)
     return len(frame) > 2 and frame[-1] == COLORS
 

@@ -11,8 +11,9 @@ from rich.table import Table
 
 from jotlight.cli.common_options import NAMES, OWN, Gray, Model, Photo, Seed, Threads, White
 from jotlight.cli.console import out, progress, report
-from jotlight.cli.method_options import network_name, split_names
+from jotlight.cli.method_options import split_names
 from jotlight.cli.sensor_options import ExposureOptions
+from jotlight.evaluation.choice import network_name
 from jotlight.evaluation.compare import select_methods
 from jotlight.evaluation.comparison import COLUMNS, AnyMethod, Comparison, default_methods
 from jotlight.evaluation.comparison import compare as compare_by_title

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import re
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from typing import IO, Any, Protocol, TextIO
@@ -48,6 +49,9 @@ def _discard(file: IO[str]) -> None:
 
 out = _Output(highlight=False, emoji=False)
 err = console
+
+_LOG_SECONDS = 60.0
+"""Time without a line after which a training prints one."""
 
 shown_warnings: set[str] = set()
 
@@ -167,18 +171,22 @@ def live_iterations(title: str) -> Iterator[IterationCallback]:
 
 
 def print_steps(title: str, steps: int) -> Callable[[Record], None]:
-    """Return a callback that prints a title, and ten lines unless a terminal has a bar.
+    """Return a callback that prints a title.
 
-    It takes the record of each step.
+    Unless a terminal has a bar, it also prints ten lines, and one each minute. It takes the record
+    of each step.
     """
     describe, interval = StepDescriber(steps), max(1, steps // 10)
-    titles = [title]
+    titles, printed = [title], time.monotonic()
 
     def show(record: Record) -> None:
+        nonlocal printed
         if titles:
             err.print(titles.pop(), soft_wrap=True, markup=False)
-        text = describe(record)
-        if not err.is_terminal and (record.step % interval == 0 or record.step == steps):
+        text, now = describe(record), time.monotonic()
+        is_due = record.step % interval == 0 or record.step == steps or now - printed > _LOG_SECONDS
+        if not err.is_terminal and is_due:
             err.print(text, soft_wrap=True)
+            printed = now
 
     return show

@@ -19,7 +19,7 @@ from jotlight.cli.common_options import (
     White,
 )
 from jotlight.cli.console import out, progress, report
-from jotlight.cli.method_options import named_method
+from jotlight.cli.method_options import one_method
 from jotlight.cli.sensor_options import EvaluatedSensorOptions
 from jotlight.errors import hide_warnings
 from jotlight.evaluation.evaluate import COLUMNS, Evaluation
@@ -72,7 +72,7 @@ def evaluate(
     gray.
     """
     sensor_kwargs = sensor.to_kwargs()
-    name = named_method(method, quality, model)
+    name = one_method(method, quality, model)
     if output is not None:
         if output.suffix.lower() != ".csv":
             raise ValueError(f"{output}: expected a name that ends in .csv")

@@ -16,11 +16,12 @@ from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.color_choice import has_colors, without_demosaicing
 from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
 from jotlight.cli.console import progress, report
+from jotlight.cli.inputs import Inputs, Reconstruction
 from jotlight.cli.jot_checks import caution_about_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import FilmMotionOptions
 from jotlight.cli.output_options import OutputOptions, describe_tone, tone_facts
-from jotlight.cli.reconstruction import Brightness, Inputs, Reconstruction, report_assumptions
+from jotlight.cli.reconstruction import Brightness, report_assumptions
 from jotlight.cli.records import Records, origin_of
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
@@ -40,8 +41,10 @@ from jotlight.motion.memory import remembers
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.precision import F32
 from jotlight.networks.pretrained import pretrained_film
+from jotlight.sensing.alike_frames import with_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -120,7 +123,7 @@ def film(
     outputs.check()
     motion.check()
     inputs.check_outputs([outputs.output])
-    job = inputs.prepare(outputs.output, window=outputs.window)
+    job = inputs.prepare(outputs.output, window=outputs.window, step=outputs.step)
     if motion.recurrent:
         job = _by_film_network(job)
     spans = windows(len(job.captured.data), outputs.window, outputs.step)
@@ -303,7 +306,7 @@ def _images(
             yield estimates.add(image)
             continue
         settings = (
-            job.settings if isinstance(image.data, Bits) else without_demosaicing(job.settings)
+            without_demosaicing(job.settings) if isinstance(image.data, Merged) else job.settings
         )
         yield reconstruct(image.data, method=job.method, threads=threads, **settings)
 
@@ -311,7 +314,7 @@ def _images(
 def _sensor_of_all(job: Reconstruction, window: int) -> Sensor:
     """Return the sensor of all frames, rather than those of a window."""
     sensor = job.captured.sensor
-    return sensor.replace(frames=sensor.frames // window * len(job.captured.data))
+    return with_frames(sensor, sensor.frames // window * len(job.captured.data))
 
 
 def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:

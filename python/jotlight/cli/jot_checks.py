@@ -87,6 +87,11 @@ def mask_hot_jots(captured: Captured, threads: int | None = None) -> Captured:
             f"compared, got the mosaic {captured.sensor.mosaic!r}; `jotlight calibrate` with a "
             "dark capture finds hot jots"
         )
+    if (depth := captured.sensor.bit_depth) > 1:
+        raise ValueError(
+            f"find-hot-jots: expected single bits, got readings of {depth} bits; pass the known "
+            "hot jots with --mask"
+        )
     found = _count_jots(captured, threads)
     if found is None:
         raise ValueError(

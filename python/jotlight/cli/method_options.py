@@ -11,13 +11,13 @@ from jotlight.cli.common_options import METHOD_PANEL, NAMES, Model, Precision, Q
 from jotlight.estimators.demosaicing import TITLES
 from jotlight.estimators.tv import NORMS
 from jotlight.estimators.vst import INVERSES
-from jotlight.evaluation.choice import check_demosaicing, requested_method
+from jotlight.evaluation.choice import network_name, requested_method
+from jotlight.evaluation.color_data import check_demosaicing
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
     LARGE_METHOD,
     LARGE_TRIALS,
 )
-from jotlight.networks.architectures import QUALITIES
 
 
 @Parameter(name="*")
@@ -114,7 +114,7 @@ class MethodOptions:
                 "Python, jotlight.reconstruct takes them, too"
             )
         check_demosaicing(self.demosaicing)
-        method = named_method(self.method, self.quality, self.model)
+        method = one_method(self.method, self.quality, self.model)
         options = list(self._options())
         if self.model is None:
             return requested_method(method, options)
@@ -123,7 +123,7 @@ class MethodOptions:
         return None
 
 
-def named_method(method: str | None, quality: str | None, model: Path | None) -> str | None:
+def one_method(method: str | None, quality: str | None, model: Path | None) -> str | None:
     """Return the name of the method that one of three options selects, or None.
 
     Raises
@@ -138,13 +138,6 @@ def named_method(method: str | None, quality: str | None, model: Path | None) ->
             f"expected one of --method, --quality, --model, got {' and '.join(chosen)}"
         )
     return network_name(quality) if quality is not None else method
-
-
-def network_name(quality: str) -> str:
-    """Return the name of the method that runs the trained network of a size."""
-    if quality not in QUALITIES:
-        raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
-    return f"network-{quality}"
 
 
 def split_names(values: Iterable[str] | None) -> list[str]:

@@ -13,14 +13,11 @@ from jotlight._engine import __version__
 from jotlight.cli.common_options import OUTPUT_PANEL
 from jotlight.errors import warn
 from jotlight.estimators.brightness import UNITS, unit_scale
-from jotlight.evaluation.uncertainty import uncertainty
+from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.saving import find_white
 from jotlight.images.tone import CURVES, Tone, check_curve
-from jotlight.networks.color_network import AnyNetwork
-from jotlight.sensing.channels import last_channel_axis
-from jotlight.sensing.pixel_counts import Data
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -175,19 +172,16 @@ class ImageOutputOptions(OutputOptions):
         self,
         files: list[Path],
         estimate: npt.NDArray[np.float32],
-        data: Data,
+        known: Uncertainty | None,
         sensor: Sensor,
         *,
-        method: str | AnyNetwork | None,
-        demosaicing: str | None,
         white: float | None,
         metadata: dict[str, Any],
-        threads: int | None,
     ) -> list[Tone]:
         """Write the temporary files, in the order of :meth:`paths`.
 
-        `method` and `demosaicing` are those of the estimate, and `white` is the largest intensity,
-        if it is stated. Return the tone curve of each image for display.
+        `known` is the uncertainty of the estimate, if it is written, and `white` is the largest
+        intensity, if it is stated. Return the tone curve of each image for display.
         """
         remaining = list(files)
         scale = self.scale(sensor)
@@ -203,18 +197,7 @@ class ImageOutputOptions(OutputOptions):
             tones.append(self.fit_tone(estimate))
             note = metadata | tone_facts(tones[-1])
             image_writer(self.preview, note=note)(remaining.pop(0), tones[-1](estimate))
-        if self.uncertainty is not None:
-            known = uncertainty(
-                data,
-                sensor,
-                method=method,
-                demosaicing=demosaicing,
-                estimate=estimate,
-                channel_axis=last_channel_axis(data),
-                confidence_level=self.coverage,
-                units=self.units,
-                threads=threads,
-            )
+        if self.uncertainty is not None and known is not None:
             if self.uncertainty.suffix.lower() == _SHOWN:
                 description = {"Description": json.dumps(metadata)}
                 known.plot().savefig(remaining.pop(0), format="png", metadata=description)

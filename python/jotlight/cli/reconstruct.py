@@ -6,11 +6,12 @@ from pathlib import Path
 from jotlight.cli.advice import caution_about_motion
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.common_options import Threads
+from jotlight.cli.inputs import Inputs
 from jotlight.cli.jot_checks import caution_about_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import ImageMotionOptions, MotionOptions
 from jotlight.cli.output_options import ImageOutputOptions, OutputOptions
-from jotlight.cli.reconstruction import Inputs, reconstruct_image
+from jotlight.cli.reconstruction import reconstruct_image
 from jotlight.cli.run_options import CapturePaths, RunOptions
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.evaluation.uncertainty import check_errors_known

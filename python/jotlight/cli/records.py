@@ -27,7 +27,7 @@ _NO_PLACE = (".npy", ".npz")
 
 
 class Made(Protocol):
-    """What a result was made of, and how: a ``jotlight.cli.reconstruction.Reconstruction``."""
+    """What a result was made of, and how: a ``jotlight.cli.inputs.Reconstruction``."""
 
     @property
     def path(self) -> Path | str:

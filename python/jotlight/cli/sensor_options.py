@@ -18,6 +18,10 @@ from jotlight.sensing.sensor import KERNELS
 
 _OVERSAMPLING = "K̂: each pixel covers K̂ x K̂ jots, the pixels of the camera."
 _FRAMES = "T: number of binary frames."
+
+_REPEATS = ",..."
+"""The end of a list of values that repeat, one for each frame."""
+
 _NoOption = Annotated[None, Parameter(parse=False)]
 """The type of a parameter that a command does not take."""
 
@@ -46,8 +50,8 @@ class SensorOptions:
         Parameter(
             help="α, the exposure: photons on a pixel of intensity 1, over all jots and frames. Of "
             "a bracket: the photons of each frame, such as 64,8,1, where each value is for an "
-            "equal number of consecutive frames. "
-            "Default: K, the number of bits per pixel, so one photon per jot and frame."
+            "equal number of consecutive frames, or 64,8,1,... for one frame each, again and "
+            "again. Default: K, the number of bits per pixel, so one photon per jot and frame."
         ),
     ] = None
     threshold: Annotated[
@@ -300,6 +304,7 @@ def _values_of_frames(
     """
     if name == "threshold" and text.endswith(".npy"):
         return read_npy(text)
+    text, repeats, _ = text.partition(_REPEATS)
     try:
         values = [kind(part) for part in text.split(",")]
     except ValueError:
@@ -309,10 +314,10 @@ def _values_of_frames(
         ) from None
     if len(values) == 1:
         return values[0]
-    if frames is None or frames % len(values):
+    if frames is None or (frames % len(values) and not repeats):
         got = "none" if frames is None else f"--frames {frames}"
         raise ValueError(
             f"{name}: with {len(values)} values, expected a multiple of {len(values)} frames in "
             f"--frames, got {got}"
         )
-    return np.repeat(values, frames // len(values))
+    return np.resize(values, frames) if repeats else np.repeat(values, frames // len(values))

@@ -13,16 +13,20 @@ from jotlight.cli.captured import Captured, add_sensor
 from jotlight.cli.console import caution, report
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.sensor_options import CapturedSensorOptions
+from jotlight.formats.capture import CountStack
 from jotlight.formats.locations import is_url
-from jotlight.sensing.alike_frames import require_alike_frames
+from jotlight.sensing.alike_frames import exposure_cycle
 from jotlight.sensing.bits import Bits
 from jotlight.view.access import LOOPBACK, is_loopback
 from jotlight.view.extra import require_server
 from jotlight.view.live.options import LiveOptions, open_live
-from jotlight.view.viewed import Opening, Viewable, Viewed
+from jotlight.view.viewed import Frames, Opening, Viewable, Viewed, variable
 
 SERVER_PANEL = Group("Server", sort_key=1)
 LIVE_PANEL = Group("Live view", sort_key=2)
+
+_OF_WINDOW = "gain", "threshold"
+"""Options whose values for a window differ from those for all frames."""
 
 _PATIENCE = 1.0
 """Time in seconds without a frame after which the command says that it waits."""
@@ -77,8 +81,8 @@ def view(
         str,
         Parameter(
             allow_leading_hyphen=True,
-            help="A capture of bits or counts: a file, a folder, or a URL; - with --follow for "
-            "standard input.",
+            help="A capture of bits, readings, or counts: a file, a folder, or a URL; - with "
+            "--follow for standard input.",
         ),
     ],
     /,
@@ -117,19 +121,27 @@ def view(
 
 def _open(path: str, capture: CaptureOptions, sensor: CapturedSensorOptions) -> Viewed:
     """Return a complete capture with its sensor."""
+    is_several_bits = (sensor.bit_depth or 1) > 1
     opened = capture.open(
         path if is_url(path) else Path(path), sensor.stated_trials(), sensor.bit_depth
     )
-    if isinstance(opened, Bits) and sensor.frames is not None:
-        raise ValueError("frames: the page selects them; --frame-range leaves some of them out")
+    has_frames = isinstance(opened, Bits) or opened.sensor is not None or is_several_bits
+    if has_frames and sensor.frames not in (None, len(opened)):
+        raise ValueError(
+            f"frames: expected the {len(opened)} frames of the capture, got {sensor.frames}; the "
+            "page selects those of a window, and --frame-range leaves some of them out"
+        )
     calibration = None if sensor.calibration is None else Calibration.load(sensor.calibration)
     captured = add_sensor(opened, path, sensor.to_kwargs(), calibration)
-    require_alike_frames(captured.sensor)
+    exposure_cycle(captured.sensor)
     if sensor.find_hot_jots:
         captured = mask_hot_jots(captured)
     is_known = captured.has_own_sensor or sensor.max_intensity is not None
     opening = _opening(path, capture, sensor, captured)
-    return Viewed(Path(path).name or path, captured.data, captured.sensor, is_known, opening)
+    data: Frames = captured.data
+    if captured.sensor.bit_depth > 1 and isinstance(data, CountStack):
+        data = data.readings(captured.sensor)
+    return Viewed(Path(path).name or path, data, captured.sensor, is_known, opening)
 
 
 def _opening(
@@ -138,26 +150,27 @@ def _opening(
     """Return how `jotlight reconstruct` and Python open the same capture."""
     frames = parse_frame_range(capture.frame_range) or slice(None)
     words = dataclasses.replace(capture, frame_range=None).to_argv()
-    words += dataclasses.replace(sensor, frames=None, gain=None).to_argv()
+    words += dataclasses.replace(sensor, frames=None, gain=None, threshold=None).to_argv()
     options = {
         name: getattr(capture, name)
         for name in ("format", "width", "rotate", "flip", "key", "counts", "unpacked")
     }
     options |= {"counts_scale": capture.counts_scale, "trials": capture.trials}
+    options["bit_depth"] = sensor.bit_depth if captured.sensor.bit_depth > 1 else None
     arguments = {name: repr(value) for name, value in options.items() if value not in (None, 0)}
     lines = _sensor_lines(sensor, captured)
     if sensor.find_hot_jots:
         lines += _hot_jot_lines(path, {**arguments, "frames": repr(frames)}, captured)
-    has_gain = sensor.gain is not None
+    of_window = tuple(name for name in _OF_WINDOW if getattr(sensor, name) is not None)
     return Opening(
-        path, tuple(words), arguments, tuple(lines), frames, has_gain, sensor.find_hot_jots
+        path, tuple(words), arguments, tuple(lines), frames, of_window, sensor.find_hot_jots
     )
 
 
 def _sensor_lines(sensor: CapturedSensorOptions, captured: Captured) -> list[str]:
-    """Return lines of Python after which `sensor` is the sensor of `bits`."""
-    kwargs = dict(sensor._set())
-    for name in ("frames", "gain"):  # the page sets those of a window
+    """Return lines of Python after which `sensor` is the sensor of the data."""
+    kwargs, data = dict(sensor._set()), variable(captured.sensor)
+    for name in ("frames", *_OF_WINDOW):  # the page sets those of a window
         kwargs.pop(name, None)
     imports: list[str] = []
     texts = []
@@ -170,7 +183,7 @@ def _sensor_lines(sensor: CapturedSensorOptions, captured: Captured) -> list[str
     if sensor.calibration is not None:
         lines.append(f"calibration = jl.Calibration.load({str(sensor.calibration)!r})")
         made = (
-            "calibration.applied_to(bits.sensor"
+            f"calibration.applied_to({data}.sensor"
             if captured.has_own_sensor
             else "calibration.sensor("
         )
@@ -178,7 +191,7 @@ def _sensor_lines(sensor: CapturedSensorOptions, captured: Captured) -> list[str
         lines.append(f"sensor = {made}{glue}{arguments})")
     elif captured.has_own_sensor:
         lines.append(
-            f"sensor = bits.sensor.replace({arguments})" if texts else "sensor = bits.sensor"
+            f"sensor = {data}.sensor.replace({arguments})" if texts else f"sensor = {data}.sensor"
         )
     else:
         lines.append(f"sensor = jl.Sensor({arguments})")
@@ -222,7 +235,12 @@ def _follow(
         "--counts": capture.counts,
         "--counts-scale": capture.counts_scale,
         "--trials": capture.trials,
+        "--bit-depth above 1": (sensor.bit_depth or 1) > 1 or None,
+        "--read-noise": sensor.read_noise or None,
     }
+    for name in _OF_WINDOW:
+        has_several = "," in (getattr(sensor, name) or "")
+        unsupported[f"--{name} with several values"] = has_several or None
     for option, value in unsupported.items():
         if value is not None:
             raise ValueError(f"follow: {option} is for complete captures, not for --follow")

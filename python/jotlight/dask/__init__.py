@@ -9,6 +9,17 @@ return lazy arrays. Their values do not depend on the chunks, the scheduler, or 
 >>> film = jl.dask.reconstruct(bits, window=64, method="mle")
 >>> film.shape, film.compute().dtype
 ((4, 128, 128), dtype('float32'))
+
+In reading order:
+
+- ``counting``, ``reconstruction``, ``calibration``: the three functions.
+- ``spans``, ``pieces``, ``chunk_counting``: the frames of windows, their division among workers,
+  and what a worker does with a chunk. ``streaming``: windows in one process, in constant memory.
+- ``estimator``: a method with its sensor, as workers run it.
+- ``jobs``, ``names``, ``running``: runs over many captures, their results, and their processes.
+  ``cluster``, ``preload``: workers on this machine, or a scheduler. ``gathering``: the parts of a
+  job array.
+- ``store``, ``image_files``, ``records``: results in zarr arrays, and what they were made of.
 """
 
 from jotlight.dask.calibration import LazyCalibration, calibrate

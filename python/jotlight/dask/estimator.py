@@ -9,24 +9,22 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.deconvolution import DECONVOLUTION_RADIUS
-from jotlight.estimators.demosaicing import choose_demosaicing
-from jotlight.evaluation.channels import COLORS
+from jotlight.estimators.demosaicing import COLORS, choose_demosaicing
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
     OWN_NETWORK,
-    check_demosaicing,
+    check_extras,
     check_fallback,
     check_precision_of,
     choose_method,
-    requested_method,
+    named_method,
 )
+from jotlight.evaluation.color_data import check_demosaicing, uses_color_network
 from jotlight.evaluation.held_out import blend
-from jotlight.evaluation.methods import METHODS, check_options
-from jotlight.evaluation.mosaics import uses_color_network
+from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.weights import weights_sha256
 from jotlight.layout import Layout
-from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.graph import size_divisor
 from jotlight.networks.mosaic_planes import plane_sensors
 from jotlight.networks.network import Network
@@ -233,16 +231,9 @@ def choose_estimator(
     """
     options = dict(options or {})
     fallback = bool(options.pop("fallback", False))
-    if quality is not None:
-        if method is not None:
-            raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
-        if quality not in QUALITIES:
-            raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
-        method = f"network-{quality}"
     check_countable(sensor)
     if isinstance(method, Network):
-        if options:
-            raise ValueError(f"{next(iter(options))}: is not an option of a network; leave it out")
+        check_extras(quality, options, fallback=False)
         own = Estimator(sensor, OWN_NETWORK, None, method, (), 1, fallback, demosaicing, precision)
         return checked(own)
     if method is not None and not isinstance(method, str):
@@ -250,9 +241,7 @@ def choose_estimator(
             "method: expected the name of a method, or a network for gray images, got "
             f"{method!r}; the shipped color network is the default for colors"
         )
-    requested = requested_method(method, list(options))
-    if requested is not None:
-        check_options(requested, options)
+    requested = named_method(method, quality, options)
     check_demosaicing(demosaicing, sensor)
     is_default = requested is None and not fallback
     if sensor.mosaic is None:
@@ -279,8 +268,8 @@ def checked(estimator: Estimator) -> Estimator:
     )
     if sensor.mosaic is not None:
         is_default = estimator.method == COLOR_NETWORK
-        is_joint = uses_color_network(sensor, demosaicing, is_default=is_default)
-        choose_demosaicing(sensor.mosaic, None if is_joint else demosaicing)
+        by_network = uses_color_network(sensor, demosaicing, is_default=is_default)
+        choose_demosaicing(sensor.mosaic, None if by_network else demosaicing)
     return estimator
 
 

@@ -3,15 +3,16 @@
 In reading order:
 
 * closed form: ``mle``, ``inverse_response`` (equation 5), ``inpaint`` (dead pixels);
-* readings that differ, or of several bits: ``joint_mle``, ``merge_readings`` (equivalent counts),
-  ``generalized_anscombe``;
+* readings that differ, or of several bits: ``joint_mle``, ``merge_readings`` (equivalent counts at
+  the maximum) and ``merge_near`` (near an estimate), ``typical_trials`` (how many trials these
+  have), ``generalized_anscombe``;
 * variance stabilization: ``vst`` (equations 6 and 7), ``denoise``, ``trial_levels`` (pixels with
   different numbers of trials), ``noniterative``;
 * iterative methods: ``problem`` (equation 4), ``convergence``, ``mle_iterative``, ``tv``, ``admm``
   with ``admm_terms`` and ``linear_solver``, ``descent``;
 * smooth kernels and mosaics: ``deconvolution``, ``demosaicing``;
-* quality of an estimate: ``uncertainty`` with ``light_inversion``, ``joint_uncertainty``,
-  ``brightness``;
+* quality of an estimate: ``uncertainty`` with ``light_inversion``, ``joint_uncertainty`` with
+  ``pixel_kinds``, ``brightness``;
 * plans of captures: ``planning`` with ``planned_readings``, ``planned_motion``, and ``figure``,
   ``bracketing``;
 * other sensors: ``dead_time`` (free-running pixels), ``gates``.

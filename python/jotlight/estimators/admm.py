@@ -14,7 +14,7 @@ from jotlight.estimators.convergence import (
     check_stopping_rule,
 )
 from jotlight.estimators.linear_solver import NormalEquations
-from jotlight.estimators.problem import ConvergenceHistories, solve_images
+from jotlight.estimators.problem import ConvergenceHistories, Inputs, solve_images
 from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variations
 from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.operators import Scaling
@@ -196,9 +196,8 @@ def admm_tv(
         own = automatic_weight(problem, norm=norm) if weight is None else _weights(weight, problem)
         return _minimize(problem, own, norm, start, monitor, threads)
 
-    estimate, history = solve_images(
-        solve, monitor, data, sensor, trials, channel_axis, start, out, threads
-    )
+    inputs = Inputs(data, sensor, trials, channel_axis, start, out, threads)
+    estimate, history = solve_images(solve, monitor, inputs)
     return (estimate, history) if return_history else estimate
 
 

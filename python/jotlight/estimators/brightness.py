@@ -94,10 +94,10 @@ def max_measurable_intensity(sensor: Sensor) -> float:
     >>> round(max_measurable_intensity(Sensor(frames=16)), 3)  # -log(1/32)
     3.466
     """
-    threshold, light, _ = sensor.pixel_response()
+    response = sensor.pixel_response()
     efficiency, dark = reference_jot(sensor)
-    rate = engine.inverse_detection_probability(threshold, 1 - 0.5 / sensor.trials)
-    return max(rate - dark, 1e-12) / (efficiency * light)
+    rate = engine.inverse_detection_probability(response.threshold, 1 - 0.5 / sensor.trials)
+    return max(rate - dark, 1e-12) / (efficiency * response.light_per_intensity)
 
 
 def estimate_brightness(

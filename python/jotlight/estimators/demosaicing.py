@@ -28,6 +28,12 @@ _IMPORT = threading.Lock()
 _MIN_WEIGHT = 1e-6
 """Weight below which a pixel has no neighbors within the Gaussian."""
 
+MIN_RELATIVE_WEIGHT = 1e-6
+"""Smallest weight of a filter, relative to the largest one, so that all colors are determined."""
+
+COLORS = 3
+"""Red, green, and blue."""
+
 
 def choose_demosaicing(mosaic: Mosaic, method: str | None) -> str:
     """Return the method of demosaicing: the requested one, or the default of the mosaic.
@@ -55,7 +61,10 @@ def choose_demosaicing(mosaic: Mosaic, method: str | None) -> str:
 
 
 def demosaic(
-    values: npt.NDArray[np.floating], mosaic: Mosaic, method: str | None = None
+    values: npt.NDArray[np.floating],
+    mosaic: Mosaic,
+    method: str | None = None,
+    weights: npt.NDArray[np.floating] | None = None,
 ) -> npt.NDArray[np.float64]:
     """Return red, green, and blue of all pixels.
 
@@ -71,6 +80,9 @@ def demosaic(
         package colour-demosaicing (extra `color`). "differences" interpolates the values of the
         densest filter, and adds local means of the differences of the others from it. Default:
         "menon" for a Bayer mosaic, and "differences" for others.
+    weights : ndarray of float, shape (H, W), optional
+        How much each value counts where more than three filters overdetermine the colors. Default:
+        as much as the filter of the pixel passes light.
 
     Returns
     -------
@@ -102,15 +114,31 @@ def demosaic(
     image = np.asarray(values, np.float64)
     places = mosaic.full(*image.shape)
     share = np.bincount(places.ravel(), minlength=len(mosaic.filters)) / places.size
-    weights = share * mosaic.sensitivity
-    mosaic.inverse(weights)  # Menon's method fails without one of the filters
+    usual = share * mosaic.sensitivity
+    mosaic.inverse(usual)  # Menon's method fails without one of the filters
     if method == "menon":
         assert mosaic.bayer is not None, "choose_demosaicing checked it"
         planes = _menon(image, mosaic.bayer)
         planes = planes[..., ["RGB".index(letter) for letter in mosaic.filters]]
     else:
         planes = _differences(image, places, share)
-    return mosaic.colors(planes, weights)
+    if weights is None or np.count_nonzero(share) <= COLORS:
+        return mosaic.colors(planes, usual)
+    return mosaic.colors(planes, _near_weights(weights, places, usual))
+
+
+def _near_weights(weights: npt.NDArray[np.floating], places: Pattern, usual: Values) -> Values:
+    """Return the mean weight of the pixels of each filter around each pixel, (H, W, N).
+
+    The largest one is 1. Where all are 0, they are the usual ones.
+    """
+    found = np.zeros((*places.shape, len(usual)))
+    for index in np.flatnonzero(usual):
+        own = places == index
+        found[..., index] = own.mean() * local_mean(np.asarray(weights, float), own, SPREAD)
+    largest = found.max(axis=-1, keepdims=True)
+    found = np.where(largest > 0, found / np.where(largest > 0, largest, 1.0), usual)
+    return np.asarray(np.maximum(found, MIN_RELATIVE_WEIGHT * (usual > 0)))
 
 
 def _menon(values: Values, order: str) -> Values:
@@ -134,6 +162,21 @@ def _differences(values: Values, places: Pattern, share: Values) -> Values:
         if index != densest:
             planes[..., index] += local_mean(values - base, places == index, SPREAD)
     return planes
+
+
+def brightest_mean(values: npt.NDArray[np.floating], places: Pattern) -> Values:
+    """Return the largest of the local means of the values behind each filter, (H, W).
+
+    Where pixels of some filters are saturated, the others show how bright the scene is.
+
+    Examples
+    --------
+    >>> brightest_mean(np.array([[0.5, 0.2, 0.5]]), np.array([[0, 1, 0]])).round(6).tolist()
+    [[0.5, 0.5, 0.5]]
+    """
+    each = np.asarray(values, np.float64)
+    means = [local_mean(each, places == index, SPREAD) for index in np.unique(places)]
+    return np.asarray(np.max(means, axis=0))
 
 
 def local_mean(values: Values, known: npt.NDArray[np.bool_], spread: float) -> Values:

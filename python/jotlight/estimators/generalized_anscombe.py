@@ -11,13 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators import vst
-from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
+from jotlight.sensing.joint_likelihood import JointLikelihood
 from jotlight.sensing.multibit import ReadingLikelihood
-from jotlight.sensing.pixel_counts import Estimate, GrayImages
-from jotlight.sensing.readings import refuse_different_readings
+from jotlight.sensing.pixel_counts import Estimate
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.response import Array
-from jotlight.sensing.sensor import Sensor
 
 _GRID = 1025
 """Number of rates at which the mean of the transform is computed. Others are interpolated."""
@@ -27,6 +25,9 @@ _MAX_EXACT_TOTAL = 4096
 
 _NODES = 41
 """Number of nodes of the Gauss-Hermite quadrature for larger totals."""
+
+_LARGEST_SHARE = 0.15
+"""Share of the largest readings from which counts near averages are better than the transform."""
 
 Denoise = Callable[[npt.NDArray[np.float32]], npt.NDArray[np.float32]]
 """A denoiser of images (N, H, W)."""
@@ -73,7 +74,8 @@ def transformed_mean(cells: ReadingLikelihood, trials: int, rates: Array) -> Arr
 
     Examples
     --------
-    >>> cells = ReadingLikelihood((3, 0.0, 1), np.zeros((1, 0), np.int32), False)
+    >>> from jotlight.sensing.response import JotResponse
+    >>> cells = ReadingLikelihood(JotResponse(3, 0.0, 1), np.zeros((1, 0), np.int32), False)
     >>> transformed_mean(cells, 1, np.array([0.0])).round(4)  # √(3/8)
     array([0.6124])
     """
@@ -91,18 +93,14 @@ def transformed_mean(cells: ReadingLikelihood, trials: int, rates: Array) -> Arr
 
 
 def denoise_readings(
-    images: GrayImages, sensor: Sensor, denoise: Denoise, inverse: str, threads: int | None
+    joint: JointLikelihood, denoise: Denoise, inverse: str, threads: int | None
 ) -> Estimate:
-    """Return the estimates of the non-iterative method for readings of several bits or with noise.
-
-    Their shape is (N, H, W).
+    """Return the estimate (H, W) of the non-iterative method for readings of several bits or noise.
 
     Parameters
     ----------
-    images : GrayImages
-        The data.
-    sensor : Sensor
-        Their sensor, with one gain, and pixels that are alike.
+    joint : JointLikelihood
+        The likelihood of the readings, which have one gain.
     denoise : callable
         The denoiser.
     inverse : {"exact", "algebraic"}
@@ -121,20 +119,40 @@ def denoise_readings(
     at the largest reading, back to the rate (Makitalo and Foi 2013). Bits with read noise have the
     transform of bits, and the probability of a one is mapped back to the rate.
     """
-    refuse_different_readings(sensor)
-    each = [joint_likelihood(one, sensor, threads) for one in images.data]
-    if not all(joint.uniform for joint in each):
+    if not joint.uniform:
         raise ValueError(
             "sensor: expected pixels that are alike, but the mask, the efficiency, or the dark "
             "counts differ; jotlight.merge_readings(data) makes counts that "
             "jotlight.noniterative accepts"
         )
-    total = np.stack([joint.total for joint in each])
-    trials = int(each[0].trials.flat[0])
-    rate = _rate_of_totals(each[0], total, trials, denoise, inverse, threads)
-    term = each[0].terms[0]
+    trials, term = int(joint.trials.flat[0]), joint.terms[0]
+    rate = _rate_of_totals(joint, joint.total[None], trials, denoise, inverse, threads)[0]
     light = (rate - term.cells.dark_counts) / term.cells.efficiency
-    return np.clip(light / term.light, 0, sensor.max_intensity).astype(np.float32)
+    found = np.clip(light / term.light, 0, joint.sensor.max_intensity)
+    return np.asarray(found, np.float32)
+
+
+def is_saturated(joint: JointLikelihood) -> bool:
+    """Return whether the largest readings are too frequent for the transform, which is biased then.
+
+    A denoiser averages totals, and where most readings are the largest one, those of a brighter
+    pixel can hardly make up for those of a darker one.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.joint_likelihood import joint_likelihood
+    >>> from jotlight.sensing.photon_readings import Readings
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> sensor = Sensor(bit_depth=2)
+    >>> for readings in ([3, 1, 3, 3], [3, 0, 0, 1, 1, 2, 0]):
+    ...     is_saturated(joint_likelihood(Readings([[readings]], sensor), sensor, None))
+    True
+    False
+    """
+    cells = joint.terms[0].cells
+    if joint.sensor.bit_depth == 1 or not isinstance(cells, ReadingLikelihood):
+        return False
+    return cells.largest_share >= _LARGEST_SHARE
 
 
 def _rate_of_totals(

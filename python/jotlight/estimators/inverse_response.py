@@ -8,12 +8,16 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.errors import warn
 from jotlight.estimators.inpaint import inpaint_dead_pixels
+from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.sensing.maps import constant_or_map
+from jotlight.sensing.merged import MAX_SILENT_TRIALS
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import flatten
+
+Counts = npt.NDArray[np.float32]
 
 
 def equivalent_counts(
@@ -68,7 +72,22 @@ def equivalent_counts(
         out.reshape(images, -1),
         threads,
     )
-    return inpaint_dead_pixels(out, pixels.dead_pixels)
+    return inpaint_dead_pixels(_fill_silent_pixels(out, pixels), pixels.dead_pixels)
+
+
+def _fill_silent_pixels(counts: Counts, pixels: PixelCounts) -> Counts:
+    """Return counts whose pixels that say nothing have those of their neighbors.
+
+    With 0 ones of hardly any trial, they would be taken for dark.
+    """
+    silent = np.asarray(pixels.trials <= MAX_SILENT_TRIALS)
+    if not silent.any():
+        return counts
+    filled = []
+    holes = np.broadcast_to(silent, counts.shape).reshape(-1, *counts.shape[-2:])
+    for image, own in zip(counts.reshape(holes.shape), holes, strict=True):
+        filled.append(image if own.all() else fill_from_nearest(image, ~own))
+    return np.stack(filled).reshape(counts.shape)
 
 
 def equivalent_fractions(pixels: PixelCounts, threads: int | None) -> npt.NDArray[np.float32]:

@@ -1,28 +1,29 @@
 """Equivalent counts near estimates of the intensities, for methods that take counts."""
 
+import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.estimators.demosaicing import COLORS, brightest_mean, demosaic
+from jotlight.estimators.joint_mle import solve_expected_total
 from jotlight.estimators.merge_readings import (
     MAX_TRIALS,
     linear_counts,
-    mean_response,
+    mean_jots,
     merge_joint,
     min_light,
     reference_sensor,
 )
 from jotlight.sensing.joint_likelihood import JointLikelihood
-from jotlight.sensing.merged import Merged
+from jotlight.sensing.merged import MAX_SILENT_TRIALS, Merged
+from jotlight.sensing.mosaic import Mosaic, Pattern
 from jotlight.sensing.response import Array, inverse_detection_probability
 
 _MIN_SHARE = 1e-5
 """Smallest intensity near which readings are merged, as a share of the largest one."""
-
-_ROUNDS = 3
-"""Number of averages near which readings are merged, one after the other."""
 
 _SIGMA, _MIN_SIGMA, _MAX_SIGMA = 4.0, 1.0, 3.0
 """Standard deviation of an average in pixels, for one reading per pixel, and its limits. For n
@@ -38,25 +39,20 @@ _MAP_SIGMA = 0.4
 Some of their pixels say much and their neighbors little, and denoisers take both for equally good.
 """
 
-_LEAST_TRIALS = 0.01
-"""Maximum number of trials of a pixel without ones and zeros. It is not dead, but says nothing."""
-
 _MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
 
 
-def merge_near_neighbors(
-    joint: JointLikelihood, pattern: npt.NDArray[np.integer] | None = None
-) -> Merged:
+def merge_near_neighbors(joint: JointLikelihood, mosaic: Mosaic | None = None) -> Merged:
     """Return counts as :func:`merge_near` does, near averages over the neighbors of each pixel.
 
     Parameters
     ----------
     joint : JointLikelihood
         The likelihood of the readings.
-    pattern : ndarray of int, shape (H, W), optional
-        The filter of each pixel of a mosaic. Only neighbors with the same one are averaged.
-        Default: all pixels have the same one.
+    mosaic : Mosaic, optional
+        The filters. Only neighbors with the same one are averaged. If there are more than three,
+        their averages become colors, as the information behind each filter permits.
 
     Examples
     --------
@@ -69,22 +65,84 @@ def merge_near_neighbors(
     >>> bool(abs(merged.ones.sum() / merged.trials.sum() - (1 - np.exp(-0.6))) < 0.02)
     True
     """
-    merged = merge_joint(joint)
     if joint.sensor.has_plain_bits:
-        return merged
+        return merge_joint(joint)
     readings = float(np.mean(joint.trials))
     sigma = min(max(_SIGMA / np.sqrt(max(readings, 1)), _MIN_SIGMA), _MAX_SIGMA)
-    for _ in range(_ROUNDS):
-        merged = merge_near(joint, _average(merged, sigma, pattern), pattern)
-    return merged
+    if mosaic is None:
+        return merge_near(joint, _average(joint, sigma, None))
+    pattern = mosaic.full(*joint.shape)
+    near = _average(joint, sigma, pattern)
+    if len(np.unique(pattern)) > COLORS:
+        near = _behind_filters(joint, near, mosaic, pattern)
+    return merge_near(joint, near, pattern)
 
 
-def _average(merged: Merged, spread: float, pattern: npt.NDArray[np.integer] | None) -> Array:
-    """Return the intensities of averages over neighbors with the same filter, (H, W)."""
-    fraction = average_fractions(merged, spread, pattern)
-    rate = inverse_detection_probability(1, fraction, 1 - fraction) - merged.dark_counts
-    slope = np.maximum(merged.efficiency, 1e-9) * merged.sensor.light_per_intensity
+def _behind_filters(joint: JointLikelihood, near: Array, mosaic: Mosaic, pattern: Pattern) -> Array:
+    """Return the intensities behind the filters of the colors that averages determine, (H, W).
+
+    Where clear pixels are saturated, their own averages would be too dark.
+    """
+    sensitivity = mosaic.sensitivity[pattern]
+    values = near / sensitivity
+    bright = brightest_mean(values, pattern) * sensitivity
+    known = joint.information(np.maximum(bright, _MIN_SHARE * joint.sensor.max_intensity))
+    weights = np.where(joint.trials > 0, known * sensitivity**2, 0.0)
+    plain = dataclasses.replace(mosaic, white_balance=np.ones(COLORS))
+    colors = demosaic(values, plain, "differences", weights)
+    return np.asarray(mosaic.light(np.maximum(colors, 0)))
+
+
+def _average(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> Array:
+    """Return the intensity that the readings around each pixel have in common, (H, W).
+
+    It is that at which their sum is expected. The sums of pixels with different thresholds cannot
+    be compared. So each kind of pixels has averages of its own first, and the equivalent counts
+    near them are averaged.
+    """
+    if np.ndim(joint.sensor.threshold) < 2:
+        return _expecting_sums(joint, spread, pattern)
+    kinds = _kinds_of_pixels(joint, pattern)
+    if kinds.max() < _MAX_FILTERS:
+        ones, trials = _real_counts(joint, _expecting_sums(joint, spread, kinds))[:2]
+    else:
+        merged = merge_joint(joint)
+        ones, trials = merged.ones.astype(np.float64), np.broadcast_to(merged.trials, joint.shape)
+    fraction = _fractions(ones, trials, spread, pattern)
+    reference = reference_sensor(joint.sensor)
+    efficiency, dark_counts = mean_jots(reference)
+    rate = inverse_detection_probability(1, fraction, 1 - fraction) - dark_counts
+    slope = np.maximum(efficiency, 1e-9) * reference.light_per_intensity
     return np.asarray(np.maximum(rate, 0) / slope)
+
+
+def _kinds_of_pixels(joint: JointLikelihood, pattern: Pattern | None) -> Pattern:
+    """Return whole numbers from 0 that tell filters and thresholds of pixels apart, (H, W)."""
+    each = [term.sum_pixels(term.trials) > 0 for term in joint.terms]
+    rows = np.stack([*each, np.zeros(joint.shape) if pattern is None else pattern])
+    kinds = np.unique(rows.reshape(len(rows), -1), axis=1, return_inverse=True)[1]
+    return np.asarray(kinds.reshape(joint.shape))
+
+
+def _expecting_sums(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> Array:
+    """Return the intensity at which the sum of the readings around each pixel is expected, (H, W).
+
+    This has no bias if most readings are the largest one. Where all are, it is the intensity at
+    which one half less is expected, and where all are 0, that at which one half is.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    fraction = np.zeros(joint.shape)
+    for own in _of_each_filter(pattern, joint.shape):
+        sigma = _own_sigma(spread, own)
+        total, largest = (
+            gaussian_filter(np.where(own, part, 0.0), sigma)
+            for part in (joint.total, joint.max_total)
+        )
+        half = 0.5 / (4 * np.pi * sigma**2)
+        inside = np.minimum(np.maximum(total, half), largest - half)
+        fraction = np.where(own, inside / np.maximum(largest, 1e-9), fraction)
+    return solve_expected_total(joint, np.clip(fraction, 0, 1) * joint.max_total)
 
 
 def average_fractions(
@@ -101,17 +159,32 @@ def average_fractions(
     pattern : ndarray of int, shape (H, W), optional
         The filter of each pixel. Default: all have the same one.
     """
+    trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
+    return _fractions(merged.ones, trials, spread, pattern)
+
+
+def _fractions(
+    ones: npt.NDArray[np.number],
+    trials: Array,
+    spread: float,
+    pattern: npt.NDArray[np.integer] | None,
+) -> Array:
+    """Return :func:`average_fractions` of real counts (H, W)."""
     from scipy.ndimage import gaussian_filter
 
-    trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
-    fraction = np.zeros(merged.shape)
-    for own in _of_each_filter(pattern, merged.shape):
-        sigma = spread / np.sqrt(max(own.mean(), 1 / _MAX_FILTERS))
-        ones, number = (
-            gaussian_filter(np.where(own, part, 0.0), sigma) for part in (merged.ones, trials)
+    fraction = np.zeros(ones.shape)
+    for own in _of_each_filter(pattern, ones.shape):
+        sigma = _own_sigma(spread, own)
+        total, number = (
+            gaussian_filter(np.where(own, part, 0.0), sigma) for part in (ones, trials)
         )
-        fraction = np.where(own, ones / np.maximum(number, 1e-9), fraction)
+        fraction = np.where(own, total / np.maximum(number, 1e-9), fraction)
     return np.asarray(np.clip(fraction, 0, _MAX_FRACTION))
+
+
+def _own_sigma(spread: float, own: npt.NDArray[np.bool_]) -> float:
+    """Return the standard deviation of an average that has as many pixels of a filter as of all."""
+    return float(spread / np.sqrt(max(own.mean(), 1 / _MAX_FILTERS)))
 
 
 def merge_near(
@@ -124,7 +197,8 @@ def merge_near(
     The derivative g and the information I are those at the given intensities, instead of at the
     most likely intensity of each pixel (:func:`jotlight.merge_readings`). So the trials do not
     depend on the noise of a pixel, and the ones are a linear function of its readings, without
-    bias. They are rounded such that the errors of neighbors cancel. Where rounding makes more ones
+    bias. Pixels of less than one trial are completed to one, which agrees with the known intensity.
+    The ones are rounded such that the errors of neighbors cancel. Where rounding makes more ones
     than trials, the next pixels have fewer trials. Counts of a map of
     thresholds are averaged over the nearest neighbors, unless there is a mosaic.
 
@@ -151,16 +225,12 @@ def merge_near(
     """
     from scipy.ndimage import gaussian_filter
 
-    reference, largest = reference_sensor(joint.sensor), joint.sensor.max_intensity
-    efficiency, dark_counts = mean_response(reference)
-    least = np.maximum(_MIN_SHARE * largest, min_light(joint))
-    near = np.clip(intensity.astype(np.float64), least, largest)
-    slope = efficiency * reference.light_per_intensity
-    rate = slope * near + dark_counts
-    is_known = joint.trials > 0
-    gradient = np.where(is_known, joint.gradient_and_curvature(near)[0], 0.0)
-    information = np.where(is_known, joint.information(near), 0.0)
-    ones, trials = linear_counts(gradient, information, slope, rate, rate)
+    ones, trials, rate = _real_counts(joint, intensity)
+    reference = reference_sensor(joint.sensor)
+    efficiency, dark_counts = mean_jots(reference)
+    # Denoisers take each pixel for at least one trial, and 0 ones of fewer trials for darkness.
+    missing = np.where(joint.trials > 0, np.maximum(1 - trials, 0), 0.0)
+    ones, trials = ones - missing * np.expm1(-rate), trials + missing
     if pattern is None and np.ndim(joint.sensor.threshold) == 2:
         ones, trials = (gaussian_filter(part, _MAP_SIGMA) for part in (ones, trials))
     trials = np.minimum(trials, MAX_TRIALS)
@@ -169,8 +239,24 @@ def merge_near(
     for own in _of_each_filter(pattern, ones.shape):
         whole += diffuse(np.where(own, ones, 0.0), own & (trials > 0))
         zeros += _carry_debts(np.where(own, trials - whole, 0.0))
-    trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, _LEAST_TRIALS))
+    trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, MAX_SILENT_TRIALS))
     return Merged(whole.astype(np.int32), trials, reference, dark_counts, efficiency)
+
+
+def _real_counts(
+    joint: JointLikelihood, intensity: npt.NDArray[np.floating]
+) -> tuple[Array, Array, Array]:
+    """Return the ones and the trials near intensities, and the rates of a trial there, (H, W)."""
+    reference, largest = reference_sensor(joint.sensor), joint.sensor.max_intensity
+    efficiency, dark_counts = mean_jots(reference)
+    least = np.maximum(_MIN_SHARE * largest, min_light(joint))
+    near = np.clip(intensity.astype(np.float64), least, largest)
+    slope = efficiency * reference.light_per_intensity
+    rate = np.asarray(slope * near + dark_counts)
+    is_known = joint.trials > 0
+    gradient = np.where(is_known, joint.gradient_and_curvature(near)[0], 0.0)
+    information = np.where(is_known, joint.information(near), 0.0)
+    return *linear_counts(gradient, information, slope, rate, rate), rate
 
 
 def _carry_debts(values: Array) -> Array:

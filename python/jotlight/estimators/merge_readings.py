@@ -17,7 +17,7 @@ from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.pixel_counts import Data, GrayImages, gray_images, prepare_data
-from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.response import Array, JotResponse, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
 MAX_TRIALS = 2.0**30
@@ -96,7 +96,7 @@ def merge_readings(
 
 
 def merge_images(images: GrayImages, sensor: Sensor, threads: int | None) -> GrayImages:
-    """Return the equivalent counts of gray images, which states their sensor."""
+    """Return the equivalent counts of gray images. Each of them states its sensor."""
     each = [merge_joint(joint_likelihood(one, sensor, threads)) for one in images.data]
     return GrayImages(each, images.layout)
 
@@ -149,7 +149,7 @@ def _noise_floor(sensor: Sensor, reference: Sensor) -> float | npt.NDArray[np.fl
     information = np.zeros(len(distinct))
     for group in sensor.groups():
         own, light = group.sensor, group.sensor.light_per_intensity
-        response = 1, own.read_noise, own.threshold
+        response = JotResponse(1, own.read_noise, own.threshold)
         none = np.zeros((len(distinct), 0), np.int32)
         cells = ReadingLikelihood(response, none, False, 1.0, distinct)
         share = 1.0 if own.mask is None else float(1 - own.mask.mean())
@@ -163,16 +163,18 @@ def merge_joint(joint: JointLikelihood) -> Merged:
     """Return the equivalent counts of a gray image."""
     if joint.sensor.has_plain_bits and all(term.side == 1 for term in joint.terms):
         counts = joint.total.astype(np.int32)
-        efficiency, dark_counts = mean_response(joint.sensor)
+        efficiency, dark_counts = mean_jots(joint.sensor)
         return Merged(counts, joint.trials, joint.sensor, dark_counts, efficiency)
     reference = reference_sensor(joint.sensor)
-    efficiency, dark_counts = mean_response(reference)
-    ones, trials = equivalent_counts(joint, reference)
+    efficiency, dark_counts = mean_jots(reference)
+    ones, trials = counts_at_maximum(joint, reference)
     return Merged(*round_ones(ones, trials), reference, dark_counts, efficiency)
 
 
-def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array, Array]:
-    """Return the real numbers of ones and of trials of a reference sensor with threshold 1.
+def counts_at_maximum(joint: JointLikelihood, reference: Sensor) -> tuple[Array, Array]:
+    """Return the ones and the trials of a reference sensor that say the same at the maximum.
+
+    They are real numbers, of the shape of the pixels.
 
     Parameters
     ----------
@@ -186,11 +188,11 @@ def equivalent_counts(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     >>> from jotlight.sensing.bits import Bits
     >>> sensor = Sensor(frames=2, gain=[1.0, 3.0], max_intensity=9.0)
     >>> joint = joint_likelihood(Bits.from_array([[[1]], [[0]]]), sensor, None)
-    >>> ones, trials = equivalent_counts(joint, reference_sensor(sensor))
+    >>> ones, trials = counts_at_maximum(joint, reference_sensor(sensor))
     >>> ones.round(4), trials.round(4), (ones / trials).round(4)  # 1/4 at x = log(4/3)
     (array([[0.7973]]), array([[3.1892]]), array([[0.25]]))
     """
-    efficiency, dark_counts = mean_response(reference)
+    efficiency, dark_counts = mean_jots(reference)
     intensity = regular_maximum(joint)
     gradient = joint.gradient_and_curvature(intensity)[0]
     least = np.maximum(intensity, min_light(joint))
@@ -288,7 +290,7 @@ def min_light(joint: JointLikelihood) -> float | Array:
     return np.minimum(0.5 / np.maximum(photons, 1e-12), joint.sensor.max_intensity)
 
 
-def mean_response(sensor: Sensor) -> tuple[float | Array, float | Array]:
+def mean_jots(sensor: Sensor) -> tuple[float | Array, float | Array]:
     """Return the mean efficiency and the mean dark counts of the live jots of each pixel."""
     efficiency, dark_counts = (
         pixel_means(value, sensor.mask, sensor.oversampling)[0]

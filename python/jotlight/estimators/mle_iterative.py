@@ -13,7 +13,7 @@ from jotlight.estimators.convergence import (
 )
 from jotlight.estimators.descent import SOLVERS, Direction, Mask, QuadraticModel, gradient_direction
 from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
-from jotlight.estimators.problem import ConvergenceHistories, solve_images
+from jotlight.estimators.problem import ConvergenceHistories, Inputs, solve_images
 from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.pixel_counts import Data, Estimate
 from jotlight.sensing.response import Array
@@ -175,9 +175,8 @@ def mle_iterative(
         dead.append(~_pixels_with(problem, _trials(problem) > 0))
         return fill_dead_pixels(image, dead[-1])
 
-    estimate, history = solve_images(
-        solve, monitor, data, sensor, trials, channel_axis, start, out, threads
-    )
+    inputs = Inputs(data, sensor, trials, channel_axis, start, out, threads)
+    estimate, history = solve_images(solve, monitor, inputs)
     warn_about_dead_pixels(np.concatenate(dead))
     return (estimate, history) if return_history else estimate
 

@@ -7,23 +7,24 @@ import numpy.typing as npt
 
 from jotlight.estimators import vst
 from jotlight.estimators.denoise import Denoiser, resolve_denoiser
-from jotlight.estimators.generalized_anscombe import denoise_readings
+from jotlight.estimators.generalized_anscombe import Denoise, denoise_readings, is_saturated
 from jotlight.estimators.inverse_response import (
     equivalent_counts,
     intensity_from_probability,
     warn_about_smooth_kernel,
 )
-from jotlight.estimators.trial_levels import (
-    count_local_trials,
-    interpolate_levels,
-)
+from jotlight.estimators.merge_near import merge_near_neighbors
+from jotlight.estimators.trial_levels import count_local_trials, interpolate_levels
 from jotlight.sensing.gray_outputs import output_of
+from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.pixel_counts import (
     Data,
     Estimate,
+    GrayImages,
     gray_images,
     prepare_data,
 )
+from jotlight.sensing.readings import refuse_different_readings
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.stacks import each_image
@@ -94,7 +95,9 @@ def noniterative(
     interpolated.
 
     Readings of several bits have the generalized Anscombe transform and its exact inverse
-    (:mod:`jotlight.estimators.generalized_anscombe`).
+    (:mod:`jotlight.estimators.generalized_anscombe`). If at least 15 % of them are the largest
+    one, they become counts near averages instead
+    (:func:`jotlight.estimators.merge_near.merge_near_neighbors`).
 
     The engine computes all images of a stack together. The denoisers are functions of libraries,
     which run on one image at a time.
@@ -114,12 +117,28 @@ def noniterative(
 
     images = gray_images(data)
     output = output_of(images, sensor, out)
-    if not sensor.has_plain_bits:
 
-        def run(z: Estimate) -> Estimate:
-            return _run_denoiser(denoiser, z)
+    def run(z: Estimate) -> Estimate:
+        return _run_denoiser(denoiser, z)
 
-        return output.finish(denoise_readings(images, sensor, run, inverse, threads))
+    if sensor.has_plain_bits:
+        return output.finish(_denoise_counts(images, sensor, run, inverse, threads))
+    refuse_different_readings(sensor)
+    for place, one in zip(output.images, images.data, strict=True):
+        joint = joint_likelihood(one, sensor, threads)
+        if joint.uniform and is_saturated(joint):
+            merged = merge_near_neighbors(joint)
+            counts = gray_images(merged)
+            place[:] = _denoise_counts(counts, merged.sensor, run, inverse, threads)[0]
+        else:
+            place[:] = denoise_readings(joint, run, inverse, threads)
+    return output.finish(output.images)
+
+
+def _denoise_counts(
+    images: GrayImages, sensor: Sensor, denoise: Denoise, inverse: str, threads: int | None
+) -> Estimate:
+    """Return the estimates of bits or counts, (N, H, W)."""
     pixels = images.count(sensor, threads)
     own_trials = count_local_trials(pixels)
     largest = np.ceil([np.max(each) for each in own_trials])
@@ -128,12 +147,12 @@ def noniterative(
     def probability_at(level: int, places: list[int]) -> Estimate:
         factor = each_image(np.asarray(level / largest[places], np.float32), counts)
         own = np.minimum(counts[places] * factor, np.float32(level))
-        denoised = _run_denoiser(denoiser, vst.anscombe(own, level, threads=threads))
+        denoised = denoise(vst.anscombe(own, level, threads=threads))
         inverted = vst.inverse_anscombe(denoised, level, inverse=inverse, threads=threads)
         return np.asarray(inverted / np.float32(level))
 
     probability = interpolate_levels(probability_at, own_trials, counts.shape[1:])
-    return output.finish(intensity_from_probability(probability, sensor, threads))
+    return intensity_from_probability(probability, sensor, threads)
 
 
 def _run_denoiser(denoiser: str | Denoiser, z: Estimate) -> Estimate:

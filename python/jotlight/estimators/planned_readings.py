@@ -31,7 +31,7 @@ class PlannedReadings:
             None if max_intensity is None else max_intensity * sensor.light_per_intensity
         )
         none = np.zeros((1, 0), np.int32)
-        response = sensor.engine_response()
+        response = sensor.jot_response()
         self._jot = ReadingLikelihood(response, none, False, self.efficiency, self.dark_counts)
 
     def bias_and_mse(self, frames: int, levels: Array) -> tuple[Array, Array]:

@@ -1,5 +1,6 @@
 """The problem of equation (4), built from data and a sensor, and solved for each gray image."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -40,16 +41,28 @@ _MAX_CELLS = 1 << 17
 several. More do not fit into the caches."""
 
 
+@dataclasses.dataclass(frozen=True)
+class Inputs:
+    """What an iterative method gets from its caller."""
+
+    data: Data | Problem
+    """Bits, merged counts, counts (..., H, W), a list of them, or a problem without a sensor."""
+    sensor: Sensor | None = None
+    """The sensor of the data; None for a problem, and for data that carry it."""
+    trials: npt.ArrayLike | None = None
+    """The number of trials of counts; None for a problem."""
+    channel_axis: int | None = None
+    """The axis of counts that holds color channels; None for a problem."""
+    start: npt.ArrayLike | None = None
+    """The initial image, of the shape of the estimate."""
+    out: npt.NDArray[np.float32] | None = None
+    """The array for the estimate."""
+    threads: int | None = None
+    """The number of threads. Default: all cores."""
+
+
 def solve_images(
-    solve: Solver,
-    monitor: ConvergenceMonitor,
-    data: Data | Problem,
-    sensor: Sensor | None,
-    trials: npt.ArrayLike | None,
-    channel_axis: int | None,
-    start: npt.ArrayLike | None,
-    out: npt.NDArray[np.float32] | None,
-    threads: int | None,
+    solve: Solver, monitor: ConvergenceMonitor, inputs: Inputs
 ) -> tuple[Estimate, ConvergenceHistories]:
     """Return the solution and the history of a problem, or of each gray image of the data.
 
@@ -59,20 +72,8 @@ def solve_images(
         The iterative method, which solves the problems of several images at once.
     monitor : ConvergenceMonitor
         The monitor to which the method reports.
-    data : Bits, Merged, list of them, Problem, or array_like of int
-        Bits, merged counts, counts (..., H, W), or a problem without a sensor.
-    sensor : Sensor or None
-        The sensor that recorded the data; None for a problem, and for data that carry it.
-    trials : float or array_like of float, optional
-        The number of trials of counts; None for a problem.
-    channel_axis : int, optional
-        The axis of counts that holds color channels; None for a problem.
-    start : array_like of float, optional
-        The initial image, of the shape of the estimate.
-    out : ndarray of float32, optional
-        The array for the estimate.
-    threads : int, optional
-        The number of threads. Default: all cores.
+    inputs : Inputs
+        The data, and how to read and to return them.
 
     Raises
     ------
@@ -84,9 +85,10 @@ def solve_images(
     JotlightWarning
         Once, when images did not converge.
     """
-    initial = None if start is None else _check_start(start)
+    data, out = inputs.data, inputs.out
+    initial = None if inputs.start is None else _check_start(inputs.start)
     if isinstance(data, Problem):
-        _refuse_options(sensor, trials, channel_axis)
+        _refuse_options(inputs)
         if initial is not None and not data.is_stack:
             initial = initial[None]
         problem = data.stacked()
@@ -94,13 +96,13 @@ def solve_images(
         output = OutputImages(layout, problem.operator.input_shape, out)
         estimate = solve(problem, _fit_start(initial, problem)).astype(np.float32)
     else:
-        data, sensor = prepare_data(data, sensor, trials, channel_axis)
+        data, sensor = prepare_data(data, inputs.sensor, inputs.trials, inputs.channel_axis)
         images = gray_images(data)
         layout, output = images.layout, output_of(images, sensor, out)
         starts = None if initial is None else layout.split(_check_axes(initial, layout))
         estimate, first = output.images, 0
         for part in images.parts(sensor, _max_pixels(sensor)):
-            problem = build_problem(part, sensor, threads)
+            problem = build_problem(part, sensor, inputs.threads)
             places = slice(first, first + len(part))
             own = None if starts is None else starts[places]
             estimate[places] = solve(problem, _fit_start(own, problem))
@@ -157,15 +159,13 @@ def _max_pixels(sensor: Sensor) -> int:
     return _MAX_CELLS // (sensor.oversampling**2 if uses_jots else 1)
 
 
-def _refuse_options(
-    sensor: Sensor | None, trials: npt.ArrayLike | None, channel_axis: int | None
-) -> None:
+def _refuse_options(inputs: Inputs) -> None:
     """Raise TypeError for options of data that a problem does not have."""
-    if sensor is not None:
+    if inputs.sensor is not None:
         raise TypeError("sensor: expected none, since a Problem has its own operator")
-    if trials is not None:
+    if inputs.trials is not None:
         raise TypeError("trials: expected none, since a Problem has its own likelihood")
-    if channel_axis is not None:
+    if inputs.channel_axis is not None:
         raise TypeError("channel_axis: expected none, since a Problem has no channels")
 
 
@@ -203,16 +203,17 @@ def _fit_start(start: Array | None, problem: Problem) -> Array | None:
 
 
 def _pixel_problem(pixels: PixelCounts, threads: int | None) -> Problem:
-    _, light, max_intensity = pixels.sensor.pixel_response()
+    response = pixels.sensor.pixel_response()
     likelihood = Likelihood(
         pixels.counts,
         pixels.trials,
-        threshold=pixels.sensor.threshold,
+        threshold=response.threshold,
         efficiency=pixels.efficiency,
         dark_counts=pixels.dark_counts,
         threads=threads,
     )
-    return Problem(scaling(pixels.counts.shape[1:], light), likelihood, max_intensity)
+    light = scaling(pixels.counts.shape[1:], response.light_per_intensity)
+    return Problem(light, likelihood, response.max_intensity)
 
 
 def _jot_problem(

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.sensing.merged import MAX_SILENT_TRIALS
 from jotlight.sensing.pixel_counts import MAX_PIXELS, PixelCounts
 from jotlight.sensing.values import check_any_valid
 
@@ -81,7 +82,7 @@ def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
 def count_local_trials(pixels: PixelCounts) -> list[LocalTrials]:
     """Return :func:`local_trials` of each image of pixel counts (N, H, W).
 
-    Dead pixels get those of the nearest valid one.
+    Dead pixels, and those that say nothing, get those of the nearest other one.
 
     Raises
     ------
@@ -104,7 +105,11 @@ def count_local_trials(pixels: PixelCounts) -> list[LocalTrials]:
     # The images of a sensor with a mask share one map.
     is_shared = pixels.trials.strides[0] == 0
     maps = pixels.trials[:1] if is_shared else pixels.trials
-    filled = [fill_from_nearest(trials, trials > 0).astype(np.float64) for trials in maps]
+    filled = []
+    for trials in maps:
+        known = trials > MAX_SILENT_TRIALS
+        known = known if known.any() else trials > 0
+        filled.append(fill_from_nearest(trials, known).astype(np.float64))
     local = engine.local_trials(filled, None)
     return local * number if is_shared else local
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jotlight.estimators.merge_readings import linear_counts, mean_response, reference_sensor
+from jotlight.estimators.merge_readings import linear_counts, mean_jots, reference_sensor
 from jotlight.sensing.reference import reading_information
 from jotlight.sensing.sensor import Sensor
 
@@ -33,7 +33,7 @@ def typical_trials(sensor: Sensor) -> float:
         light = np.array([own.light_per_intensity * intensity])
         each = own.trials * own.light_per_intensity**2 * reading_information(own, light)[0]
         information += share * each
-    efficiency, dark_counts = (float(np.mean(part)) for part in mean_response(reference))
+    efficiency, dark_counts = (float(np.mean(part)) for part in mean_jots(reference))
     slope = efficiency * reference.light_per_intensity
     rate = np.array(slope * intensity + dark_counts)
     return float(linear_counts(np.array(0.0), np.array(information), slope, rate, rate)[1])

@@ -4,12 +4,15 @@ In reading order:
 
 - ``held_out`` with ``blend_weights``: the blend of several methods that suits the data.
 - ``methods``: every method by name.
-- ``choice``: the method for some data.
+- ``color_data``: what the color network takes. ``choice``: the method for some data.
 - ``own_method``: functions of the caller as methods.
-- ``reconstruct``: an image by the recommended method, or by another one, and ``info``: how it was
-  made. ``channels``, ``mosaics``, ``different_readings``: data other than gray plain bits.
-- ``uncertainty``: an interval for each pixel, by ``intervals`` and ``error_scale``, or by
-  ``color_intervals`` behind a mosaic.
+- ``reconstruct``: an image by the recommended method, or by another one. ``request``: the method
+  and its settings. ``info``: how an image was made. ``channels``, ``mosaics``,
+  ``different_readings``: data other than gray plain bits. ``clipping`` warns about a largest
+  intensity that is too small. ``weights``: the files of the networks behind a result.
+- ``uncertainty``: an interval for each pixel, by ``intervals`` and ``error_scale``, by
+  ``color_intervals`` behind a mosaic, or by ``channel_intervals`` for three channels.
+  ``known_estimate`` checks an estimate of the caller.
 - ``evaluate``: one method on many images.
 - ``compare``, ``comparison``: many methods on one image.
 """

@@ -3,17 +3,17 @@
 import contextlib
 import time
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import hide_warnings
+from jotlight.estimators.demosaicing import COLORS
 from jotlight.estimators.inpaint import NO_VALID_BIT
 from jotlight.evaluation.choice import OWN_NETWORK, TITLES
+from jotlight.evaluation.color_data import check_taken, takes_channels
 from jotlight.evaluation.info import Info
-from jotlight.evaluation.methods import LARGE_TRIALS
-from jotlight.evaluation.mosaics import check_color_data, count_image
+from jotlight.evaluation.mosaics import count_image
 from jotlight.networks.color_inference import estimate_channels
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.pretrained import (
@@ -23,47 +23,11 @@ from jotlight.networks.pretrained import (
     pretrained_conditional,
 )
 from jotlight.sensing.gray_outputs import output_of
-from jotlight.sensing.merged import Merged, is_finer
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
-
-COLORS = 3
-"""Red, green, and blue."""
-
-_MIN_KNOWN = 0.9
-"""Fraction of the pixels that must have bits of all colors."""
-
-
-def takes_channels(images: GrayImages) -> bool:
-    """Return whether the color network takes images: red, green, and blue.
-
-    Nearly all pixels of merged counts must have bits of all three, and no more than 1,000.
-
-    Examples
-    --------
-    >>> from jotlight.layout import Layout
-    >>> counts = np.zeros((3, 4, 6), np.int32)
-    >>> takes_channels(GrayImages(counts, Layout((3,), -1)))
-    True
-    >>> takes_channels(GrayImages(counts, Layout((3,))))
-    False
-    """
-    layout = images.layout
-    if layout.channel_axis is None or layout.shape[-1] != COLORS:
-        return False
-    for start in range(0, len(images), COLORS):
-        each: Any = images.data[start : start + COLORS]
-        if not any(isinstance(one, Merged) for one in each):
-            continue
-        if any(is_finer(one) for one in each):
-            return False
-        known = [np.broadcast_to(one.trials, one.shape) > 0 for one in each]
-        most = max(float(np.max(one.trials)) for one in each)
-        if np.mean(np.all(known, axis=0)) < _MIN_KNOWN or most > LARGE_TRIALS:
-            return False
-    return True
 
 
 @contextlib.contextmanager
@@ -102,7 +66,7 @@ def run_color_network(
     ValueError
         When the images do not have three channels of bits.
     """
-    check_color_data(sensor, takes=takes_channels(images))
+    check_taken(sensor, has_form=takes_channels(images))
     start = time.perf_counter()
     estimate = reconstruct_channels(images, sensor, out, threads, network, precision)
     seconds = time.perf_counter() - start
@@ -122,7 +86,8 @@ def reconstruct_channels(
     Parameters
     ----------
     images : GrayImages
-        The channels of all images, which :func:`takes_channels` accepts.
+        The channels of all images. :func:`jotlight.evaluation.color_data.takes_channels` states
+        which.
     sensor : Sensor
         Their sensor, with plain bits.
     out : ndarray of float32, optional
@@ -146,9 +111,7 @@ def reconstruct_channels(
     gray = pretrained_conditional(sensor, COLOR_START).with_precision(network.precision)
     output = output_of(images, sensor, out)
     for start in range(0, len(images), COLORS):
-        counted = [count_image(one, sensor, threads) for one in images.data[start : start + COLORS]]
-        channels, own = [each for each, _ in counted], counted[0][1]
-        output.images[start : start + COLORS] = estimate_channels(
-            network, gray, channels, own, threads
-        )
+        colors = slice(start, start + COLORS)
+        channels = [count_image(one, sensor, threads) for one in images.data[colors]]
+        output.images[colors] = estimate_channels(network, gray, channels, threads)
     return output.finish(output.images)

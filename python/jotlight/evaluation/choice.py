@@ -4,8 +4,7 @@ import dataclasses
 from collections.abc import Collection
 from typing import Any
 
-from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
-from jotlight.estimators.typical_trials import typical_trials
+from jotlight.evaluation.color_data import takes_sensor
 from jotlight.evaluation.held_out import smooth_kernel_reason
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
@@ -17,11 +16,10 @@ from jotlight.evaluation.methods import (
     find_method,
     unknown_option,
 )
-from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.precision import DEEP, F32, check_precision
-from jotlight.networks.pretrained import uses_conditional
+from jotlight.networks.pretrained import check_quality, uses_conditional
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.sensor import Sensor
 
@@ -34,35 +32,12 @@ COLOR_NETWORK = "network-color"
 FILM_NETWORK = "network-film"
 """Name of the method that runs the film network, for films along a motion alone."""
 
-JOINT = "network"
-"""The `demosaicing` by the color network."""
-
 TITLES = {
     OWN_NETWORK: "network, own",
     COLOR_NETWORK: "network, color",
     FILM_NETWORK: "network, film",
 }
 """Names of the methods that are not in :data:`METHODS`, in tables and messages."""
-
-
-def check_demosaicing(demosaicing: str | None, sensor: Sensor | None = None) -> None:
-    """Raise ValueError for an unknown `demosaicing`, or one for a sensor without a mosaic.
-
-    Examples
-    --------
-    >>> check_demosaicing("network")
-    >>> check_demosaicing("network", Sensor(frames=16))
-    Traceback (most recent call last):
-      ...
-    ValueError: demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')
-    """
-    names = JOINT, *DEMOSAICING
-    if demosaicing not in (None, *names):
-        raise ValueError(f"demosaicing: expected one of {', '.join(names)}, got {demosaicing!r}")
-    if demosaicing is not None and sensor is not None and sensor.mosaic is None:
-        raise ValueError(
-            "demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')"
-        )
 
 
 def requested_method(method: str | None, options: Collection[str] = ()) -> str | None:
@@ -178,8 +153,7 @@ def choose_method(
         method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
     else:
         is_large = sensor.trials > LARGE_TRIALS and sensor.kernel == "box"
-        is_color = is_color and sensor.kernel == "box" and typical_trials(sensor) <= LARGE_TRIALS
-        default = COLOR_NETWORK if is_color else DEFAULT_METHOD
+        default = COLOR_NETWORK if is_color and takes_sensor(sensor) else DEFAULT_METHOD
         method = requested or (LARGE_METHOD if is_large else default)
         if requested is None:
             kind = "colors" if method == COLOR_NETWORK else f"{sensor.trials:,} trials per pixel"
@@ -279,9 +253,20 @@ def named_method(method: object, quality: str | None, options: dict[str, Any]) -
         return name
     if method is not None:
         raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
-    if quality not in QUALITIES:
-        raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
-    check_options(f"network-{quality}", options)
+    name = network_name(quality)
+    check_options(name, options)
+    return name
+
+
+def network_name(quality: str) -> str:
+    """Return the name of the method that runs the shipped network of a size.
+
+    Examples
+    --------
+    >>> network_name("small")
+    'network-small'
+    """
+    check_quality(quality)
     return f"network-{quality}"
 
 

@@ -54,24 +54,29 @@ Image = npt.NDArray[np.float32]
 _LEAST_SHARE = 0.03
 """Smallest fraction of the pixels that count for a color."""
 
+_NEIGHBORHOOD = 1.0
+"""Standard deviation of the filter of the trials of a color, in mean distances of its pixels."""
+
 
 @dataclasses.dataclass(frozen=True)
 class MosaicPixels:
     """The pixels of the image of a mosaic, (H, W)."""
 
     counted: PixelCounts
-    sensor: Sensor
-    """Their sensor, without the mosaic."""
+    """Their counts. The sensor has no mosaic."""
     mosaic: Mosaic
     """The filters, without a white balance."""
     threads: int | None = None
 
     @classmethod
-    def of(
-        cls, counted: PixelCounts, sensor: Sensor, mosaic: Mosaic, threads: int | None = None
-    ) -> Self:
+    def of(cls, counted: PixelCounts, mosaic: Mosaic, threads: int | None = None) -> Self:
         """Return the pixels of an image; estimates of their colors have no white balance."""
-        return cls(counted, sensor, dataclasses.replace(mosaic, white_balance=np.ones(3)), threads)
+        return cls(counted, dataclasses.replace(mosaic, white_balance=np.ones(3)), threads)
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor, without the mosaic."""
+        return self.counted.sensor
 
     @cached_property
     def trials(self) -> Array:
@@ -98,16 +103,32 @@ class MosaicPixels:
     def colors_of(self, color: int) -> Pixels:
         """Return the pixels of a gray image with as many trials as those of a color."""
         jot = reference_jot(self.sensor)
-        trials = self.densities[color] * np.where(self.trials > 0, self.trials, 1.0)
+        trials = self.densities[color] * self._trials_near[color]
         return Pixels(self.sensor, self.counted.counts, trials, *jot)
+
+    @cached_property
+    def _trials_near(self) -> Array:
+        """The trials of the pixels around each pixel that see each color, (3, H, W).
+
+        Equivalent counts of one filter may have many more trials than those of another.
+        """
+        from scipy.ndimage import gaussian_filter
+
+        some = np.where(self.trials > 0, self.trials, 1.0)
+        if np.ptp(some) == 0:
+            return np.broadcast_to(some, self.shares.shape)
+        near = []
+        for share, density in zip(self.shares, self.densities, strict=True):
+            sigma = _NEIGHBORHOOD / np.sqrt(density)
+            seen, weight = (gaussian_filter(part, sigma) for part in (share * some, share))
+            near.append(np.where(weight > 1e-9, seen / np.maximum(weight, 1e-9), some))
+        return np.stack(near)
 
     def estimate(self, counted: PixelCounts | None = None) -> Image:
         """Return the colors by the color network, (H, W, 3), of these counts or of others."""
         networks = pretrained_color(MOSAIC_FILE), pretrained_conditional(self.sensor, COLOR_START)
         with hide_warnings():
-            colors = estimate_mosaic(
-                *networks, counted or self.counted, self.sensor, self.mosaic, self.threads
-            )
+            colors = estimate_mosaic(*networks, counted or self.counted, self.mosaic, self.threads)
         return np.clip(colors, 0, self.sensor.max_intensity)
 
     def halves(self) -> list[tuple[Image, Half, Half]]:
@@ -282,8 +303,8 @@ def mosaic_uncertainty(
     images = gray_images(prepared)
     pixels = []
     for one in images.data:
-        counted, own = count_image(one, gray, threads, mosaic)
-        pixels.append(MosaicPixels.of(counted, own, mosaic, threads))
+        counted = count_image(one, gray, threads, mosaic)
+        pixels.append(MosaicPixels.of(counted, mosaic, threads))
         is_plain = gray.has_plain_bits
         check_color_errors_known(np.median(pixels[-1].trials) if is_plain else typical_trials(gray))
     expected = *images.layout.shape, *pixels[0].trials.shape, 3

@@ -121,9 +121,9 @@ class Pixels:
             for estimate, pair in zip(estimates, pairs[: len(estimates)], strict=True)
         ]
 
-    def scale(self, known: Estimate, errors: list[HalfErrors]) -> Array:
+    def scale(self, known: Estimate, errors: list[HalfErrors], model: ErrorModel) -> Array:
         """Return the scale of the errors of a network's estimate, with those from the halves."""
-        model, z, trials = error_model(), self.stabilize(known), np.maximum(self.trials, 0.5)
+        z, trials = self.stabilize(known), np.maximum(self.trials, 0.5)
         scale = model.scale(z, trials)
         if not errors:
             return scale
@@ -199,7 +199,7 @@ def find_intervals(
         known = own if is_own else _quietly(network, part, sensor, threads)
         for place, one in enumerate(each):
             errors = one.errors(halves[place], of_halves[place])
-            scale = one.scale(known[place], errors)
+            scale = one.scale(known[place], errors, error_model())
             if not is_own:
                 difference = one.stabilize(own[place]) - one.stabilize(known[place])
                 scale = widen(scale, difference)

@@ -63,6 +63,26 @@ def trained_network(
     return network.reconstruct(gray_images(data), sensor, out=out, threads=threads)
 
 
+def _deconvolution_reason(sensor: Sensor) -> str | None:
+    """Return why the readings of a sensor cannot be deconvolved, or None if they can."""
+    if sensor.kernel == "box" or sensor.has_plain_bits:
+        return None
+    return (
+        f"expected the box kernel for readings that are no plain bits, got {sensor.kernel}: "
+        "deconvolution needs plain bits"
+    )
+
+
+def _anscombe_reason(sensor: Sensor) -> str | None:
+    """Return why no transform stabilizes the noise of the readings of a sensor, or None."""
+    if sensor.has_plain_bits or sensor.readings_differ or not sensor.maps():
+        return None
+    return (
+        f"expected jots that are alike for readings that are no plain bits, got a map of "
+        f"{', '.join(sensor.maps())}"
+    )
+
+
 @dataclasses.dataclass(frozen=True)
 class Method:
     """A reconstruction method."""
@@ -110,7 +130,11 @@ _ITERATIVE_OPTIONS = frozenset({"tol", "max_iter"})
 def _noniterative(title: str, denoiser: str, required_package: str | None = None) -> Method:
     run = partial(noniterative, denoiser=denoiser)
     return Method(
-        f"non-iterative, {title}", run, frozenset({"inverse"}), required_package=required_package
+        f"non-iterative, {title}",
+        run,
+        frozenset({"inverse"}),
+        required_package=required_package,
+        unsupported_reason=_anscombe_reason,
     )
 
 
@@ -128,6 +152,7 @@ METHODS: dict[str, Method] = {
         "maximum likelihood, iterative",
         mle_iterative,
         _ITERATIVE_OPTIONS,
+        unsupported_reason=_deconvolution_reason,
         is_distinct=lambda sensor: sensor.kernel != "box",
         iterative=True,
     ),
@@ -139,6 +164,7 @@ METHODS: dict[str, Method] = {
         "ADMM, total variation",
         admm_tv,
         _ITERATIVE_OPTIONS | {"weight", "norm"},
+        unsupported_reason=_deconvolution_reason,
         iterative=True,
     ),
     "network-initial": Method("network, initial", initial_network),

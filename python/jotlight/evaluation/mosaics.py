@@ -12,14 +12,10 @@ from jotlight.estimators.demosaicing import TITLES, choose_demosaicing, demosaic
 from jotlight.estimators.merge_near import merge_near_neighbors
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
-    JOINT,
     OWN_NETWORK,
-    check_demosaicing,
-    choose_method,
 )
 from jotlight.evaluation.choice import TITLES as METHOD_TITLES
 from jotlight.evaluation.info import Info, join_infos
-from jotlight.evaluation.methods import LARGE_TRIALS
 from jotlight.layout import Layout
 from jotlight.networks.color_inference import estimate_mosaic
 from jotlight.networks.color_network import ColorNetwork
@@ -31,7 +27,6 @@ from jotlight.networks.pretrained import (
     pretrained_conditional,
 )
 from jotlight.sensing.joint_likelihood import joint_likelihood
-from jotlight.sensing.merged import Merged
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.output_images import OutputImages
 from jotlight.sensing.pixel_counts import (
@@ -45,13 +40,6 @@ from jotlight.sensing.pixel_counts import (
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
-
-LIMITS = (
-    "estimates colors from the bits itself: it takes no method, quality, fallback, or options. Its "
-    "data are bits or counts with the same trials in all pixels, up to "
-    f'{LARGE_TRIALS:,}, or readings that say as much; demosaicing="differences" takes all data'
-)
-"""What the color network takes, for messages."""
 
 EstimatePlanes = Callable[[Any, Sensor], tuple[Image, Info]]
 """A function from the data of gray planes and their sensor to their estimates (N, h, w), and how
@@ -125,7 +113,7 @@ def reconstruct_mosaic(
             "each, got color channels; sensor.replace(mosaic=None) is a sensor of color channels"
         )
     counted = [count_image(one, gray, threads, mosaic) for one in images.data]
-    output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0][0].counts.shape, out)
+    output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0].counts.shape, out)
     found: list[Image] = []
     infos: list[Info] = []
     if estimate is None or isinstance(estimate, ColorNetwork):
@@ -133,12 +121,12 @@ def reconstruct_mosaic(
         network = network if precision is None else network.with_precision(precision)
         start_network = pretrained_conditional(gray, COLOR_START)
         networks = network, start_network.with_precision(network.precision)
-    for each, own in counted:
+    for each in counted:
         if estimate is None or isinstance(estimate, ColorNetwork):
-            colors = estimate_mosaic(*networks, each, own, mosaic, threads)
+            colors = estimate_mosaic(*networks, each, mosaic, threads)
         else:
-            values, infos_of_one = estimate_values(each, own, mosaic, estimate)
-            colors = demosaic(values, mosaic, method).astype(np.float32)
+            values, weights, infos_of_one = estimate_values(each, mosaic, estimate)
+            colors = demosaic(values, mosaic, method, weights).astype(np.float32)
             infos += infos_of_one
         np.clip(colors, 0, sensor.max_intensity, out=colors)
         found.append(np.moveaxis(colors, -1, 0))
@@ -153,76 +141,10 @@ def reconstruct_mosaic(
     return output.finish(np.concatenate(found)), info
 
 
-def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: bool) -> bool:
-    """Return whether the color network estimates the image of a sensor with a mosaic.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        A sensor with a mosaic.
-    demosaicing : str, optional
-        As of :func:`reconstruct`.
-    is_default : bool
-        Whether no method and no options are requested, and the color network takes the data.
-
-    Raises
-    ------
-    ValueError
-        For an unknown `demosaicing`, and for "network" where the color network cannot be used.
-
-    Examples
-    --------
-    >>> uses_color_network(Sensor(frames=16, mosaic="RGGB"), None, is_default=True)
-    True
-    """
-    check_demosaicing(demosaicing, sensor)
-    choice = choose_method(sensor, is_color=is_default)
-    is_joint = choice.method == COLOR_NETWORK and demosaicing in (None, JOINT)
-    if demosaicing == JOINT and not is_joint:
-        raise ValueError(f'demosaicing: "network" {LIMITS}')
-    return is_joint
-
-
-def check_color_data(sensor: Sensor, *, takes: bool) -> None:
-    """Raise ValueError unless a color network of the caller can estimate the image.
-
-    `takes` states whether the data have a form that it takes.
-
-    Examples
-    --------
-    >>> check_color_data(Sensor(frames=16, mosaic="RGGB"), takes=True)
-    >>> check_color_data(Sensor(frames=2000, mosaic="RGGB"), takes=True)
-    Traceback (most recent call last):
-      ...
-    ValueError: method: a color network takes bits of ...
-    """
-    if not takes or choose_method(sensor, is_color=True).method != COLOR_NETWORK:
-        raise ValueError(
-            "method: a color network takes bits of a sensor with a mosaic, with the same trials in "
-            "all pixels, or of three channels (channel_axis=-1 for counts), with the box kernel, "
-            f"up to {LARGE_TRIALS:,} per pixel or readings that say as much; got other data"
-        )
-
-
-def takes_colors(data: object, trials: npt.ArrayLike | None = None) -> bool:
-    """Return whether the color network takes data of a sensor with a mosaic.
-
-    Examples
-    --------
-    >>> takes_colors(np.zeros((4, 4), int), trials=8)
-    True
-    >>> takes_colors(np.zeros((4, 4), int), trials=[[8, 8], [0, 8]])
-    False
-    """
-    each = data if isinstance(data, list | tuple) else [data]
-    are_unusual = trials is not None and (np.ndim(trials) > 0 or np.max(trials) > LARGE_TRIALS)
-    return not are_unusual and not any(isinstance(one, Merged) for one in each)
-
-
 def count_image(
     one: GrayData, sensor: Sensor, threads: int | None, mosaic: Mosaic | None = None
-) -> tuple[PixelCounts, Sensor]:
-    """Return the counts of the pixels of one image, with their sensor, which has plain bits.
+) -> PixelCounts:
+    """Return the counts of the pixels of one image. Their sensor has plain bits.
 
     Parameters
     ----------
@@ -237,19 +159,17 @@ def count_image(
 
     Examples
     --------
-    >>> counted, _ = count_image(np.full((4, 6), 3, np.int32), Sensor(frames=8), None)
-    >>> counted.trials
+    >>> count_image(np.full((4, 6), 3, np.int32), Sensor(frames=8), None).trials
     8
     """
     if sensor.has_plain_bits:
         counted = count_pixels(one, sensor, threads)
         if not counted.varies_within_pixels:
-            return counted, sensor
+            return counted
     # A pixel behind a clear filter sees the sum of the colors, which may exceed S.
     most = 1.0 if mosaic is None else max(1.0, float(mosaic.sensitivity.max()))
     bright = sensor.replace(max_intensity=most * sensor.max_intensity)
     joint = joint_likelihood(one, bright, threads)
-    pattern = None if mosaic is None else mosaic.full(*joint.shape)
-    merged = merge_near_neighbors(joint, pattern)
+    merged = merge_near_neighbors(joint, mosaic)
     own = merged.sensor.replace(max_intensity=sensor.max_intensity)
-    return count_pixels(dataclasses.replace(merged, sensor=own), own, threads), own
+    return count_pixels(dataclasses.replace(merged, sensor=own), own, threads)

@@ -1,5 +1,6 @@
 """One call that estimates an image by the best method, by a named one, or by the caller's own."""
 
+import dataclasses
 import time
 from collections.abc import Callable
 from functools import partial
@@ -12,13 +13,10 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.evaluation.channels import (
     reconstruct_channels,
     run_color_network,
-    takes_channels,
     without_warnings_of_colors,
 )
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
-    JOINT,
-    check_demosaicing,
     check_extras,
     check_fallback,
     check_precision_of,
@@ -26,6 +24,14 @@ from jotlight.evaluation.choice import (
     named_method,
 )
 from jotlight.evaluation.clipping import warn_about_clipping
+from jotlight.evaluation.color_data import (
+    BY_COLOR_NETWORK,
+    check_demosaicing,
+    check_taken,
+    takes_channels,
+    takes_mosaic,
+    uses_color_network,
+)
 from jotlight.evaluation.different_readings import takes_readings, with_one_response
 from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.info import Info
@@ -34,13 +40,9 @@ from jotlight.evaluation.methods import (
     LARGE_METHOD,
     METHODS,
 )
-from jotlight.evaluation.mosaics import (
-    check_color_data,
-    reconstruct_mosaic,
-    takes_colors,
-    uses_color_network,
-)
+from jotlight.evaluation.mosaics import EstimatePlanes, reconstruct_mosaic
 from jotlight.evaluation.own_method import OwnMethod, noting_planes, run_own
+from jotlight.evaluation.request import AnyMethod, Request
 from jotlight.networks.color_network import AnyNetwork, ColorNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained, pretrained_conditional
@@ -48,6 +50,7 @@ from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.merged import is_finer
 from jotlight.sensing.pixel_counts import (
     Data,
+    GrayImages,
     PreparedData,
     carried_sensor,
     gray_images,
@@ -57,16 +60,13 @@ from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
 
-Method = str | AnyNetwork | OwnMethod
-"""The name of a method, a network, or a function."""
-
 
 @overload
 def reconstruct(
     data: Data,
     sensor: Sensor | None = ...,
     *,
-    method: Method | None = ...,
+    method: AnyMethod | None = ...,
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
@@ -84,7 +84,7 @@ def reconstruct(
     data: Data,
     sensor: Sensor | None = ...,
     *,
-    method: Method | None = ...,
+    method: AnyMethod | None = ...,
     quality: str | None = ...,
     trials: npt.ArrayLike | None = ...,
     channel_axis: int | None = ...,
@@ -103,7 +103,7 @@ def reconstruct(
     data: Data,
     sensor: Sensor | None = None,
     *,
-    method: Method | None = None,
+    method: AnyMethod | None = None,
     quality: str | None = None,
     trials: npt.ArrayLike | None = None,
     channel_axis: int | None = None,
@@ -207,48 +207,22 @@ def reconstruct(
         method = cast(AnyNetwork, to_network())  # a module of jotlight.torch
     if sensor is None and isinstance(method, Network):
         sensor = method.sensor_of(data, trials)
+    request = Request(method, quality, demosaicing, precision, fallback, options, threads)
     declared = carried_sensor(data) if sensor is None else sensor
     if isinstance(declared, Sensor) and declared.mosaic is not None:
-        extras = {"quality": quality, "precision": precision, "fallback": fallback, **options}
-        run = noting_planes(method, partial(reconstruct, method=method, **extras))
-        arrays: dict[str, Any] = {"trials": trials, "channel_axis": channel_axis, "out": out}
-        is_default = method is None and quality is None and not fallback and not options
-        network = method if isinstance(method, ColorNetwork) else None
-        if network is not None:
-            check_extras(quality, options, fallback=fallback)
-        colors, info = _run_mosaic(
-            data,
-            declared,
-            run,
-            network,
-            demosaicing,
-            precision,
-            threads,
-            arrays,
-            is_default=is_default,
+        colors, info = _of_mosaic(
+            request, data, declared, trials=trials, channel_axis=channel_axis, out=out
         )
-        scale = np.float32(unit_scale(declared, units))
-        colors *= scale
+        colors *= np.float32(unit_scale(declared, units))
         return (colors, info) if return_info else colors
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     check_demosaicing(demosaicing, sensor)
     scale = np.float32(unit_scale(sensor, units))
-    start = time.perf_counter()
     if callable(method) and not isinstance(method, AnyNetwork):
-        if fallback:
-            raise ValueError(f"fallback: is for networks, but method is {method!r}")
-        if quality is not None:
-            raise ValueError(f"quality: selects a shipped network, but method is {method!r}")
-        check_precision_of(precision, "a function")
-        output = output_of(gray_images(data), sensor, out)
-        estimate = output.deliver(run_own(method, data, sensor, threads, options))
-        name = str(getattr(method, "__name__", type(method).__name__))
-        info = Info(name, name, "requested", time.perf_counter() - start)
+        estimate, info = _by_function(method, request, data, sensor, out)
     else:
         with without_warnings_of_colors(data):
-            estimate, info = _run(
-                data, sensor, method, quality, precision, out, threads, fallback, options
-            )
+            estimate, info = _by_method(request, gray_images(data), sensor, out)
         warn_about_clipping(estimate, sensor)
     if scale != 1:
         # A function of the caller may return an array that it still needs.
@@ -257,66 +231,71 @@ def reconstruct(
     return (estimate, info) if return_info else estimate
 
 
-def _run_mosaic(
-    data: Data,
-    sensor: Sensor,
-    run: Callable[..., Any],
-    network: ColorNetwork | None,
-    demosaicing: str | None,
-    precision: str | None,
-    threads: int | None,
-    arrays: dict[str, Any],
-    *,
-    is_default: bool,
-) -> tuple[Image, Info]:
-    """Return the colors of a mosaic by a color network, or by the method that `run` estimates."""
-    takes = takes_colors(data, arrays["trials"])
-    if network is not None:
-        check_color_data(sensor, takes=takes)
-        if demosaicing not in (None, JOINT):
+def _of_mosaic(request: Request, data: Data, sensor: Sensor, **arrays: Any) -> tuple[Image, Info]:
+    """Return the colors of a mosaic by a color network, or by a method for each plane."""
+    method, demosaicing = request.method, request.demosaicing
+    has_form = takes_mosaic(data, arrays["trials"])
+    estimate: EstimatePlanes | ColorNetwork | None = None
+    if isinstance(method, ColorNetwork):
+        check_extras(request.quality, request.options, fallback=request.fallback)
+        check_taken(sensor, has_form=has_form)
+        if demosaicing not in (None, BY_COLOR_NETWORK):
             raise ValueError("demosaicing: is not an option of a color network; leave it out")
-        is_joint = True
+        estimate, demosaicing = method, None
+    elif uses_color_network(sensor, demosaicing, is_default=request.is_default and has_form):
+        demosaicing = None
     else:
-        is_joint = uses_color_network(sensor, demosaicing, is_default=is_default and takes)
-    estimate = network if is_joint else partial(run, threads=threads, return_info=True)
-    after = None if is_joint else demosaicing
-    return reconstruct_mosaic(
-        data, sensor, estimate, **arrays, demosaicing=after, precision=precision, threads=threads
-    )
+        of_planes = dataclasses.replace(request, demosaicing=None).arguments()
+        run = noting_planes(method, partial(reconstruct, **of_planes))
+        estimate = partial(run, return_info=True)
+    settings = {"precision": request.precision, "threads": request.threads, **arrays}
+    return reconstruct_mosaic(data, sensor, estimate, demosaicing=demosaicing, **settings)
 
 
-def _run(
+def _by_function(
+    function: OwnMethod,
+    request: Request,
     data: PreparedData,
     sensor: Sensor,
-    method: str | AnyNetwork | None,
-    quality: str | None,
-    precision: str | None,
     out: Image | None,
-    threads: int | None,
-    fallback: bool,
-    options: dict[str, Any],
+) -> tuple[Image, Info]:
+    """Return the estimate of a function of the caller, and how it was made."""
+    start = time.perf_counter()
+    if request.fallback:
+        raise ValueError(f"fallback: is for networks, but method is {function!r}")
+    if request.quality is not None:
+        raise ValueError(f"quality: selects a shipped network, but method is {function!r}")
+    check_precision_of(request.precision, "a function")
+    output = output_of(gray_images(data), sensor, out)
+    estimate = output.deliver(run_own(function, data, sensor, request.threads, request.options))
+    name = str(getattr(function, "__name__", type(function).__name__))
+    return estimate, Info(name, name, "requested", time.perf_counter() - start)
+
+
+def _by_method(
+    request: Request, images: GrayImages, sensor: Sensor, out: Image | None
 ) -> tuple[Image, Info]:
     """Return the estimate of a network or of one of jotlight's methods, and how it was made."""
-    images = gray_images(data)
+    method, precision, threads = request.method, request.precision, request.threads
     is_network = isinstance(method, AnyNetwork)
     if is_network:
-        without_fallback = fallback and isinstance(method, ColorNetwork)
-        check_extras(quality, options, fallback=without_fallback)
+        without_fallback = request.fallback and isinstance(method, ColorNetwork)
+        check_extras(request.quality, request.options, fallback=without_fallback)
     if isinstance(method, ColorNetwork):
         return run_color_network(method, images, sensor, out, threads, precision)
     network = method if isinstance(method, Network) else None
-    requested = None if is_network else named_method(method, quality, options)
+    requested = None if is_network else named_method(method, request.quality, request.options)
     if requested is None and any(is_finer(each) for each in images.data):
         requested = DEFAULT_METHOD
     start = time.perf_counter()
     are_equivalent = not takes_readings(requested, sensor)
     if are_equivalent:
         images, sensor = with_one_response(images, sensor, network or requested, threads)
-    is_color = not fallback and takes_channels(images)
+    is_color = not request.fallback and takes_channels(images)
     choice = choose_method(sensor, requested=requested, network=network, is_color=is_color)
-    choice.check_precision(precision, fallback=fallback)
+    choice.check_precision(precision, fallback=request.fallback)
     history, shares = None, None
-    if fallback or choice.method == LARGE_METHOD:
+    if request.fallback or choice.method == LARGE_METHOD:
         check_fallback(sensor, choice.method, choice.quality, network)
         quality = CONDITIONAL_SIZE if choice.method == LARGE_METHOD else choice.quality
         network = network or pretrained_conditional(sensor, str(quality))
@@ -333,8 +312,10 @@ def _run(
         estimate = network.reconstruct(images, sensor, out=out, threads=threads)
     elif METHODS[choice.method].iterative:
         run: Callable[..., Any] = partial(METHODS[choice.method].run, return_history=True)
-        estimate, history = run(images, sensor, out=out, threads=threads, **options)
+        estimate, history = run(images, sensor, out=out, threads=threads, **request.options)
     else:
-        estimate = METHODS[choice.method].run(images, sensor, out=out, threads=threads, **options)
+        estimate = METHODS[choice.method].run(
+            images, sensor, out=out, threads=threads, **request.options
+        )
     seconds = time.perf_counter() - start
     return estimate, Info(choice.method, choice.title, choice.reason, seconds, history, shares)

@@ -11,23 +11,31 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.typical_trials import typical_trials
 from jotlight.estimators.uncertainty import Uncertainty, exact_uncertainty
-from jotlight.evaluation.channels import takes_channels
-from jotlight.evaluation.choice import check_demosaicing, check_precision_of, choose_method
+from jotlight.evaluation.channel_intervals import find_channel_intervals
+from jotlight.evaluation.choice import (
+    check_precision_of,
+    choose_method,
+)
+from jotlight.evaluation.color_data import (
+    check_demosaicing,
+    takes_channels,
+    takes_mosaic,
+    takes_sensor,
+    uses_color_network,
+)
 from jotlight.evaluation.color_intervals import check_color_errors_known, mosaic_uncertainty
 from jotlight.evaluation.different_readings import with_one_response
 from jotlight.evaluation.intervals import find_intervals
 from jotlight.evaluation.known_estimate import read_estimate
 from jotlight.evaluation.methods import find_method
-from jotlight.evaluation.mosaics import takes_colors, uses_color_network
-from jotlight.evaluation.reconstruct import Method, reconstruct
+from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.request import AnyMethod, Request
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import (
     CONDITIONAL_SIZE,
     pretrained,
     pretrained_file,
 )
-from jotlight.sensing.bits import Bits
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import (
     Data,
     GrayImages,
@@ -48,7 +56,7 @@ def uncertainty(
     data: Data,
     sensor: Sensor | None = None,
     *,
-    method: Method | None = None,
+    method: AnyMethod | None = None,
     quality: str | None = None,
     estimate: npt.ArrayLike | None = None,
     confidence_level: float = 0.95,
@@ -150,16 +158,16 @@ def uncertainty(
             "confidence_level: expected a coverage from 0.5 to below 1, got "
             f"{shown(confidence_level)}"
         )
-    run = partial(reconstruct, method=method, quality=quality, precision=precision, threads=threads)
+    request = Request(method, quality, demosaicing, precision, threads=threads)
     stated = carried_sensor(data) if sensor is None else sensor
     if isinstance(stated, Sensor) and stated.mosaic is not None:
-        is_default = method is None and quality is None and takes_colors(data, trials)
+        is_default = request.is_default and takes_mosaic(data, trials)
 
         def colors() -> npt.ArrayLike:
             if estimate is not None:
                 return estimate
-            arrays = {"trials": trials, "channel_axis": channel_axis}
-            return run(data, stated, demosaicing=demosaicing, **arrays)
+            run: Callable[..., npt.ArrayLike] = partial(reconstruct, **request.arguments())
+            return run(data, stated, trials=trials, channel_axis=channel_axis)
 
         found = mosaic_uncertainty(
             data,
@@ -179,43 +187,43 @@ def uncertainty(
         check_precision_of(precision, EXACT_METHOD)
     images = gray_images(data)
     if estimate is not None:
-        shape = images.layout.shape_of(_size(images, sensor))
+        shape = images.layout.shape_of(images.size(sensor))
         estimate = read_estimate(estimate, shape, sensor.max_intensity)
-    found = _of_gray_images(
-        images, sensor, method, quality, estimate, run, confidence_level, threads
-    )
-    return found.scaled(scale)
+    return _of_gray_images(images, sensor, request, estimate, confidence_level).scaled(scale)
 
 
 def _of_gray_images(
     images: GrayImages,
     sensor: Sensor,
-    method: Method | None,
-    quality: str | None,
+    request: Request,
     estimate: npt.ArrayLike | None,
-    run: Callable[[GrayImages, Sensor], npt.ArrayLike],
     confidence_level: float,
-    threads: int | None,
 ) -> Uncertainty:
     """Return the uncertainty of the estimates of gray images, in units of intensity.
 
-    Without an estimate, `run` computes it.
+    Without an estimate, it is computed.
     """
+    method, threads = request.method, request.threads
     if not sensor.has_plain_bits and method == EXACT_METHOD:
         return joint_uncertainty(images, sensor, confidence_level, threads)
     if not sensor.has_plain_bits:
         if estimate is None:
-            estimate = run(images, sensor)
+            estimate = reconstruct(images, sensor, **request.arguments())
         images, sensor = with_one_response(images, sensor, method, threads)
     if method == EXACT_METHOD:
         return exact_uncertainty(images, sensor, confidence_level, threads)
-    network, is_own = _reference(method, quality, images, sensor)
+    check_errors_known(method, sensor)
     if estimate is None:
-        estimate = run(images, sensor)
-    values = images.layout.split(np.asarray(estimate, np.float32))
+        estimate = reconstruct(images, sensor, **request.arguments())
+    values = np.ascontiguousarray(images.layout.split(np.asarray(estimate, np.float32)))
+    if request.is_default and takes_channels(images) and takes_sensor(sensor):
+        return find_channel_intervals(
+            images, values, sensor, confidence_level=confidence_level, threads=threads
+        )
+    network, is_own = _reference(method, request.quality, sensor)
     return find_intervals(
         images,
-        np.ascontiguousarray(values),
+        values,
         sensor,
         network,
         is_own=is_own,
@@ -224,15 +232,7 @@ def _of_gray_images(
     )
 
 
-def _size(images: GrayImages, sensor: Sensor) -> tuple[int, int]:
-    """Return the height and the width of the images in pixels."""
-    first = images.data[0]
-    side = sensor.oversampling if isinstance(first, Bits | Readings) else 1
-    height, width = first.shape[-2:]
-    return height // side, width // side
-
-
-def check_errors_known(method: Method | None, sensor: Sensor) -> None:
+def check_errors_known(method: AnyMethod | None, sensor: Sensor) -> None:
     """Raise ValueError if :func:`uncertainty` has no intervals of a method for a sensor.
 
     Examples
@@ -258,20 +258,18 @@ def check_errors_known(method: Method | None, sensor: Sensor) -> None:
 
 
 def _reference(
-    method: Method | None,
+    method: AnyMethod | None,
     quality: str | None,
-    images: GrayImages,
     sensor: Sensor,
 ) -> tuple[Network, bool]:
     """Return the network whose errors are known, and whether it is the method.
 
     If it is not, the network is "medium".
     """
-    check_errors_known(method, sensor)
     if isinstance(method, Network):
         return (method, True) if _is_measured(method) else (_medium(sensor), False)
     if method is None and quality is None:
-        quality = choose_method(sensor, is_color=takes_channels(images)).quality
+        quality = choose_method(sensor).quality
     elif isinstance(method, str):
         quality = find_method(method).quality
     if quality in _MEASURED_SIZES:

@@ -4,13 +4,15 @@
 
 * ``npy``, ``visionsim``, ``swissspad``, ``spad512s``, and the folders ``zarr``, ``hdf5``,
   ``matlab``, and ``images`` each read and write one family;
-* ``detect`` finds the format of a file, ``reading`` opens it, and ``writing`` writes it;
+* ``detect`` finds the format of a file, ``reading`` opens it, ``scaled`` and ``with_mosaic`` add
+  what the caller states about it, and ``writing`` writes it;
 * ``checksums`` and ``verification`` detect changes of a file since jotlight wrote it;
 * ``capture``, ``selection``, ``orientation``, and ``packing`` handle what was read;
 * ``cube``, ``description``, ``labels``, and ``labeled`` keep the width, sensor, and provenance;
 * ``locations``, ``file_systems``, ``stubs``, and ``remote`` open URLs and globs;
 * ``checked_reading`` computes the checksum of frames while they are read;
-* ``arrays``, ``archives``, ``compressed``, ``file_reader``, ``raw``, and ``file_lists`` read bytes;
+* ``arrays``, ``archives``, ``compressed``, ``blocks``, ``file_reader``, ``raw``, and ``file_lists``
+  read bytes, and ``locks`` protects what threads share;
 * ``magic``, ``limits``, and ``safe_paths`` check files from untrusted sources.
 """
 

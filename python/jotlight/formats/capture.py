@@ -219,6 +219,44 @@ Capture = Bits | CountStack
 """The content of a capture file."""
 
 
+def frames_of(capture: Capture) -> npt.NDArray[Any] | Frames:
+    """Return the packed frames of bits, or the images of counts.
+
+    Examples
+    --------
+    >>> frames_of(Bits(np.zeros((3, 4, 1), np.uint8))).shape
+    (3, 4, 1)
+    """
+    return capture.packed if isinstance(capture, Bits) else capture.images
+
+
+def with_frames(capture: Capture, frames: npt.NDArray[Any] | Frames) -> Capture:
+    """Return the same capture with other frames of the same shape, such as a copy of its own.
+
+    Examples
+    --------
+    >>> bits = Bits(np.zeros((3, 4, 1), np.uint8))
+    >>> with_frames(bits, np.ones((3, 4, 1), np.uint8)).packed.sum()
+    np.uint64(12)
+    """
+    if isinstance(capture, CountStack):
+        return dataclasses.replace(capture, images=frames)
+    bits = Bits(frames, capture.width, capture.sensor, capture.provenance)
+    bits.tested_for_periods = capture.tested_for_periods
+    return bits
+
+
+def jot_shape(data: Bits | CountStack) -> tuple[int, ...]:
+    """Return (T, H, W) or (T, H, W, C) of bits, or of images of counts.
+
+    Examples
+    --------
+    >>> jot_shape(Bits.from_array(np.zeros((5, 2, 3), bool)))
+    (5, 2, 3)
+    """
+    return tuple(data.shape if isinstance(data, Bits) else data.images.shape)
+
+
 def is_single_image(shape: tuple[int, ...]) -> bool:
     """Return whether a shape is that of one image, (H, W) or (H, W, C) with C <= 4.
 

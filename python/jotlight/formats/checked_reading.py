@@ -1,6 +1,5 @@
 """The CRC-32 of the frames of a capture, computed while they are read for another purpose."""
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -8,8 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from isal import isal_zlib
 
-from jotlight.formats.capture import Capture, CountStack
-from jotlight.sensing.bits import Bits
+from jotlight.formats.capture import Capture, frames_of, with_frames
 from jotlight.sensing.frames import Frames, read_in_chunks
 
 
@@ -22,17 +20,13 @@ def with_checksum(data: Capture) -> tuple[Capture, Callable[[], tuple[int, int]]
     Examples
     --------
     >>> import zlib
+    >>> from jotlight.sensing.bits import Bits
     >>> bits, checksum = with_checksum(Bits(np.full((3, 1, 1), 7, np.uint8)))
     >>> checksum() == (3, zlib.crc32(bytes([7, 7, 7])))
     True
     """
-    frames = data.packed if isinstance(data, Bits) else data.images
-    watched, checksum = _watch(frames)
-    if isinstance(data, CountStack):
-        return dataclasses.replace(data, images=watched), checksum
-    bits = Bits(watched, data.width, data.sensor, data.provenance)
-    bits.tested_for_periods = data.tested_for_periods
-    return bits, checksum
+    watched, checksum = _watch(frames_of(data))
+    return with_frames(data, watched), checksum
 
 
 def _watch(

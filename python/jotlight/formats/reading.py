@@ -3,7 +3,6 @@
 import dataclasses
 import functools
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy.typing as npt
 
 from jotlight.checks import as_path, whole_number_in_range
 from jotlight.errors import SeveralArraysError, warn
-from jotlight.formats.capture import Capture, CountStack
+from jotlight.formats.capture import Capture, CountStack, frames_of, with_frames
 from jotlight.formats.detect import detect_format
 from jotlight.formats.file_systems import url_state
 from jotlight.formats.format import Format, OpenOptions
@@ -166,7 +165,7 @@ def open(
     if isinstance(capture, Bits):
         return with_mosaic(capture, mosaic)
     if bit_depth is not None or capture.sensor is not None:
-        return with_mosaic(_readings(capture, bit_depth), mosaic)
+        return with_mosaic(as_readings(capture, bit_depth), mosaic)
     if mosaic is not None:
         raise ValueError(
             f"mosaic: {path} holds counts, which carry no sensor; pass it to jotlight.reconstruct, "
@@ -177,8 +176,14 @@ def open(
     return capture.sum()
 
 
-def _readings(stack: CountStack, bit_depth: int | None) -> Readings:
-    """Return images as frames of readings of several bits."""
+def as_readings(stack: CountStack, bit_depth: int | None) -> Readings:
+    """Return images as frames of readings of several bits, which are stated or those of the file.
+
+    Raises
+    ------
+    ValueError
+        When the bits of a reading are out of range or contradict the file, or readings exceed them.
+    """
     if bit_depth is None:
         return stack.readings()
     depth = whole_number_in_range("bit_depth", bit_depth, 2, MAX_BIT_DEPTH)
@@ -202,9 +207,9 @@ def open_capture(
     path = as_path(path, 'jotlight.open("capture.npy")')
     absolute = path.absolute()
     capture = _open_once(path, **options)
-    data = capture.images if isinstance(capture, CountStack) else capture.packed
-    if isinstance(data, Frames):
-        data.set_origin(functools.partial(_open_data, absolute, files_state(absolute), **options))
+    frames = frames_of(capture)
+    if isinstance(frames, Frames):
+        frames.set_origin(functools.partial(_open_data, absolute, files_state(absolute), **options))
     return capture
 
 
@@ -215,23 +220,17 @@ def _open_url(url: str, storage_options: dict[str, Any] | None, options: dict[st
         capture = _open_once(copy.path, **options)
     except (OSError, ValueError) as error:
         raise type(error)(str(error).replace(str(copy.path), url)) from error
-    state = url_state(url, storage_options)
+    state, frames = url_state(url, storage_options), frames_of(capture)
+    if not isinstance(frames, Frames):
+        return capture
 
-    def attach(frames: npt.NDArray[Any] | Frames) -> npt.NDArray[Any] | Frames:
-        if not isinstance(frames, Frames):
-            return frames
+    def read(start: int, stop: int) -> npt.NDArray[Any]:
+        assert copy.path, "the local copy lives as long as this function"
+        return frames.read(start, stop)
 
-        def read(start: int, stop: int) -> npt.NDArray[Any]:
-            assert copy.path, "the local copy lives as long as this function"
-            return frames.read(start, stop)
-
-        kept = Frames(frames.shape, read, frames.dtype, frames.verify)
-        kept.set_origin(functools.partial(_open_url_data, url, state, storage_options, **options))
-        return kept
-
-    if isinstance(capture, CountStack):
-        return dataclasses.replace(capture, images=attach(capture.images))
-    return Bits(attach(capture.packed), capture.width, capture.sensor, capture.provenance)
+    kept = Frames(frames.shape, read, frames.dtype, frames.verify)
+    kept.set_origin(functools.partial(_open_url_data, url, state, storage_options, **options))
+    return with_frames(capture, kept)
 
 
 def _open_url_data(
@@ -240,8 +239,7 @@ def _open_url_data(
     """Return the frames at a URL, which a copy in another process opens again."""
     if url_state(url, storage_options) != state:
         raise ValueError(f"{url}: a file has changed since it was opened")
-    capture = _open_url(url, storage_options, options)
-    return capture.images if isinstance(capture, CountStack) else capture.packed
+    return frames_of(_open_url(url, storage_options, options))
 
 
 def _open_data(path: Path, state: tuple[int, int, int], **options: Any) -> Any:
@@ -254,8 +252,7 @@ def _open_data(path: Path, state: tuple[int, int, int], **options: Any) -> Any:
     """
     if files_state(path) != state:
         raise ValueError(f"{path}: a file has changed since it was opened")
-    capture = open_capture(path, **options)
-    return capture.images if isinstance(capture, CountStack) else capture.packed
+    return frames_of(open_capture(path, **options))
 
 
 def _open_once(
@@ -309,22 +306,10 @@ def _open_once(
         if width != actual:
             raise ValueError(f"width: expected {actual}, the width of {path}, got {width}")
     selected = select(capture, frames, rotate, flip, key, are_readings=readings)
-    if entry.verify is not None:
-        selected = _verifiable(selected, path, entry.verify)
+    data = frames_of(selected)
+    if entry.verify is not None and isinstance(data, Frames):
+        data.verify = functools.partial(entry.verify, path)
     return selected
-
-
-def _verifiable(capture: Capture, path: Path, verify: Callable[[Path], int]) -> Capture:
-    """Return the same capture with frames that can compare the checksums of their file."""
-
-    def attach(frames: npt.NDArray[Any] | Frames) -> npt.NDArray[Any] | Frames:
-        if not isinstance(frames, Frames):
-            return frames
-        return Frames(frames.shape, frames.read, frames.dtype, lambda: verify(path), frames.mapped)
-
-    if isinstance(capture, CountStack):
-        return dataclasses.replace(capture, images=attach(capture.images))
-    return Bits(attach(capture.packed), capture.width, capture.sensor, capture.provenance)
 
 
 def _check_options(path: Path, entry: Format, options: OpenOptions, unpacked: bool | None) -> None:

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from jotlight.formats.capture import frames_of
 from jotlight.formats.detect import detect_format
 from jotlight.formats.reading import open_capture
 from jotlight.formats.registry import FORMATS
-from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import read_in_chunks
 
 
@@ -52,7 +52,7 @@ def verify_capture(
     entry = FORMATS.get(format or detect_format(path))
     checked = entry.verify(path) if entry is not None and entry.verify is not None else 0
     capture = open_capture(path, format=format, **options)
-    frames = capture.packed if isinstance(capture, Bits) else capture.images
+    frames = frames_of(capture)
     for place, _ in read_in_chunks(frames):
         progress(place.stop / len(frames))
     if checked == 0:

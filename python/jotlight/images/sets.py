@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import positive_number
+from jotlight.checks import as_image, positive_number
 from jotlight.formats.archives import read_npz
 from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.file_systems import explained, find_files, open_file_system
@@ -79,17 +79,44 @@ def read_image_set(
     paths = sorted(path for path in source.iterdir() if path.suffix.lower() in ENDINGS)
     paths = [path for path in paths if not path.name.startswith(".")][:first]
     if not paths:
-        raise ValueError(f"{source}: expected images ({', '.join(ENDINGS)}), found none")
+        inner = next((path for path in sorted(source.iterdir()) if path.is_dir()), None)
+        advice = "" if inner is None else f"; folders inside are not read, so pass one: {inner}"
+        raise ValueError(f"{source}: expected images ({', '.join(ENDINGS)}), found none{advice}")
     images = []
     for number, path in enumerate(paths):
         image = read_image(check_inside(path, source), white=white, gray=True)
         if image.ndim != 2 or image.size == 0:
             raise ValueError(f"{path}: expected a gray or RGB image, got shape {image.shape}")
-        images.append(np.ascontiguousarray(image, np.float32))
+        images.append(np.ascontiguousarray(as_image(image, str(path)), np.float32))
         warn_about_scale(str(path), images[-1:], max_intensity, is_file=True)
         if progress:
             progress((number + 1) / len(paths))
     return [path.name for path in paths], images
+
+
+def require_gray_stack(name: str, shape: tuple[int, ...]) -> None:
+    """Raise ValueError unless a shape is (N, H, W). The message says how to convert others.
+
+    An array whose last axis has three or four values is taken for color.
+
+    Examples
+    --------
+    >>> require_gray_stack("images", (400, 600, 3))
+    Traceback (most recent call last):
+      ...
+    ValueError: images: expected gray images (N, H, W), got shape (400, 600, 3); colors are ...
+    """
+    is_color = len(shape) > 2 and shape[-1] in (3, 4) and min(shape[-3:-1]) > 4
+    if len(shape) == 3 and not is_color:
+        return
+    if is_color:
+        advice = "; colors are images of their own: write np.moveaxis(array, -1, 0)"
+        advice += ".reshape(-1, *array.shape[1:3])" if len(shape) == 4 else ""
+    elif len(shape) == 4:
+        advice = "; channels are images of their own: write array.reshape(-1, *array.shape[2:])"
+    else:
+        advice = "; for a single image, write array[None]" if len(shape) == 2 else ""
+    raise ValueError(f"{name}: expected gray images (N, H, W), got shape {shape}{advice}")
 
 
 def check_first(first: int | None) -> None:
@@ -107,9 +134,10 @@ def _read_stack(
     if suffix == ".npy" and key is not None:
         raise ValueError(f"key: names an array in a .npz, but {source} is a .npy")
     array = read_npz(source, key) if suffix == ".npz" else open_npy_array(source)
-    if array.ndim != 3 or array.size == 0 or array.dtype.kind not in "uif":
+    require_gray_stack(str(source), array.shape)
+    if array.size == 0 or array.dtype.kind not in "uif":
         raise ValueError(
-            f"{source}: expected a numeric array of images (N, H, W), got {array.dtype} of "
+            f"{source}: expected a numeric array of gray images (N, H, W), got {array.dtype} of "
             f"shape {array.shape}"
         )
     array = array[:first]
@@ -123,6 +151,7 @@ def _read_stack(
     else:
         white = positive_number("white", white)
     stack = (np.asarray(array) / np.float64(white)).astype(np.float32)
+    as_image(stack, str(source))
     digits = len(str(len(array) - 1))
     names = [f"{number:0{digits}d}" for number in range(len(array))]
     return names, list(stack)

@@ -2,24 +2,28 @@
 
 In reading order:
 
-- ``motion``: the result of an alignment, displacements over time. ``posterior``: their errors.
-- ``align``: the alignment. ``model`` chooses the motion that explains the bits best.
-- ``burst``, ``frame_times``, ``blocks``: frames, their places between blocks, and counts of blocks
-  of frames along a motion.
+- ``motion``: the result of an alignment, displacements over time; ``figure`` draws it.
+  ``posterior``: the errors of displacements. ``reference_time``: the same motion as seen from
+  another time.
+- ``align``: the alignment. ``path_search``: the search for the motion that explains the bits best.
+- ``burst``, ``block_edges``, ``frame_times``, ``blocks``: frames, their division into blocks, their
+  places between blocks, and counts of blocks along a motion.
 - ``velocity``, ``segments``, ``rotation``, ``objects``: the search for the velocities of the parts
-  of a scene.
+  of a scene. ``velocity_scores``: the correlations behind it.
 - ``scoring``, ``affine``, ``tiles``, ``regularize``, ``deformation``: displacements of blocks, from
   a template. ``smoothing``, ``affine_curve``, ``shrinkage``: their curves in time. ``track``: what
   is known while they are estimated.
 - ``outlines``, ``short_outlines``, ``depth``: which pixels follow which motion, and what is in
-  front. ``added_tiles``: tiles that move by themselves. ``selection``: how much better one motion
-  is than another one.
-- ``merge``: the counts of all bits along a motion. ``consistency``, ``flags``, ``guard``: which of
-  them agree, and which pixels not to trust.
-- ``film``, ``live_film``: an image of each window of frames. ``film_state``, ``film_merging``,
-  ``carrying``, ``memory``: what a film carries from image to image. ``film_estimates``: its images
-  by the film network.
+  front. ``added_tiles``: tiles that move by themselves. ``likelihood_gain``: how much better a
+  motion is than none.
+- ``merge``: the counts of all bits along a motion; ``merged_pixels`` adds up their jots.
+  ``consistency``, ``flags``, ``still_window``: which bits agree, which pixels not to trust, and
+  when a window without motion is better.
+- ``film``, ``live_film``, ``film_image``: an image of each window of frames. ``film_state``,
+  ``film_merging``, ``carrying``, ``memory``: what a film carries from image to image.
+  ``film_estimates``: its images by the film network.
 - ``jots``, ``equivalent``, ``flicker``: jots that differ, and light that changes.
+  ``reading_counts``, ``reading_response``: readings of several bits, and brackets, as counts.
 - ``mosaics``, ``mosaic_colors``, ``film_colors``: color filters. ``finer``: a grid of half pixels.
 - ``detection``: whether a scene moves at all. ``cost``: the time and memory of an alignment.
 

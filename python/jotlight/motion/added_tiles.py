@@ -8,9 +8,9 @@ from jotlight.motion.consistency import Consistent, disagreement, find_consisten
 from jotlight.motion.deformation import LESS_SMOOTH, SMOOTH, follow_tiles
 from jotlight.motion.flags import find_flags
 from jotlight.motion.flicker import without_saturation
-from jotlight.motion.outlines import choose
+from jotlight.motion.likelihood_gain import likelihood_gain
+from jotlight.motion.outlines import choose_labels
 from jotlight.motion.regularize import Smoothness
-from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.tiles import mean_tiles
 from jotlight.motion.track import Paths, Track
 
@@ -96,7 +96,7 @@ def add_tiles(
 def _with_track(paths: Paths, tiles: Track) -> Paths:
     """Return paths whose pixels follow a further track where it is better, if there are any."""
     tracks = [*paths.tracks, tiles]
-    is_free = choose(tracks) == len(paths.tracks)
+    is_free = choose_labels(tracks) == len(paths.tracks)
     if not is_free.any():
         return paths
     labels = np.where(is_free, np.uint8(len(paths.tracks)), paths.labels)

@@ -63,7 +63,7 @@ _MIN_SHARE_OF_OTHERS = 0.3
 """Smallest assumed share of the other blocks in the template."""
 
 
-def follow(
+def follow_segment(
     blocks: Blocks,
     reference: int,
     segment: Segment,
@@ -74,14 +74,14 @@ def follow(
     Bright blocks are aligned with a part of their frames. Only some pixels (H, W) are aligned if
     they are given.
     """
-    track = start(blocks.with_enough_light(), reference, segment.velocity).inside(pixels)
+    track = start_track(blocks.with_enough_light(), reference, segment.velocity).inside(pixels)
     order = track.from_center()
     total = track.sums(order[0]) + track.sums(order[1])
     template, weights = make_template(total, blocks.threads), segment.weights
     for number, block in enumerate(order[2:], 3):
         extrapolate(track, block, segment.velocity)
         for sigma in SIGMAS:
-            if improve(track, block, template, sigma, weights) <= _SMALL:
+            if improve_block(track, block, template, sigma, weights) <= _SMALL:
                 break
         track.known[block] = True
         total = total + track.nearby_sums(block)
@@ -108,7 +108,7 @@ def _align_together(track: Track, weights: Array) -> None:
             break
 
 
-def start(blocks: Blocks, reference: int, velocity: Array) -> Track:
+def start_track(blocks: Blocks, reference: int, velocity: Array) -> Track:
     """Return a track whose two central blocks move at a velocity."""
     centers, shape = blocks.centers, tile_counts(blocks.size)
     track = Track(
@@ -152,7 +152,9 @@ def is_renewed(number: int) -> bool:
     return number.bit_count() == 1 or number % max(16, 1 << number.bit_length() >> 3) == 0
 
 
-def improve(track: Track, block: int, template: Template, sigma: float, weights: Array) -> float:
+def improve_block(
+    track: Track, block: int, template: Template, sigma: float, weights: Array
+) -> float:
     """Update the displacements of a block, and return the length of the longest step."""
     equations = normal_equations(track.nearby_sums(block), template, sigma)
     step = limit_length(shrink_field(*fit_affine(equations, weights)), 2 * sigma)

@@ -1,6 +1,6 @@
 """Alignment: the motion of a scene, estimated from its bits."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 
 import numpy as np
 import numpy.typing as npt
@@ -8,15 +8,16 @@ import numpy.typing as npt
 from jotlight.checks import real_number
 from jotlight.errors import warn
 from jotlight.estimators.planned_motion import MIN_FRAMES
-from jotlight.formats.capture import CountStack
+from jotlight.formats.capture import CountStack, jot_shape
+from jotlight.motion.block_edges import block_edges
 from jotlight.motion.blocks import Blocks
-from jotlight.motion.burst import Burst, as_burst
+from jotlight.motion.burst import Burst, as_burst, refuse_pixels
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.jots import Jots
-from jotlight.motion.model import divide, find_paths
-from jotlight.motion.mosaics import enlarge, in_squares, squares_side
+from jotlight.motion.mosaics import enlarge_motion, in_squares, jots_behind_mosaic, squares_side
 from jotlight.motion.motion import MODELS, Motion
-from jotlight.motion.spread import spread_readings
+from jotlight.motion.path_search import find_paths
+from jotlight.motion.reading_counts import ReadingCounts, counts_for_motion
 from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
 from jotlight.progress import Progress, shown_progress
@@ -51,13 +52,14 @@ def align(
     ----------
     data : Bits, CountStack, or Readings
         T frames of bits, of counts as :func:`jotlight.open` returns them, or of readings of several
-        bits; 16 or more. All color channels have the same motion.
+        bits; 16 or more. All color channels have the same motion. The exposures of a bracket repeat
+        in cycles of frames, of which 16 or more are needed.
     sensor : Sensor, optional
         Sensor of the data. Its dead and hot jots are not used, and its maps of the efficiency and
         of the dark counts are part of the likelihood. Default: the one of the bits.
     at : float, optional
         Reference time, from 0 to T - 1 in frames: the time that the image will show. Default: the
-        middle, T // 2.
+        middle, T // 2, or for a bracket the middle of the cycle there.
     model : {"auto", "none", "affine", "segments", "tiles"}
         The model of the motion. "auto" selects the one that explains the bits best.
     threads : int, optional
@@ -109,15 +111,15 @@ def find_motion(
     progress: Callable[[float], object],
 ) -> tuple[Motion, Consistent | None]:
     """Return the motion that :func:`align` returns, and the sums along it if they are known."""
-    if (colored := bits_behind_mosaic(data, sensor)) is not None:
+    if (converted := counts_for_motion(data, sensor)) is not None:
+        return _motion_of_counts(converted, at, model, threads, progress)
+    if (colored := jots_behind_mosaic(data, sensor)) is not None:
         return _motion_behind_mosaic(*colored, at, model, threads, progress), None
-    if (spread := spread_readings(data, sensor)) is not None:
-        data, sensor = spread.counts, spread.sensor
     burst, sensor = prepare_burst(data, sensor)
     if model != "auto" and model not in MODELS:
         raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
     time = reference_time(at, burst)
-    blocks = as_blocks(burst, divide(len(burst)), sensor, threads)
+    blocks = as_blocks(burst, block_edges(len(burst)), sensor, threads)
     if (reason := _unusable(blocks)) is not None:
         warn(f"{reason}; the scene is assumed to stand still")
         model = "none"
@@ -133,33 +135,24 @@ def find_motion(
     return motion, found.consistent
 
 
-def bits_behind_mosaic(data: object, sensor: object) -> tuple[Bits, Sensor] | None:
-    """Return bits and their sensor if it has a mosaic, and None otherwise.
-
-    Raises
-    ------
-    ValueError
-        When other data have a sensor with a mosaic.
-    """
-    stated = carried_sensor(data) if sensor is None and isinstance(data, Bits) else sensor
-    if not isinstance(stated, Sensor) or stated.mosaic is None:
-        return None
-    if not isinstance(data, Bits):
-        raise ValueError(
-            "data: expected bits for a sensor with a mosaic, because the motion of its counts "
-            f"cannot be estimated, got {type(data).__name__}"
-        )
-    if len(data.shape) != 3:
-        raise ValueError(
-            "data: expected gray bits (T, H, W) for a sensor with a mosaic, because its pixels "
-            f"have one color each, got shape {data.shape}"
-        )
-    check_fits(data.shape, stated)
-    return data, stated
+def _motion_of_counts(
+    converted: ReadingCounts,
+    at: float | None,
+    model: str,
+    threads: int | None,
+    progress: Callable[[float], object],
+) -> tuple[Motion, Consistent | None]:
+    """Return the motion of readings that become counts of single bits, as :func:`find_motion`."""
+    counts = converted.counts, converted.sensor
+    motion, consistent = find_motion(*counts, None, model, threads, progress)
+    motion = converted.in_frames(motion)
+    if at is None or reference_time(at, converted.readings) == motion.reference:
+        return motion, consistent
+    return motion.seen_from(at), None
 
 
 def _motion_behind_mosaic(
-    bits: Bits,
+    data: Bits | CountStack,
     sensor: Sensor,
     at: float | None,
     model: str,
@@ -169,10 +162,11 @@ def _motion_behind_mosaic(
     """Return the motion of a scene behind a mosaic, from sums over squares of jots."""
     require_alike_frames(sensor)
     gray = without_mosaic(sensor)
-    squares, own = in_squares(bits, sensor, excluded_jots(gray))
+    squares, own = in_squares(data, sensor, excluded_jots(gray))
     motion, _ = find_motion(squares, own, at, model, threads, progress)
     side = squares_side(sensor)
-    return enlarge(motion, side, (bits.shape[1], bits.shape[2]))
+    height, width = jot_shape(data)[1:3]
+    return enlarge_motion(motion, side, (height, width))
 
 
 def prepare_burst(
@@ -197,14 +191,9 @@ def prepare_burst(
     if sensor is not None:
         refuse_mosaic(sensor)
         require_alike_frames(sensor)
-    if isinstance(data, CountStack):
-        if sensor is not None and sensor.oversampling > 1:
-            raise ValueError(
-                "sensor: expected an oversampling of 1, because images of counts show pixels; pass "
-                f"oversampling=1 (--oversampling 1) and frames={sensor.trials} (--frames "
-                f"{sensor.trials})"
-            )
-        data = data if sensor is None else data.with_trials_of(sensor)
+    if isinstance(data, CountStack) and sensor is not None:
+        refuse_pixels(sensor)
+        data = data.with_trials_of(sensor)
     burst = as_burst(data)
     if sensor is None:
         sensor = Sensor(frames=burst.trials // burst.channels * len(burst))
@@ -217,8 +206,8 @@ def prepare_burst(
     return burst, sensor
 
 
-def reference_time(at: float | None, burst: Burst) -> float:
-    """Return the reference time: `at`, or the middle of the burst.
+def reference_time(at: float | None, burst: Sized) -> float:
+    """Return the reference time: `at`, or the middle of the frames of a burst.
 
     Raises
     ------
@@ -284,7 +273,10 @@ def _unusable(blocks: Blocks) -> str | None:
     """Return why no motion can be estimated, or None if one can be."""
     burst = blocks.burst
     if len(burst) < MIN_FRAMES:
-        return f"expected {MIN_FRAMES} frames or more to estimate a motion, got {len(burst)}"
+        return (
+            f"expected {MIN_FRAMES} frames, or cycles of exposures, or more to estimate a motion, "
+            f"got {len(burst)}"
+        )
     if blocks.valid is not None and not blocks.valid.any():
         return "all jots are dead or hot, so that no motion can be estimated"
     total = burst.counts(range(len(burst)), blocks.threads)

@@ -14,6 +14,7 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, read_frames
 from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.sensor import Sensor
 
 Planes = list[tuple[int, npt.NDArray[np.uint8]]]
 """Weights, each with packed bits of weight 1 (T, H, ceil(W / 8)). Their weighted sum are counts."""
@@ -172,3 +173,13 @@ def _burst_of_counts(stack: CountStack) -> Burst:
     total = trials * number
     frame_bytes = height * -(-width // 8) * total.bit_length() + images.nbytes // frames
     return Burst(frames, (height, width), total, number, frame_bytes, read)
+
+
+def refuse_pixels(sensor: Sensor) -> None:
+    """Raise ValueError when the counts of a sensor are those of pixels of several jots."""
+    if sensor.oversampling > 1:
+        raise ValueError(
+            "sensor: expected an oversampling of 1, because images of counts show pixels; pass "
+            f"oversampling=1 (--oversampling 1) and frames={sensor.trials} (--frames "
+            f"{sensor.trials})"
+        )

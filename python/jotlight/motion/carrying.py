@@ -9,18 +9,18 @@ from jotlight.formats.capture import CountStack
 from jotlight.motion.affine import (
     SIGMAS,
     extrapolate,
-    improve,
+    improve_block,
     improve_inside,
     improve_together,
     template_of,
 )
 from jotlight.motion.align import as_blocks, prepare_burst
+from jotlight.motion.block_edges import window_edges
 from jotlight.motion.deformation import SMOOTH, improve_tiles, improve_tiles_together
 from jotlight.motion.depth import refine_outlines
 from jotlight.motion.merge import as_paths
-from jotlight.motion.model import divide
 from jotlight.motion.motion import Motion
-from jotlight.motion.outlines import choose
+from jotlight.motion.outlines import choose_labels
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import normal_equations
 from jotlight.motion.tiles import affine_inverse, tile_counts
@@ -29,10 +29,6 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
 
 Array = npt.NDArray[np.float64]
-
-_MIN_BLOCKS, _FRAMES_OF_BLOCK = 16, 16
-"""Windows to which a motion is carried have fewer blocks than others, because it is known already:
-16 or more, and blocks of 16 frames."""
 
 _MAX_STILL_GAIN = 18.0
 """Gain in nats by an affine motion of a block, above which a scene no longer stands still.
@@ -60,7 +56,7 @@ def carry(
         to another scene, or if the motion folds the image.
     """
     burst, sensor = prepare_burst(data, sensor)
-    blocks = as_blocks(burst, divide_by_steps(len(burst), step), sensor, threads)
+    blocks = as_blocks(burst, window_edges(len(burst), step), sensor, threads)
     before = dataclasses.replace(
         motion, times=motion.times - step, reference=motion.reference - step
     )
@@ -87,7 +83,7 @@ def carry(
     if not _stays_in_view(paths):
         return None
     if paths.free:
-        return refine_outlines(dataclasses.replace(paths, labels=choose(paths.tracks)))
+        return refine_outlines(dataclasses.replace(paths, labels=choose_labels(paths.tracks)))
     # The bits of one window may not say to which segment a smooth region belongs.
     paths = refine_outlines(paths, are_known=True)
     if len(paths.tracks) > 1:
@@ -99,31 +95,6 @@ def _stays_in_view(paths: Paths) -> bool:
     """Return whether all displacements are smaller than the image."""
     longest = max(float(abs(track.nodes).max()) for track in paths.tracks)
     return longest < max(paths.blocks.size)  # False for NaN, too
-
-
-def divide_by_steps(frames: int, step: int) -> npt.NDArray[np.intp]:
-    """Return the edges of the blocks of a window.
-
-    Blocks have 16 frames, but there are 16 blocks or more. From 512 frames on, there are as many as
-    those of :func:`jotlight.motion.model.divide`. If the step has a block or more, it has a whole
-    number of blocks, so that successive windows share blocks.
-
-    Examples
-    --------
-    >>> divide_by_steps(64, 10).tolist()
-    [0, 5, 10, 15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 64]
-    >>> divide_by_steps(256, 32).tolist() == list(range(0, 257, 16))
-    True
-    """
-    most = len(divide(frames)) - 1
-    length = frames / min(most, max(_MIN_BLOCKS, frames // _FRAMES_OF_BLOCK))
-    if step >= length:
-        length = step / round(step / length)
-    elif step >= frames / most:
-        length = step
-    # Unlike np.round, this rounds all halves upward, so that edges have the same distances.
-    edges = np.floor(np.arange(0, frames - length / 2, length) + 0.5).astype(np.intp)
-    return np.append(edges, frames)
 
 
 def _add_blocks(track: Track, known: npt.NDArray[np.bool_], is_of_tiles: bool) -> None:
@@ -138,7 +109,7 @@ def _add_blocks(track: Track, known: npt.NDArray[np.bool_], is_of_tiles: bool) -
             if is_of_tiles:
                 improve_tiles(track, int(block), template, sigma, SMOOTH)
             else:
-                improve(track, int(block), template, sigma, weights)
+                improve_block(track, int(block), template, sigma, weights)
         track.known[block] = True
     if is_of_tiles:
         improve_tiles_together(track, SMOOTH, template)

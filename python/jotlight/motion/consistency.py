@@ -10,14 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.images.blur import blur
 from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums, estimate_probability
-from jotlight.motion.flicker import MIN_CHANGE_OF_BLOCK, at_brightness, without_saturation
+from jotlight.motion.flicker import at_brightness, least_change, without_saturation
 from jotlight.motion.scoring import (
     FAST,
     PRECISE,
     Template,
-    blur,
     make_template,
     without_shift,
 )
@@ -69,12 +69,12 @@ def chi_squared(sums: Sums, template: Template) -> Image:
     residuals to the variances are averaged in squares of 9 pixels. If there are many trials, the
     template is shifted as rounding has shifted the sums.
     """
-    out = np.empty(sums.ones.shape, np.float32)
     probability, threads = template.probability, template.threads
     if sums.trials.max() > _FEW_TRIALS:
         moved = dataclasses.replace(sums, remainders=-sums.remainders)
         probability = without_shift(probability, moved, threads).probability
     sums = equivalent_sums(_limit_trials(sums), probability)
+    out = np.empty_like(probability)
     engine.chi_squared(sums.ones, sums.trials, probability, template.trials, out, threads)
     return out
 
@@ -131,18 +131,21 @@ class Consistent:
         """The sums of all blocks: whole numbers of ones and trials."""
         return self.before + self.after
 
-    def count(self, motion: Counted) -> Sums:
-        """Return the sums along the same motion of other data, such as one of several channels."""
+    def mask(self, block: int) -> npt.NDArray[np.bool_]:
+        """Return the pixels of a block that were accepted, (H, W)."""
         width = self.accepted.shape[1]
-        total = Sums.zeros(motion.blocks.size)
-        for block, packed in enumerate(self.masks):
-            mask = np.unpackbits(packed, axis=1, count=width).view(np.bool_)
-            total = total + motion.sums(block).masked(mask)
+        return np.unpackbits(self.masks[block], axis=1, count=width).view(np.bool_)
+
+    def count(self, paths: Counted) -> Sums:
+        """Return the sums along the same motion of other data, such as one of several channels."""
+        total = Sums.zeros(paths.blocks.size)
+        for block in range(len(self.masks)):
+            total += paths.sums(block).masked(self.mask(block))
         return total
 
 
 def find_consistent(
-    motion: Counted, *, is_still: bool = False, network: str = PRECISE
+    paths: Counted, *, is_still: bool = False, network: str = PRECISE
 ) -> Consistent:
     """Return the sums of all blocks along a motion, without pixels that disagree.
 
@@ -153,8 +156,8 @@ def find_consistent(
 
     Parameters
     ----------
-    motion : Counted
-        The motion.
+    paths : Counted
+        The paths of all pixels.
     is_still : bool
         Whether nothing moves. Then fewer pixels are rejected.
     network : str
@@ -162,14 +165,14 @@ def find_consistent(
         this template. The network ``templates`` denoises the others.
     """
     max_chi_squared, max_disagreement = _LIMITS_IF_STILL if is_still else _LIMITS
-    order = [int(block) for block in from_center(motion)]
-    is_after = motion.blocks.centers > motion.reference
-    size, threads = motion.blocks.size, motion.blocks.threads
+    order = [int(block) for block in from_center(paths)]
+    is_after = paths.blocks.centers > paths.reference
+    size, threads = paths.blocks.size, paths.blocks.threads
     masks = np.tile(np.packbits(np.ones(size, bool), axis=1), (len(order), 1, 1))
     sides = [Sums.zeros(size), Sums.zeros(size)]
     available = np.zeros(size, np.int32)
     for block in order[:_FIRST_RING]:
-        sums = motion.sums(block)
+        sums = paths.sums(block)
         available += sums.trials
         sides[int(is_after[block])] += sums
     start = _FIRST_RING
@@ -181,7 +184,7 @@ def find_consistent(
         for side in (0, 1):
             blocks = [block for block in ring if is_after[block] == side]
             total = Sums.zeros(size)
-            tested = _with_neighbors(motion, blocks, is_after == bool(side))
+            tested = _with_neighbors(paths, blocks, is_after == bool(side))
             while several := list(itertools.islice(tested, _BLOCKS_AT_ONCE)):
                 add_agreeing(total, several, template, max_chi_squared, masks, available)
             test = disagreement(*without_saturation(nearer, total, threads), threads)
@@ -248,7 +251,7 @@ def add_agreeing(
     plain = [each for each in tested if each.is_plain]
     is_added = engine.accept_agreeing(
         (template.probability, template.trials),
-        (limit, MIN_CHANGE_OF_BLOCK),
+        (limit, least_change(template)),
         [
             ([(near.ones, near.trials) for near in each.near], each.index, masks[each.block])
             for each in plain
@@ -270,7 +273,7 @@ def add_agreeing(
 
 
 def _with_neighbors(
-    motion: Counted, blocks: list[int], on_side: npt.NDArray[np.bool_]
+    paths: Counted, blocks: list[int], on_side: npt.NDArray[np.bool_]
 ) -> Iterator[ComparedBlock]:
     """Yield blocks with the neighbors on the same side."""
     counted: dict[int, Sums] = {}
@@ -280,7 +283,7 @@ def _with_neighbors(
             for other in (block - 1, block, block + 1)
             if 0 <= other < len(on_side) and on_side[other]
         ]
-        counted = {other: counted.get(other) or motion.sums(other) for other in near}
+        counted = {other: counted.get(other) or paths.sums(other) for other in near}
         sums = list(counted.values())
-        max_trials = motion.blocks.trials * sum(each.frames for each in sums)
+        max_trials = paths.blocks.trials * sum(each.frames for each in sums)
         yield ComparedBlock(block, sums, near.index(block), max_trials)

@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from jotlight.motion.model import divide
+from jotlight.motion.block_edges import block_edges
 from jotlight.motion.track import keeps_sums
 
 _SECONDS_PER_BLOCK, _SECONDS_PER_BLOCK_AND_PIXEL, _SECONDS_PER_BIT = 4.9e-3, 1.8e-7, 1.9e-9
@@ -59,7 +59,7 @@ def motion_cost(frames: int, size: tuple[int, int]) -> MotionCost:
             f"expected 1 frame or more of 1 x 1 jots or more, got {frames} of {size[0]} x {size[1]}"
         )
     pixels = size[0] * size[1]
-    blocks = len(divide(frames)) - 1
+    blocks = len(block_edges(frames)) - 1
     is_kept = keeps_sums(size, blocks)
     counting = _SECONDS_PER_BIT * pixels * frames
     of_blocks = blocks * (_SECONDS_PER_BLOCK + _SECONDS_PER_BLOCK_AND_PIXEL * pixels)

@@ -8,7 +8,7 @@ from jotlight.motion.affine import (
     against_others,
     extrapolate,
     is_renewed,
-    start,
+    start_track,
     template_of,
     weights_at,
 )
@@ -50,7 +50,7 @@ def follow_tiles(
     smoothness : Smoothness
         How similar the displacements of neighboring tiles are.
     """
-    track = start(blocks, reference, velocity)
+    track = start_track(blocks, reference, velocity)
     order = track.from_center()
     total = track.sums(order[0]) + track.sums(order[1])
     template = make_template(total, blocks.threads)

@@ -14,9 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.images.blur import blur
 from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums
-from jotlight.motion.scoring import blur, make_template
+from jotlight.motion.scoring import make_template
 from jotlight.motion.short_outlines import shortest_outlines
 from jotlight.motion.track import Paths, Track
 

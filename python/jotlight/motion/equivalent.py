@@ -16,7 +16,7 @@ from jotlight.motion.blocks import Sums
 from jotlight.motion.jots import Image, Jots, SeenJots, inverse_response, response
 from jotlight.motion.tiles import add_squares
 
-_MIN_PROBABILITY = 1e-4
+MIN_PROBABILITY = 1e-4
 """Smallest distance of a probability from 0 and from 1."""
 
 _LARGEST_COUNT = 2.0**20
@@ -46,7 +46,7 @@ def equivalent_sums(sums: Sums, probability: Image | None = None) -> Sums:
     if probability is None:
         probability = estimate_probability(sums)
     expected, slope = sums.jots.response(sums.trials, probability)
-    expected = _clip(expected)
+    expected = clip_probability(expected)
     weight = slope * probability * (1 - probability) / (expected * (1 - expected))
     trials = sums.trials * (weight * slope)
     ones = trials * probability + (sums.ones - sums.trials * expected) * weight
@@ -59,7 +59,7 @@ def expected_probability(sums: Sums, probability: Image) -> Image:
     """Return the probability of a one at each pixel of sums, if that of the reference jot is p."""
     if sums.jots is None:
         return probability
-    return _clip(sums.jots.response(sums.trials, probability)[0])
+    return clip_probability(sums.jots.response(sums.trials, probability)[0])
 
 
 def estimate_probability(sums: Sums) -> Image:
@@ -117,12 +117,12 @@ def _estimate(ones: Image, trials: Image, seen: SeenJots) -> Image:
     trials = np.where(known, trials, 0)
     efficiency, dark_counts = seen.mean(trials)
     threshold, reference = seen.jots.threshold, seen.jots.reference
-    fraction = _clip(ones / np.where(known, trials, 1))
+    fraction = clip_probability(ones / np.where(known, trials, 1))
     light = np.maximum(inverse_response(threshold, fraction) - dark_counts, 0) / efficiency
     if known.any():
         light = np.where(known, light, light[known].mean(dtype=np.float32))
     own = (reference[0] * light + reference[1]).astype(np.float32)
-    return _clip(response(threshold, own)[0])
+    return clip_probability(response(threshold, own)[0])
 
 
 def _box(values: npt.NDArray[np.generic]) -> Image:
@@ -132,6 +132,7 @@ def _box(values: npt.NDArray[np.generic]) -> Image:
     return np.asarray(uniform_filter(values.astype(np.float32), _BOX, mode="nearest"))
 
 
-def _clip(probability: npt.NDArray[np.floating]) -> Image:
-    low, high = np.float32(_MIN_PROBABILITY), np.float32(1 - _MIN_PROBABILITY)
+def clip_probability(probability: npt.NDArray[np.floating]) -> Image:
+    """Return probabilities that are not too near 0 and 1, so that their logarithms are finite."""
+    low, high = np.float32(MIN_PROBABILITY), np.float32(1 - MIN_PROBABILITY)
     return np.asarray(np.clip(probability, low, high), np.float32)

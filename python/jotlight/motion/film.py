@@ -7,11 +7,13 @@ from typing import Any
 from jotlight.checks import whole_number_in_range
 from jotlight.chunks import windows
 from jotlight.formats.capture import CountStack
-from jotlight.motion.align import bits_behind_mosaic, prepare_burst
+from jotlight.motion.align import prepare_burst
 from jotlight.motion.film_colors import ColorFilmState
 from jotlight.motion.film_image import FilmImage, FilmSettings
 from jotlight.motion.film_state import FilmState
-from jotlight.motion.spread import SpreadReadings, spread_readings
+from jotlight.motion.mosaics import jots_behind_mosaic
+from jotlight.motion.reading_counts import ReadingCounts, counts_for_motion
+from jotlight.sensing.alike_frames import check_cycles
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.photon_readings import Readings
@@ -42,11 +44,11 @@ def film(
     ----------
     data : Bits, CountStack, or Readings
         T frames of bits, of counts as :func:`jotlight.open` returns them, or of readings of several
-        bits.
+        bits. The exposures of a bracket repeat in cycles of frames.
     sensor : Sensor, optional
         Sensor of the data. Default: the one of the bits.
     window : int
-        Number of frames of each image, from 1 to T.
+        Number of frames of each image, from 1 to T. Those of a bracket are whole cycles.
     step : int, optional
         Frames from one window to the next. Default: the size of a window. If it exceeds a
         quarter of a window, the motion of each window is estimated afresh. With a window or more,
@@ -86,10 +88,17 @@ def film(
     >>> [image.motion.reference for image in film(scene.bits, window=32, step=8, causal=True)]
     [31.0, 31.0, 31.0]
     """
-    spread = spread_readings(data, sensor)
-    if spread is not None:
-        data, sensor = spread.counts, spread.sensor
-    colored = bits_behind_mosaic(data, sensor)
+    converted = counts_for_motion(data, sensor)
+    if converted is not None:
+        check_cycles(converted.cycle, window, step)
+        data, sensor = converted.counts, converted.sensor
+        window, step = window // converted.cycle, None if step is None else step // converted.cycle
+    colored = jots_behind_mosaic(data, sensor)
+    if colored and converted is None and isinstance(data, CountStack):
+        raise ValueError(
+            "data: expected bits or readings for the film of a sensor with a mosaic, got counts; "
+            "jotlight.merge makes one image of them"
+        )
     sensor = prepare_burst(data, sensor)[1] if colored is None else colored[1]
     spans = windows(len(data), window, step)
     # A frame of counts has several readings.
@@ -106,17 +115,31 @@ def film(
     state = begin_film(part, settings)
     frames: Any = data
     images = (state.next_image(frames, 0, span.start) for span in spans)
-    return images if spread is None else (_corrected(image, spread) for image in images)
+    return images if converted is None else (_corrected(image, converted) for image in images)
 
 
-def _corrected(image: FilmImage, spread: SpreadReadings) -> FilmImage:
-    """Return an image with the counts of readings of several bits."""
-    merged = spread.correct(image.merged)
+def _corrected(image: FilmImage, converted: ReadingCounts) -> FilmImage:
+    """Return an image of counts as one of the readings that became these counts."""
+    merged, cycle, still = converted.correct(image.merged), converted.cycle, image.still
+    if still is not None:
+        still = range(cycle * still.start, cycle * still.stop)
+    data: Merged | Bits | Readings = merged
+    if not isinstance(image.data, Merged):  # counts behind a mosaic that are not merged
+        first = cycle * image.start + (still.start if still else 0)
+        data = converted.readings[first : first + cycle * len(image.data)]
 
     def count_nearest() -> tuple[Merged, ...]:
-        return tuple(spread.correct(each) for each in image.nearest)
+        return tuple(converted.correct(each) for each in image.nearest)
 
-    return dataclasses.replace(image, merged=merged, data=merged, count_nearest=count_nearest)
+    return dataclasses.replace(
+        image,
+        merged=merged,
+        data=data,
+        still=still,
+        count_nearest=count_nearest,
+        motion=converted.in_frames(image.motion),
+        start=cycle * image.start,
+    )
 
 
 def begin_film(sensor: Sensor, settings: FilmSettings) -> "FilmState | ColorFilmState":

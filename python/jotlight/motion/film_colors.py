@@ -2,19 +2,26 @@
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from jotlight.formats.capture import CountStack
-from jotlight.motion.align import bits_behind_mosaic, excluded_jots, prepare_burst
-from jotlight.motion.carrying import divide_by_steps
+from jotlight.formats.capture import CountStack, jot_shape
+from jotlight.motion.align import excluded_jots, prepare_burst
+from jotlight.motion.block_edges import window_edges
 from jotlight.motion.film_image import FilmImage, FilmSettings
 from jotlight.motion.film_merging import FilmMerging
 from jotlight.motion.film_state import FilmState
 from jotlight.motion.memory import Memory
 from jotlight.motion.merge import check_upsample, paths_at
 from jotlight.motion.mosaic_colors import check_mergeable, join_colors, sensors_of_colors
-from jotlight.motion.mosaics import Counts, Squares, enlarge
+from jotlight.motion.mosaics import (
+    Counts,
+    JotSquares,
+    enlarge_motion,
+    jots_behind_mosaic,
+    trials_of_frame,
+)
 from jotlight.motion.motion import Motion
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
@@ -37,6 +44,8 @@ class FilmColors:
         A function that returns an empty memory, or None if nothing is remembered.
     threads : int, optional
         Number of threads. Default: all.
+    trials : int
+        The number of binary readings behind a count of a jot in one frame, 1 for bits.
 
     Raises
     ------
@@ -51,9 +60,10 @@ class FilmColors:
         step: int,
         new_memory: Callable[[], Memory | None],
         threads: int | None = None,
+        trials: int = 1,
     ) -> None:
         self._sensor, self._size, self._step, self._threads = sensor, size, step, threads
-        self._squares = Squares(sensor, size, excluded_jots(without_mosaic(sensor)))
+        self._squares = JotSquares(sensor, size, excluded_jots(without_mosaic(sensor)), trials)
         self._sums: Counts = np.zeros((0, *self._squares.size), np.uint8)
         self._first = 0
         self._of_colors = [
@@ -61,12 +71,12 @@ class FilmColors:
             for own in sensors_of_colors(sensor, size)
         ]
 
-    def squares(self, data: Bits, first: int, wanted: range) -> CountStack:
+    def squares(self, data: Bits | CountStack, first: int, wanted: range) -> CountStack:
         """Return the sums of some frames. Only those that are not known are summed.
 
         Parameters
         ----------
-        data : Bits
+        data : Bits or CountStack
             Frames, among them the wanted ones.
         first : int
             The number of the first frame of the data.
@@ -83,18 +93,14 @@ class FilmColors:
         """Return the gray sensor of the squares in some frames."""
         return self._squares.sensor(frames)
 
-    def frames_of(self, of_squares: Merged) -> int:
-        """Return the number of frames of merged squares whose motion was replaced by a window."""
-        return max(1, round(float(np.max(of_squares.trials)) / self._squares.side**2))
-
     def merge(
-        self, part: Bits, of_squares: Motion, start: int, *, is_lost: bool
+        self, part: Bits | CountStack, of_squares: Motion, start: int, *, is_lost: bool
     ) -> tuple[Merged, Motion]:
         """Return the merged colors of a window, and its motion in jots.
 
         Parameters
         ----------
-        part : Bits
+        part : Bits or CountStack
             The frames of the window.
         of_squares : Motion
             The motion of the squares.
@@ -103,13 +109,13 @@ class FilmColors:
         is_lost : bool
             Whether the motion does not explain the squares. All pixels are then flagged.
         """
-        motion = enlarge(of_squares, self._squares.side, self._size)
-        edges = divide_by_steps(len(part), self._step)
+        motion = enlarge_motion(of_squares, self._squares.side, self._size)
+        edges = window_edges(len(part), self._step)
         found = []
         for color, memory in self._of_colors:
             burst, _ = prepare_burst(part, color.sensor, may_repeat=True)
             paths, _ = paths_at(burst, color.sensor, None, motion, self._threads, edges)
-            found.append(color.merge(paths, motion, start, memory))
+            found.append(color.merge(paths, motion, start, memory)[0])
         merged = join_colors(found, self._sensor)
         if is_lost:
             merged = dataclasses.replace(merged, flags=np.ones(merged.shape[:2], bool))
@@ -133,14 +139,17 @@ class ColorFilmState:
         """Return the image of a window, as :meth:`FilmState.next_image`."""
         settings = self._settings
         window = data[start - first : start - first + settings.window]
-        bits_behind_mosaic(window, self.sensor)  # it refuses other data
-        assert isinstance(data, Bits), "the data of a mosaic"
-        assert isinstance(window, Bits), "a part of the data"
-        part = Bits(window.packed, window.width, self.sensor)
+        jots_behind_mosaic(window, self.sensor)  # it refuses other data
+        part = _of_sensor(window, self.sensor)
         if self._colors is None:
-            size = data.shape[1], data.shape[2]
+            height, width = jot_shape(data)[1:3]
             self._colors = FilmColors(
-                self.sensor, size, settings.step, settings.new_memory, settings.threads
+                self.sensor,
+                (height, width),
+                settings.step,
+                settings.new_memory,
+                settings.threads,
+                trials_of_frame(data),
             )
         if self._of_squares is None:
             own = self._colors.sensor_of_squares(settings.window)
@@ -148,13 +157,19 @@ class ColorFilmState:
         around = settings.more_frames(first, first + len(data), start)
         stack = self._colors.squares(data, first, around)
         found = self._of_squares.next_image(stack, around.start, start)
-        merged, motion = self._colors.merge(part, found.motion, start, is_lost=found.is_rejected)
+        still = found.still
+        merged, motion = self._colors.merge(part, found.motion, start, is_lost=still is not None)
+        # Film replaces counts by the readings that they stand for.
+        shown: Any = merged
         if motion.model == "none":
-            return FilmImage(merged, motion, start, found.is_carried, part)
-        if not found.is_rejected:
-            return FilmImage(merged, motion, start, found.is_carried, merged)
-        length = self._colors.frames_of(found.merged)
-        low = min(max(0, round(motion.reference) - length // 2), len(part) - length)
-        frames = part.packed[low : low + length]
-        fewer = Bits(frames, part.width, self.sensor.replace(frames=length))
-        return FilmImage(merged, motion, start, found.is_carried, fewer)
+            shown = part
+        elif still is not None:
+            shown = part[still.start : still.stop]
+        return FilmImage(merged, motion, start, found.is_carried, shown, still=still)
+
+
+def _of_sensor(window: Bits | CountStack, sensor: Sensor) -> Bits | CountStack:
+    """Return the frames of a window with their sensor."""
+    if isinstance(window, Bits):
+        return Bits(window.packed, window.width, sensor)
+    return window.with_trials_of(sensor)

@@ -15,6 +15,7 @@ from jotlight.motion.track import Paths, from_center
 from jotlight.networks.film_planes import NEIGHBORS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 KEPT_WINDOWS = 4
@@ -35,12 +36,16 @@ class FilmImage:
     """The number of the first frame of the window."""
     is_carried: bool
     """Whether the motion is that of the image before, with new blocks at its end."""
-    data: Merged | Bits = dataclasses.field(repr=False)
-    """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or bits behind a
-    mosaic: those of the window if the scene stands still, and those of fewer frames if no motion
-    explains it. The flags of `merged` then say nothing about the image."""
+    data: Merged | Bits | Readings = dataclasses.field(repr=False)
+    """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or bits or readings
+    behind a mosaic: those of the window if the scene stands still, and those of fewer frames if no
+    motion explains it. The flags of `merged` then say nothing about the image."""
     count_nearest: Callable[[], tuple[Merged, ...]] = dataclasses.field(default=tuple, repr=False)
     """A function that returns :attr:`nearest`."""
+
+    still: range | None = None
+    """The frames of the window whose sums without motion are shown, because merging has rejected
+    the motion. None if the bits are merged along it."""
 
     @functools.cached_property
     def nearest(self) -> tuple[Merged, ...]:
@@ -79,8 +84,8 @@ class FilmImage:
 
     @property
     def is_rejected(self) -> bool:
-        """Whether merging has rejected the motion, so that all pixels are flagged."""
-        return self.merged.flags is not None and bool(self.merged.flags.all())
+        """Whether merging has rejected the motion. All pixels are then flagged."""
+        return self.still is not None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -38,8 +38,12 @@ class FilmMerging:
         self.sensor = sensor
         self._step, self._upsample, self._may_stand_still = step, upsample, may_stand_still
 
-    def merge(self, paths: Paths, motion: Motion, start: int, memory: Memory | None) -> Merged:
+    def merge(
+        self, paths: Paths, motion: Motion, start: int, memory: Memory | None
+    ) -> tuple[Merged, range | None]:
         """Return the counts of a window along paths, which are those of a motion.
+
+        The second result is that of :func:`jotlight.motion.merge.merge_along`.
 
         Parameters
         ----------
@@ -62,7 +66,7 @@ class FilmMerging:
         if memory is None:
             return merge(upsample=self._upsample)
         recall = partial(memory.recall, motion=motion, start=start)
-        merged = merge(recall=recall)
+        result = merge(recall=recall)
         leaving = sum_leaving(paths, consistent, motion, self._step)
         memory.remember(leaving, motion, start)
-        return merged
+        return result

@@ -9,14 +9,14 @@ import numpy as np
 from jotlight.errors import hide_warnings, record_warnings, warn
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
+from jotlight.motion.block_edges import block_edges
 from jotlight.motion.carrying import carry
 from jotlight.motion.film_image import KEPT_WINDOWS, FilmImage, FilmSettings, count_nearest
 from jotlight.motion.film_merging import FilmMerging
+from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.memory import Memory
 from jotlight.motion.merge import as_paths, check_upsample
-from jotlight.motion.model import divide
 from jotlight.motion.motion import Motion
-from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.track import Paths
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
@@ -70,8 +70,8 @@ class _Candidate:
 
         Where merging has rejected a motion, the other one is better.
         """
-        if 1 in (self.flagged, other.flagged):
-            return self.flagged < other.flagged
+        if self.image.is_rejected or other.image.is_rejected:
+            return not self.image.is_rejected
         return likelihood_gain(self.paths) > likelihood_gain(other.paths)
 
 
@@ -130,7 +130,7 @@ class FilmState:
                 warn(f"{text} (in at least one image)")
         self._number += 1
         self._start, self._motion, self._memory = start, best.motion, best.memory
-        if best.flagged == 1:
+        if best.image.is_rejected:
             # Where merging has rejected the motion, it is not carried.
             self._motion = None
             if self._memory is not None:
@@ -168,7 +168,7 @@ class FilmState:
         with record_warnings() as texts:
             motion = align(part, self.sensor, model=self._settings.model, threads=self._threads)
         burst, sensor = prepare_burst(part, self.sensor)
-        blocks = as_blocks(burst, divide(len(burst)), sensor, self._threads)
+        blocks = as_blocks(burst, block_edges(len(burst)), sensor, self._threads)
         found = self._merge(as_paths(motion, blocks), motion, start, is_carried=False)
         return dataclasses.replace(found, warnings=[*texts, *found.warnings])
 
@@ -207,8 +207,8 @@ class FilmState:
         # Merging changes the memory, and other candidates need the one before.
         memory = copy.copy(self._memory)
         with record_warnings() as texts:
-            merged = self._merging.merge(paths, shown, start, memory)
-        image = FilmImage(merged, shown, start, is_carried, merged)
+            merged, still = self._merging.merge(paths, shown, start, memory)
+        image = FilmImage(merged, shown, start, is_carried, merged, still=still)
         if self._settings.upsample == 1 and paths.blocks.burst.channels == 1:
             count = partial(count_nearest, paths, self.sensor, is_still=image.is_rejected)
             image = dataclasses.replace(image, count_nearest=count)

@@ -5,7 +5,7 @@ fine grid. Its place in the image, rounded to half pixels, decides which square 
 four times as many sums as jots. Pixel (i, j) of these sums is the square of the pixels (i, j) to
 (i + 1, j + 1) of the fine image.
 
-To count them, each frame is spread over the fine grid: its jots are the pixels with even rows and
+To count them, each frame is placed on the fine grid: its jots are the pixels with even rows and
 columns, and the others do not count. The engine then shifts it by whole pixels of the fine grid.
 """
 
@@ -27,30 +27,30 @@ Packed = npt.NDArray[np.uint8]
 Scalar = TypeVar("Scalar", bound=np.generic)
 
 
-def _spread_bytes() -> npt.NDArray[np.uint16]:
+def _fine_bytes() -> npt.NDArray[np.uint16]:
     """Return the two bytes in which a 0 follows each bit of a byte, for all bytes."""
     bits = np.unpackbits(np.arange(256, dtype=np.uint8)[:, None], axis=1)
-    spread = np.zeros((256, 16), np.uint8)
-    spread[:, ::2] = bits
-    return np.packbits(spread, axis=1).view(np.uint16)[:, 0]
+    fine = np.zeros((256, 16), np.uint8)
+    fine[:, ::2] = bits
+    return np.packbits(fine, axis=1).view(np.uint16)[:, 0]
 
 
-_SPREAD = _spread_bytes()
+_FINE_BYTES = _fine_bytes()
 
 
-def spread_frames(packed: Packed, width: int) -> Packed:
+def fine_frames(packed: Packed, width: int) -> Packed:
     """Return packed frames (T, H, ceil(W / 8)) on the fine grid: (T, 2 H, ceil(2 W / 8)).
 
     Examples
     --------
     >>> frame = np.packbits([[1, 0, 1]], axis=1)
-    >>> np.unpackbits(spread_frames(frame[None], 3)[0], axis=1, count=6).tolist()
+    >>> np.unpackbits(fine_frames(frame[None], 3)[0], axis=1, count=6).tolist()
     [[1, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 0]]
     """
     frames, height, _ = packed.shape
     length = -(-2 * width // 8)
     fine = np.zeros((frames, 2 * height, length), np.uint8)
-    fine[:, ::2] = _SPREAD[packed].view(np.uint8)[..., :length]
+    fine[:, ::2] = _FINE_BYTES[packed].view(np.uint8)[..., :length]
     return fine
 
 
@@ -73,12 +73,12 @@ def double(values: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
 
 
 def _fine_blocks(blocks: Blocks) -> Blocks:
-    """Return the same blocks, whose frames are spread over the fine grid."""
+    """Return the same blocks, whose frames are on the fine grid."""
     burst, (height, width) = blocks.burst, blocks.size
 
     def read(start: int, stop: int, channel: int | None) -> Planes:
         return [
-            (weight, spread_frames(packed, width))
+            (weight, fine_frames(packed, width))
             for weight, packed in burst.read(start, stop, channel)
         ]
 
@@ -98,7 +98,7 @@ def _fine_blocks(blocks: Blocks) -> Blocks:
         4 * burst.frame_bytes,
         read,
     )
-    valid = spread_frames(valid[None], width)[0]
+    valid = fine_frames(valid[None], width)[0]
     return dataclasses.replace(blocks, burst=fine, valid=valid, jots=jots, step=1)
 
 
@@ -121,12 +121,10 @@ def count_fine(paths: Paths, consistent: Consistent) -> Sums:
     consistent : Consistent
         The sums along the paths on the grid of the jots.
     """
-    width = consistent.accepted.shape[1]
     total = Sums.zeros(paths.blocks.size)
-    for block, packed in enumerate(consistent.masks):
-        mask = np.unpackbits(packed, axis=1, count=width).view(np.bool_)
+    for block in range(len(consistent.masks)):
         # Tracks keep the sums of all blocks, and these are large. New ones do not.
         tracks = [dataclasses.replace(track) for track in paths.tracks]
         sums = dataclasses.replace(paths, tracks=tracks).sums(block)
-        total += sums.masked(double(mask))
+        total += sums.masked(double(consistent.mask(block)))
     return total

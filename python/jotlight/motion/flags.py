@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.images.blur import blur
 from jotlight.motion.consistency import Consistent, Image
-from jotlight.motion.scoring import blur
 
 _MAX_DISAGREEMENT, _UNCLEAR_DISAGREEMENT = 1.3, 1.2
 """Pixels are flagged where frames before and after the reference time disagree more than this.

@@ -11,11 +11,16 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.blocks import Sums
+from jotlight.motion.equivalent import clip_probability
 from jotlight.motion.scoring import Template
 
-MIN_CHANGE_OF_BLOCK, _MIN_CHANGE_OF_HALF = 0.03, 0.01
+_MIN_CHANGE_OF_BLOCK, _MIN_CHANGE_OF_HALF = 0.03, 0.01
 """Smaller relative changes of the number of ones, of a block and of a half of the frames, have no
 effect. In short blocks, they are mostly noise."""
+
+_FEW_ZEROS = 0.1
+"""Smallest probability of a zero below which changes of a block have an effect that are smaller in
+proportion."""
 
 _MAX_RATIO = 10.0
 """Largest ratio of the numbers of ones of two parts."""
@@ -26,15 +31,19 @@ _STEP = 4
 _ROUNDS = 8
 """Rounds of Newton's method for the factor."""
 
-_MIN_PROBABILITY = 1e-4
-"""Smallest distance of a probability from 0 and from 1."""
+
+def least_change(template: Template) -> float:
+    """Return the smallest relative change of the number of ones of a block that has an effect."""
+    # The test multiplies p by smaller changes, which is wrong where 1 - p is as small as they are.
+    zeros = min(1.0, (1 - float(template.probability.max())) / _FEW_ZEROS)
+    return _MIN_CHANGE_OF_BLOCK * zeros
 
 
 def at_brightness(template: Template, sums: Sums) -> Template:
     """Return the template as it would be in the light of a block of frames."""
     p = template.probability
     ratio = engine.brightness(sums.ones, sums.trials, p, template.threads)
-    if not _is_change(ratio, MIN_CHANGE_OF_BLOCK):
+    if not _is_change(ratio, least_change(template)):
         return template
     changed = _with_factor(p, light_factor(p, sums.trials, ratio))
     return Template(changed, template.trials, template.threads)
@@ -59,8 +68,7 @@ def without_saturation(first: Sums, second: Sums, threads: int | None = None) ->
 def _proportional(darker: Sums, brighter: Sums, ratio: float) -> Sums:
     """Return sums with as many ones as those of brighter ones divided by their ratio."""
     total = np.maximum(darker.trials + brighter.trials, 1)
-    p = np.asarray((darker.ones + brighter.ones) / total, np.float32)
-    p = np.clip(p, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
+    p = clip_probability(np.asarray((darker.ones + brighter.ones) / total, np.float32))
     factor = light_factor(p, np.minimum(darker.trials, brighter.trials), ratio)
     # The probability of all bits is that of the mean light.
     dark, bright = (_with_factor(p, 2 * each / (1 + factor)) for each in (1.0, factor))
@@ -103,5 +111,4 @@ def _is_change(ratio: float, least: float) -> bool:
 
 def _with_factor(probability: npt.NDArray[np.floating], factor: float) -> npt.NDArray[np.float32]:
     """Return the probabilities of ones after a change of the light by a factor."""
-    changed = -np.expm1(np.float32(factor) * np.log1p(-probability))
-    return np.asarray(np.clip(changed, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY), np.float32)
+    return clip_probability(-np.expm1(np.float32(factor) * np.log1p(-probability)))

@@ -6,9 +6,15 @@ import numpy.typing as npt
 from jotlight.checks import whole_number_in_range
 from jotlight.motion.film import begin_film
 from jotlight.motion.film_image import KEPT_WINDOWS, FilmImage, FilmSettings
-from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.readings import require_plain_bits, without_mosaic
 from jotlight.sensing.sensor import Sensor, require_any_sensor
+
+_ADVICE = (
+    "jotlight.motion.film.film, of all frames at once, also takes readings of several bits, read "
+    "noise, and exposures that repeat"
+)
+"""What to do with frames that are no plain bits."""
 
 
 class LiveFilm:
@@ -61,7 +67,7 @@ class LiveFilm:
         threads: int | None = None,
     ) -> None:
         require_any_sensor(sensor)
-        require_alike_frames(sensor)
+        require_plain_bits(without_mosaic(sensor), _ADVICE)
         self._window = whole_number_in_range("window", window, 1, 2**31 - 1)
         self._step = whole_number_in_range("step", step, 1, window)
         settings = FilmSettings(

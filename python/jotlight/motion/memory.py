@@ -165,23 +165,22 @@ def sum_leaving(paths: Paths, consistent: Consistent, motion: Motion, step: int)
     edges = paths.blocks.edges
     cut = dataclasses.replace(paths.blocks, edges=np.union1d(edges, step))
     channels = each_channel(as_paths(motion, cut))
-    return [_sum_first(each, step, consistent.masks, edges) for each in channels]
+    return [_sum_first(each, step, consistent, edges) for each in channels]
 
 
 def _sum_first(
-    paths: Paths, step: int, masks: npt.NDArray[np.uint8], edges: npt.NDArray[np.intp]
+    paths: Paths, step: int, consistent: Consistent, edges: npt.NDArray[np.intp]
 ) -> Sums:
     """Return the sums of the bits of the first frames that agree with the motion.
 
-    A block of `paths` ends after these frames. The masks (n, H, ceil(W / 8)) are those of n blocks
-    with the given edges, which may be longer.
+    A block of `paths` ends after these frames. The blocks of `consistent` have the given edges, and
+    may be longer.
     """
-    first, width = paths.blocks.edges, paths.labels.shape[1]
+    first = paths.blocks.edges
     total = Sums.zeros(paths.blocks.size)
     for block in range(int(np.searchsorted(first, step))):
-        of_mask = int(np.searchsorted(edges, first[block], "right")) - 1
-        mask = np.unpackbits(masks[of_mask], axis=1, count=width).view(np.bool_)
-        total += paths.sums(block).masked(mask)
+        tested = int(np.searchsorted(edges, first[block], "right")) - 1
+        total += paths.sums(block).masked(consistent.mask(tested))
     return total
 
 

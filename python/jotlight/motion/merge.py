@@ -8,29 +8,29 @@ import numpy.typing as npt
 
 from jotlight.checks import whole_number_in_range
 from jotlight.errors import warn
-from jotlight.formats.capture import CountStack
+from jotlight.formats.capture import CountStack, jot_shape
 from jotlight.motion.align import (
     as_blocks,
-    bits_behind_mosaic,
     find_motion,
     hot_jots,
     prepare_burst,
     reference_time,
 )
+from jotlight.motion.block_edges import block_edges
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
 from jotlight.motion.consistency import Consistent, disagreement, find_consistent
 from jotlight.motion.finer import count_fine, fine_paths
 from jotlight.motion.flags import find_flags, is_unclear
 from jotlight.motion.flicker import without_saturation
-from jotlight.motion.guard import count_window, find_window
 from jotlight.motion.merged_pixels import as_fine, as_merged
-from jotlight.motion.model import divide
 from jotlight.motion.mosaic_colors import join_colors, sensors_of_colors
+from jotlight.motion.mosaics import jots_behind_mosaic
 from jotlight.motion.motion import Motion
-from jotlight.motion.spread import spread_readings
+from jotlight.motion.reading_counts import counts_for_motion
+from jotlight.motion.still_window import count_window, find_window
 from jotlight.motion.track import Paths, Track
-from jotlight.progress import Progress, Update, shown_progress
+from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.photon_readings import Readings
@@ -70,7 +70,7 @@ def merge(
     ----------
     data : Bits, CountStack, or Readings
         T frames of bits, of counts as :func:`jotlight.open` returns them, or of readings of several
-        bits.
+        bits. The exposures of a bracket repeat in cycles of frames.
     sensor : Sensor, optional
         Sensor of the data. Default: the one of the bits.
     at : float, optional
@@ -95,7 +95,8 @@ def merge(
         Counts of pixels, which all methods and networks accept in place of bits. Behind a mosaic of
         ideal filters R, G, and B, they are color counts, (H, W, 3): along a motion, each pixel of
         the image is seen through all filters. If the scene stands still (model "none"),
-        reconstruct the bits instead. Of readings of several bits, they are equivalent counts.
+        reconstruct the bits instead. Of brackets and of readings of several bits, they are
+        equivalent counts.
 
     Raises
     ------
@@ -121,85 +122,72 @@ def merge(
             "motion: expected a jotlight.Motion, as jotlight.align(bits) returns it, or "
             f"jotlight.Motion.load(path), got {motion!r}"
         )
-    if (colored := bits_behind_mosaic(data, sensor)) is not None:
-        return _merge_colors(*colored, at, motion, upsample, threads, progress)
-    if (spread := spread_readings(data, sensor)) is not None:
-        counts = spread.counts, spread.sensor
-        return spread.correct(
-            merge(*counts, at, motion, upsample=upsample, threads=threads, progress=progress)
-        )
-    burst, sensor = prepare_burst(data, sensor)
-    check_upsample(upsample, sensor)
+    converted = counts_for_motion(data, sensor)
+    counts, own = (data, sensor) if converted is None else (converted.counts, converted.sensor)
+    colored = jots_behind_mosaic(counts, own)
+    bursts = _bursts_of_colors(*colored) if colored else [prepare_burst(counts, own)]
+    check_upsample(upsample, bursts[0][1] if colored is None else colored[1])
     with shown_progress(progress, "merging") as update:
-        merged = _merge(data, burst, sensor, at, motion, upsample, threads, update)
+        consistent = None
+        if motion is None:
+            motion, consistent = find_motion(
+                data, sensor, at, "auto", threads, lambda part: update(_ALIGNING * part, "aligning")
+            )
+            update(_ALIGNING, "merging")
+        check_motion(motion, bursts[0][0].size, len(data))
+        if at is not None and reference_time(at, data) != motion.reference:
+            motion, consistent = motion.seen_from(at), None
+        if converted is not None:
+            motion = converted.in_cycles(motion)
+        if colored is None:
+            merged = _merge(*bursts[0], motion, consistent, upsample, threads)
+        else:
+            merged = _merge_colors(bursts, colored[1], motion, threads)
         update(1.0)
-    return merged
+    return merged if converted is None else converted.correct(merged)
+
+
+def _merge(
+    burst: Burst,
+    sensor: Sensor,
+    motion: Motion,
+    consistent: Consistent | None,
+    upsample: int,
+    threads: int | None,
+) -> Merged:
+    """Return the counts along a motion. The sums along it are computed if they are not given."""
+    paths, motion = paths_at(burst, sensor, None, motion, threads)
+    if motion.model == "none" and hot_jots(sensor) is not None:
+        consistent = None
+    return merge_along(paths, motion, sensor, consistent, upsample)[0]
+
+
+def _bursts_of_colors(data: Bits | CountStack, sensor: Sensor) -> list[tuple[Burst, Sensor]]:
+    """Return the frames with a sensor for each color, whose other jots are dead."""
+    height, width = jot_shape(data)[1:3]
+    return [
+        prepare_burst(data, own, may_repeat=True)
+        for own in sensors_of_colors(sensor, (height, width))
+    ]
 
 
 def _merge_colors(
-    bits: Bits,
-    sensor: Sensor,
-    at: float | None,
-    motion: Motion | None,
-    upsample: int,
-    threads: int | None,
-    progress: Progress,
+    bursts: list[tuple[Burst, Sensor]], sensor: Sensor, motion: Motion, threads: int | None
 ) -> Merged:
-    """Return the counts of red, green, and blue along the motion, from bits behind a mosaic."""
-    check_upsample(upsample, sensor)
-    of_colors = sensors_of_colors(sensor, (bits.shape[1], bits.shape[2]))
+    """Return the counts of red, green, and blue along the motion, from jots behind a mosaic.
+
+    They are never those of a window without motion, which might differ from color to color.
+    """
     merged = []
-    with shown_progress(progress, "merging") as update:
-        if motion is None:
-            motion, _ = find_motion(
-                bits, sensor, at, "auto", threads, lambda part: update(_ALIGNING * part, "aligning")
-            )
-        check_motion(motion, (bits.shape[1], bits.shape[2]), len(bits))
-        for number, own in enumerate(of_colors, 1):
-            burst, _ = prepare_burst(bits, own, may_repeat=True)
-            merged.append(_merge_color(burst, own, at, motion, threads))
-            update(_ALIGNING + (1 - _ALIGNING) * number / len(of_colors), "merging")
+    for burst, own in bursts:
+        paths, _ = paths_at(burst, own, None, motion, threads)
+        merged.append(merge_along(paths, motion, own, may_stand_still=False)[0])
     if motion.model == "none":
         warn(
             "the scene stands still, so each pixel was seen through one filter alone; reconstruct "
             "the bits in place of merged counts"
         )
     return join_colors(merged, sensor)
-
-
-def _merge_color(
-    burst: Burst, sensor: Sensor, at: float | None, motion: Motion, threads: int | None
-) -> Merged:
-    """Return the counts of the jots of one color along a motion.
-
-    They are never those of a window without motion, which might differ from color to color.
-    """
-    paths, motion = paths_at(burst, sensor, at, motion, threads)
-    return merge_along(paths, motion, sensor, may_stand_still=False)
-
-
-def _merge(
-    data: Bits | CountStack | Readings,
-    burst: Burst,
-    sensor: Sensor,
-    at: float | None,
-    motion: Motion | None,
-    upsample: int,
-    threads: int | None,
-    update: Update,
-) -> Merged:
-    """Return the counts along the motion, which is estimated if it is None."""
-    consistent = None
-    if motion is None:
-        motion, consistent = find_motion(
-            data, sensor, at, "auto", threads, lambda part: update(_ALIGNING * part, "aligning")
-        )
-        update(_ALIGNING, "merging")
-    check_motion(motion, burst.size, len(burst))
-    paths, motion = paths_at(burst, sensor, at, motion, threads)
-    if motion.model == "none" and hot_jots(sensor) is not None:
-        consistent = None
-    return merge_along(paths, motion, sensor, consistent, upsample)
 
 
 def paths_at(
@@ -212,14 +200,14 @@ def paths_at(
 ) -> tuple[Paths, Motion]:
     """Return the paths of a motion over the blocks of a burst, as seen from a time, and the motion.
 
-    `edges` are those of the blocks. Default: those of :func:`jotlight.motion.model.divide`.
+    `edges` are those of the blocks. Default: those of :func:`block_edges`.
     """
     time = motion.reference if at is None else reference_time(at, burst)
     if time != motion.reference:
         motion = motion.seen_from(time)
     # If nothing moves, only a hot jot itself has seen its scene point. Otherwise others have, too.
     is_still = motion.model == "none"
-    edges = divide(len(burst)) if edges is None else edges
+    edges = block_edges(len(burst)) if edges is None else edges
     blocks = as_blocks(burst, edges, sensor, threads, with_hot_jots=is_still)
     return as_paths(motion, blocks), motion
 
@@ -266,12 +254,13 @@ def merge_along(
     *,
     may_stand_still: bool = True,
     recall: Recall | None = None,
-) -> Merged:
+) -> tuple[Merged, range | None]:
     """Return the counts of the bits along paths, which are those of a motion.
 
     The sums along them are computed if they are not given. If the scene `may_stand_still`, a window
-    without motion replaces them where the motion does not explain it better. `recall` adds bits to
-    the sums unless such a window replaced them.
+    without motion replaces them where the motion does not explain it better. The second result is
+    then the frames of this window, and otherwise None. `recall` adds bits to the sums unless such a
+    window replaced them.
     """
     burst = paths.blocks.burst
     if consistent is None:
@@ -301,8 +290,8 @@ def merge_along(
             trusted = ~flags & (accepted >= _MIN_ACCEPTED)
             sums = recall(sums, trusted | (consistent.total.trials == 0))
     if upsample > 1:
-        return as_fine(sums, accepted, flags, motion, sensor)
-    return as_merged(sums, accepted, flags, motion, sensor)
+        return as_fine(sums, accepted, flags, motion, sensor), window
+    return as_merged(sums, accepted, flags, motion, sensor), window
 
 
 def _count(of_channels: list[Paths], consistent: Consistent, upsample: int) -> list[Sums]:

@@ -12,13 +12,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.capture import CountStack
+from jotlight.formats.capture import CountStack, jot_shape
+from jotlight.motion.burst import refuse_pixels
 from jotlight.motion.motion import Motion
 from jotlight.motion.tiles import TILE, tile_centers
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.frames import Frames, read_frames
 from jotlight.sensing.maps import constant_or_map
 from jotlight.sensing.mosaic import Pattern
+from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -41,6 +44,34 @@ _MIN_JOTS = 0.5
 """Fraction of the jots of a square that must be good."""
 
 
+def jots_behind_mosaic(data: object, sensor: object) -> tuple[Bits | CountStack, Sensor] | None:
+    """Return bits or counts and their sensor if it has a mosaic, and None otherwise.
+
+    Raises
+    ------
+    ValueError
+        When other data have a sensor with a mosaic, or when counts are not those of jots.
+    """
+    stated = carried_sensor(data) if sensor is None and isinstance(data, Bits) else sensor
+    if not isinstance(stated, Sensor) or stated.mosaic is None:
+        return None
+    if not isinstance(data, Bits | CountStack):
+        raise ValueError(
+            f"data: expected bits or counts for a sensor with a mosaic, got {type(data).__name__}"
+        )
+    shape = jot_shape(data)
+    if len(shape) != 3:
+        raise ValueError(
+            "data: expected gray frames (T, H, W) for a sensor with a mosaic, because its pixels "
+            f"have one color each, got shape {shape}"
+        )
+    if isinstance(data, CountStack):
+        refuse_pixels(stated)
+        return data.with_trials_of(stated), stated
+    check_fits(shape, stated)
+    return data, stated
+
+
 def squares_side(sensor: Sensor) -> int:
     """Return the side in jots of squares that hide a sensor's mosaic: its period, if it is short.
 
@@ -53,7 +84,7 @@ def squares_side(sensor: Sensor) -> int:
     return sensor.oversampling * (side if side <= _MAX_SIDE else _USUAL_SIDE)
 
 
-class Squares:
+class JotSquares:
     """Sums over squares of the jots of a sensor with a mosaic.
 
     Rows and columns of jots beyond the last whole square are left out.
@@ -66,6 +97,8 @@ class Squares:
         H and W in jots.
     excluded : ndarray of bool, shape (H, W), optional
         The jots that are not counted. Default: none.
+    trials : int
+        The number of binary readings behind a count of a jot in one frame. Default: 1, for bits.
 
     Raises
     ------
@@ -74,7 +107,11 @@ class Squares:
     """
 
     def __init__(
-        self, sensor: Sensor, size: tuple[int, int], excluded: npt.NDArray[np.bool_] | None
+        self,
+        sensor: Sensor,
+        size: tuple[int, int],
+        excluded: npt.NDArray[np.bool_] | None,
+        trials: int = 1,
     ) -> None:
         self.side = squares_side(sensor)
         self.size = size[0] // self.side, size[1] // self.side
@@ -84,21 +121,20 @@ class Squares:
                 f"data: expected {self.side} x {self.side} jots or more to find a motion behind "
                 f"this mosaic, got {size[0]} x {size[1]}"
             )
-        self._sensor = sensor
+        self._sensor, self._trials = sensor, trials
         self._good = np.ones(size, np.uint8)
         if excluded is not None:
             self._good -= excluded
 
-    def count(self, bits: Bits, start: int = 0, stop: int | None = None) -> Counts:
+    def count(self, data: Bits | CountStack, start: int = 0, stop: int | None = None) -> Counts:
         """Return the sums in each of some frames, (n, rows, columns)."""
-        stop = len(bits) if stop is None else stop
-        dtype = np.min_scalar_type(self.side**2)
+        stop = len(data) if stop is None else stop
+        dtype = np.min_scalar_type(self.side**2 * self._trials)
         sums: Counts = np.empty((max(0, stop - start), *self.size), dtype)
         rows, columns = (self.side * number for number in self.size)
         for first in range(start, stop, _FRAMES):
             last = min(first + _FRAMES, stop)
-            packed = read_frames(bits.packed, first, last)
-            each = np.unpackbits(packed, axis=2, count=bits.width) & self._good
+            each = _counts_of_jots(data, first, last) * self._good
             each = each[:, :rows, :columns].reshape(len(each), self.size[0], self.side, columns)
             of_rows = each.sum(axis=2, dtype=dtype)
             of_rows = of_rows.reshape(len(each), *self.size, self.side)
@@ -108,22 +144,37 @@ class Squares:
     def stack(self, images: Counts | Frames) -> CountStack:
         """Return the sums in T frames, (T, rows, columns), as counts."""
         provenance = Provenance("bits", "sums over squares of jots")
-        return CountStack(images, provenance, trials=self.side**2)
+        return CountStack(images, provenance, trials=self.side**2 * self._trials)
 
     def sensor(self, frames: int) -> Sensor:
         """Return the gray sensor that counts the squares in some frames."""
-        return _sensor_of_squares(self._sensor, self._good, frames, self.side)
+        return _sensor_of_squares(self._sensor, self._good, frames * self._trials, self.side)
+
+
+def _counts_of_jots(data: Bits | CountStack, start: int, stop: int) -> Counts:
+    """Return the bits or counts of some frames as numbers, (n, H, W)."""
+    if isinstance(data, Bits):
+        packed = read_frames(data.packed, start, stop)
+        return np.unpackbits(packed, axis=2, count=data.width)
+    images: Counts = np.asarray(data.images[start:stop])
+    data.check_range(images)
+    return images
+
+
+def trials_of_frame(data: Bits | CountStack) -> int:
+    """Return the number of binary readings behind a count of a jot in one frame, 1 for bits."""
+    return 1 if isinstance(data, Bits) or data.trials is None else data.trials
 
 
 def in_squares(
-    bits: Bits, sensor: Sensor, excluded: npt.NDArray[np.bool_] | None
+    data: Bits | CountStack, sensor: Sensor, excluded: npt.NDArray[np.bool_] | None
 ) -> tuple[CountStack, Sensor]:
     """Return the counts of squares of jots in each frame, and a gray sensor whose jots they are.
 
     Parameters
     ----------
-    bits : Bits
-        T frames (T, H, W).
+    data : Bits or CountStack
+        T frames (T, H, W) of bits, or of counts that state their trials.
     sensor : Sensor
         Their sensor, with a mosaic.
     excluded : ndarray of bool, shape (H, W), optional
@@ -134,13 +185,14 @@ def in_squares(
     ValueError
         When the image is smaller than a square.
     """
-    frames, height, width = bits.shape
-    squares = Squares(sensor, (height, width), excluded)
-    dtype = np.dtype(np.min_scalar_type(squares.side**2))
+    frames, height, width = jot_shape(data)
+    trials = trials_of_frame(data)
+    squares = JotSquares(sensor, (height, width), excluded, trials)
+    dtype = np.dtype(np.min_scalar_type(squares.side**2 * trials))
     shape = frames, *squares.size
-    images: Counts | Frames = Frames(shape, partial(squares.count, bits), dtype)
+    images: Counts | Frames = Frames(shape, partial(squares.count, data), dtype)
     if math.prod(shape) * dtype.itemsize <= _MAX_BYTES:
-        images = squares.count(bits)
+        images = squares.count(data)
     return squares.stack(images), squares.sensor(frames)
 
 
@@ -173,7 +225,7 @@ def _mean(values: Map, side: int) -> Map:
     return np.asarray(whole.reshape(rows, side, columns, side).mean(axis=(1, 3)))
 
 
-def enlarge(motion: Motion, side: int, size: tuple[int, int]) -> Motion:
+def enlarge_motion(motion: Motion, side: int, size: tuple[int, int]) -> Motion:
     """Return the motion of squares of jots as that of the jots.
 
     Parameters
@@ -192,7 +244,7 @@ def enlarge(motion: Motion, side: int, size: tuple[int, int]) -> Motion:
     >>> parts = np.ones((1, 2, 3, 1, 1), np.float32)
     >>> labels = np.zeros((16, 16), np.uint8)
     >>> motion = Motion(nodes, labels, np.array([0.0, 6.0]), 0.0, "affine", parts)
-    >>> enlarge(motion, 2, (33, 32)).at(6)[:, 5, 7].tolist()
+    >>> enlarge_motion(motion, 2, (33, 32)).at(6)[:, 5, 7].tolist()
     [3.0, 3.0]
     """
     centers = tile_centers(size)

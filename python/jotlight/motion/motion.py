@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from jotlight.checks import real_number
 from jotlight.motion.figure import draw_change, draw_paths
-from jotlight.motion.reference import move_labels, move_nodes
+from jotlight.motion.reference_time import move_labels, move_nodes
 from jotlight.motion.tiles import interpolate, tile_counts
 from jotlight.notebook import card
 from jotlight.tensors import read_tensors, write_tensors

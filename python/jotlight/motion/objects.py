@@ -5,20 +5,19 @@ what remains of all blocks is correlated in small windows, pair by pair, and the
 pairs are added along each velocity. An object is accepted if the bits gain by it.
 """
 
-import itertools
-
 import numpy as np
 import numpy.typing as npt
 
-import jotlight._engine as engine
-from jotlight.motion.affine import follow, start
+from jotlight.motion.affine import follow_segment, start_track
 from jotlight.motion.blocks import Sums
 from jotlight.motion.depth import ComparedBits, object_gains, refine_outlines, without_absent
 from jotlight.motion.equivalent import equivalent_sums
+from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.scoring import make_template
 from jotlight.motion.segments import Segment
 from jotlight.motion.tiles import add_squares, tile_counts
 from jotlight.motion.track import Paths, Track
+from jotlight.motion.velocity_scores import BIN, MAX_BLOCKS, MIN_PEAK, VelocityScores
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -32,26 +31,11 @@ _MAX_TRIED, _MAX_FOLLOWED = 8, 2
 _SAME = 6.0
 """Distance in pixels, over the whole burst, up to which velocities are the same."""
 
-_MAX_BLOCKS = 32
-"""Maximum number of blocks that are correlated."""
-
 _LAGS = (1, 2, 3, 4, 6)
 """Distances in blocks of the pairs that are correlated."""
 
-_BIN = 2
-"""Width of the squares whose residuals are added, in pixels."""
-
-_WINDOW, _STRIDE = 96 // _BIN, 48 // _BIN
-"""Width of a window, and maximum distance of neighboring windows, in bins."""
-
-_RANGE = 0.45
-"""Maximum displacement between two blocks, as a fraction of the width of a window."""
-
-_BAND = 1.0 / _BIN, 12.0 / _BIN
-"""Standard deviations of the filters between which details are correlated, in bins."""
-
-_MIN_PEAK = 3.0
-"""Minimum height of a peak, in standard deviations of the scores."""
+_STRIDE = 48 // BIN
+"""Maximum distance of neighboring windows, in bins."""
 
 _MAX_PEAKS = 3
 """Maximum number of velocities of a window."""
@@ -65,18 +49,35 @@ _MIN_GAIN = 30.0
 _MIN_SHARE = 0.03
 """Minimum gain by an object, as a fraction of the largest gain by another one."""
 
+PARAMETERS = 6
+"""Number of parameters of an affine motion of each block. A motion must gain as many nats."""
+
 _MIN_PIXELS = 64
 """Minimum number of pixels of an object."""
 
 
 def add_objects(paths: Paths) -> Paths:
-    """Return paths with further tracks in front, those of objects that move by themselves."""
+    """Return paths with further tracks in front, those of objects that move by themselves.
+
+    An object is added if the bits are then more likely. In bright light, the first false object
+    ends the search, which would take long.
+    """
     for _ in range(_MAX_OBJECTS):
         more = _with_object(paths)
-        if more is None:
+        if more is None or more_likely(paths, more) is paths:
             break
         paths = more
     return paths
+
+
+def more_likely(fewer: Paths, more: Paths) -> Paths:
+    """Return the paths that explain the bits better: those with fewer tracks, or with more.
+
+    Objects that are not there at the reference time hide good bits of the background.
+    """
+    needed = PARAMETERS * len(more.blocks.centers) * (len(more.tracks) - len(fewer.tracks))
+    gain = likelihood_gain(more) - likelihood_gain(fewer)
+    return more if gain > needed else fewer
 
 
 def _with_object(paths: Paths) -> Paths | None:
@@ -94,7 +95,7 @@ def _with_object(paths: Paths) -> Paths | None:
             found.append((net, velocity, pixels))
     for _, velocity, pixels in sorted(found, key=lambda each: -each[0])[:_MAX_FOLLOWED]:
         segment = Segment(velocity, np.ones(tile_counts(paths.blocks.size)), energy=0.0, half=0)
-        track = follow(paths.blocks, int(paths.reference), segment, pixels)
+        track = follow_segment(paths.blocks, int(paths.reference), segment, pixels)
         labels = np.where(pixels, np.uint8(index), paths.labels)
         more = without_absent(refine_outlines(Paths([*paths.tracks, track], labels)))
         gains = [
@@ -108,7 +109,7 @@ def _with_object(paths: Paths) -> Paths | None:
 
 def _constant(paths: Paths, velocity: Array) -> Track:
     """Return the track of a constant velocity."""
-    track = start(paths.blocks, int(paths.reference), velocity)
+    track = start_track(paths.blocks, int(paths.reference), velocity)
     times = paths.blocks.centers - paths.reference
     track.nodes = times[:, None, None, None] * velocity
     track.known[:] = True
@@ -119,24 +120,18 @@ def _residual_velocities(paths: Paths) -> list[Array]:
     """Return velocities of what no track explains, (2, rows, columns) each, the clearest first."""
     track, blocks = paths.tracks[0], paths.blocks
     residuals, frames = _residuals(paths)
-    lags = [lag for lag in _LAGS if lag < len(residuals)]
-    if not lags:
+    if len(residuals) < 2:
         return []
-    height, width = residuals.shape[1:]
-    size = min(height, _WINDOW), min(width, _WINDOW)
-    steps = int(_RANGE * min(size))
-    places = np.arange(-steps, steps + 1) / lags[-1]
-    corners = list(itertools.product(_starts(height), _starts(width)))
-    scores = engine.velocity_scores(residuals, corners, size, _BAND, lags, places, blocks.threads)
+    found = VelocityScores(residuals, frames, _LAGS, blocks.threads)
     base = track.velocity()
-    found: list[tuple[float, Array]] = []
-    for each in scores:
-        for peak, row, column in _peaks(each):
-            relative = _BIN * np.array([places[row], places[column]]) / frames
-            found.append((peak, base + relative[:, None, None]))
-    found.sort(key=lambda pair: -pair[0])
+    peaks: list[tuple[float, Array]] = []
+    for scores in found.of_windows(_STRIDE)[0]:
+        for height, row, column in _peaks(scores):
+            relative = np.array([found.line[row], found.line[column]])
+            peaks.append((height, base + relative[:, None, None]))
+    peaks.sort(key=lambda pair: -pair[0])
     known = [each.velocity() for each in paths.tracks]
-    return _distinct([velocity for _, velocity in found], known, len(blocks.burst))
+    return _distinct([velocity for _, velocity in peaks], known, len(blocks.burst))
 
 
 def _peaks(scores: npt.NDArray[np.float32]) -> list[tuple[float, int, int]]:
@@ -144,7 +139,7 @@ def _peaks(scores: npt.NDArray[np.float32]) -> list[tuple[float, int, int]]:
     from scipy.ndimage import maximum_filter
 
     heights = (scores - scores.mean()) / max(float(scores.std()), 1e-9)
-    is_peak = (heights == maximum_filter(heights, 3)) & (heights >= _MIN_PEAK)
+    is_peak = (heights == maximum_filter(heights, 3)) & (heights >= MIN_PEAK)
     is_peak[[0, -1]] = is_peak[:, [0, -1]] = False
     rows, columns = np.nonzero(is_peak)
     peaks = [
@@ -172,7 +167,7 @@ def _residuals(paths: Paths) -> tuple[npt.NDArray[np.int32], float]:
     """
     track, number = paths.tracks[0], len(paths.blocks.centers)
     threads = paths.blocks.threads
-    length = -(-number // _MAX_BLOCKS)
+    length = -(-number // MAX_BLOCKS)
     groups = [
         Sums.total(
             (
@@ -189,12 +184,6 @@ def _residuals(paths: Paths) -> tuple[npt.NDArray[np.int32], float]:
     for group in groups:
         sums = equivalent_sums(group, probability)
         each = (sums.ones - sums.trials * probability) / deviation
-        residuals.append(add_squares(np.rint(_SCALE * each), _BIN))
+        residuals.append(add_squares(np.rint(_SCALE * each), BIN))
     frames = length * float(np.diff(paths.blocks.edges).mean())
     return np.stack(residuals).astype(np.int32), frames
-
-
-def _starts(length: int) -> list[int]:
-    """Return the first rows or columns of windows that overlap and cover a length, in bins."""
-    number = 1 + max(0, -(-(length - _WINDOW) // _STRIDE))
-    return [round(place) for place in np.linspace(0, max(0, length - _WINDOW), number)]

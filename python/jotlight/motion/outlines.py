@@ -42,7 +42,7 @@ _MARGIN = 0.05
 """Cost of all motions but the most frequent one."""
 
 
-def choose(tracks: Sequence[Track]) -> Labels:
+def choose_labels(tracks: Sequence[Track]) -> Labels:
     """Return the index of the motion that each pixel follows, (H, W).
 
     The cost of a motion is the mean χ² of the blocks along it, compared with the central blocks.

@@ -8,8 +8,9 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.estimators.trial_levels import fill_from_nearest
+from jotlight.images.blur import blur
 from jotlight.motion.blocks import Counts, Sums
-from jotlight.motion.equivalent import equivalent_sums
+from jotlight.motion.equivalent import MIN_PROBABILITY, equivalent_sums
 from jotlight.motion.regularize import Equations
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_TRIALS, TEMPLATES
@@ -21,9 +22,6 @@ FAST, PRECISE = TEMPLATES, CONDITIONAL_SIZE
 
 _EQUAL_TRIALS = np.float32(1024)
 """Number of trials above those that the network serves, for which its error equals the noise."""
-
-_MIN_PROBABILITY = 1e-4
-"""Smallest distance of a probability of the template from 0 and from 1."""
 
 _BLUR = 1.5
 """Standard deviation of the filter of blurred templates, in pixels."""
@@ -64,18 +62,9 @@ class Template:
         return self._filtered[sigma]
 
 
-def blur(images: npt.NDArray[np.floating], sigma: float, threads: int | None = None) -> Image:
-    """Return an image (H, W), or each of several (N, H, W), after a Gaussian filter."""
-    source = np.ascontiguousarray(images, np.float32)
-    out = np.empty_like(source)
-    stack = (-1, *source.shape[-2:])
-    engine.blur(source.reshape(stack), sigma, out.reshape(stack), threads)
-    return out
-
-
 @functools.cache
-def read_network(name: str = FAST) -> Network:
-    """Return a K-conditioned network. Each is read only once."""
+def template_network(name: str = FAST) -> Network:
+    """Return a network that denoises templates: FAST, or PRECISE. Each is read only once."""
     return Network.load(FOLDER / f"{name}.safetensors")
 
 
@@ -91,7 +80,7 @@ def make_template(sums: Sums, threads: int | None, network: str = FAST) -> Templ
     trials = int(np.clip(sums.trials.sum() / max(known, 1), 1, MAX_TRIALS))
     if jots_differ:
         fraction = _supplement(fraction, sums, np.float32(trials))
-    probability = read_network(network).denoise_probability(fraction, trials, threads=threads)
+    probability = template_network(network).denoise_probability(fraction, trials, threads=threads)
     if sums.trials.max() > MAX_TRIALS:
         excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
         probability += excess / (excess + _EQUAL_TRIALS) * (fraction - probability)
@@ -139,7 +128,7 @@ def without_shift(probability: Image, sums: Sums, threads: int | None) -> Templa
     # The remainders have shifted the ones on average. This removes the shift to first order.
     moved = np.empty_like(probability)
     engine.undo_remainders(
-        probability, sums.remainders, sums.frames, _MIN_PROBABILITY, moved, threads
+        probability, sums.remainders, sums.frames, MIN_PROBABILITY, moved, threads
     )
     return Template(moved, sums.trials.astype(np.int32, copy=False), threads)
 

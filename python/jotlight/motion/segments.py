@@ -6,23 +6,32 @@ of the details of this sum above that of noise, is compared with those of other 
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.images.blur import blur
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.regularize import fit_affine
-from jotlight.motion.scoring import blur, make_blurred_template, normal_equations
+from jotlight.motion.scoring import make_blurred_template, normal_equations
 from jotlight.motion.shrinkage import shrink_field
 from jotlight.motion.tiles import TILE, add_squares, mean_tiles
 from jotlight.motion.velocity import find_velocities
 
 Array = npt.NDArray[np.float64]
 
-Part = tuple[Array, Array]
-"""The velocities of all tiles, and their energies along them."""
+
+class _Candidate(NamedTuple):
+    """A velocity that a part of the scene may have."""
+
+    velocity: Array
+    """Velocity of each tile in pixels per frame, (2, rows, columns)."""
+    energy: Array
+    """Energy of each tile along it, (rows, columns)."""
+
 
 _FINE, _COARSE = 1.5, 6.0
 """Standard deviations of the filters between which details are compared, in pixels."""
@@ -115,35 +124,38 @@ def find_segments(blocks: Blocks, reference: int, *, is_slow: bool = False) -> l
     """
     half = min(reference, len(blocks.burst) - reference)
     scene = _Scene(blocks, reference, max(1, half if is_slow else half // 2))
-    candidates = list(find_velocities(blocks.burst, reference, blocks.threads, blocks.pattern))
-    energies = [_energy(scene, field) for field in candidates]
-    pairs = list(zip(candidates, energies, strict=True))
-    constant = [pair for pair in pairs if np.ptp(pair[0], axis=(1, 2)).max() == 0]
-    start = max(constant, key=lambda pair: float(pair[1].sum()))
-    divisions = [_add_segments(scene, _best_of_all(scene, candidates, energies), pairs, _CLEAR)]
-    several = _add_segments(scene, start, pairs, _LESS_CLEAR)
+    candidates = [
+        _Candidate(velocity, _energy(scene, velocity))
+        for velocity in find_velocities(blocks.burst, reference, blocks.threads, blocks.pattern)
+    ]
+    constant = [each for each in candidates if np.ptp(each.velocity, axis=(1, 2)).max() == 0]
+    start = max(constant, key=lambda each: float(each.energy.sum()))
+    divisions = [_add_segments(scene, _best_of_all(scene, candidates), candidates, _CLEAR)]
+    several = _add_segments(scene, start, candidates, _LESS_CLEAR)
     if len(several) > 1:
-        is_first = _majority([energy for _, energy in several]) == 0
+        is_first = _majority([each.energy for each in several]) == 0
         divisions.append([_refined(scene, several[0], is_first), *several[1:]])
     noise = _noise(scene)
-    divisions.sort(key=lambda parts: -_score([energy for _, energy in parts], noise))
+    divisions.sort(key=lambda parts: -_score([each.energy for each in parts], noise))
     return [_as_segments(parts, scene.half) for parts in divisions]
 
 
-def _as_segments(parts: list[Part], half: int) -> list[Segment]:
+def _as_segments(parts: list[_Candidate], half: int) -> list[Segment]:
     """Return the segments with the given velocities, without small ones."""
-    labels = _majority([energy for _, energy in parts])
-    segments = [
-        Segment(
-            field, (labels == position).astype(float), float(energy[labels == position].sum()), half
-        )
-        for position, (field, energy) in enumerate(parts)
-        if position == 0 or (labels == position).sum() >= _MIN_TILES
-    ]
+    labels = _majority([each.energy for each in parts])
+    segments = []
+    for position, (velocity, energy) in enumerate(parts):
+        tiles = labels == position
+        if position == 0 or tiles.sum() >= _MIN_TILES:
+            segments.append(
+                Segment(velocity, tiles.astype(float), float(energy[tiles].sum()), half)
+            )
     return sorted(segments, key=lambda segment: -segment.energy)
 
 
-def _add_segments(scene: _Scene, start: Part, candidates: list[Part], clear: float) -> list[Part]:
+def _add_segments(
+    scene: _Scene, start: _Candidate, candidates: list[_Candidate], clear: float
+) -> list[_Candidate]:
     """Return a first velocity and others, as long as some region clearly has more energy.
 
     An energy is clear if it exceeds another one by `clear` standard deviations of noise.
@@ -151,24 +163,24 @@ def _add_segments(scene: _Scene, start: Part, candidates: list[Part], clear: flo
     found, remaining = [start], list(candidates)
     noise = _noise(scene)
     while remaining:
-        best = np.max([energy for _, energy in found], axis=0)
-        regions = [_majority([best, energy]) == 1 for _, energy in remaining]
+        best = np.max([each.energy for each in found], axis=0)
+        regions = [_majority([best, each.energy]) == 1 for each in remaining]
         gains = [
-            float((energy - best)[region].sum()) - _by_chance(int(region.sum()), noise, clear)
-            for (_, energy), region in zip(remaining, regions, strict=True)
+            float((each.energy - best)[region].sum()) - _by_chance(int(region.sum()), noise, clear)
+            for each, region in zip(remaining, regions, strict=True)
         ]
         index = int(np.argmax(gains))
-        if gains[index] <= max(0.0, _MIN_ENERGY * float(start[1].sum())):
+        if gains[index] <= max(0.0, _MIN_ENERGY * float(start.energy.sum())):
             break
         found.append(_refined(scene, remaining.pop(index), regions[index]))
     return found
 
 
-def _refined(scene: _Scene, part: Part, region: npt.NDArray[np.bool_]) -> Part:
-    """Return a better velocity of a region and its energy, or the same if none is better."""
-    field = _refine(scene.blocks, scene.reference, part[0], region.astype(float))
-    energy = _energy(scene, field)
-    return (field, energy) if energy[region].sum() > part[1][region].sum() else part
+def _refined(scene: _Scene, part: _Candidate, region: npt.NDArray[np.bool_]) -> _Candidate:
+    """Return a better velocity of a region, or the same if none is better."""
+    velocity = _refine(scene.blocks, scene.reference, part.velocity, region.astype(float))
+    better = _Candidate(velocity, _energy(scene, velocity))
+    return better if better.energy[region].sum() > part.energy[region].sum() else part
 
 
 def _score(energies: list[Array], noise: float) -> float:
@@ -180,23 +192,23 @@ def _score(energies: list[Array], noise: float) -> float:
     )
 
 
-def _best_of_all(scene: _Scene, candidates: list[Array], energies: list[Array]) -> Part:
+def _best_of_all(scene: _Scene, candidates: list[_Candidate]) -> _Candidate:
     """Return the affine velocity with the most energy in the whole scene, from several starts."""
-    everywhere = np.ones(energies[0].shape, bool)
+    everywhere = np.ones(candidates[0].energy.shape, bool)
     frames = max(_MIN_FRAMES, len(scene.blocks.burst) // _ROUNDS[0][0])
-    totals = np.array([energy.sum() for energy in energies])
+    totals = np.array([each.energy.sum() for each in candidates])
     by_chance = _by_chance(everywhere.size, _noise(scene))
-    refined: list[Part] = []
+    refined: list[_Candidate] = []
     for index in np.argsort(-totals)[:_STARTS]:
-        field = candidates[index]
+        start = candidates[index]
         # The refinement would end at the same velocity again.
-        if any(abs(found - field).max() * frames <= _CAPTURE for found, _ in refined):
+        if any(abs(each.velocity - start.velocity).max() * frames <= _CAPTURE for each in refined):
             continue
         # Worse starts hardly ever end at a better velocity than one that is clearly better.
-        if any(energy.sum() > totals[index] + by_chance for _, energy in refined):
+        if any(each.energy.sum() > totals[index] + by_chance for each in refined):
             break
-        refined.append(_refined(scene, (field, energies[index]), everywhere))
-    return max(refined, key=lambda part: part[1].sum())
+        refined.append(_refined(scene, start, everywhere))
+    return max(refined, key=lambda each: each.energy.sum())
 
 
 def _noise(scene: _Scene) -> float:

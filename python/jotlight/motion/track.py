@@ -30,7 +30,7 @@ second one, equations about displacements account for the change to first order.
 
 
 class Counted(Protocol):
-    """A motion along which blocks can be counted."""
+    """A track, paths, or another motion along which blocks can be counted."""
 
     @property
     def blocks(self) -> Blocks: ...  # noqa: D102
@@ -305,6 +305,6 @@ def keeps_sums(size: tuple[int, int], blocks: int, *, jots_differ: bool = False)
     return size[0] * size[1] * of_pixel * blocks <= _MAX_KEPT_BYTES
 
 
-def from_center(motion: Counted) -> npt.NDArray[np.intp]:
+def from_center(paths: Counted) -> npt.NDArray[np.intp]:
     """Return the blocks in the order of their distance from the reference time."""
-    return np.argsort(abs(motion.blocks.centers - motion.reference), kind="stable")
+    return np.argsort(abs(paths.blocks.centers - paths.reference), kind="stable")

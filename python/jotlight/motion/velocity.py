@@ -1,11 +1,9 @@
 """Velocities in a scene, from the correlations of short blocks of frames.
 
-Two blocks of dim frames hardly correlate. The correlations of all pairs of blocks together do: if
-something moves at the velocity v, those of pairs that are n frames apart have their peaks at n v.
-Parts of the scene may have different velocities, so they are correlated in windows.
+Two blocks of dim frames hardly correlate. But the correlations of all pairs of blocks together show
+a velocity, as :mod:`jotlight.motion.velocity_scores` describes.
 """
 
-import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -17,12 +15,9 @@ from jotlight.motion.equivalent import flatten_counts
 from jotlight.motion.jots import Jots
 from jotlight.motion.rotation import find_rotation
 from jotlight.motion.tiles import tile_centers
+from jotlight.motion.velocity_scores import BIN, MAX_BLOCKS, MIN_PEAK, Counts, VelocityScores
 
 Array = npt.NDArray[np.float64]
-Counts = npt.NDArray[np.int32]
-
-_MAX_BLOCKS = 32
-"""Maximum number of blocks that are correlated."""
 
 _SHORT = 8
 """Longer blocks are shortened to a quarter, and others to a half."""
@@ -30,20 +25,8 @@ _SHORT = 8
 _LAGS = (1, 2, 3, 4, 6, 8, 12, 16)
 """Distances in blocks of the pairs that are correlated."""
 
-_BIN = 2
-"""Width of the squares whose counts are added, in pixels. Finer details hardly correlate."""
-
-_WINDOW, _STRIDE = 96 // _BIN, 64 // _BIN
-"""Width of a window, and maximum distance of neighboring windows, in bins."""
-
-_RANGE = 0.45
-"""Maximum displacement between two blocks, as a fraction of the width of a window."""
-
-_BAND = 1.0 / _BIN, 12.0 / _BIN
-"""Standard deviations of the filters between which details are correlated, in bins."""
-
-_MIN_PEAK = 3.0
-"""Minimum height of a peak, in standard deviations of the scores."""
+_STRIDE = 64 // BIN
+"""Maximum distance of neighboring windows, in bins."""
 
 _MAX_PEAKS = 3
 """Maximum number of velocities for each length of the blocks."""
@@ -93,7 +76,7 @@ def _lengths(available: int) -> list[int]:
     [[], [1], [31, 7, 3, 1]]
     """
     lengths = []
-    length = max(1, 2 * available // _MAX_BLOCKS) if available > 0 else 0
+    length = max(1, 2 * available // MAX_BLOCKS) if available > 0 else 0
     while length > 0:
         lengths.append(length)
         length = length // 4 if length > _SHORT else length // 2
@@ -107,9 +90,9 @@ def _count_blocks(
 
     The rest at the right and at the bottom is left out.
     """
-    number = min(_MAX_BLOCKS, 2 * (min(reference, len(burst) - reference) // length))
+    number = min(MAX_BLOCKS, 2 * (min(reference, len(burst) - reference) // length))
     start = reference - number // 2 * length
-    side = _BIN if min(burst.size) > _BIN else 1
+    side = BIN if min(burst.size) > BIN else 1
     height, width = (jots // side for jots in burst.size)
     counts = np.zeros((number, height, width), np.int32)
     row = slice(0, height * side), slice(0, -(-width * side // 8))
@@ -139,23 +122,13 @@ def _peaks(blocks: Counts, length: int, threads: int | None) -> Iterator[tuple[A
     those after it do not explain.
     """
     constant = np.zeros((2, 2))
-    lags = [lag for lag in _LAGS if lag < len(blocks)]
-    if not lags:
+    if len(blocks) < 2:
         return
-    height, width = blocks.shape[1:]
-    size = min(height, _WINDOW), min(width, _WINDOW)
-    steps = int(_RANGE * min(size))
-    places = np.arange(-steps, steps + 1) / lags[-1]
-    line = _BIN * places / length
-    every = list(range(1, lags[-1] + 1))
-    (whole,) = engine.velocity_scores(
-        blocks, [(0, 0)], (height, width), _BAND, every, places, threads
-    )
-    if (velocity := _best(whole, line)) is not None:
+    found = VelocityScores(blocks, length, _LAGS, threads)
+    line = found.line
+    if (velocity := _best(found.of_whole_image(), line)) is not None:
         yield velocity, constant
-    corners = list(itertools.product(_starts(height), _starts(width)))
-    scores = engine.velocity_scores(blocks, corners, size, _BAND, lags, places, threads)
-    centers = _BIN * (np.array(corners) + (np.array(size) - (height, width)) / 2)
+    scores, centers = found.of_windows(_STRIDE)
     if (rotation := find_rotation(scores, centers, line, threads)) is not None:
         yield rotation
     active = np.ones(len(scores), bool)
@@ -174,19 +147,7 @@ def _best(scores: npt.NDArray[np.float32], line: Array) -> Array | None:
     """Return the velocity with the best score, or None if it is not a clear peak."""
     row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
     last = len(line) - 1
-    is_clear = scores[row, column] - scores.mean() >= _MIN_PEAK * scores.std()
+    is_clear = scores[row, column] - scores.mean() >= MIN_PEAK * scores.std()
     if not is_clear or row in (0, last) or column in (0, last):
         return None
     return np.array([line[row], line[column]])
-
-
-def _starts(length: int) -> list[int]:
-    """Return the first rows or columns of windows that overlap and cover a length, in bins.
-
-    Examples
-    --------
-    >>> [_starts(length) for length in (30, 128)]
-    [[0], [0, 27, 53, 80]]
-    """
-    number = 1 + max(0, -(-(length - _WINDOW) // _STRIDE))
-    return [round(start) for start in np.linspace(0, max(0, length - _WINDOW), number)]

@@ -7,12 +7,13 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.chunks import windows
-from jotlight.evaluation.channels import COLORS
+from jotlight.estimators.demosaicing import COLORS
+from jotlight.sensing.alike_frames import check_cycles
 from jotlight.sensing.merged import Merged
 from jotlight.view.counts import RunningCounts
 from jotlight.view.estimate import estimate
 from jotlight.view.state import COUNTS
-from jotlight.view.viewed import Viewable
+from jotlight.view.viewed import Viewable, whole_cycles
 
 if TYPE_CHECKING:
     import dask.array
@@ -38,14 +39,15 @@ class LayerSource:
     viewed : Viewable
         The capture.
     window : int
-        Number of frames of an image.
+        Number of frames of an image, whole cycles of exposures.
     step : int
-        Frames from one window to the next.
+        Frames from one window to the next, whole cycles of exposures.
     method : str
         A key of ``METHODS``, "network-color", or "counts".
     """
 
     def __init__(self, viewed: Viewable, window: int, step: int, method: str) -> None:
+        check_cycles(viewed.cycle, window, step)
         self.viewed, self.window, self.step, self.method = viewed, window, step, method
         self.spans = [
             range(part.start, part.stop) for part in windows(len(viewed.frames), window, step)
@@ -62,7 +64,7 @@ class LayerSource:
     @property
     def shape(self) -> tuple[int, ...]:
         """(H, W) or (H, W, C): the shape of an image. Estimates of a mosaic have three colors."""
-        has_mosaic = self.viewed.sensor(1).mosaic is not None
+        has_mosaic = self.viewed.sensor(self.window).mosaic is not None
         colors = (COLORS,) if has_mosaic and self.method != COUNTS else ()
         return *self.viewed.shape, *colors
 
@@ -88,7 +90,8 @@ def make_layer(
     viewed : Viewable
         The capture.
     window : int, optional
-        Number of frames of an image. Default: 64, or all frames if there are fewer.
+        Number of frames of an image. Default: 64, or all frames if there are fewer. Of a bracket,
+        whole cycles of exposures.
     step : int, optional
         Frames from one window to the next. Default: the size of a window.
     method : str
@@ -103,9 +106,11 @@ def make_layer(
     Raises
     ------
     ValueError
-        When the window does not fit the capture, or the method does not serve the sensor.
+        When the window or the step does not fit the capture or is not whole cycles of exposures,
+        or the method does not serve the sensor.
     """
-    window = min(_WINDOW, len(viewed.frames)) if window is None else window
+    if window is None:
+        window = whole_cycles(viewed, min(_WINDOW, len(viewed.frames)))
     source = LayerSource(viewed, window, window if step is None else step, method)
     name = f"{viewed.title}, {method}"
     return display_layer(source.images(), source.image(0), name, {KEY: source})

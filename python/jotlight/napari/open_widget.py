@@ -1,4 +1,4 @@
-"""The dock widget of napari for captures whose format, array, or color filters the user names."""
+"""The dock widget of napari for captures of which the user states the format or other facts."""
 
 from pathlib import Path
 from typing import Any
@@ -27,9 +27,10 @@ class OpenWidget(BackgroundWidget):
         self.format = widgets.ComboBox(label="format", choices=[_DETECT, *FORMATS], value=_DETECT)
         self.key = widgets.LineEdit(label="array, if there are several")
         self.mosaic = widgets.LineEdit(label="color filters, such as RGGB")
+        self.bit_depth = widgets.SpinBox(label="bits of a reading", value=1, min=1, max=16)
         self.open = widgets.PushButton(text="Open")
         self.open.changed.connect(self._on_open)
-        fields = [self.file, self.folder, self.format, self.key, self.mosaic]
+        fields = [self.file, self.folder, self.format, self.key, self.mosaic, self.bit_depth]
         super().__init__(napari_viewer, [*fields, self.open])
 
     def show_path(self, path: Path) -> None:
@@ -46,4 +47,6 @@ class OpenWidget(BackgroundWidget):
         name = None if self.format.value == _DETECT else self.format.value
         key = self.key.value.strip() or None
         mosaic = self.mosaic.value.strip() or None
-        self._start(lambda: (read(paths[0], name, key, mosaic), ""))
+        # Files may state several bits, so 1 stands for what the file states.
+        depth = self.bit_depth.value if self.bit_depth.value > 1 else None
+        self._start(lambda: (read(paths[0], name, key, mosaic, depth), ""))

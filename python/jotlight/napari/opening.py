@@ -1,4 +1,4 @@
-"""`bits.show(viewer=True)`: bits in napari, or on the page of the viewer."""
+"""`bits.show(viewer=True)`: frames in napari, or on the page of the viewer."""
 
 import importlib
 import os
@@ -9,6 +9,7 @@ from importlib.util import find_spec
 
 from jotlight.napari.lazy import make_layer
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.photon_readings import Readings
 from jotlight.view.extra import require_server
 from jotlight.view.viewed import Viewed
 
@@ -28,8 +29,8 @@ _SECONDS = 60
 """Maximum time in seconds until this program has ended."""
 
 
-def open_viewer(bits: Bits) -> None:
-    """Open bits in napari if it can show windows, and else on the page of the viewer.
+def open_viewer(data: Bits | Readings) -> None:
+    """Open frames in napari if it can show windows, and else on the page of the viewer.
 
     A program waits until napari is closed, or until Ctrl-C ends the page. An interactive session,
     such as a notebook, goes on. Lines state the address of the page and how it ends, and if napari
@@ -40,7 +41,7 @@ def open_viewer(bits: Bits) -> None:
     MissingExtraError
         When neither napari nor the packages of the page are installed.
     """
-    viewed = Viewed.from_bits(bits)
+    viewed = Viewed.from_data(data)
     if find_spec("napari") is None:
         _open_page(viewed)
         return

@@ -10,7 +10,7 @@ from jotlight.errors import SeveralArraysError, warn
 from jotlight.formats.capture import CountStack
 from jotlight.formats.detect import detect_format
 from jotlight.formats.raw import OTHER_EXTENSIONS
-from jotlight.formats.reading import open_capture
+from jotlight.formats.reading import as_readings, open_capture
 from jotlight.napari.lazy import LayerData, Reader, make_layer
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor
@@ -46,6 +46,7 @@ def read(
     format: str | None = None,  # noqa: A002
     key: str | None = None,
     mosaic: str | None = None,
+    bit_depth: int | None = None,
 ) -> list[LayerData]:
     """Return a layer of a capture, or of each capture in a file of several arrays.
 
@@ -63,6 +64,9 @@ def read(
         that are captures.
     mosaic : str, optional
         The letters of the color filters, such as "RGGB". Default: what the capture states.
+    bit_depth : int, optional
+        The bits of a reading, 2 to 16, if the images are frames of such readings. Default: what the
+        capture states.
 
     Raises
     ------
@@ -73,11 +77,11 @@ def read(
     if single is None:
         raise ValueError(f"path: expected one capture, got {path!r}")
     try:
-        return [_read_array(single, format, key, mosaic)]
+        return [_read_array(single, format, key, mosaic, bit_depth)]
     except SeveralArraysError as error:
         if key is not None or not 0 < len(error.names) <= _MAX_ARRAYS:
             raise ValueError(f"{error}; name it in Plugins > jotlight > {OPEN_TITLE}") from error
-        return _read_arrays(single, format, error.names, mosaic)
+        return _read_arrays(single, format, error.names, mosaic, bit_depth)
 
 
 def _read_arrays(
@@ -85,12 +89,13 @@ def _read_arrays(
     format: str | None,  # noqa: A002
     names: tuple[str, ...],
     mosaic: str | None,
+    bit_depth: int | None,
 ) -> list[LayerData]:
     """Return a layer of each array that is a capture, and warn about the others."""
     layers, reasons = [], {}
     for name in names:
         try:
-            layers.append(_read_array(path, format, name, mosaic))
+            layers.append(_read_array(path, format, name, mosaic, bit_depth))
         except ValueError as error:
             reasons[name] = str(error)
     if not layers:
@@ -105,11 +110,19 @@ def _read_array(
     format: str | None,  # noqa: A002
     key: str | None,
     mosaic: str | None,
+    bit_depth: int | None,
 ) -> LayerData:
-    opened = open_capture(path, format=format, key=key, isolate=True)
+    counts = None if bit_depth is None else True
+    opened = open_capture(
+        path, format=format, key=key, counts=counts, readings=bit_depth is not None, isolate=True
+    )
     title = path.name if key is None else f"{path.name}: {key}"
     if isinstance(opened, Bits):
-        viewed = dataclasses.replace(Viewed.from_bits(opened), title=title)
+        viewed = dataclasses.replace(Viewed.from_data(opened), title=title)
+    elif bit_depth is not None or opened.sensor is not None:
+        viewed = Viewed.from_data(as_readings(opened, bit_depth))
+        is_known = opened.sensor is not None
+        viewed = dataclasses.replace(viewed, title=title, is_range_known=is_known)
     else:
         viewed = _view_counts(opened, title)
     if mosaic is not None:

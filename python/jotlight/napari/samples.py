@@ -13,11 +13,11 @@ def static_scene() -> list[LayerData]:
     """Return a layer of 256 frames of a still scene."""
     sensor = Sensor(frames=_FRAMES, gain=0.5 * _FRAMES, dark_counts=0.002, exposure_time=1e-5)
     bits = sensor.expose(photograph("camera"), rng=0)
-    return [make_layer(Viewed.from_bits(bits, "still scene"))]
+    return [make_layer(Viewed.from_data(bits, "still scene"))]
 
 
 def moving_scene() -> list[LayerData]:
     """Return a layer of 256 frames of a moving scene."""
     sensor = Sensor(frames=_FRAMES, exposure_time=1e-5)
     scene = moving(photograph("camera"), "shake", sensor=sensor, shape=(256, 256), rng=0)
-    return [make_layer(Viewed.from_bits(scene.bits, "moving scene"))]
+    return [make_layer(Viewed.from_data(scene.bits, "moving scene"))]

@@ -73,7 +73,7 @@ def apply_calibration(
     """
     viewed = source.viewed
     if not isinstance(viewed, Viewed) or not isinstance(viewed.data, Bits):
-        raise ValueError("calibration: expected a layer of bits, got one of counts")
+        raise ValueError("calibration: expected a layer of bits, got one of counts or readings")
     if saved is not None:
         calibration = Calibration.load(saved)
     elif dark is not None:
@@ -193,6 +193,8 @@ def measure(
         lines.append(f"mean / standard deviation: {_join(mean / deviation)}")
     if source is not None and source.method != COUNTS:
         sensor = source.viewed.sensor(source.window)
+        if np.ndim(sensor.gain):
+            return "\n".join(lines)  # the photons differ from frame to frame
         photons = mean * detected_photons(sensor)
         lines.append(f"mean in photons per pixel and frame: {_join(photons)}")
         if sensor.exposure_time is not None:

@@ -16,6 +16,10 @@ Color: `color_network` (a network that improves classical colors),
 `color_starts` (the classical colors) with `mosaic_planes`, `color_planes` (what the network reads),
 and `color_inference` (how it computes colors).
 
+Smaller parts: `precision` (in which networks multiply), `loading` (a network of any kind from a
+file), `onnx_graph` (for `onnx_export`), `description` and `figure` (networks as texts and
+drawings), and `torch_hints` (errors for attributes that only PyTorch's modules have).
+
 Films: `film_network` (a network that also reads the last image) and `film_planes` (what it reads).
 `planes_network` and `planes_layers` are the class and the layers of both.
 """

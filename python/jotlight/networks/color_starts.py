@@ -37,7 +37,7 @@ _MIN_WEIGHT = 1e-9
 
 
 def start_of_mosaic(
-    gray: Network, counted: PixelCounts, sensor: Sensor, mosaic: Mosaic, threads: int | None
+    gray: Network, counted: PixelCounts, mosaic: Mosaic, threads: int | None
 ) -> Colors:
     """Return colors of a mosaic by a gray network and color differences, (3, H, W).
 
@@ -47,9 +47,9 @@ def start_of_mosaic(
     def estimate(planes: Any, own: Sensor) -> tuple[Image, None]:
         return gray.reconstruct(planes, own, threads=threads), None
 
-    values, _ = estimate_values(counted, sensor, mosaic, estimate)
+    values, weights, _ = estimate_values(counted, mosaic, estimate)
     plain = dataclasses.replace(mosaic, white_balance=np.ones(3))
-    return np.moveaxis(demosaic(values, plain, "differences"), -1, 0)
+    return np.moveaxis(demosaic(values, plain, "differences", weights), -1, 0)
 
 
 def start_of_channels(
@@ -94,7 +94,10 @@ def start_of_channels(
     side = _side(trials * usual / (1 - usual))
     noise = _NOISE * usual * (1 - usual) / trials
     deviations = np.stack(
-        [follow(common, each.fraction - common, each.weight > 0, side, noise) for each in seen]
+        [
+            guided_filter(common, each.fraction - common, each.weight > 0, side, noise)
+            for each in seen
+        ]
     )
     # Their mean is 0, because the common image is the mean of the channels.
     found = common + deviations - deviations.mean(axis=0)
@@ -127,7 +130,7 @@ def _side(ratio: float) -> int:
     return 2 * round((side - 1) / 2) + 1
 
 
-def follow(
+def guided_filter(
     guide: Colors,
     values: Colors,
     known: npt.NDArray[np.bool_],
@@ -155,7 +158,7 @@ def follow(
     Examples
     --------
     >>> guide = np.linspace(0, 1, 36).reshape(6, 6)
-    >>> found = follow(guide, 3 - 2 * guide, np.ones((6, 6), bool), side=3, noise=1e-9)
+    >>> found = guided_filter(guide, 3 - 2 * guide, np.ones((6, 6), bool), side=3, noise=1e-9)
     >>> bool(np.abs(found - (3 - 2 * guide)).max() < 1e-5)
     True
     """

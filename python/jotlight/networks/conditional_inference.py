@@ -21,7 +21,7 @@ from jotlight.sensing.pixel_counts import GrayImages, gray_images
 from jotlight.sensing.sensor import Sensor
 
 
-class Network(inference.Network, Protocol):
+class ConditionalGrayNetwork(inference.GrayNetwork, Protocol):
     """A K-conditioned network."""
 
     def estimates_zeros(self, sensor: Sensor) -> bool:
@@ -29,7 +29,7 @@ class Network(inference.Network, Protocol):
 
 
 def estimate_intensity(
-    network: Network,
+    network: ConditionalGrayNetwork,
     images: GrayImages,
     sensor: Sensor,
     output: OutputImages,
@@ -42,7 +42,7 @@ def estimate_intensity(
 
     Parameters
     ----------
-    network : Network
+    network : ConditionalGrayNetwork
         A K-conditioned network.
     images : GrayImages
         The data.
@@ -62,7 +62,7 @@ def estimate_intensity(
 
 
 def _estimate_finer(
-    network: Network,
+    network: ConditionalGrayNetwork,
     images: GrayImages,
     sensor: Sensor,
     output: OutputImages,

@@ -7,9 +7,10 @@ import jotlight._engine as engine
 from jotlight.networks.layer import Layer
 from jotlight.networks.precision import DEEP, F32, check_precision
 from jotlight.sensing.reference import Jot, reference_jot
+from jotlight.sensing.response import PixelResponse
 from jotlight.sensing.sensor import Sensor
 
-SensorModel = tuple[int, tuple[int, float, float], Jot]
+SensorModel = tuple[int, PixelResponse, Jot]
 """What the engine's network must know about a sensor: K, the response of a pixel, and its jot."""
 
 _KEPT: Final = "_engine_network"
@@ -22,7 +23,7 @@ def sensor_model(sensor: Sensor) -> SensorModel:
     Examples
     --------
     >>> sensor_model(Sensor(frames=16))
-    (16, (1, 1.0, 1.0), (1.0, 0.0))
+    (16, PixelResponse(threshold=1, light_per_intensity=1.0, max_intensity=1.0), (1.0, 0.0))
     """
     return sensor.trials, sensor.pixel_response(), reference_jot(sensor)
 

@@ -30,7 +30,7 @@ _MAX_BYTES = 1 << 28
 Image = npt.NDArray[np.float32]
 
 
-class Network(Protocol):
+class GrayNetwork(Protocol):
     """A network for gray images."""
 
     @property
@@ -55,7 +55,7 @@ class Network(Protocol):
 
 
 def run(
-    network: Network,
+    network: GrayNetwork,
     images: GrayImages,
     sensor: Sensor,
     output: OutputImages,
@@ -114,7 +114,7 @@ def _with_typical_sensor(pixels: PixelCounts) -> PixelCounts:
 
 
 def _run_different(
-    network: Network, pixels: PixelCounts, output: OutputImages, threads: int | None
+    network: GrayNetwork, pixels: PixelCounts, output: OutputImages, threads: int | None
 ) -> Image:
     """Return the intensities of pixels that differ in their trials or their jots."""
     sensor = pixels.sensor
@@ -143,7 +143,7 @@ def _run_different(
 
 
 def _run_untied(
-    network: Network,
+    network: GrayNetwork,
     images: GrayImages,
     sensor: Sensor,
     output: OutputImages,
@@ -186,7 +186,7 @@ def _run_untied(
 
 
 def _masked_sums(
-    network: Network,
+    network: GrayNetwork,
     bits: Sequence[Bits],
     mask: npt.NDArray[np.bool_],
     side: int,

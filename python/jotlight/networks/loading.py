@@ -38,6 +38,8 @@ def require_network(name: str, network: object, kinds: Any, call: str) -> None:
     if isinstance(network, kinds):
         return
     got = repr(network) if isinstance(network, str) else type(network).__name__
+    if isinstance(network, str | os.PathLike) and os.fspath(network).endswith(".safetensors"):
+        got = f"a path; pass jotlight.Network.load({os.fspath(network)!r})"
     if callable(getattr(network, "to_network", None)):
         got = "a module of jotlight.torch; pass module.to_network()"
     names = " or ".join(f"jotlight.{kind.__name__}" for kind in get_args(kinds) or [kinds])

@@ -9,11 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import hide_warnings
+from jotlight.estimators.demosaicing import brightest_mean
 from jotlight.estimators.inpaint import NO_VALID_BIT, warn_about_dead_pixels
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.mosaic import Mosaic, Pattern
 from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.readings import without_mosaic
+from jotlight.sensing.reference import reading_information
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -24,21 +26,21 @@ MAX_POSITIONS = 4
 """Maximum number of pixels of a period whose positions are planes of their own. In longer periods,
 the pixels of one position are too far apart, so the pixels of each filter are one plane."""
 
+_MIN_INTENSITY = 1e-3
+"""Smallest intensity at which the information of a pixel is computed."""
+
 
 def estimate_values(
     counted: PixelCounts,
-    sensor: Sensor,
     mosaic: Mosaic,
     estimate: Callable[[Any, Sensor], tuple[Image, I]],
-) -> tuple[Image, list[I]]:
+) -> tuple[Image, npt.NDArray[np.float64], list[I]]:
     """Return the estimated intensity behind each pixel's filter, divided by its sensitivity.
 
     Parameters
     ----------
     counted : PixelCounts
-        The counts of the pixels, (H, W).
-    sensor : Sensor
-        Their sensor, without the mosaic.
+        The counts of the pixels, (H, W). Their sensor has no mosaic.
     mosaic : Mosaic
         The filters.
     estimate : callable
@@ -49,8 +51,10 @@ def estimate_values(
     -------
     ndarray of float32, shape (H, W)
         The intensities.
+    ndarray of float64, shape (H, W)
+        How much each of them counts: :func:`value_weights`.
     list
-        The information about the planes.
+        How the planes were estimated.
 
     Raises
     ------
@@ -70,14 +74,44 @@ def estimate_values(
     values = np.zeros(counted.counts.shape, np.float32)
     infos = []
     for index, planes in _planes(places, mosaic):
-        own = _plane_sensor(sensor, float(mosaic.sensitivity[index]))
+        own = _plane_sensor(counted.sensor, float(mosaic.sensitivity[index]))
         # In planes by filter, the pixels of other filters are not dead.
         with hide_warnings(NO_VALID_BIT) if by_filter else contextlib.nullcontext():
-            estimates, info = estimate(_plane_data(counted, sensor, own, planes), own)
+            estimates, info = estimate(_plane_data(counted, own, planes), own)
         infos.append(info)
         for plane, image in zip(planes, estimates, strict=True):
             plane.write(values, image)
-    return values, infos
+    return values, value_weights(values, counted, mosaic), infos
+
+
+def value_weights(values: Image, counted: PixelCounts, mosaic: Mosaic) -> npt.NDArray[np.float64]:
+    """Return the Fisher information of each pixel about the intensity behind its filter, (H, W).
+
+    Intensities are those of white. The information is that at the brightest mean around the pixel
+    behind any filter. So filters that pass much light do not count where their bits are saturated,
+    whose estimates are too dark.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.pixel_counts import count_pixels
+    >>> sensor = Sensor(frames=4, gain=32.0)
+    >>> counted = count_pixels(np.full((2, 2), 4, np.int32), sensor, None)
+    >>> weights = value_weights(np.full((2, 2), 0.5), counted, Mosaic("RGBW"))
+    >>> weights.round(6).tolist()  # 4 photons, and 12 behind the clear filter
+    [[4.776284, 4.776284], [4.776284, 0.014156]]
+    """
+    places = mosaic.full(*values.shape)
+    bright = brightest_mean(values, places)
+    trials = np.broadcast_to(np.asarray(counted.trials, np.float64), values.shape)
+    weights = np.zeros(values.shape)
+    for index in np.unique(places):
+        own = places == index
+        plane = _plane_sensor(counted.sensor, float(mosaic.sensitivity[index]))
+        light = plane.light_per_intensity * np.maximum(bright[own], _MIN_INTENSITY)
+        weights[own] = (
+            trials[own] * plane.light_per_intensity**2 * reading_information(plane, light)
+        )
+    return weights
 
 
 @dataclasses.dataclass(frozen=True)
@@ -159,9 +193,10 @@ def plane_sensors(sensor: Sensor) -> list[Sensor]:
     return [_plane_sensor(gray, float(each)) for each in sensor.mosaic.sensitivity]
 
 
-def _plane_data(counted: PixelCounts, sensor: Sensor, own: Sensor, planes: list[_Plane]) -> Any:
+def _plane_data(counted: PixelCounts, own: Sensor, planes: list[_Plane]) -> Any:
     """Return the counts of planes, (N, h, w), or merged counts if their pixels differ."""
-    # Merged counts may have other numbers than the sensor.
+    # Merged counts may have other numbers than their sensor.
+    sensor = counted.sensor
     are_usual = not sensor.maps() and all(
         np.array_equal(getattr(counted, name), getattr(sensor, name))
         for name in ("trials", "efficiency", "dark_counts")

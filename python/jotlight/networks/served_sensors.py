@@ -46,7 +46,7 @@ def check_served(
         raise ValueError(
             "sensor: the network needs data with its own trials per pixel, threshold, "
             f"efficiency * gain / bits and max_intensity: it is for {own!r}, got {sensor!r}; "
-            "jotlight.pretrained(sensor) is for this sensor"
+            "jotlight.pretrained(sensor) (--quality) is for this sensor"
         )
 
 
@@ -109,5 +109,6 @@ def choose_sensor(
 
 def _response_to_light(sensor: Sensor) -> tuple[int, float, float]:
     """Return q, the detections per jot and frame at intensity 1, and S."""
-    threshold, light, max_intensity = sensor.pixel_response()
-    return threshold, reference_jot(sensor)[0] * light, max_intensity
+    response = sensor.pixel_response()
+    light = reference_jot(sensor)[0] * response.light_per_intensity
+    return response.threshold, light, response.max_intensity

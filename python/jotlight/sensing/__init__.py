@@ -2,19 +2,26 @@
 
 In reading order:
 
-* ``sensor`` and ``simulate``: the parameters of a sensor, and the random bits of an image;
-  ``maps`` checks the parameters that differ from jot to jot;
+* ``sensor`` with ``exposure`` and ``simulate``: the parameters of a sensor, and the random bits of
+  an image. ``maps`` and ``values`` check parameters that differ from jot to jot, ``parameters``
+  treats all of them as a whole, and ``intensity_scale`` and ``simulated_bits`` serve simulations;
 * ``readings``, ``multibit``, ``photon_readings``, ``draw_readings``: gains and thresholds that
   differ, several bits, and read noise;
 * ``mosaic`` with ``mosaic_text`` and ``mosaic_checks``: color filters;
-* ``bits``, ``frames``, and ``provenance``: packed bits in memory or in files, and their origin;
+* ``bits``, ``frames``, and ``provenance``: packed bits in memory or in files, and their origin.
+  ``sensor_like`` is what bits need of a sensor, ``counting`` counts their ones, ``lazy`` makes lazy
+  arrays, and ``preview`` shows them;
 * ``merged``: counts whose pixels have different numbers of trials;
-* ``channels`` and ``pixel_counts``: the channels of color data, and the counts of their pixels;
-  ``subsampling`` draws some of the bits of each pixel, and ``scaled_counts`` recognizes means;
+* ``channels`` and ``pixel_counts``: the channels of color data, and the counts of their pixels.
+  ``data_lists`` and ``stacks`` serve several images, ``output_images`` and ``gray_outputs`` the
+  array `out` of methods. ``subsampling`` draws some of the bits of each pixel;
+* checks and messages: ``bits_checks``, ``alike_frames``, ``scaled_counts`` (which recognizes
+  means), ``array_hints``, and ``description`` (sensors as texts);
 * ``periodic_rates``: a test for a mosaic that is not stated;
 * ``response`` and ``reference``: the response of a jot, and numbers that represent a sensor;
 * ``operators`` and ``likelihood``: the spread of light, and the objective of reconstruction;
-  ``joint_likelihood`` is that of readings which differ.
+  ``joint_likelihood`` is that of readings which differ, a sum of one ``joint_term`` for each group,
+  from ``reading_samples``.
 """
 
 import lazy_loader

@@ -1,24 +1,101 @@
-"""The check that all frames of a sensor show a scene alike, as motion, films, and windows need."""
+"""Checks that all frames of a sensor show a scene alike, or that their exposures repeat."""
+
+from typing import Any
 
 import numpy as np
 
-from jotlight.sensing.readings import GroupedSensor, require_plain_bits, without_mosaic
-
-_ADVICE = (
-    "jotlight.reconstruct makes one image of all frames; motion, films, and the viewer take "
-    "frames of one gain and threshold"
+from jotlight.sensing.readings import (
+    GroupedSensor,
+    S,
+    frames_differ,
+    readings_differ,
+    require_plain_bits,
+    without_mosaic,
 )
 
+_ADVICE = "jotlight.reconstruct makes one image of all frames"
 
-def require_one_exposure(sensor: GroupedSensor) -> None:
-    """Raise ValueError unless all readings have one gain and threshold. They may have several bits.
+
+def find_cycle(sensor: GroupedSensor) -> int | None:
+    """Return the number of frames after which gains and thresholds repeat, 1 for one exposure.
+
+    Return None if thresholds differ from jot to jot, or exposures do not repeat at least once.
+    """
+    if not frames_differ(sensor):
+        return None if np.ndim(sensor.threshold) == 2 else 1
+    frames = sensor.frames
+    exposures = np.stack([np.broadcast_to(each, frames) for each in _exposures(sensor)])
+    for cycle in range(2, frames // 2 + 1):
+        if (exposures[:, cycle:] == exposures[:, :-cycle]).all():
+            return cycle
+    return None
+
+
+def exposure_cycle(sensor: GroupedSensor) -> int:
+    """Return the number of frames after which gains and thresholds repeat, as :func:`find_cycle`.
+
+    Raises
+    ------
+    ValueError
+        When thresholds differ from jot to jot, or exposures do not repeat at least once.
 
     Examples
     --------
     >>> from jotlight.sensing.sensor import Sensor
-    >>> require_one_exposure(Sensor(frames=4, bit_depth=3, read_noise=0.2))
+    >>> exposure_cycle(Sensor(frames=8, gain=[1.0, 4.0] * 4))
+    2
+    >>> exposure_cycle(Sensor(frames=4, bit_depth=3, read_noise=0.2))
+    1
+    >>> exposure_cycle(Sensor(frames=4, gain=[8.0, 8.0, 1.0, 1.0]))
+    Traceback (most recent call last):
+      ...
+    ValueError: sensor: expected exposures that repeat ... threshold, such as bits[:2] (--frame-r...
     """
-    require_alike_frames(sensor.replace(bit_depth=1, read_noise=0.0, gain=sensor.gain))
+    if (cycle := find_cycle(sensor)) is not None:
+        return cycle
+    if np.ndim(sensor.threshold) == 2:
+        require_alike_frames(sensor)
+    raise ValueError(
+        "sensor: expected exposures that repeat in cycles, such as short, long, short, long, so "
+        f"that each part of a scene is seen alike at all times, got {sensor.frames} frames without "
+        f"a repetition; {_ADVICE}{_first_frames(sensor)}"
+    )
+
+
+def check_cycles(cycle: int, window: int, step: int | None) -> None:
+    """Raise ValueError unless a window and a step of a film are whole cycles of exposures.
+
+    Examples
+    --------
+    >>> check_cycles(3, 12, 6)
+    """
+    for name, value in (("window", window), ("step", step)):
+        if value is not None and value % cycle:
+            raise ValueError(
+                f"{name}: expected a multiple of {cycle}, because the exposures repeat every "
+                f"{cycle} frames, got {value}"
+            )
+
+
+def with_frames(sensor: S, frames: int) -> S:
+    """Return the sensor of another number of frames, whose exposures repeat as before.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> with_frames(Sensor(frames=4, gain=[1.0, 3.0] * 2), 6).gain.tolist()
+    [1.0, 3.0, 1.0, 3.0, 1.0, 3.0]
+    """
+    if not readings_differ(sensor):
+        return sensor.replace(frames=frames)
+    changes: dict[str, Any] = {
+        name: np.resize(getattr(sensor, name), frames)
+        for name in ("gain", "threshold")
+        if np.ndim(getattr(sensor, name)) == 1
+    }
+    # One number for all frames is that of all their photons.
+    changes.setdefault("gain", sensor.gain * frames / sensor.frames)
+    return sensor.replace(frames=frames, **changes)
 
 
 def require_alike_frames(sensor: GroupedSensor) -> None:
@@ -35,12 +112,19 @@ def require_alike_frames(sensor: GroupedSensor) -> None:
       ...
     ValueError: sensor: expected one gain ... threshold, such as bits[:2] (--frame-range 0:2)
     """
-    per_frame = [
-        each for each in map(np.asarray, (sensor.gain, sensor.threshold)) if each.ndim == 1
-    ]
-    advice = _ADVICE
-    if per_frame:
-        differ = np.any([each != each[0] for each in per_frame], axis=0)
-        first = int(np.argmax(differ))
-        advice += f", such as bits[:{first}] (--frame-range 0:{first})"
-    require_plain_bits(without_mosaic(sensor), advice)
+    require_plain_bits(without_mosaic(sensor), _ADVICE + _first_frames(sensor))
+
+
+def _exposures(sensor: GroupedSensor) -> list[np.ndarray]:
+    return [np.asarray(each) for each in (sensor.gain, sensor.threshold)]
+
+
+def _first_frames(sensor: GroupedSensor) -> str:
+    """Return advice to take the first frames with the same exposure, or to take one exposure."""
+    advice = "; motion, films, and the viewer take frames of one gain and threshold"
+    per_frame = [each for each in _exposures(sensor) if each.ndim == 1]
+    if not per_frame:
+        return advice
+    differ = np.any([each != each[0] for each in per_frame], axis=0)
+    first = int(np.argmax(differ))
+    return f"{advice}, such as bits[:{first}] (--frame-range 0:{first})"

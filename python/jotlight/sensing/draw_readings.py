@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import check_threads
-from jotlight.chunks import frame_chunks
 from jotlight.layout import Layout
 from jotlight.seeds import seed_of_image
 from jotlight.sensing.simulate import EnginePart, EngineSensor, Window, frame_runs
@@ -30,7 +29,7 @@ def draw_readings(
     result is (frames, rows, columns), or (frames, rows, columns, C) for color.
     """
     check_threads(threads)
-    oversampling = parts[0][1]["oversampling"]
+    oversampling = parts[0].sensor["oversampling"]
     is_color = layout.channel_axis is not None
     stack = layout.shape[:-1] if is_color else layout.shape
     number = int(np.prod(stack, dtype=int))
@@ -49,7 +48,7 @@ def draw_readings(
         place = out[:, :, start : start + len(run)]
         own = dataclasses.replace(window, frames=run)
         # A jot reports 0 in all parts but its own, because their sensors mask it.
-        shared = len(runs) > 1 and parts[0][0] is None
+        shared = len(runs) > 1 and parts[0].frames is None
         target = np.zeros(place.shape, np.uint16) if shared else place
         _draw(sensor, images, seeds, own, target, threads)
         if shared:
@@ -69,22 +68,18 @@ def _draw(
     threads: int | None,
 ) -> None:
     """Draw the readings of a window of each image into `out` (N, C, frames, rows, columns)."""
-    oversampling = sensor["oversampling"]
-    frames, rows, columns = window.frames, window.rows, window.columns
     # A reading takes as much memory as 16 bits.
-    jots = 16 * len(seeds) * len(columns) * oversampling**2
+    parts = list(window.parts(sensor["oversampling"], 16 * len(seeds)))
     for channel in range(images.shape[1]):
         streams = [(seed, channel) for seed in seeds]
-        for f, r in frame_chunks(len(frames), len(rows), jots):
+        for part, place in parts:
             engine.draw_readings(
                 sensor,
                 sensor["response"],
                 images[:, channel],
                 streams,
-                (frames.start + f.start, frames.start + f.stop),
-                (rows.start + r.start, rows.start + r.stop),
-                (columns.start, columns.stop),
-                out[:, channel, f.start : f.stop, r.start * oversampling : r.stop * oversampling],
+                *part.bounds(),
+                out[:, channel, *place],
                 threads,
             )
 

@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from jotlight.sensing.bits import Bits
 from jotlight.sensing.output_images import OutputImages
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
 
@@ -24,9 +22,5 @@ def output_of(images: GrayImages, sensor: Sensor, out: object) -> OutputImages:
     >>> output_of(images, Sensor(frames=16), None).images.shape
     (1, 4, 6)
     """
-    first = images.data[0]
-    height, width = first.shape[1:3] if isinstance(first, Bits | Readings) else first.shape
-    if isinstance(first, Bits | Readings):
-        height, width = height // sensor.oversampling, width // sensor.oversampling
     inputs = [images.data] if isinstance(images.data, np.ndarray) else []
-    return OutputImages(images.layout, (height, width), out, inputs=inputs)
+    return OutputImages(images.layout, images.size(sensor), out, inputs=inputs)

@@ -222,7 +222,7 @@ def _term(ones: Counts, sensor: Sensor, side: int, threads: int | None) -> Term:
     )
     if sensor.read_noise:
         sample = np.stack([np.asarray(trials - counts, np.int32), counts], axis=-1)
-        response = sensor.engine_response()
+        response = sensor.jot_response()
         noisy = ReadingLikelihood(response, sample, True, efficiency, dark_counts, threads)
         return Term(noisy, light, side, live)
     cells = Likelihood(
@@ -248,7 +248,7 @@ def _reading_term(sample: Sample, sensor: Sensor, side: int, threads: int | None
         for value in (sample.values, pixels.efficiency, pixels.dark_counts)
     )
     cells = ReadingLikelihood(
-        sensor.engine_response(), values, sample.is_histogram, efficiency, dark_counts, threads
+        sensor.jot_response(), values, sample.is_histogram, efficiency, dark_counts, threads
     )
     return Term(cells, light, side, live)
 

@@ -16,6 +16,9 @@ from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import checked_trials, numbers_from_zero
 
+MAX_SILENT_TRIALS = 0.01
+"""Maximum number of trials of a pixel that says nothing, but is not dead."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Merged:

@@ -244,7 +244,7 @@ class Mosaic:
         ----------
         values : ndarray, shape (..., N)
             The intensity behind each filter, divided by its :attr:`sensitivity`.
-        weights : array_like of float, shape (N,)
+        weights : array_like of float, shape (N,) or (..., N)
             How much the values of each filter count, if there are more than three filters. Filters
             with weight 0 are ignored.
 
@@ -259,7 +259,14 @@ class Mosaic:
         >>> mixed.colors(np.array([0.5, 0.2, 0.1]), [1, 2, 1]).round(4)
         array([0.5875, 0.2   , 0.1   ])
         """
-        return np.asarray(values @ self.inverse(weights).T * self.white_balance)
+        if np.ndim(weights) == 1:
+            return np.asarray(values @ self.inverse(weights).T * self.white_balance)
+        matrix = self.transmission / self.sensitivity[:, None]
+        products = (matrix[:, :, None] * matrix[:, None, :]).reshape(len(matrix), -1)
+        each = np.asarray(weights, np.float64)
+        normal = (each @ products).reshape(*each.shape[:-1], 3, 3)
+        found = np.linalg.solve(normal, ((each * values) @ matrix)[..., None])[..., 0]
+        return np.asarray(found * self.white_balance)
 
     def inverse(self, weights: npt.ArrayLike) -> Colors:
         """Return the matrix from what the filters see to red, green, and blue, (3, N).

@@ -8,11 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.sensing.response import Array
+from jotlight.sensing.response import Array, JotResponse
 from jotlight.sensing.values import as_doubles, flatten
-
-EngineResponse = tuple[int, float, int]
-"""(2^b - 1, σ, q): the largest reading, the read noise, and the threshold."""
 
 
 def reading_probability(
@@ -87,13 +84,13 @@ class ReadingLikelihood:
 
     Examples
     --------
-    >>> cells = ReadingLikelihood((3, 0.0, 1), np.array([[2, 0, 1, 0]], np.int32), True)
+    >>> cells = ReadingLikelihood(JotResponse(3, 0.0, 1), np.array([[2, 0, 1, 0]], np.int32), True)
     >>> gradient, curvature = cells.gradient_and_curvature(np.array([2 / 3]))  # 0, 0, and 2
     >>> gradient.round(4).tolist(), curvature.round(4).tolist()
     ([0.0], [4.5])
     """
 
-    response: EngineResponse
+    response: JotResponse
     sample: npt.NDArray[np.int32]
     """How often each reading occurs (..., number), or the readings (..., number); -1 is none."""
     is_histogram: bool
@@ -123,7 +120,13 @@ class ReadingLikelihood:
     @property
     def max_reading(self) -> int:
         """2^b - 1."""
-        return self.response[0]
+        return self.response.max_reading
+
+    @property
+    def largest_share(self) -> float:
+        """The fraction of the readings that are the largest one."""
+        largest = self.sample[..., -1] if self.is_histogram else self.sample == self.max_reading
+        return float(largest.sum(dtype=np.float64) / max(self.trials.sum(), 1))
 
     def value(self, light: npt.ArrayLike) -> float:
         """Return the log-likelihood in nats, summed over all cells."""
@@ -194,7 +197,7 @@ class ReadingLikelihood:
         nearly_all = np.maximum(highest - mean, 0.1) < 1
         return np.asarray(np.where(nearly_all, mean + np.sqrt(mean), mean))
 
-    def engine_argument(self) -> tuple[EngineResponse, Any, int]:
+    def engine_argument(self) -> tuple[JotResponse, Any, int]:
         """Return the cells as the engine's functions of joint likelihoods expect them."""
         return self.response, self._cells(), int(np.prod(self.shape, dtype=int))
 

@@ -1,5 +1,6 @@
 """Readings of several bits, which state how many photons each jot has seen."""
 
+from collections.abc import Callable
 from typing import Any, Self, SupportsIndex, overload
 
 import numpy as np
@@ -8,12 +9,16 @@ import numpy.typing as npt
 from jotlight.checks import refuse_masked
 from jotlight.layout import MAX_CHANNELS
 from jotlight.notebook import card, normalize
+from jotlight.sensing import preview
 from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
+
+_SHOWN = 64
+"""Number of frames of which a preview shows the mean."""
 
 
 class Readings(ArrayHints):
@@ -129,12 +134,51 @@ class Readings(ArrayHints):
         """Return :meth:`to_array`, for ``numpy.asarray``."""
         return np.array(self.to_array(), dtype, copy=copy)
 
-    def sum(self) -> npt.NDArray[np.int64]:
-        """Return the sum of all frames, (H, W) or (H, W, C), in the memory of a few frames."""
+    def sum(
+        self, oversampling: int = 1, *, progress: Callable[[float], object] | None = None
+    ) -> npt.NDArray[np.int64]:
+        """Return the sum of all frames, (H, W) or (H, W, C), in the memory of a few frames.
+
+        Parameters
+        ----------
+        oversampling : int
+            K̂: the readings of each K̂ x K̂ jots are added. Default: each jot has its own sum.
+        progress : callable, optional
+            A function that is called repeatedly with the completed fraction, from 0 to 1.
+
+        Raises
+        ------
+        ValueError
+            When the jots do not form whole pixels.
+        """
         total = np.zeros(self.shape[1:], np.int64)
         for place, _ in read_in_chunks(self.frames):
             total += self.read(place.start, place.stop).sum(axis=0, dtype=np.int64)
-        return total
+            if progress:
+                progress(place.stop / len(self))
+        height, width, *channels = total.shape
+        if oversampling < 1 or height % oversampling or width % oversampling:
+            raise ValueError(
+                f"oversampling: expected one that divides {height} x {width} jots, got "
+                f"{oversampling}"
+            )
+        side = oversampling
+        pixels = total.reshape(height // side, side, width // side, side, *channels)
+        return np.asarray(pixels.sum(axis=(1, 3)))
+
+    def show(self, *, viewer: bool = False) -> None:
+        """Show the mean reading of each jot, with matplotlib. Only the first 64 frames are read.
+
+        Parameters
+        ----------
+        viewer : bool
+            Whether to open a viewer with a slider instead, as :meth:`jotlight.Bits.show` does.
+        """
+        if viewer:
+            preview.open_viewer(self)
+            return
+        part = self.read(0, min(len(self), _SHOWN))
+        preview.show_image(normalize(part.mean(axis=0)), "the mean reading of the first frames")
 
     def channels(self) -> list["Readings"]:
         """Return the readings of each channel, (T, H, W)."""
@@ -159,7 +203,7 @@ class Readings(ArrayHints):
             "sensor": self.sensor,
             "image": "the mean reading of the first frames",
         }
-        part = self.read(0, min(frames, 64))
+        part = self.read(0, min(frames, _SHOWN))
         return card("Readings", facts, normalize(part.mean(axis=0)))
 
     def __repr__(self) -> str:

@@ -98,13 +98,16 @@ class GrayImages:
     def __len__(self) -> int:
         return len(self.data)
 
+    def size(self, sensor: Sensor) -> tuple[int, int]:
+        """Return H and W of the first image in pixels."""
+        first = self.data[0]
+        side = sensor.oversampling if isinstance(first, Bits | Readings) else 1
+        height, width = first.shape[-2:]
+        return height // side, width // side
+
     def parts(self, sensor: Sensor, max_pixels: int = MAX_PIXELS) -> Iterator["GrayImages"]:
         """Yield parts of a stack, of one image or of at most `max_pixels` pixels."""
-        first = self.data[0]
-        pixels = math.prod(first.shape[-2:])
-        if isinstance(first, Bits | Readings):
-            pixels = max(1, pixels // sensor.oversampling**2)
-        number = max(1, max_pixels // pixels)
+        number = max(1, max_pixels // max(1, math.prod(self.size(sensor))))
         for start in range(0, len(self), number):
             part = self.data[start : start + number]
             yield GrayImages(part, Layout((len(part),)))

@@ -95,15 +95,20 @@ def caption(shown: range, frames: int) -> str:
 
 def show(bits: BitsLike) -> None:
     """Show a preview of bits with matplotlib's pyplot."""
+    image, shown = preview(bits)
+    show_image(image, caption(shown, len(bits)))
+
+
+def show_image(image: npt.NDArray[np.floating], title: str) -> None:
+    """Show an image from 0 to 1 with matplotlib's pyplot."""
     import matplotlib.pyplot as plt
 
-    image, shown = preview(bits)
     _, axes = plt.subplots(layout="constrained")
     axes.imshow(image, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
-    axes.set(title=caption(shown, len(bits)), xticks=[], yticks=[])
+    axes.set(title=title, xticks=[], yticks=[])
     plt.show()
 
 
-def open_viewer(bits: BitsLike) -> None:
-    """Open bits in napari or on the page of the viewer, both of which build on this package."""
-    importlib.import_module("jotlight.napari.opening").open_viewer(bits)
+def open_viewer(data: object) -> None:
+    """Open frames in napari or on the page of the viewer, both of which build on this package."""
+    importlib.import_module("jotlight.napari.opening").open_viewer(data)

@@ -54,7 +54,7 @@ def reading_information(sensor: Sensor, light: npt.ArrayLike) -> Array:
         )
         return bit.information(levels)
     none = np.zeros((1, 0), np.int32)
-    jot = ReadingLikelihood(sensor.engine_response(), none, False, efficiency, dark_counts)
+    jot = ReadingLikelihood(sensor.jot_response(), none, False, efficiency, dark_counts)
     return jot.information_per_reading(levels)
 
 

@@ -5,7 +5,7 @@ near 1 keep their digits. The engine solves the same equations for whole images.
 """
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,28 @@ Array = npt.NDArray[np.float64]
 """Numbers in double precision."""
 
 A = TypeVar("A", bound=Any)
+
+
+class JotResponse(NamedTuple):
+    """How a jot turns photons into a reading, as the engine expects it."""
+
+    max_reading: int
+    """2^b - 1."""
+    read_noise: float
+    """σ, in photons."""
+    threshold: int
+    """q, for readings of one bit."""
+
+
+class PixelResponse(NamedTuple):
+    """The response of a pixel with the box kernel, as the engine expects it."""
+
+    threshold: int
+    """q."""
+    light_per_intensity: float
+    """α/K, in expected photons per jot and frame."""
+    max_intensity: float
+    """S."""
 
 
 def probability_formula(

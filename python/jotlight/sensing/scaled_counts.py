@@ -199,8 +199,10 @@ def scaled_counts_hint(values: npt.NDArray[Any]) -> str | None:
     return None
 
 
-def check_whole(data: object, trials: int) -> None:
+def check_whole(data: object, trials: int, *, takes_trials: bool = True) -> None:
     """Raise TypeError for floats in place of counts. The message says how to convert means.
+
+    `takes_trials` is whether the caller has a parameter `trials`, which may mark missing pixels.
 
     Examples
     --------
@@ -215,19 +217,21 @@ def check_whole(data: object, trials: int) -> None:
         return
     raise TypeError(
         f"data: expected jotlight.Bits or an image of counts in whole numbers, got "
-        f"{values.dtype}{_advice_on_floats(values, trials)}"
+        f"{values.dtype}{_advice_on_floats(values, trials, takes_trials)}"
     )
 
 
-def _advice_on_floats(values: npt.NDArray[Any], trials: int) -> str:
+def _advice_on_floats(values: npt.NDArray[Any], trials: int, takes_trials: bool) -> str:
     """Return what floats in place of counts probably are, and what to do."""
     if not np.isfinite(values).all():
         known = values[~np.isnan(values)]
         if not (np.isfinite(known).all() and (known == np.rint(known)).all()):
             return " with NaN or infinity"
+        mask = "np.isnan(x)" if values.ndim == 2 else "a map (H, W) of them"
+        missing = f"trials=np.where(np.isnan(x), 0, {trials})"
         return (
             " with NaN; if these pixels x have no data, pass np.nan_to_num(x).astype(int) and "
-            f"trials=np.where(np.isnan(x), 0, {trials})"
+            f"{missing if takes_trials else f'sensor.replace(mask={mask})'}"
         )
     photograph = "; a photograph becomes bits by sensor.expose(image)"
     if (values == np.rint(values)).all():

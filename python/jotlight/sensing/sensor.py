@@ -13,6 +13,7 @@ from jotlight.sensing.exposure import Exposure
 from jotlight.sensing.maps import LIMITS, checked_maps
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.readings import ReadingGroup
+from jotlight.sensing.response import JotResponse, PixelResponse
 from jotlight.sensing.simulate import EnginePart
 
 KERNELS = ("box", "linear", "quadratic", "cubic")
@@ -215,7 +216,7 @@ class Sensor(Exposure):
         """Return the sensor as the engine's simulation expects it."""
         readings.refuse_different_readings(self)
         return {
-            "response": self.engine_response(),
+            "response": self.jot_response(),
             "oversampling": self.oversampling,
             "kernel_degree": KERNELS.index(self.kernel),
             "gain_per_frame": self.gain / self.frames,
@@ -228,22 +229,22 @@ class Sensor(Exposure):
     def engine_parts(self) -> list[EnginePart]:
         """Return the groups of equal readings as the engine's simulation expects them."""
         if not self.readings_differ:
-            return [(None, self.engine_arguments())]
+            return [EnginePart(None, self.engine_arguments())]
         by_frame = readings.frames_differ(self)
         return [
-            (group.frames if by_frame else None, group.sensor.engine_arguments())
+            EnginePart(group.frames if by_frame else None, group.sensor.engine_arguments())
             for group in self.groups()
         ]
 
-    def engine_response(self) -> tuple[int, float, int]:
-        """Return (2^b - 1, σ, q): how a jot turns photons into a reading, for the engine."""
+    def jot_response(self) -> JotResponse:
+        """Return how a jot turns photons into a reading."""
         readings.refuse_different_readings(self)
-        return self.max_reading, self.read_noise, self.threshold
+        return JotResponse(self.max_reading, self.read_noise, self.threshold)
 
-    def pixel_response(self) -> tuple[int, float, float]:
-        """Return (q, α/K, S): a pixel's response with the box kernel, for the engine."""
+    def pixel_response(self) -> PixelResponse:
+        """Return the response of a pixel with the box kernel."""
         readings.require_plain_bits(self)
-        return self.threshold, self.light_per_intensity, self.max_intensity
+        return PixelResponse(self.threshold, self.light_per_intensity, self.max_intensity)
 
 
 def require_any_sensor(sensor: object) -> None:

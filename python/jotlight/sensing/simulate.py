@@ -6,7 +6,7 @@ The functions take the sensor as the dictionary that `Sensor.engine_arguments` r
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
-from typing import Any, Self, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ from jotlight.sensing.sensor_like import SensorLike
 
 AnySensor = TypeVar("AnySensor", bound=SensorLike)
 EngineSensor = dict[str, Any]
+Ends = tuple[int, int]
 
 _MAX_JOTS = 1 << 26
 """Maximum number of jots that are drawn at once for one of several parts."""
@@ -31,8 +32,13 @@ JotFunction = Callable[
 ]
 """A function of the engine that fills some rows of jots: `engine.rate` or `engine.probability`."""
 
-EnginePart = tuple[npt.NDArray[np.intp] | None, EngineSensor]
-"""Readings with the same gain and threshold: their frames, or None for all, and their sensor."""
+
+class EnginePart(NamedTuple):
+    """Readings with the same gain and threshold."""
+
+    frames: npt.NDArray[np.intp] | None
+    """The numbers of their frames, or None for all."""
+    sensor: EngineSensor
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,6 +80,23 @@ class Window:
             len(self.rows) * oversampling,
             math.ceil(len(self.columns) * oversampling / 8),
         )
+
+    def parts(self, oversampling: int, bits: int) -> Iterator[tuple[Self, tuple[slice, slice]]]:
+        """Yield parts to draw at once, with their frames and rows of jots in the output.
+
+        A jot has `bits` bits in each frame.
+        """
+        row_bits = bits * len(self.columns) * oversampling**2
+        for f, r in frame_chunks(len(self.frames), len(self.rows), row_bits):
+            frames, rows = self.frames[f.start : f.stop], self.rows[r.start : r.stop]
+            jots = slice(r.start * oversampling, r.stop * oversampling)
+            part = dataclasses.replace(self, frames=frames, rows=rows)
+            yield part, (slice(f.start, f.stop), jots)
+
+    def bounds(self) -> tuple[Ends, Ends, Ends]:
+        """Return the ends of the frames, the rows, and the columns."""
+        frames, rows, columns = self.frames, self.rows, self.columns
+        return (frames.start, frames.stop), (rows.start, rows.stop), (columns.start, columns.stop)
 
     def jot_slices(self, oversampling: int) -> tuple[slice, slice]:
         """Return the window's rows and columns of jots."""
@@ -151,7 +174,7 @@ def draw_stack(
 
     Their shape is (frames, rows, bytes), or (frames, rows, bytes, C) for color.
     """
-    shape = window.packed_shape(parts[0][1]["oversampling"])
+    shape = window.packed_shape(parts[0].sensor["oversampling"])
     is_color = layout.channel_axis is not None
     stack, channels = (layout.shape[:-1], layout.shape[-1:]) if is_color else (layout.shape, ())
     packed = packed_output((*stack, *shape, *channels), out)
@@ -185,7 +208,7 @@ def draw_parts(
     """
     check_threads(threads)
     if len(parts) == 1:
-        draw_bits(parts[0][1], images, seeds, window, out, threads, progress)
+        draw_bits(parts[0].sensor, images, seeds, window, out, threads, progress)
         return
     out[:] = 0
     jots = len(seeds) * out.shape[3] * out.shape[4] * 8
@@ -248,25 +271,14 @@ def draw_bits(
     progress : callable, optional
         It receives the completed fraction.
     """
-    oversampling, number = sensor["oversampling"], len(seeds)
-    frames, rows, columns = window.frames, window.rows, window.columns
-    chunks = list(frame_chunks(len(frames), len(rows), number * len(columns) * oversampling**2))
+    parts = list(window.parts(sensor["oversampling"], len(seeds)))
     for channel in range(images.shape[1]):
         streams = [(seed, channel) for seed in seeds]
-        for index, (f, r) in enumerate(chunks):
-            jots = slice(r.start * oversampling, r.stop * oversampling)
-            engine.expose(
-                sensor,
-                images[:, channel],
-                streams,
-                (frames.start + f.start, frames.start + f.stop),
-                (rows.start + r.start, rows.start + r.stop),
-                (columns.start, columns.stop),
-                out[:, channel, f.start : f.stop, jots],
-                threads,
-            )
+        for index, (part, place) in enumerate(parts):
+            target = out[:, channel, *place]
+            engine.expose(sensor, images[:, channel], streams, *part.bounds(), target, threads)
             if progress:
-                progress((channel + (index + 1) / len(chunks)) / images.shape[1])
+                progress((channel + (index + 1) / len(parts)) / images.shape[1])
 
 
 def evaluate_on_jots(
@@ -305,9 +317,9 @@ def evaluate_parts(
     """
     check_threads(threads)
     if len(parts) == 1:
-        return evaluate_on_jots(function, parts[0][1], image, layout, out, threads)
-    shape = layout.shape_of(_jots_of(layout.split(image), parts[0][1]))
-    if parts[0][0] is not None:
+        return evaluate_on_jots(function, parts[0].sensor, image, layout, out, threads)
+    shape = layout.shape_of(_jots_of(layout.split(image), parts[0].sensor))
+    if parts[0].frames is not None:
         shape = sum(len(frames) for frames in _distinct_frames(parts)), *shape
     total = np.empty(shape, np.float32) if out is None else check_out(out, shape, np.float32)
     if np.may_share_memory(total, image):

@@ -69,9 +69,9 @@ class ColorPatchLoader(PatchLoader):
         counts = generator.binomial(trials, probability).astype(np.int32)
         if patch.mosaic is not None:
             counted = count_pixels(counts, sensor, 1)
-            return planes_of_mosaic(_gray(), counted, sensor, patch.mosaic, threads=1)
+            return planes_of_mosaic(_gray(), counted, patch.mosaic, threads=1)
         channels = [count_pixels(channel, sensor, 1) for channel in counts]
-        return planes_of_channels(_gray(), channels, sensor, threads=1)
+        return planes_of_channels(_gray(), channels, threads=1)
 
 
 @cache

@@ -4,6 +4,7 @@ import torch
 from torch import Tensor
 
 from jotlight.errors import warn
+from jotlight.sensing.intensity_scale import warn_about_scale
 from jotlight.sensing.scaled_counts import range_error
 from jotlight.sensing.sensor import Sensor
 
@@ -31,6 +32,43 @@ def check_intensities(intensities: Tensor) -> None:
             f"intensities: expected floats in units of intensity, got {intensities.dtype}; divide "
             "by the level of white, such as image / 255 for an 8-bit photograph"
         )
+
+
+def shape_advice(name: str, images: Tensor) -> str:
+    """Return the end of a message about a shape that is not (N, 1, H, W): how to convert it.
+
+    Examples
+    --------
+    >>> shape_advice("data", torch.zeros(5, 6))
+    '; for one image, write data[None, None]'
+    >>> shape_advice("data", torch.zeros(2, 5, 6))
+    '; for images (N, H, W), write data[:, None]'
+    """
+    if images.dim() == 2:
+        return f"; for one image, write {name}[None, None]"
+    if images.dim() == 3:
+        return f"; for images (N, H, W), write {name}[:, None]"
+    if images.dim() == 4 and images.shape[1] > 1:
+        return (
+            "; channels are images of their own: for (N, C, H, W), write "
+            f"{name}.flatten(0, 1)[:, None]"
+        )
+    return ""
+
+
+def warn_about_levels(intensities: Tensor, max_intensity: float) -> None:
+    """Warn about intensities that look like gray levels, as :meth:`Sensor.expose` does.
+
+    Nothing is checked where :func:`check_values` checks nothing.
+    """
+    if torch.compiler.is_compiling() or intensities.requires_grad or intensities.numel() == 0:
+        return
+    try:
+        is_bright = float(intensities.amax()) > max_intensity
+    except RuntimeError:  # the tensor has no values, as on "meta" or under torch.vmap
+        return
+    if is_bright:
+        warn_about_scale("intensities", [intensities.float().cpu().numpy()], max_intensity)
 
 
 def check_values(data: Tensor, sensor: Sensor, *, is_bits: bool) -> None:

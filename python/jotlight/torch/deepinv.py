@@ -264,14 +264,15 @@ class NetworkDenoiser(Denoiser):  # type: ignore[misc, unused-ignore]
 
         Parameters
         ----------
-        x : Tensor, shape (N, 1, H, W)
-            Noisy images of intensities in [0, 1].
+        x : Tensor, shape (N, C, H, W)
+            Noisy images of intensities in [0, 1]. Each channel is an image of its own.
         sigma : float or Tensor, shape (N,)
             Standard deviation of the noise: one for all images, or one for each.
         """
         sigmas = torch.as_tensor(sigma, dtype=torch.float64).flatten().expand(len(x)).tolist()
         images = zip(x, sigmas, strict=True)
-        return torch.cat([self._denoise(image[None], sigma) for image, sigma in images])
+        denoised = [self._denoise(image[:, None], sigma) for image, sigma in images]
+        return torch.stack(denoised).flatten(1, 2)
 
     def _denoise(self, x: Tensor, sigma: float) -> Tensor:
         low, high = self.trials_range

@@ -23,6 +23,7 @@ from jotlight.sensing.pixel_counts import (
     gray_images,
     prepare_data,
 )
+from jotlight.sensing.scaled_counts import check_whole
 from jotlight.sensing.sensor import Sensor, require_trainable
 from jotlight.torch.bit_splitting import BitSplitter, check_kernel
 from jotlight.torch.distributed import ProcessGroup, choose_device, process_group, thread_limit
@@ -101,19 +102,8 @@ def fine_tune(
     rng : int, optional
         Seed. The same seed and number of threads give the same network. Default: a fresh one,
         or that of the run to resume.
-    checkpoint : path, optional
-        File for the state of the run, as in :func:`jotlight.train`.
-    resume : bool
-        Whether to continue from the checkpoint.
-    callback : callable, optional
-        Function that gets the :class:`Record` of each step.
-    progress : bool or callable, optional
-        Whether to show a progress bar, or a function that is called with the completed fraction.
-        Default: a bar in notebooks.
-    device : str or torch.device, optional
-        Device of the training. Default: a GPU if there is one, and the CPU otherwise.
-    threads : int, optional
-        Number of CPU threads. Default: PyTorch's.
+    checkpoint, resume, callback, progress, device, threads
+        As for :func:`jotlight.torch.train`.
 
     Returns
     -------
@@ -315,6 +305,8 @@ def _count_images(
     sensor = sensor or network.sensor_of(data)
     if sensor is not None:
         require_trainable(sensor)
+        if isinstance(data, np.ndarray):
+            check_whole(data, sensor.trials, takes_trials=False)
     prepared, sensor = prepare_data(data, sensor, None, channel_axis)
     network.check_sensor(sensor)
     if not network.tied:

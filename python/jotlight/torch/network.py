@@ -20,7 +20,7 @@ from jotlight.networks.network import Network as EngineNetwork
 from jotlight.networks.served_sensors import choose_sensor
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
-from jotlight.torch.data_checks import check_values
+from jotlight.torch.data_checks import check_values, shape_advice
 from jotlight.torch.estimates import (
     equivalent_counts,
     intensity_from_complement,
@@ -236,8 +236,7 @@ class Network(nn.Module):
             )
         is_batch = data.dim() == 4 and data.shape[1] == channels
         if not is_batch or any(size % side or not size for size in data.shape[2:]):
-            is_image = self._is_tied and data.dim() == 2
-            hint = "; for an image of counts, write data[None, None]" if is_image else ""
+            hint = shape_advice("data", data) if self._is_tied else ""
             raise ValueError(
                 f"data: expected {kind} and at least one pixel, got shape {tuple(data.shape)}{hint}"
             )

@@ -23,7 +23,9 @@ def mirror_pad(planes: Tensor, rows: tuple[int, int], columns: tuple[int, int]) 
     """
     if not any((*rows, *columns)):
         return planes
-    if max(*rows, *columns) == 1:
+    # Inductor takes the gradient of this padding to be contiguous, which it is not if a convolution
+    # interleaved the channels: a compiled network could not be trained.
+    if max(*rows, *columns) == 1 and not torch.compiler.is_compiling():
         return functional.pad(planes, (*columns, *rows), mode="replicate")
     for dimension, (before, after) in ((2, rows), (3, columns)):
         size = planes.shape[dimension]

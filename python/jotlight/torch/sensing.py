@@ -6,7 +6,7 @@ from torch.nn import functional
 
 import jotlight._engine as engine
 from jotlight.sensing.sensor import KERNELS, Sensor, require_sensor
-from jotlight.torch.data_checks import check_intensities
+from jotlight.torch.data_checks import check_intensities, shape_advice, warn_about_levels
 from jotlight.torch.padding import mirror_pad
 from jotlight.torch.response import detection_probability, log_probabilities
 
@@ -86,6 +86,11 @@ class Sensing(nn.Module):
             For anything but a tensor of floats.
         ValueError
             When the shape is another one, or does not fit the sensor's maps.
+
+        Warns
+        -----
+        JotlightWarning
+            When the intensities look like gray levels, such as 0 to 255.
         """
         sensor = self.sensor
         if self.output == "bits":
@@ -106,6 +111,10 @@ class Sensing(nn.Module):
             return mean
         sample = torch.binomial(trials, probability.detach(), generator=generator)
         return _straight_through(self._sum_pixels(sample), mean)
+
+    def extra_repr(self) -> str:
+        """Return the arguments of the layer, which PyTorch prints."""
+        return f"{self.sensor!r}, output={self.output!r}, gradient={self.gradient!r}"
 
     def rate(self, intensities: Tensor) -> Tensor:
         """Return the expected detections per jot and frame, η s + d, (N, 1, H·K̂, W·K̂)."""
@@ -158,7 +167,9 @@ class Sensing(nn.Module):
         if intensities.dim() != 4 or intensities.shape[1] != 1:
             raise ValueError(
                 f"intensities: expected shape (N, 1, H, W), got {tuple(intensities.shape)}"
+                f"{shape_advice('intensities', intensities)}"
             )
+        warn_about_levels(intensities, self.sensor.max_intensity)
         dtype = torch.promote_types(intensities.dtype, torch.float32)
         with torch.autocast(intensities.device.type, enabled=False):
             # `clamp` would set the slope at 0 to 0, too.

@@ -32,8 +32,8 @@ def spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Ten
     Returns
     -------
     Tensor, shape (N, C, ...)
-        φ(z), of the type of z. It has derivatives of any order, also by `torch.func`. On a CPU,
-        reverse-mode derivatives are faster than forward-mode ones.
+        φ(z), of the type of z; NaN where z is NaN. It has derivatives of any order, also by
+        `torch.func`. On a CPU, reverse-mode derivatives are faster than forward-mode ones.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Ten
     [0.25, 0.5, 1.0]
     """
     _check(z, coefficients, spacing)
-    if z.device.type != "cpu":
+    if z.device.type != "cpu" or torch.onnx.is_in_onnx_export():
         return spline_reference(z, coefficients, start, spacing)
     dtype = torch.promote_types(z.dtype, torch.float32)
     coefficients = coefficients.to(dtype)
@@ -110,7 +110,10 @@ def spline_reference(z: Tensor, coefficients: Tensor, start: float, spacing: flo
 def _spline(z: Tensor, coefficients: Tensor, start: float, spacing: float) -> Tensor:
     arrays = _channel_array(z), _array(coefficients)
     values = engine.activate(arrays, start, spacing, torch.get_num_threads())
-    return torch.from_numpy(values).view(z.shape)
+    result = torch.from_numpy(values).view(z.shape)
+    # The engine takes NaN for a number below the first knot, which would hide a failed training.
+    # The sum is NaN if a value is, and takes far less time than a test of each value.
+    return result.masked_fill(z.isnan(), math.nan) if z.sum().isnan() else result
 
 
 @_spline.register_fake
@@ -218,8 +221,9 @@ class Spline(nn.Module):
 
     Raises
     ------
-    ValueError
-        For fewer than 4 coefficients.
+    TypeError, ValueError
+        When there is no channel, when there are fewer than 4 coefficients, or when `high` is not
+        above `low`.
 
     Examples
     --------
@@ -232,7 +236,10 @@ class Spline(nn.Module):
         self, channels: int, coefficients: int = 13, low: float = -3.0, high: float = 3.0
     ) -> None:
         super().__init__()
+        whole_number("channels", channels, 1)
         whole_number("coefficients", coefficients, 4)
+        if not low < high:
+            raise ValueError(f"low, high: expected low below high, got {low} and {high}")
         self.start, self.spacing = float(low), (high - low) / (coefficients - 3)
         centers = low + self.spacing * (torch.arange(coefficients) - 1)
         # A cubic B-spline whose coefficients lie on a line is that line.
@@ -241,3 +248,9 @@ class Spline(nn.Module):
     def forward(self, z: Tensor) -> Tensor:
         """Return φ(z), shape (N, C, ...)."""
         return spline(z, self.coefficients, self.start, self.spacing)
+
+    def extra_repr(self) -> str:
+        """Return the arguments of the spline, which PyTorch prints."""
+        channels, number = self.coefficients.shape
+        high = self.start + self.spacing * (number - 3)
+        return f"{channels}, coefficients={number}, low={self.start:g}, high={high:g}"

@@ -104,13 +104,15 @@ class Trainer:
         steps : int
             Number of steps of the whole run.
         checkpoint : path, optional
-            File that the main process writes every 20 seconds, and when the run ends or stops.
+            File that the main process writes after the first step, every 20 seconds, and when the
+            run ends or stops.
         callback : callable, optional
             Function that gets the :class:`Record` of each step, in the main process.
         seconds : float, optional
             Time limit. Default: none.
         """
-        begun = saved = time.monotonic()
+        # The first checkpoint shows a full disk before hours of work.
+        begun, saved = time.monotonic(), -math.inf
         path = checkpoint if self.group.is_main else None
         try:
             while len(self.history) < steps:

@@ -138,7 +138,13 @@ def train(
         When network, sensor, images, and settings do not fit, or the checkpoint belongs to another
         run.
     FloatingPointError
-        When the cost is not finite; the message says what to change.
+        When the cost is not finite, or has risen and no longer has a gradient; the message says
+        what to change.
+
+    Warns
+    -----
+    JotlightWarning
+        When the result is much worse than the start, or when images look like gray levels.
 
     Notes
     -----

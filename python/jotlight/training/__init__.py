@@ -1,9 +1,10 @@
 """Training of networks in the engine by error backpropagation (paper, section 3).
 
-In reading order: `loop` (the function `train`), `patches` and `images` (training examples), `cost`
-(the objective and its gradient), `parameters` (all parameters as one vector), `admissible` (the set
-that they stay in), `optimizer`, `optimizers`, and `gauss_newton` (steps), `history` and
-`checkpoint` (records and state of a run). `patch_sources`, `photographs`, `url_photographs`,
+In reading order: `loop` (the function `train`), `run` (its settings, steps, and result), `patches`
+and `images` (training examples), `cost` (the objective and its gradient), `parameters` (all
+parameters as one vector), `admissible` (the set that they stay in), `optimizer`, `optimizers`, and
+`gauss_newton` (steps), `history` and `checkpoint` (records and state of a run), `reporting` and
+`figure` (its progress and its curves). `patch_sources`, `photographs`, `url_photographs`,
 `synthetic_patches`, `color_patches` and `color_drawings` (both with `random_mosaics`), and
 `film_patches` are sources of patches for :func:`jotlight.torch.train`.
 """

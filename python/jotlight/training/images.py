@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_image, require_image_list
+from jotlight.images.sets import require_gray_stack
 
 ImageGenerator = Callable[[np.random.Generator, int], npt.NDArray[np.floating]]
 """A function of a random generator and a number N that returns N new images, (N, H, W)."""
@@ -34,23 +35,20 @@ def check_images(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Images:
     dtype('float32')
     """
     require_image_list(images)
-    if isinstance(images, np.ndarray) and images.ndim != 3:
-        raise ValueError(
-            f"images: expected an array (N, H, W) or a sequence of images (H, W), got shape "
-            f"{images.shape}; put a single image in a list"
-        )
+    if isinstance(images, np.ndarray):
+        require_gray_stack("images", images.shape)
     if len(images) == 0:  # type: ignore[arg-type]
         raise ValueError("images: expected at least one, got none")
     if isinstance(images, np.ndarray):
         # One tall image takes one check.
-        tall = as_image(images.reshape(-1, images.shape[2])) if images.size else as_image(images)
+        tall = as_image(images.reshape(-1, images.shape[2]) if images.size else images, "images")
         return np.require(tall, np.float32, ["C"]).reshape(images.shape)
     checked = []
     for index, image in enumerate(images):  # type: ignore[arg-type]
-        array = as_image(image)
+        array = as_image(image, f"images[{index}]")
         if array.ndim != 2:
             raise ValueError(
-                f"images: expected gray images (H, W), got shape {array.shape} for number {index}; "
+                f"images[{index}]: expected a gray image (H, W), got shape {array.shape}; "
                 "networks treat color channels alike, so pass each channel as an image"
             )
         checked.append(np.require(array, np.float32, ["C"]))

@@ -86,10 +86,11 @@ class PatchSampler:
         warn_about_scale("images", checked, sensor.max_intensity)
         side = patch_size(checked, patch)
         if side <= 2 * border and any(max(image.shape) > side for image in checked):
+            is_limited = min(min(image.shape) for image in checked) <= 2 * border
+            advice = f". {describe_smallest(checked)}" if is_limited else ""
             raise ValueError(
                 f"patch: expected more than {2 * border} pixels, got {side}: estimates depend on "
-                f"pixels up to {border} away, so no pixel of the patch would count. "
-                f"{describe_smallest(checked)}"
+                f"pixels up to {border} away, so no pixel of the patch would count{advice}"
             )
         return cls(checked, sensor, seed, batch or max(1, pixels // side**2), side, border)
 

@@ -5,7 +5,7 @@ import numpy.typing as npt
 
 from jotlight.view.viewed import Check, FramesGoneError, Viewable, count_frames
 
-Counts = npt.NDArray[np.int32]
+Counts = npt.NDArray[np.integer]
 
 
 class RunningCounts:
@@ -20,7 +20,7 @@ class RunningCounts:
     --------
     >>> from jotlight.sensing.bits import Bits
     >>> from jotlight.view.viewed import Viewed
-    >>> running = RunningCounts(Viewed.from_bits(Bits.from_array(np.ones((100, 1, 2), bool))))
+    >>> running = RunningCounts(Viewed.from_data(Bits.from_array(np.ones((100, 1, 2), bool))))
     >>> running.move(range(10, 90)).tolist(), running.counted
     ([[80, 80]], 80)
     >>> running.move(range(11, 91)).tolist(), running.counted
@@ -32,7 +32,7 @@ class RunningCounts:
         self._frames = range(0)
         self._counts: Counts | None = None
         self.counted = 0
-        """Number of frames that were read to count their ones."""
+        """Number of frames that were read."""
 
     def cost(self, frames: range) -> int:
         """Return the number of frames that :meth:`move` would read."""

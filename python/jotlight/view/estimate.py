@@ -7,28 +7,29 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.evaluation.channels import COLORS
+from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
 from jotlight.evaluation.methods import LARGE_TRIALS, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align
 from jotlight.motion.merge import merge
-from jotlight.sensing.bits import Bits
+from jotlight.motion.reading_counts import counts_for_motion
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
+from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.pixel_counts import Data
 from jotlight.sensing.readings import without_mosaic
-from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
-from jotlight.view.state import COUNTS, COUNTS_TITLE
+from jotlight.view.counted import EQUIVALENT, ONES, Counted, counted_by
+from jotlight.view.state import COUNTS
 from jotlight.view.viewed import Check, Viewable
 
 Image = npt.NDArray[np.float32]
-Counts = npt.NDArray[np.int32]
+Counts = npt.NDArray[np.integer]
 
 _FROM_COUNTS = {"mle", "network-small", "network-medium", "network-large", "network-extra-large"}
 """Methods whose estimate from counts equals that from bits, for jots that are all alike."""
-
 
 DEMOSAICING = "differences"
 """How the planes of a mosaic become an image. It needs no extra."""
@@ -42,24 +43,37 @@ class Estimate:
     """An image of a window, and how it was made."""
 
     image: Image
-    """Intensities, or for "counts" the fraction of ones. (H, W) or (H, W, C)."""
+    """Intensities, or for "counts" fractions of the largest possible counts. (H, W) or (H, W, C).
+    """
     counts: Counts
-    """The number of ones of each pixel. After an alignment, those along the motion."""
+    """The number of ones of each pixel, or the sum of its readings. After an alignment, ones along
+    the motion."""
     trials: float | npt.NDArray[np.float64]
-    """The number of binary readings behind each count: a number or a map."""
+    """The largest possible value of each count, a number or a map. For bits, it is the number of
+    binary readings behind the count."""
     sensor: Sensor
+    """The sensor of the window."""
     method: str
     title: str
     seconds: float
     data: Data
     """The data of the estimate, for its uncertainty."""
+    counted: Counted = ONES
+    """What is counted."""
 
     @property
     def is_function_of_counts(self) -> bool:
         """Whether pixels with the same number of ones have the same value, in a gray image."""
         has_maps = self.sensor.mosaic is not None or bool(self.sensor.maps())
-        is_pointwise = self.method == COUNTS or (self.method == "mle" and not has_maps)
+        is_mle = self.method == "mle" and not has_maps and self.sensor.has_plain_bits
+        is_pointwise = is_mle or (self.method == COUNTS and self.counted == ONES)
         return is_pointwise and not isinstance(self.trials, np.ndarray) and self.counts.ndim == 2
+
+    @property
+    def mean_reading(self) -> float:
+        """The mean of all readings, or for bits the fraction of ones."""
+        fraction = self.counts.mean(dtype=np.float64) / np.mean(self.trials)
+        return float(fraction * self.counted.largest)
 
 
 def choose(viewed: Viewable, number: int, method: str) -> Choice:
@@ -91,24 +105,33 @@ def recommend(viewed: Viewable, number: int) -> Choice:
 
 
 def fraction_estimate(viewed: Viewable, counts: Counts, number: int) -> Estimate:
-    """Return the fraction of ones of each pixel, for display before any method has run."""
+    """Return the counts as fractions of the largest, for display before any method has run."""
     sensor = viewed.sensor(number)
-    image = (counts / np.float32(sensor.trials)).astype(np.float32)
-    return Estimate(image, counts, sensor.trials, sensor, COUNTS, COUNTS_TITLE, 0.0, counts)
+    counted = counted_by(sensor)
+    largest = sensor.trials * counted.largest
+    image = (counts / largest).astype(np.float32)
+    return Estimate(image, counts, largest, sensor, COUNTS, counted.title, 0.0, counts, counted)
 
 
 def fraction_at(intensity: float, sensor: Sensor) -> float:
-    """Return the expected fraction of ones of a pixel of some intensity.
+    """Return the expected count of a pixel of some intensity, as a fraction of the largest one.
 
     Examples
     --------
     >>> round(fraction_at(1.0, Sensor(frames=16)), 4)
     0.6321
+    >>> round(fraction_at(1.0, Sensor(frames=16, bit_depth=4)), 4)  # 1 of at most 15 photons
+    0.0667
     """
     plain = sensor.without_maps()
     assert isinstance(plain.efficiency, float), "the mean of a map is a number"
-    rate = plain.efficiency * sensor.light_per_intensity * intensity + plain.dark_counts
-    return float(detection_probability(sensor.threshold, rate))
+    none = np.zeros((1, 0), np.int32)
+    total = 0.0
+    for group in plain.groups():
+        rate = plain.efficiency * group.sensor.light_per_intensity * intensity + plain.dark_counts
+        mean, _, _ = ReadingLikelihood(group.sensor.jot_response(), none, False).moments(rate)
+        total += len(group.frames) * mean.item()
+    return total / (plain.frames * plain.max_reading)
 
 
 def estimate(
@@ -147,15 +170,21 @@ def estimate(
         return fraction_estimate(viewed, counts, len(frames))
     choice = choose(viewed, len(frames), method)
     sensor = viewed.sensor(len(frames)).replace(max_intensity=choice.max_intensity)
+    counted = counted_by(sensor)
+    trials: float | npt.NDArray[np.float64] = sensor.trials * counted.largest
     data: Data
     if merged is not None:
         sensor = without_mosaic(sensor)
-        data = dataclasses.replace(merged, sensor=sensor)
+        is_plain = sensor.has_plain_bits
+        own = sensor if is_plain else merged.sensor.replace(max_intensity=choice.max_intensity)
+        data = dataclasses.replace(merged, sensor=own)
+        counts, trials = np.asarray(merged.ones), merged.trials
+        counted = ONES if is_plain else EQUIVALENT
     elif _suffice(counts, sensor, method):
         data = counts
     else:
         part = viewed.part(frames)
-        data = part if isinstance(part, Bits) else counts
+        data = counts if isinstance(part, CountStack) else part
     options: dict[str, Any] = {}
     if method != COLOR_NETWORK:
         options["method"] = method
@@ -167,25 +196,37 @@ def estimate(
     start = time.perf_counter()
     image, info = reconstruct(
         data,
-        sensor,
+        sensor if merged is None else None,
         return_info=True,
         channel_axis=last_channel_axis(data),
         threads=1 if method == "mle" and counts.size <= _MAX_BRIEF_PIXELS else None,
         **options,
     )
     seconds = time.perf_counter() - start
-    ones = counts if merged is None else np.asarray(merged.ones)
-    trials = sensor.trials if merged is None else merged.trials
-    return Estimate(image, ones, trials, sensor, method, info.title, seconds, data)
+    return Estimate(image, counts, trials, sensor, method, info.title, seconds, data, counted)
 
 
 def _suffice(counts: Counts, sensor: Sensor, method: str) -> bool:
     """Return whether a method needs only the counts of a window, not its bits."""
     return (
         (method in _FROM_COUNTS or sensor.mosaic is not None)
+        and sensor.has_plain_bits
         and not sensor.maps()
         and (sensor.oversampling == 1 or sensor.kernel == "box")
     )
+
+
+def alignment_reason(viewed: Viewable) -> str | None:
+    """Return why no window can be aligned, or None if windows can."""
+    number = 2 * viewed.cycle
+    sensor = viewed.sensor(number)
+    if without_mosaic(sensor).has_plain_bits:
+        return None
+    try:
+        counts_for_motion(viewed.part(viewed.frames[:number]), sensor)
+    except ValueError as error:
+        return str(error)
+    return None
 
 
 def merge_window(viewed: Viewable, frames: range, check: Check = lambda: None) -> Merged | None:
@@ -197,7 +238,14 @@ def merge_window(viewed: Viewable, frames: range, check: Check = lambda: None) -
     ------
     CancelledError
         When `check` raises it, which is called several times.
+    ValueError
+        When the data cannot be aligned.
     """
+    if len(frames) == viewed.cycle > 1:
+        raise ValueError(
+            f"align: expected two cycles of exposures or more, which are {2 * viewed.cycle} "
+            f"frames, got {len(frames)} frames; choose a longer window"
+        )
 
     def progress(_: float) -> None:
         check()

@@ -9,10 +9,14 @@ import numpy.typing as npt
 from jotlight.calibration import find_hot_jots
 from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.uncertainty import check_errors_known, uncertainty
+from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.photon_readings import Readings
+from jotlight.view.counted import EQUIVALENT
 from jotlight.view.estimate import DEMOSAICING, Estimate
-from jotlight.view.viewed import Viewable
+from jotlight.view.viewed import Viewable, count_frames, frame_bytes, whole_cycles
 
 Map = npt.NDArray[np.uint8]
 
@@ -24,40 +28,62 @@ _MAX_BYTES = 1 << 26
 
 
 class JotMap:
-    """The dead and the hot jots of a capture, searched once."""
+    """The dead and the hot jots of a capture, searched once.
+
+    Parameters
+    ----------
+    viewed : Viewable
+        The capture.
+    """
 
     def __init__(self, viewed: Viewable) -> None:
         self._viewed = viewed
         self._lock = threading.Lock()
         self._map: Map | None = None
         self._note = ""
+        self.is_searched = False
+        """Whether hot jots have been searched."""
 
     def find(self) -> tuple[Map, str]:
         """Return a map of the jots, with 1 for dead and 2 for hot ones, and how it was found."""
         with self._lock:
             if self._map is None:
-                self._map, self._note = _find_jots(self._viewed)
+                reason = _reason_without_search(self._viewed)
+                self._map, self._note = _find_jots(self._viewed, reason)
+                self.is_searched = reason is None
             return self._map, self._note
 
 
-def _find_jots(viewed: Viewable) -> tuple[Map, str]:
-    frames = viewed.frames
-    part = viewed.part(range(frames.start, frames.start + 1))
-    size = part.packed.nbytes if isinstance(part, Bits) else part.images.nbytes
-    frames = frames[: max(1, _MAX_BYTES // max(1, size))]
-    data, sensor = viewed.part(frames), viewed.sensor(len(frames))
+def _reason_without_search(viewed: Viewable) -> str | None:
+    """Return why hot jots cannot be searched, or None if they can."""
+    part, sensor = viewed.part(viewed.frames[-1:]), viewed.sensor(viewed.cycle)
     if sensor.mosaic is not None:
+        return "their neighbors have other color filters"
+    if np.ndim(sensor.threshold):
+        return "the frames have different thresholds"
+    if isinstance(part, Readings):
+        return "they are known for single bits only"
+    if isinstance(part, CountStack) and sensor.oversampling > 1:
+        return "counts of pixels do not show single jots"
+    return None
+
+
+def _find_jots(viewed: Viewable, reason: str | None) -> tuple[Map, str]:
+    """Return a map of the jots, and how it was found, unless there is a reason against a search."""
+    frames = viewed.frames[: whole_cycles(viewed, _MAX_BYTES // frame_bytes(viewed))]
+    sensor = viewed.sensor(len(frames))
+    if reason is not None:
         side = sensor.oversampling
         dead = np.zeros((side * viewed.shape[0], side * viewed.shape[1]), np.uint8)
         if sensor.mask is not None:
             dead[sensor.mask] = DEAD
-        return dead, "hot jots are not searched, because their neighbors have other color filters"
+        return dead, f"hot jots are not searched, because {reason}"
+    data = viewed.part(frames)
+    counts: npt.NDArray[np.integer]
     if isinstance(data, Bits):
         counts, trials = data.counts(1), len(data)
-    elif sensor.oversampling == 1:
-        counts, trials = data.sum(), sensor.trials
     else:
-        return np.zeros(viewed.shape[:2], np.uint8), "counts of pixels do not show single jots"
+        counts, trials = count_frames(viewed, frames), sensor.trials
     hot = find_hot_jots(
         counts,
         trials=trials,
@@ -74,7 +100,12 @@ def _find_jots(viewed: Viewable) -> tuple[Map, str]:
 
 
 def find_saturated(estimate: Estimate) -> Map:
-    """Return 1 for the pixels whose bits are all 1, and 0 for others.
+    """Return 1 for the pixels whose bits are all 1, or whose readings are all the largest one.
+
+    Raises
+    ------
+    ValueError
+        For equivalent counts, which do not show whether all readings were the largest one.
 
     Examples
     --------
@@ -84,12 +115,17 @@ def find_saturated(estimate: Estimate) -> Map:
     >>> find_saturated(made).tolist()
     [[0, 1]]
     """
+    if estimate.counted == EQUIVALENT:
+        raise ValueError(
+            "saturated: equivalent counts do not show whether all readings were the largest one; "
+            "turn the alignment off"
+        )
     sensor, trials = estimate.sensor, estimate.trials
     if sensor.mask is not None and not isinstance(trials, np.ndarray):
         side = sensor.oversampling
         height, width = (size // side for size in sensor.mask.shape)
         live = (~sensor.mask).reshape(height, side, width, side).sum(axis=(1, 3))
-        trials = live.astype(np.float64) * sensor.frames
+        trials = live.astype(np.float64) * sensor.frames * estimate.counted.largest
     if isinstance(trials, np.ndarray) and trials.ndim < estimate.counts.ndim:
         trials = trials[..., None]
     saturated = (estimate.counts >= trials) & (np.asarray(trials) > 0)
@@ -110,7 +146,7 @@ def find_errors(estimate: Estimate) -> npt.NDArray[np.float32]:
     check_errors_known(method, estimate.sensor)
     return uncertainty(
         estimate.data,
-        estimate.sensor,
+        None if isinstance(estimate.data, Merged) else estimate.sensor,
         method=method,
         demosaicing=DEMOSAICING if has_planes else None,
         estimate=estimate.image,

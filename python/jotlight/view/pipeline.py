@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
-from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.view.counts import Counts, RunningCounts
 from jotlight.view.display import display, display_difference, fit_white
@@ -18,7 +17,13 @@ from jotlight.view.messages import encode
 from jotlight.view.notes import collected
 from jotlight.view.overlays import error_levels, find_errors, find_saturated
 from jotlight.view.state import COUNTS, ViewState
-from jotlight.view.viewed import MAX_BRIEF_BYTES, CancelledError, count_frames
+from jotlight.view.viewed import (
+    MAX_BRIEF_BYTES,
+    CancelledError,
+    count_frames,
+    frame_bytes,
+    whole_cycles,
+)
 from jotlight.view.workshop import Workshop
 
 MAX_KEEPING_UP = 0.1
@@ -60,9 +65,7 @@ class Pipeline:
         self._white = 1.0
         self._errors: tuple[Estimate, npt.NDArray[np.float32]] | None = None
         """The standard errors of an estimate."""
-        part = self.viewed.part(self.viewed.frames[:1])
-        size = part.packed.nbytes if isinstance(part, Bits) else part.images.nbytes
-        self._sample_size = max(1, MAX_BRIEF_BYTES // max(1, size))
+        self._sample_size = whole_cycles(self.viewed, MAX_BRIEF_BYTES // frame_bytes(self.viewed))
 
     def takes_long(self, state: ViewState) -> bool:
         """Return whether counting a window takes so long that a part of it is shown first."""
@@ -71,7 +74,8 @@ class Pipeline:
     def sample_counts(self, request: Request) -> bytes:
         """Return an image of the middle of a window that takes long to count."""
         frames, number = request.state.span, self._sample_size
-        start = frames.start + (len(frames) - number) // 2
+        before = (len(frames) - number) // 2
+        start = frames.start + before - before % self.viewed.cycle
         sample = range(start, start + number)
         made = fraction_estimate(self.viewed, count_frames(self.viewed, sample), number)
         return self._image_message(request, made, "sample", time.perf_counter())
@@ -110,28 +114,31 @@ class Pipeline:
         made = self.last
         for kind in request.state.overlays:
             request.check()
-            facts: dict[str, Any] = {}
             if made is None:
                 continue
-            if kind == "jots":
-                map_, facts["note"] = self.workshop.jots.find()
-            elif kind == "saturated":
-                map_ = find_saturated(made)
-            elif made.method == COUNTS:
+            if kind == "uncertainty" and made.method == COUNTS:
                 continue
-            else:
-                try:
-                    with collected():
-                        errors = find_errors(made)
-                except (ValueError, TypeError) as error:
-                    # The other overlays are known all the same.
-                    map_, facts = np.zeros(made.image.shape[:2], np.uint8), {"note": str(error)}
-                else:
-                    self._errors = made, errors
-                    map_, facts = error_levels(errors)
+            try:
+                map_, facts = self._overlay(kind, made)
+            except (ValueError, TypeError) as error:
+                # The other overlays are known all the same.
+                map_ = np.zeros(made.image.shape[:2], np.uint8)
+                facts = {"note": str(error), "unknown": True}
             size = {"height": map_.shape[0], "width": map_.shape[1]}
             header = {"type": "overlay", "kind": kind, "id": request.number, **size, **facts}
             yield encode(header, map_)
+
+    def _overlay(self, kind: str, made: Estimate) -> tuple[npt.NDArray[np.uint8], dict[str, Any]]:
+        """Return an overlay of an image, and facts about it as values of JSON."""
+        if kind == "jots":
+            map_, note = self.workshop.jots.find()
+            return map_, {"note": note, "searched": self.workshop.jots.is_searched}
+        if kind == "saturated":
+            return find_saturated(made), {}
+        with collected():
+            errors = find_errors(made)
+        self._errors = made, errors
+        return error_levels(errors)
 
     def values_at(self, row: int, column: int) -> dict[str, Any] | None:
         """Return the values of a pixel of the most recent image in all units, or None outside."""
@@ -144,6 +151,7 @@ class Pipeline:
         facts: dict[str, Any] = {
             "row": row,
             "column": column,
+            "counted": made.counted.name,
             "counts": np.asarray(made.counts[row, column]).tolist(),
             "trials": np.round(np.asarray(readings, np.float64), 2).tolist(),
         }
@@ -154,8 +162,10 @@ class Pipeline:
             facts["error"] = [
                 each if np.isfinite(each) else None for each in error.ravel().tolist()
             ]
-        units = ["intensity", "photons"]
-        units += [] if made.sensor.exposure_time is None else ["photons-per-second"]
+        units = ["intensity"]
+        if np.ndim(made.sensor.gain) == 0:  # otherwise the photons differ from frame to frame
+            units += ["photons"]
+            units += [] if made.sensor.exposure_time is None else ["photons-per-second"]
         for unit in units:
             facts[unit] = np.asarray(value * unit_scale(made.sensor, unit), np.float64).tolist()
         return facts
@@ -204,7 +214,7 @@ class Pipeline:
             "is_auto": is_auto,
             "low": float(made.image.min()),
             "high": float(made.image.max()),
-            "rate": float(made.counts.mean() / np.mean(made.trials)),
+            "mean_reading": [made.counted.mean, made.mean_reading],
             "seconds": time.perf_counter() - start,
             "notes": notes or [],
         }

@@ -3,11 +3,14 @@
 import shlex
 from typing import Any
 
+import numpy as np
+
 from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.methods import METHODS
+from jotlight.formats.capture import CountStack
 from jotlight.view.estimate import DEMOSAICING, choose
 from jotlight.view.state import COUNTS, ViewState
-from jotlight.view.viewed import Opening, Viewable
+from jotlight.view.viewed import Opening, Viewable, variable
 
 
 def recipe(viewed: Viewable, state: ViewState) -> dict[str, str | None]:
@@ -51,7 +54,8 @@ def _command(viewed: Viewable, state: ViewState) -> str | None:
         return None
     finds_others = opening.searches_all and state.span != viewed.frames
     # Only the code knows how to combine planes, if the scene stands still, and if it moves.
-    may_have_planes = viewed.sensor(1).mosaic is not None and state.align
+    sensor = viewed.sensor(state.window)
+    may_have_planes = sensor.mosaic is not None and state.align
     finds_others |= may_have_planes and state.method != COLOR_NETWORK
     if state.method == COUNTS or state.compare is not None or finds_others:
         return shlex.join(["python", "-c", _python(viewed, state)])
@@ -61,41 +65,68 @@ def _command(viewed: Viewable, state: ViewState) -> str | None:
     path = f"./{opening.path}" if opening.path.startswith("-") else opening.path
     words = ["jotlight", "reconstruct", path, "-o", "view.png", "--depth", "16"]
     words += ["--frame-range", f"{frames.start}:{frames.stop}{step}", *opening.argv]
-    if viewed.sensor(1).frames != 1:
-        words += ["--frames", str(viewed.sensor(state.window).frames)]
-    if opening.states_gain:
-        words += ["--gain", repr(viewed.sensor(state.window).gain)]
+    values = {name: getattr(sensor, name) for name in opening.of_window}
+    if sensor.frames != state.window or any(np.ndim(value) for value in values.values()):
+        words += ["--frames", str(sensor.frames)]
+    for name, value in values.items():
+        words += [f"--{name}", _as_words(value, viewed.cycle)]
     words += [*_method_words(viewed, state), "--curve", state.curve]
     words += ["--white", f"{state.white!r}"] if state.white is not None else []
     words += ["--motion"] if state.align else []
     return shlex.join(words)
 
 
+def _as_words(value: Any, cycle: int) -> str:
+    """Return the value of an option, which for a value of each frame repeats that of a cycle.
+
+    Examples
+    --------
+    >>> _as_words(2.5, 1), _as_words(np.array([1.0, 8.0, 1.0, 8.0]), 2)
+    ('2.5', '1.0,8.0,...')
+    """
+    if np.ndim(value) == 0:
+        return repr(value)
+    return ",".join(map(repr, value[:cycle].tolist())) + ",..."
+
+
+def _as_code(value: Any, cycle: int) -> str:
+    """Return the value of a parameter of a sensor as Python.
+
+    Examples
+    --------
+    >>> _as_code(2.5, 1), _as_code(np.array([1.0, 8.0, 1.0, 8.0]), 2)
+    ('2.5', '[1.0, 8.0] * 2')
+    """
+    if np.ndim(value) == 0:
+        return repr(value)
+    return f"{value[:cycle].tolist()} * {len(value) // cycle}"
+
+
 def _method_words(viewed: Viewable, state: ViewState) -> list[str]:
     """Return the options of the command line for a method. The color network is the default."""
     if state.method == COLOR_NETWORK:
         return []
-    has_planes = viewed.sensor(1).mosaic is not None and not state.align
+    has_planes = viewed.sensor(state.window).mosaic is not None and not state.align
     return ["--method", state.method, *(["--demosaicing", DEMOSAICING] if has_planes else [])]
 
 
 def _python(viewed: Viewable, state: ViewState) -> str:
-    opening = viewed.opening
+    opening, window = viewed.opening, viewed.sensor(state.window)
+    name = variable(window)
     lines = ["import jotlight as jl"]
     if state.method != COUNTS:
         lines.append("from jotlight.images.tone import Tone")
     lines.append("")
     if opening.path is None:
-        lines.append(f"bits = bits[{state.start} : {state.start + state.window}]")
+        lines.append(f"{name} = {name}[{state.start} : {state.start + state.window}]")
     else:
         lines += _open_lines(viewed, state)
     lines += _sensor_lines(viewed, state)
     if state.method == COUNTS:
-        counts = "bits.counts(sensor.oversampling)" if _holds_bits(viewed) else "bits"
-        lines += [f"image = {counts} / sensor.trials"]
+        lines += [f"image = {_counts_code(viewed, state)}"]
         return "\n".join([*lines, 'jl.save_image("view.tif", image)', ""])
-    has_mosaic = viewed.sensor(1).mosaic is not None
-    data = "bits"
+    has_mosaic = window.mosaic is not None
+    data = name
     if state.align and has_mosaic:
         lines += [
             "motion = jl.align(bits, sensor)",
@@ -104,11 +135,11 @@ def _python(viewed: Viewable, state: ViewState) -> str:
             "    sensor = bits.sensor",
         ]
     elif state.align:
-        lines += ["merged = jl.merge(bits, sensor)"]
+        lines += [f"merged = jl.merge({name}, sensor)"]
         data = "merged"
     sensor = "" if data == "merged" else ", sensor"
-    is_color = len(viewed.shape) == 3 and not _holds_bits(viewed)
-    axis = ", channel_axis=-1" if is_color and data == "bits" else ""
+    is_color = len(viewed.shape) == 3 and _holds_counts(viewed)
+    axis = ", channel_axis=-1" if is_color and data != "merged" else ""
     planes = repr(DEMOSAICING) + (" if sensor.mosaic else None" if state.align else "")
 
     def call(method: str) -> str:
@@ -127,13 +158,13 @@ def _python(viewed: Viewable, state: ViewState) -> str:
 
 
 def _open_lines(viewed: Viewable, state: ViewState) -> list[str]:
-    """Return lines after which `bits` are the bits or counts of the window."""
-    opening = viewed.opening
+    """Return lines after which the data are those of the window."""
+    opening, name = viewed.opening, variable(viewed.sensor(state.window))
     frames = file_frames(opening, state.span)
     ends = (frames.start, frames.stop, *([frames.step] if frames.step else []))
     options = {**opening.arguments, "frames": f"slice({', '.join(map(str, ends))})"}
-    if not state.align or _holds_bits(viewed):
-        return [f"bits = jl.open({_call(opening.path, options)})"]
+    if not state.align or not _holds_counts(viewed):
+        return [f"{name} = jl.open({_call(opening.path, options)})"]
     # jl.open sums the images of a stack, which an alignment needs one by one.
     lines = ["from jotlight.formats import open_capture"]
     scale, trials = options.pop("counts_scale", None), options.pop("trials", None)
@@ -155,21 +186,27 @@ def _call(path: str | None, options: dict[str, str]) -> str:
 def _sensor_lines(viewed: Viewable, state: ViewState) -> list[str]:
     """Return lines after which `sensor` is the sensor of the window."""
     lines = list(viewed.opening.sensor_lines)
-    number = viewed.sensor(state.window).frames
-    changes: dict[str, Any] = {"frames": number}
-    if viewed.opening.states_gain:
-        changes["gain"] = viewed.sensor(state.window).gain
+    sensor = viewed.sensor(state.window)
+    changes: dict[str, Any] = {"frames": sensor.frames}
+    changes |= {name: getattr(sensor, name) for name in viewed.opening.of_window}
     if state.method in METHODS or state.method == COLOR_NETWORK:
         changes["max_intensity"] = choose(viewed, state.window, state.method).max_intensity
-    texts = ", ".join(f"{name}={value!r}" for name, value in changes.items())
+    texts = ", ".join(f"{name}={_as_code(each, viewed.cycle)}" for name, each in changes.items())
     return [
-        *(lines or ["sensor = bits.sensor or jl.Sensor()"]),
+        *(lines or [f"sensor = {variable(sensor)}.sensor or jl.Sensor()"]),
         f"sensor = sensor.replace({texts})",
     ]
 
 
-def _holds_bits(viewed: Viewable) -> bool:
-    """Return whether a capture holds bits rather than counts."""
-    from jotlight.sensing.bits import Bits
+def _counts_code(viewed: Viewable, state: ViewState) -> str:
+    """Return the counts as fractions of the largest, in Python."""
+    if _holds_counts(viewed):
+        return "bits / sensor.trials"
+    if viewed.sensor(state.window).bit_depth == 1:
+        return "bits.counts(sensor.oversampling) / sensor.trials"
+    return "readings.sum(sensor.oversampling) / (sensor.trials * sensor.max_reading)"
 
-    return isinstance(viewed.part(viewed.frames[:1]), Bits)
+
+def _holds_counts(viewed: Viewable) -> bool:
+    """Return whether a capture holds images of counts rather than frames."""
+    return isinstance(viewed.part(viewed.frames[:1]), CountStack)

@@ -13,7 +13,7 @@ from jotlight.images.io import image_writer
 from jotlight.view.counts import RunningCounts
 from jotlight.view.display import display_difference, displayable, fit_white, tone_of
 from jotlight.view.estimate import Estimate, estimate, merge_window
-from jotlight.view.state import COUNTS, COUNTS_TITLE, ViewState
+from jotlight.view.state import COUNTS, ViewState
 from jotlight.view.viewed import Viewable
 
 ENDINGS = {"png": "image/png", "tif": "image/tiff", "exr": "image/x-exr"}
@@ -48,7 +48,7 @@ def save_view(viewed: Viewable, state: ViewState, ending: str) -> bytes:
     --------
     >>> from jotlight.sensing.bits import Bits
     >>> from jotlight.view.viewed import Viewed
-    >>> viewed = Viewed.from_bits(Bits.from_array(np.ones((4, 2, 2), bool)))
+    >>> viewed = Viewed.from_data(Bits.from_array(np.ones((4, 2, 2), bool)))
     >>> save_view(viewed, ViewState(window=4), "png")[1:4]
     b'PNG'
     """
@@ -56,10 +56,11 @@ def save_view(viewed: Viewable, state: ViewState, ending: str) -> bytes:
         raise ValueError(f"format: expected one of {', '.join(ENDINGS)}, got {ending!r}")
     if ending == "exr":
         check_exr()
-    if state.within(viewed.frames).span != state.span:
-        frames = viewed.frames
+    if state.within(viewed.frames, viewed.cycle).span != state.span:
+        frames, cycle = viewed.frames, viewed.cycle
+        some = "some" if cycle == 1 else f"whole cycles of {cycle} frames"
         raise ValueError(
-            f"frames: expected some of {frames.start} to {frames.stop - 1}, got {state.start} to "
+            f"frames: expected {some} of {frames.start} to {frames.stop - 1}, got {state.start} to "
             f"{state.span.stop - 1}; older frames of a live capture have left memory"
         )
     counts = RunningCounts(viewed).move(state.span)
@@ -95,7 +96,7 @@ def _note(
     provenance = viewed.provenance
     return {
         "software": f"jotlight {__version__}",
-        "units": COUNTS_TITLE if state.method == COUNTS else UNITS["intensity"],
+        "units": made.counted.units if state.method == COUNTS else UNITS["intensity"],
         "method": made.title,
         "difference_to": None if other is None else other.title,
         "frames": [state.start, state.start + state.window],

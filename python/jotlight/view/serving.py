@@ -128,7 +128,7 @@ def serving(viewed: Viewable) -> Iterator[Server]:
     >>> import numpy as np
     >>> from jotlight.sensing.bits import Bits
     >>> from jotlight.view.viewed import Viewed
-    >>> with serving(Viewed.from_bits(Bits.from_array(np.ones((4, 2, 2), bool)))) as server:
+    >>> with serving(Viewed.from_data(Bits.from_array(np.ones((4, 2, 2), bool)))) as server:
     ...     server.address.startswith("http://127.0.0.1:")
     True
     """

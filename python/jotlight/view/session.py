@@ -120,8 +120,9 @@ class Session:
                 await self._send_values()
             elif kind == "recipe":
                 state = ViewState.from_json(message.get("state"))
-                state = state.within(self._workshop.viewed.frames)
-                await self._send({"type": "recipe", **recipe(self._workshop.viewed, state)})
+                viewed = self._workshop.viewed
+                state = state.within(viewed.frames, viewed.cycle)
+                await self._send({"type": "recipe", **recipe(viewed, state)})
             else:
                 raise ValueError("type: expected view, ack, probe, or recipe")
             await asyncio.sleep(0)  # many messages of one page must not delay the others
@@ -148,7 +149,8 @@ class Session:
             self._has_request.clear()
             request, self._newest = self._newest, None
             assert request is not None, "the event says that there is a request"
-            state = request.state.within(self._workshop.viewed.frames)
+            viewed = self._workshop.viewed
+            state = request.state.within(viewed.frames, viewed.cycle)
             request.state, self._counting = state, request
             async with self._reported(request):
                 await self._answer_one(request)

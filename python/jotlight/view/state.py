@@ -15,10 +15,7 @@ OVERLAYS = "jots", "saturated", "uncertainty"
 """Overlays of an image: dead and hot jots, saturated pixels, and the standard error."""
 
 COUNTS = "counts"
-"""The name, beside those of methods, that shows the fraction of ones."""
-
-COUNTS_TITLE = "fraction of ones"
-"""What the page calls it."""
+"""The name, beside those of methods, that shows the counts."""
 
 _MAX_FRAME = 1 << 53
 """Above this number, the page's numbers are not whole."""
@@ -91,17 +88,20 @@ class ViewState:
         values = dataclasses.asdict(self)
         return {name: item for name, item in values.items() if item != getattr(type(self), name)}
 
-    def within(self, frames: range) -> Self:
-        """Return the state with a window that lies in the available frames.
+    def within(self, frames: range, cycle: int) -> Self:
+        """Return the state with a window that lies in the available frames, in whole cycles.
 
         Examples
         --------
-        >>> ViewState(start=90, window=20).within(range(100)).start
-        80
+        >>> ViewState(start=90, window=20).within(range(100), 1).span
+        range(80, 100)
+        >>> ViewState(start=2, window=20).within(range(99), 3).span
+        range(0, 18)
         """
-        window = max(1, min(self.window, len(frames)))
+        window = max(cycle, min(self.window, len(frames)) // cycle * cycle)
         last = frames.stop - window
         start = last if self.follow else max(frames.start, min(self.start, last))
+        start -= (start - frames.start) % cycle
         return dataclasses.replace(self, start=start, window=window)
 
     @property

@@ -1,12 +1,9 @@
-"""The firing rate over time: the fraction of ones of a few frames in each of many intervals."""
-
-import math
+"""The readings over time: the mean reading of a few frames in each of many intervals."""
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.bits import Bits
-from jotlight.view.viewed import Check, Viewable
+from jotlight.view.viewed import Check, Viewable, count_frames, frame_bytes
 
 POINTS = 512
 """Maximum number of points of the plot."""
@@ -18,9 +15,10 @@ _MAX_BYTES = 1 << 25
 def firing_rates(
     viewed: Viewable, check: Check = lambda: None
 ) -> tuple[npt.NDArray[np.float32], int]:
-    """Return the fraction of ones over time, and the number of frames behind each point.
+    """Return the mean reading over time, and the number of frames behind each point.
 
-    The capture is divided into at most 512 intervals, and the first frames of each are counted.
+    For bits, it is the fraction of ones. The capture is divided into at most 512 intervals of whole
+    cycles of exposures, and the first frames of each are counted.
 
     Raises
     ------
@@ -29,34 +27,23 @@ def firing_rates(
 
     Examples
     --------
+    >>> from jotlight.sensing.bits import Bits
     >>> from jotlight.view.viewed import Viewed
     >>> bits = Bits.from_array(np.arange(4)[:, None, None] >= np.full((1, 1, 8), 2))
-    >>> rates, frames = firing_rates(Viewed.from_bits(bits))
+    >>> rates, frames = firing_rates(Viewed.from_data(bits))
     >>> rates.tolist(), frames
     ([0.0, 0.0, 1.0, 1.0], 1)
     """
-    frames = viewed.frames
-    points = min(POINTS, len(frames))
-    edges = [frames.start + len(frames) * index // points for index in range(points)]
-    size = _frame_bytes(viewed, frames.start)
-    each = max(1, min(len(frames) // points, _MAX_BYTES // max(1, points * size)))
+    frames, cycle = viewed.frames, viewed.cycle
+    number = len(frames) // cycle
+    points = min(POINTS, number)
+    edges = [frames.start + cycle * (number * index // points) for index in range(points)]
+    size = points * cycle * frame_bytes(viewed)
+    each = cycle * max(1, min(number // points, _MAX_BYTES // size))
     rates = np.empty(points, np.float32)
+    readings = viewed.sensor(each).trials
     for index, start in enumerate(edges):
         check()
-        rates[index] = fraction_of_ones(viewed, range(start, start + each))
+        counts = count_frames(viewed, range(start, start + each))
+        rates[index] = counts.mean(dtype=np.float64) / readings
     return rates, each
-
-
-def fraction_of_ones(viewed: Viewable, frames: range) -> float:
-    """Return the fraction of ones of a range of frames."""
-    part = viewed.part(frames)
-    if isinstance(part, Bits):
-        ones = int(part.counts(1).sum(dtype=np.int64))
-        return ones / math.prod(part.shape)
-    counts = part.sum()
-    return float(counts.mean(dtype=np.float64)) / viewed.sensor(len(frames)).trials
-
-
-def _frame_bytes(viewed: Viewable, frame: int) -> int:
-    part = viewed.part(range(frame, frame + 1))
-    return part.packed.nbytes if isinstance(part, Bits) else part.images.nbytes

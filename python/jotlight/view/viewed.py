@@ -1,24 +1,29 @@
 """What a viewer shows: a capture, its sensor, and how to open it again."""
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.capture import Capture
-from jotlight.sensing.alike_frames import require_alike_frames
+from jotlight.formats.capture import Capture, CountStack
+from jotlight.sensing.alike_frames import exposure_cycle, with_frames
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
 MAX_BRIEF_BYTES = 1 << 23
-"""Number of bytes of bits that are read at once, and counted by one thread in a few milliseconds.
+"""Number of bytes of frames that are read at once, and counted by one thread in milliseconds.
 
 On a busy machine, waiting for a second thread takes longer than the work.
 """
+
+Frames = Capture | Readings
+"""A window of frames: bits, images of counts, or readings of several bits."""
 
 Check = Callable[[], object]
 """A function that raises :class:`CancelledError` when the result is no longer wanted."""
@@ -45,11 +50,13 @@ class Opening:
     arguments : dict
         Keyword arguments of :func:`jotlight.open`, without the frames.
     sensor_lines : tuple of str
-        Lines of Python after which ``sensor`` is the sensor of ``bits``.
+        Lines of Python after which ``sensor`` is the sensor of the data, whose name in them is
+        :func:`variable`.
     frames : slice
         The frames of the file that the capture has.
-    states_gain : bool
-        Whether the user states the gain. It is that of all frames, so that of a window differs.
+    of_window : tuple of str
+        The parameters that the user states of all frames, and that differ in a window: "gain",
+        "threshold", or both.
     searches_all : bool
         Whether the sensor depends on all frames, because its hot jots are searched in them.
     """
@@ -59,14 +66,15 @@ class Opening:
     arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
     sensor_lines: tuple[str, ...] = ()
     frames: slice = dataclasses.field(default_factory=lambda: slice(None))
-    states_gain: bool = False
+    of_window: tuple[str, ...] = ()
     searches_all: bool = False
 
 
 class Viewable(Protocol):
     """A capture of which windows of frames are viewed. Its frames may grow.
 
-    A frame is one frame of bits, or one image of a stack of counts.
+    A frame is one frame of bits or readings, or one image of a stack of counts. Windows are whole
+    cycles of exposures, so that all of them show a scene alike.
     """
 
     @property
@@ -90,8 +98,12 @@ class Viewable(Protocol):
         """Whether the capture or the user states the largest intensity."""
 
     @property
+    def cycle(self) -> int:
+        """The number of frames after which exposures repeat, 1 for frames of one exposure."""
+
+    @property
     def frames(self) -> range:
-        """The frames that can be viewed now."""
+        """The frames that can be viewed now, which are whole cycles."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -100,7 +112,7 @@ class Viewable(Protocol):
     def sensor(self, number: int) -> Sensor:
         """Return the sensor of a window of `number` frames."""
 
-    def part(self, frames: range) -> Capture:
+    def part(self, frames: range) -> Frames:
         """Return a window of frames."""
 
     def facts(self) -> dict[str, Any]:
@@ -116,13 +128,13 @@ class Viewed:
 
     Examples
     --------
-    >>> viewed = Viewed.from_bits(Sensor(frames=8).expose(np.full((2, 3), 0.5), rng=0))
+    >>> viewed = Viewed.from_data(Sensor(frames=8).expose(np.full((2, 3), 0.5), rng=0))
     >>> viewed.frames, viewed.shape, viewed.sensor(4).gain
     (range(0, 8), (2, 3), 4.0)
     """
 
     title: str
-    data: Capture
+    data: Frames
     sensor_of_all: Sensor
     """The sensor of all frames together."""
     is_range_known: bool = False
@@ -131,46 +143,70 @@ class Viewed:
     is_live: bool = False
 
     @classmethod
-    def from_bits(cls, bits: Bits, title: str = "bits") -> "Viewed":
-        """Return bits as something to view. Without a sensor, a plain one is assumed."""
-        stated = carried_sensor(bits)
-        sensor = Sensor(frames=len(bits)) if stated is None else stated
-        name = title if bits.provenance is None else bits.provenance.name
-        return cls(name, bits, sensor, stated is not None)
+    def from_data(cls, data: Bits | Readings, title: str | None = None) -> "Viewed":
+        """Return bits or readings as something to view.
+
+        Bits without a sensor are taken for those of a plain one.
+
+        Raises
+        ------
+        ValueError
+            When the exposures of a bracket do not repeat.
+        """
+        stated = carried_sensor(data)
+        sensor = Sensor(frames=len(data)) if stated is None else stated
+        exposure_cycle(sensor)
+        name = (title or variable(sensor)) if data.provenance is None else data.provenance.name
+        return cls(name, data, sensor, stated is not None)
 
     @property
     def provenance(self) -> Provenance | None:
         """The provenance of the capture."""
         return self.data.provenance
 
+    @functools.cached_property
+    def cycle(self) -> int:
+        """The number of frames after which exposures repeat, 1 for frames of one exposure."""
+        return exposure_cycle(self.sensor_of_all)
+
     @property
     def frames(self) -> range:
-        """All frames."""
-        return range(len(self.data))
+        """All frames of whole cycles."""
+        return range(len(self.data) - len(self.data) % self.cycle)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """(H, W) or (H, W, C): the shape of an image, in pixels."""
-        if isinstance(self.data, Bits):
-            return image_shape(self.data.shape, self.sensor_of_all)
-        return tuple(self.data.images.shape[1:])
+        if isinstance(self.data, CountStack):
+            return tuple(self.data.images.shape[1:])
+        return image_shape(self.data.shape, self.sensor_of_all)
 
     def sensor(self, number: int) -> Sensor:
         """Return the sensor of a window of `number` frames."""
-        require_alike_frames(self.sensor_of_all)
         each = self.sensor_of_all.frames // len(self.data)
-        return self.sensor_of_all.replace(frames=each * number)
+        return with_frames(self.sensor_of_all, each * number)
 
-    def part(self, frames: range) -> Capture:
+    def part(self, frames: range) -> Frames:
         """Return a window of frames."""
         return self.data[frames.start : frames.stop]
 
     def facts(self) -> dict[str, Any]:
         """Return the frames."""
-        return {"first": 0, "end": len(self.data)}
+        return {"first": 0, "end": len(self.frames)}
 
     def close(self) -> None:
         """Do nothing: no thread reads the capture."""
+
+
+def variable(sensor: Sensor) -> str:
+    """Return the name of the data of a sensor in code that the page shows.
+
+    Examples
+    --------
+    >>> variable(Sensor(frames=4)), variable(Sensor(frames=4, bit_depth=4))
+    ('bits', 'readings')
+    """
+    return "readings" if sensor.bit_depth > 1 else "bits"
 
 
 def image_shape(shape: tuple[int, ...], sensor: Sensor) -> tuple[int, ...]:
@@ -179,10 +215,25 @@ def image_shape(shape: tuple[int, ...], sensor: Sensor) -> tuple[int, ...]:
     return shape[1] // side, shape[2] // side, *shape[3:]
 
 
+def frame_bytes(viewed: Viewable) -> int:
+    """Return the number of bytes of a frame."""
+    part = viewed.part(viewed.frames[-1:])  # newer frames replace the first ones of a live capture
+    if isinstance(part, Bits):
+        return max(1, part.packed.nbytes)
+    return max(1, part.frames.nbytes if isinstance(part, Readings) else part.images.nbytes)
+
+
+def whole_cycles(viewed: Viewable, number: int) -> int:
+    """Return the largest number of frames up to some number that is whole cycles, at least one."""
+    return max(viewed.cycle, number - number % viewed.cycle)
+
+
 def count_frames(
     viewed: Viewable, frames: range, check: Check = lambda: None
-) -> npt.NDArray[np.int32]:
+) -> npt.NDArray[np.integer]:
     """Return the counts of a window of frames, of all jots whether dead or not.
+
+    They are the ones of bits, or the sums of readings of several bits.
 
     Raises
     ------
@@ -194,9 +245,11 @@ def count_frames(
     def progress(_: float) -> None:
         check()
 
-    if isinstance(part, Bits):
-        oversampling = viewed.sensor(len(frames)).oversampling
-        if part.packed.nbytes > MAX_BRIEF_BYTES:
-            return part.counts(oversampling, progress=progress)
-        return Bits(np.asarray(part.packed), part.width).counts(oversampling, threads=1)
-    return part.sum(progress)
+    if isinstance(part, CountStack):
+        return part.sum(progress)
+    oversampling = viewed.sensor(viewed.cycle).oversampling
+    if isinstance(part, Readings):
+        return part.sum(oversampling, progress=progress)
+    if part.packed.nbytes > MAX_BRIEF_BYTES:
+        return part.counts(oversampling, progress=progress)
+    return Bits(np.asarray(part.packed), part.width).counts(oversampling, threads=1)

@@ -1,4 +1,4 @@
-"""Random frames and bits, and the names of files."""
+"""Random frames and bits."""
 
 import numpy as np
 
@@ -13,8 +13,3 @@ def random_frames(shape, seed=0, share=0.4):
 def random_bits(shape, sensor=None, seed=0):
     """Return bits of which half are 1."""
     return jl.Bits.from_array(random_frames(shape, seed, share=0.5), sensor)
-
-
-def file_names(folder):
-    """Return the names of all files in a folder, sorted."""
-    return sorted(path.name for path in folder.iterdir())

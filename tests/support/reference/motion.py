@@ -140,14 +140,24 @@ def fit_blocks(sums, template, sigma, weights, basis, min_others):
     return [np.stack(each) for each in zip(*fits, strict=True)]
 
 
+RARE = 0.02
+
+
 def chi_squared(ones, trials, p, trials_of_template):
     """Return χ² of each pixel, which is about 1 if the counts agree with the template."""
 
     def box(image, width):
         return uniform_filter(image.astype(float), width, mode="reflect") * width**2
 
-    variance = trials * variance_per_trial(p.astype(float), trials, trials_of_template)
-    residual = ones / brightness(ones, trials, p) - trials * p.astype(float)
+    p, known = p.astype(float), trials > 0
+    # A few ones and zeros are added to each pixel with trials, and ones to the sums of all pixels.
+    rare = RARE * known
+    expected, everything = trials * p + rare, trials + 2 * rare
+    share = expected / np.where(known, everything, 1)
+    variance = everything * variance_per_trial(share, everything, trials_of_template)
+    more = RARE * p.size
+    ratio_of_ones = (ones.sum() + more) / ((trials * p).sum() + more)
+    residual = (ones + rare) / np.clip(ratio_of_ones, 0.1, 10) - expected
     ratio = box(residual, 3) ** 2 / np.maximum(box(variance, 3), 1e-3)
     counted = trials > 0
     return (box(ratio * counted, 9) + 1) / (box(counted, 9) + 1)

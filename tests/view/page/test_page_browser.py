@@ -219,7 +219,7 @@ def mosaic(server):
     from jotlight.view.serving import serving
 
     sensor = jl.Sensor(frames=64, mosaic="RGGB")
-    with serving(Viewed.from_bits(sensor.expose(np.full((32, 32, 3), 0.5), rng=0))) as running:
+    with serving(Viewed.from_data(sensor.expose(np.full((32, 32, 3), 0.5), rng=0))) as running:
         yield running
 
 

@@ -66,12 +66,12 @@ pub(super) fn ratio<'a, C: Count>(
     row: impl Fn(usize) -> Cow<'a, [f32]> + Sync,
     is_possible: impl Fn(usize) -> bool + Sync,
 ) -> Option<f64> {
-    ratios(&[parts], row, is_possible)?.first().copied()
+    ratios(&[parts], row, is_possible, 0.0)?.first().copied()
 }
 
 /// Return, for each of several blocks, the ratio of the ones of all of its parts together to the number
-/// D p that a template predicts. Return None if counts are not possible, or `is_possible` is false for
-/// a row.
+/// D p that a template predicts, after `added` ones are added to both for each pixel. Return None if
+/// counts are not possible, or `is_possible` is false for a row.
 ///
 /// Lamps flicker, and clouds pass. The ratio is 1 if the template predicts no ones. Blocks may have
 /// common parts, whose rows are read from memory once.
@@ -79,6 +79,7 @@ pub(super) fn ratios<'a, C: Count>(
     blocks: &[&[Counts<'_, C>]],
     row: impl Fn(usize) -> Cow<'a, [f32]> + Sync,
     is_possible: impl Fn(usize) -> bool + Sync,
+    added: f64,
 ) -> Option<Vec<f64>> {
     let parts = blocks.iter().find_map(|parts| parts.first());
     let (rows, width) = parts.map_or((0, 0), |part| part.ones.dim());
@@ -102,10 +103,11 @@ pub(super) fn ratios<'a, C: Count>(
     if sums.iter().flatten().any(|sums| sums.is_wrong) {
         return None;
     }
+    let added = added * (rows * width) as f64;
     let ratio = |block: usize| {
         // The sums over the rows have a fixed order.
-        let counted: f64 = sums.iter().map(|sums| sums[block].counted).sum();
-        let expected: f64 = sums.iter().map(|sums| sums[block].expected).sum();
+        let counted: f64 = added + sums.iter().map(|sums| sums[block].counted).sum::<f64>();
+        let expected: f64 = added + sums.iter().map(|sums| sums[block].expected).sum::<f64>();
         if expected > 0.0 {
             (counted / expected).clamp(LIMITS.0, LIMITS.1)
         } else {

@@ -20,6 +20,12 @@ pub(super) const ROWS_PER_TASK: usize = 64;
 /// The number of pixels that χ² reads in each direction: 1 for the small, and 4 for the large box.
 const RADIUS: usize = 5;
 
+/// The number of ones, and of zeros, that are added to the counts of each pixel with trials.
+///
+/// Where the light is dim or saturated, hardly any bits differ from the others, and these few would
+/// disagree: a single zero among bright pixels is much more than the expected number of zeros.
+const RARE: f32 = 0.02;
+
 /// The smallest variance by which a squared residual is divided.
 const MIN_VARIANCE: f32 = 1e-3;
 
@@ -52,7 +58,7 @@ pub(super) fn brightness_of_blocks<C: Count>(
         let trials = values(trials_of_template.row(row));
         are_possible(&values(probability.row(row)), &trials)
     };
-    if let Some(ratios) = ratios(blocks, row, is_possible) {
+    if let Some(ratios) = ratios(blocks, row, is_possible, f64::from(RARE)) {
         return Ok(ratios);
     }
     check_template(probability, trials_of_template)?;
@@ -64,8 +70,8 @@ pub(super) fn brightness_of_blocks<C: Count>(
 
 /// Write χ² of each pixel into `out`. It is about 1 if the counts agree with the template.
 ///
-/// The residual counts N/β − D p and their variances D p(1 − p)(1 + 0.35 D/D_R) are added in squares of
-/// 3 pixels. The ratio of the squared residual to the variance is averaged over those of 9 pixels
+/// N, D, and D p are the counts with a few more ones and zeros, 0.02 each. The residual counts N/β − D p and
+/// their variances D p(1 − p)(1 + 0.35 D/D_R) are added in squares of 3 pixels. The ratio of the squared residual to the variance is averaged over those of 9 pixels
 /// that have trials, and over one more pixel whose ratio is 1. β is the brightness of the block, the
 /// ratio of Σ N to Σ D p.
 ///
@@ -217,13 +223,18 @@ fn compare_row<C: Count>(
     let of_template = values(comparison.trials_of_template.row(row));
     let residual = residuals[inner.clone()].iter_mut().zip(ones.iter());
     for ((residual, &ones), (&trials, &p)) in residual.zip(trials.iter().zip(p.iter())) {
-        *residual = ones * per_one - trials * p;
+        let added = if trials > 0.0 { RARE } else { 0.0 };
+        *residual = (ones + added) * per_one - (trials * p + added);
     }
     let variance = variances[inner.clone()].iter_mut().zip(trials.iter());
     for ((variance, &trials), (&p, &of_template)) in variance.zip(p.iter().zip(of_template.iter()))
     {
-        let share = SHARE_OF_TEMPLATE * trials / of_template.max(1) as f32;
-        *variance = trials * p * (1.0 - p) * (1.0 + share);
+        let added = if trials > 0.0 { RARE } else { 0.0 };
+        let (ones, zeros) = (trials * p + added, trials * (1.0 - p) + added);
+        let all = ones + zeros;
+        let share = SHARE_OF_TEMPLATE * all / of_template.max(1) as f32;
+        let known = if all > 0.0 { all } else { 1.0 };
+        *variance = ones * (zeros / known) * (1.0 + share);
     }
     for (counted, &trials) in counted[inner].iter_mut().zip(trials.iter()) {
         *counted = if trials > 0.0 { 1.0 } else { 0.0 };

@@ -31,6 +31,7 @@ class LiveCapture:
     """
 
     is_live = True
+    cycle = 1
 
     def __init__(
         self,

@@ -3,9 +3,10 @@
 const MAX_PROBLEMS = 3;
 const MAX_LETTERS = 30;
 
-const whole = (least) => (text) =>
-  /^\d{1,15}$/.test(text) && Number(text) >= least ? Number(text) : undefined;
+const whole = (least, step) => (text) =>
+  /^\d{1,15}$/.test(text) && Number(text) >= least && Number(text) % step === 0 ? Number(text) : undefined;
 const oneOf = (names) => (text) => (names.includes(text) ? text : undefined);
+const oneFlag = (text) => (text === "0" ? false : undefined);
 const flag = (text) => (text === "1" ? true : text === "0" ? false : undefined);
 
 function intensity(text) {
@@ -22,13 +23,14 @@ function someOf(names) {
 
 /** Return, for each name, what its value must be, and a function that reads it from a text. */
 function readers(capture, overlays) {
+  const { cycle, align_reason: reason } = capture;
   const usable = capture.methods.filter((method) => !method.reason).map((method) => method.name);
   const found = {
-    start: ["a whole number", whole(0)],
-    window: ["a whole number from 1", whole(1)],
+    start: [cycle === 1 ? "a whole number" : `a multiple of the ${cycle} exposures`, whole(0, cycle)],
+    window: [cycle === 1 ? "a whole number from 1" : `a multiple of the ${cycle} exposures`, whole(cycle, cycle)],
     method: ["a method that serves this capture", oneOf(usable)],
     compare: ["a method that serves this capture", oneOf(usable.slice(1))],
-    align: ["0 or 1", flag],
+    align: reason ? [`0, because windows cannot be aligned: ${reason}`, oneFlag] : ["0 or 1", flag],
     curve: [capture.curves.join(", "), oneOf(capture.curves)],
     white: ["a number from 1e-12 to 1e12", intensity],
     overlays: [`some of ${overlays.join(",")}`, someOf(overlays)],

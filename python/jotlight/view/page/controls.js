@@ -1,6 +1,7 @@
 // The controls: from their values to the state, and back.
 
 import { format } from "./plots.js";
+import { toast } from "./share.js";
 import { OVERLAYS } from "./store.js";
 
 const get = (id) => document.getElementById(id);
@@ -34,6 +35,9 @@ export class Controls {
     get("sensor").replaceChildren(...capture.sensor.flatMap(([name, value]) => [element("dt", name), element("dd", value)]));
     get("provenance").replaceChildren(...capture.provenance.map((line) => element("li", line)));
     if (!capture.provenance.length) get("provenance").append(element("li", "no file"));
+    write("align-note", capture.align_reason ? "unavailable" : "");
+    get("align-note").title = capture.align_reason ?? "";
+    write("timeline-caption", capitalize(capture.mean_reading));
     this.update();
   }
 
@@ -45,7 +49,7 @@ export class Controls {
     };
     onSlider("start", (moving) => store.set({ start: Number(get("start").value), follow: false }, moving));
     onSlider("window", (moving) => this.setWindow(this.fromSlider(Number(get("window").value)), moving));
-    get("window-number").addEventListener("change", () => this.setWindow(Number(get("window-number").value)));
+    get("window-number").addEventListener("change", () => this.typeWindow(Number(get("window-number").value)));
     onSlider("exposure", (moving) => this.setExposure(Number(get("exposure").value), moving));
     get("method").addEventListener("change", () => this.setMethod(get("method").value));
     get("quality").addEventListener("change", () => store.set({ method: get("quality").value }));
@@ -70,23 +74,40 @@ export class Controls {
     this.store.set({ overlays: isShown ? overlays.filter((each) => each !== kind) : [...overlays, kind] });
   }
 
+  /** Set the window that was typed, and say so if it is no whole number of cycles. */
+  typeWindow(length) {
+    this.setWindow(length);
+    const { cycle } = this.capture;
+    if (cycle > 1 && length % cycle) toast(`The exposures repeat every ${cycle} frames, so a window has a multiple of ${cycle}.`);
+  }
+
   /** Keep the middle of the window where it is. */
   setWindow(length, moving = false) {
     const [first, end] = this.frames;
     const { start, window } = this.store.state;
-    const next = Math.max(1, Math.min(end - first, Math.round(length) || 1));
+    const next = this.wholeCycles(Math.min(end - first, length || 1));
     const middle = start + window / 2;
-    this.store.set({ window: next, start: this.limit(Math.round(middle - next / 2), next) }, moving);
+    this.store.set({ window: next, start: this.limit(middle - next / 2, next) }, moving);
   }
 
+  /** Move by frames. If exposures repeat, the step is whole cycles, at least one. */
   moveBy(frames, moving = false) {
     const { start, window } = this.store.state;
-    this.store.set({ start: this.limit(start + frames, window), follow: false }, moving);
+    const step = Math.sign(frames) * this.wholeCycles(Math.abs(frames));
+    this.store.set({ start: this.limit(start + step, window), follow: false }, moving);
   }
 
   limit(start, window) {
     const [first, end] = this.frames;
-    return Math.max(first, Math.min(end - window, start));
+    const { cycle } = this.capture;
+    const limited = Math.max(first, Math.min(end - window, start));
+    return first + Math.round((limited - first) / cycle) * cycle;
+  }
+
+  /** Return the number of frames that is nearest to some number and whole cycles, at least one. */
+  wholeCycles(frames) {
+    const { cycle } = this.capture;
+    return Number.isFinite(frames) ? Math.max(1, Math.round(frames / cycle)) * cycle : frames;
   }
 
   // The slider of the window length is logarithmic.
@@ -131,28 +152,33 @@ export class Controls {
   update() {
     if (!this.capture) return;
     const { state } = this.store;
+    const { cycle } = this.capture;
     const [first, end] = this.frames;
     const isNetwork = state.method.startsWith("network-");
     if (isNetwork) this.network = state.method;
     const start = get("start");
     start.min = first;
     start.max = Math.max(first, end - state.window);
+    start.step = cycle;
     start.value = state.start;
     const last = Math.min(end, state.start + state.window) - 1;
     const gone = state.start < first ? ", no longer in memory" : "";
     start.setAttribute("aria-valuetext", `frames ${state.start} to ${last} of ${end}${gone}`);
-    write("range", `${last === state.start ? `Frame ${last}` : `Frames ${state.start} – ${last}`}${gone}`);
+    const cycles = cycle === 1 ? "" : ` · ${count(state.window / cycle, "cycle")} of ${cycle} exposures`;
+    write("range", `${last === state.start ? `Frame ${last}` : `Frames ${state.start} – ${last}`}${gone}${cycles}`);
     write("first-frame", first);
     write("last-frame", end - 1);
     get("window").value = this.toSlider(state.window);
     get("window").setAttribute("aria-valuetext", `${state.window} frames`);
     get("window-number").max = end - first;
+    get("window-number").min = get("window-number").step = cycle;
     if (document.activeElement !== get("window-number")) get("window-number").value = state.window;
     get("method").value = isNetwork ? "network" : state.method;
     get("quality").value = isNetwork ? state.method : "";
     get("quality").disabled = !isNetwork;
     get("compare").value = state.compare ?? "";
-    get("compare").disabled = get("align").disabled = state.method === "counts";
+    get("compare").disabled = state.method === "counts";
+    get("align").disabled = state.method === "counts" || Boolean(this.capture.align_reason);
     get("align").checked = state.align;
     get("curve").value = state.curve;
     get("exposure").value = this.exposure;
@@ -184,6 +210,10 @@ export function write(id, text) {
   const node = get(id);
   if (node.textContent !== String(text)) node.textContent = text;
 }
+
+export const capitalize = (text) => text[0].toUpperCase() + text.slice(1);
+
+const count = (number, name) => `${number} ${name}${number === 1 ? "" : "s"}`;
 
 export function element(name, text) {
   const node = document.createElement(name);

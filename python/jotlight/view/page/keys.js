@@ -9,7 +9,7 @@ export class Keys {
       controls.moveBy(sign * (isLong ? store.state.window : 1), event.repeat);
     this.entries = [
       ["Space", "play, or pause and follow a live capture", [" "], click("play")],
-      ["← →", "one frame back or forward", ["ArrowLeft", "ArrowRight"], (event) => move(event.key === "ArrowLeft" ? -1 : 1, false)(event)],
+      ["← →", "one frame, or one cycle of exposures, back or forward", ["ArrowLeft", "ArrowRight"], (event) => move(event.key === "ArrowLeft" ? -1 : 1, false)(event)],
       ["Shift ← →", "one window back or forward", ["Shift+ArrowLeft", "Shift+ArrowRight"], (event) => move(event.key === "ArrowLeft" ? -1 : 1, true)(event)],
       ["Home End", "first or last window", ["Home", "End"], (event) => controls.moveBy(event.key === "Home" ? -Infinity : Infinity)],
       ["[ ]", "half or twice the window", ["[", "]"], (event) => controls.setWindow(store.state.window * (event.key === "[" ? 0.5 : 2))],

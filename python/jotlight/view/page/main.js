@@ -1,7 +1,7 @@
 // The page: connects the controls, the image, and the server.
 
 import { Connection } from "./connection.js";
-import { Controls, element, write } from "./controls.js";
+import { Controls, capitalize, element, write } from "./controls.js";
 import { addGestures } from "./gestures.js";
 import { Keys } from "./keys.js";
 import { Timeline, drawHistogram, forgetColors, format } from "./plots.js";
@@ -125,7 +125,8 @@ function showNote(header) {
     write("stage-note", header.stage === "sample" ? "A part of the window is shown first" : "");
   }
   if (header.stage === "final") write("notes", header.notes.join("; "));
-  write("rate", `${header.title} · firing rate ${format(header.rate)}`);
+  const [name, value] = header.mean_reading;
+  write("rate", `${header.title} · ${name} ${format(value)}`);
 }
 
 /** Tell a screen reader about the image after the controls have been at rest for a while. */
@@ -194,7 +195,7 @@ const handlers = {
   rates(header, bytes) {
     timeline.setRates(bytes);
     const each = header.frames === 1 ? "a frame" : `${header.frames} frames`;
-    get("timeline-caption").textContent = `Firing rate, ${each} at each point`;
+    get("timeline-caption").textContent = `${capitalize(capture.mean_reading)}, ${each} at each point`;
   },
   live(header, bytes) {
     live = header;
@@ -247,7 +248,7 @@ function play() {
   if (controls.isPlaying) {
     clock = setInterval(() => {
       const { start, window } = store.state;
-      const step = Math.max(1, Math.round(window / 4));
+      const step = controls.wholeCycles(window / 4);
       if (start + window >= controls.frames[1]) store.set({ start: controls.frames[0] }, true);
       else controls.moveBy(step, true);
     }, 1000 / 30);

@@ -14,14 +14,17 @@ export function showReadout(values) {
   }
   const rows = [
     ["row, column", `${values.row}, ${values.column}`],
-    ["ones", `${[values.counts].flat().join(", ")} of ${[values.trials].flat().map(trim).join(", ")}`],
+    [values.counted, `${[values.counts].flat().join(", ")} of ${[values.trials].flat().map(trim).join(", ")}`],
   ];
   if (values.intensity !== undefined) {
     const errors = values.error?.map((error) => (error === null ? "unknown" : format(error))).join(", ");
     rows.push(["intensity", `${format(values.intensity)}${errors ? ` ± ${errors}` : ""}`]);
-    rows.push(["photons per frame", format(values.photons)]);
     const perSecond = values["photons-per-second"];
-    rows.push(["photons per second", perSecond === undefined ? "exposure time unknown" : format(perSecond)]);
+    if (values.photons === undefined) rows.push(["photons per frame", "differ from frame to frame"]);
+    else {
+      rows.push(["photons per frame", format(values.photons)]);
+      rows.push(["photons per second", perSecond === undefined ? "exposure time unknown" : format(perSecond)]);
+    }
   }
   get("readout").replaceChildren(
     ...rows.map(([name, value]) => {
@@ -34,11 +37,11 @@ export function showReadout(values) {
 
 const trim = (value) => (Number.isInteger(value) ? value : format(value));
 
-/** Return the numbers of dead and of hot jots. */
-function jotNumbers(bytes) {
+/** Return the numbers of dead and of hot jots, which may not have been searched. */
+function jotNumbers({ bytes, header }) {
   const counts = [0, 0, 0];
   for (const value of bytes) counts[value] += 1;
-  return `${counts[1]}, ${counts[2]}`;
+  return `${counts[1]}, ${header.searched ? counts[2] : "not searched"}`;
 }
 
 /** Show the meaning of the colors of a difference. */
@@ -67,9 +70,10 @@ export function showOverlayNotes(stage, state) {
     let text = "";
     if (state.overlays.includes(kind) && overlay) {
       const number = overlay.bytes.reduce((sum, value) => sum + (value > 0 ? 1 : 0), 0);
-      if (kind === "jots") text = jotNumbers(overlay.bytes);
+      if (overlay.header.unknown) text = "unknown";
+      else if (kind === "jots") text = jotNumbers(overlay);
       else if (kind === "saturated") text = String(number);
-      else text = overlay.header.largest ? `0 – ${format(overlay.header.largest)}` : "unknown";
+      else text = `0 – ${format(overlay.header.largest)}`;
       get(id).title = overlay.header.note ?? "";
     }
     get(id).textContent = text;

@@ -1,11 +1,11 @@
-"""The guard: a wrong motion loses against a window without motion, and the true one does not."""
+"""A wrong motion loses against a window without motion, and the true one does not."""
 
 import numpy as np
 import pytest
 
-from jotlight.motion import guard
+from jotlight.motion import still_window
 from jotlight.motion.blocks import Sums
-from jotlight.motion.guard import count_window, find_window
+from jotlight.motion.still_window import count_window, find_window
 from moving import blocks_of, paths_of, record
 
 
@@ -51,13 +51,13 @@ def paths_that_drift(pixels_per_frame, photons, rng, frames=64):
 @pytest.mark.slow
 def test_every_second_frame_in_the_middle_is_held_out(monkeypatch):
     held = []
-    fold = guard._Fold.of
+    fold = still_window._Fold.of
 
     def spy(paths, total, frames):
         held.append(list(frames))
         return fold(paths, total, frames)
 
-    monkeypatch.setattr(guard._Fold, "of", spy)
+    monkeypatch.setattr(still_window._Fold, "of", spy)
     for frames, expected in ((64, [28, 30, 32, 34]), (32, [14, 16]), (16, [7])):
         paths = paths_that_drift(0.5, 0.3, 0, frames)
         held.clear()
@@ -67,7 +67,7 @@ def test_every_second_frame_in_the_middle_is_held_out(monkeypatch):
 
 def test_a_scene_that_stands_still_needs_no_guard(monkeypatch):
     paths = paths_that_drift(0.0, 0.3, 0)
-    monkeypatch.setattr(guard, "count_window", None)
+    monkeypatch.setattr(still_window, "count_window", None)
     assert find_window(paths, total_of(paths)) is None
 
 
@@ -80,7 +80,7 @@ def test_merged_counts_predict_frames_along_the_motion(shake):
         row, column = (
             round(float(np.interp(time, blocks.centers, shifts[:, axis]))) for axis in (0, 1)
         )
-        moved = guard._moved(image, paths, time)
+        moved = still_window._moved(image, paths, time)
         inner = np.s_[40:-40, 40:-40]
         np.testing.assert_array_equal(moved[inner], np.roll(image, (row, column), (0, 1))[inner])
 

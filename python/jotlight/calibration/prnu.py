@@ -13,7 +13,7 @@ _STEPS = 30
 """Steps from the spread of the counts to that of the response."""
 
 
-def response_spread(
+def measure_prnu(
     found: LocalLight, noise: Rates, used: npt.NDArray[np.bool_], dark: Rates, threshold: int
 ) -> tuple[float, float]:
     """Return the standard deviation of the response over jots, and its standard error.

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.model import _still
-from jotlight.motion.scoring import make_template
-from jotlight.motion.selection import likelihood_gain
+from jotlight.motion.likelihood_gain import likelihood_gain
+from jotlight.motion.path_search import _still
+from jotlight.motion.scoring import make_blurred_template, make_template
 from jotlight.motion.tiles import tile_counts
 from jotlight.motion.track import Paths
 from moving import blocks_of, paths_of, record
@@ -35,6 +35,19 @@ def test_the_true_motion_gains_much_and_the_wrong_one_loses(photons):
     # Most photons show the texture at places that differ by some pixels from those without motion.
     assert gain > 0.02 * bits.counts().sum()
     assert likelihood_gain(paths_of(blocks, -shifts, scene.reference)) < 0.5 * gain
+
+
+def test_the_gain_of_mirrored_bits_along_the_mirrored_motion_is_the_same():
+    """Bits that leave the view at one border count as much as those at the opposite one."""
+    size, rng = (64, 80), np.random.default_rng(1)
+    rows, columns = np.indices(size) / size[0]
+    bits = rng.random((32, *size)) < 0.05 + 0.4 * rows * columns
+    gains = []
+    for sign, array in ((1, bits), (-1, bits[:, ::-1, ::-1])):
+        blocks = blocks_of(jl.Bits.from_array(np.ascontiguousarray(array)))
+        shifts = sign * np.outer(blocks.centers - 15.5, (0.2, 0.3))
+        gains.append(likelihood_gain(paths_of(blocks, shifts, 16), make_blurred_template))
+    assert gains[0] == pytest.approx(gains[1], rel=0.01)
 
 
 def test_nothing_gains_over_itself():
@@ -78,12 +91,13 @@ def test_the_gain_is_that_of_a_loop_over_frames():
         gain += (ones * np.log(own / mean)).sum()
         gain += ((trials - ones) * np.log((1 - own) / (1 - mean))).sum()
         kept += trials.sum()
-        # The share of the bits of a position that are in view, at every fourth row and column.
+        # The share of the bits of a position that are in view, in squares of four pixels.
         half = [other for other in range(12) if other % 2 == block % 2]
         share = np.zeros((height, width))
         for row, column, other in np.ndindex(height, width, 6):
-            y, x = row // 4 * 4 - shifts[half[other]][0], column // 4 * 4 - shifts[half[other]][1]
-            share[row, column] += (0 <= y < height and 0 <= x < width) / 6
+            y = row // 4 * 4 + 1.5 - shifts[half[other]][0]
+            x = column // 4 * 4 + 1.5 - shifts[half[other]][1]
+            share[row, column] += (-0.5 < y < height - 0.5 and -0.5 < x < width - 0.5) / 6
         ones, trials = counts(block, (0, 0))
         terms = ones * np.log(of_still / mean)
         terms += (trials - ones) * np.log((1 - of_still) / (1 - mean))

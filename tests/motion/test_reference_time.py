@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.reference import move_labels, move_nodes
+from jotlight.motion.reference_time import move_labels, move_nodes
 from jotlight.motion.tiles import affine_basis, interpolate_at, tile_counts
 from moving import constant_motion
 

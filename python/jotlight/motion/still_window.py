@@ -1,4 +1,4 @@
-"""A guard: where the motion is wrong, a short window without alignment may be better."""
+"""A short window without motion, which is better than merged counts where the motion is wrong."""
 
 import dataclasses
 import math
@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.blocks import Sums
-from jotlight.motion.equivalent import equivalent_sums, expected_probability
+from jotlight.motion.equivalent import clip_probability, equivalent_sums, expected_probability
 from jotlight.motion.frame_times import locate
-from jotlight.motion.scoring import read_network
+from jotlight.motion.scoring import template_network
 from jotlight.motion.tiles import interpolate
 from jotlight.motion.track import Paths
 from jotlight.networks.trials_map import denoise_map
@@ -33,9 +33,6 @@ In simulations, merged counts that were 0.16 dB worse led by 2.7, and better one
 
 _SMOOTHING = 0.25, 0.5, 0.25
 """Weights of the gains of windows of neighboring lengths."""
-
-_MIN_PROBABILITY = 1e-4
-"""Smallest distance of an estimated probability from 0 and from 1."""
 
 
 def find_window(paths: Paths, total: Sums) -> range | None:
@@ -170,5 +167,4 @@ def _estimate(sums: Sums) -> Probability:
     """Return the probabilities that the network estimates for the reference jot, (H, W)."""
     sums = equivalent_sums(sums)
     ones, trials = sums.ones.astype(np.float32), sums.trials.astype(np.float32)
-    estimate = denoise_map(read_network(), ones, trials)
-    return np.clip(estimate, np.float32(_MIN_PROBABILITY), np.float32(1 - _MIN_PROBABILITY))
+    return clip_probability(denoise_map(template_network(), ones, trials))

@@ -1,4 +1,4 @@
-"""How much better one motion explains the bits than another one."""
+"""By how much a motion explains the bits better than a scene that stands still."""
 
 from collections.abc import Callable
 
@@ -14,10 +14,10 @@ Share = npt.NDArray[np.float32]
 Make = Callable[[Sums, int | None], Template]
 
 _STEP = 4
-"""Distance of the rows and columns at which it is tested whether a position is seen."""
+"""Side of the squares of positions for which it is tested whether they are seen."""
 
 
-def likelihood_gain(moving: Counted, make: Make = make_template) -> float:
+def likelihood_gain(paths: Counted, make: Make = make_template) -> float:
     """Return the gain of the log-likelihood over that of a scene that stands still, in nats.
 
     Each block is compared with the template of other blocks: of those with odd numbers if its own
@@ -30,22 +30,22 @@ def likelihood_gain(moving: Counted, make: Make = make_template) -> float:
 
     Parameters
     ----------
-    moving : Counted
-        The motion.
+    paths : Counted
+        The paths of all pixels.
     make : callable
         The function that makes a template of sums: :func:`jotlight.motion.scoring.make_template`,
         or a faster one.
     """
-    blocks = moving.blocks
+    blocks = paths.blocks
     own, unmoved, seen = [], [], []
     for half in (0, 1):
         every_second = range(half, len(blocks.centers), 2)
-        own.append(Sums.total(map(moving.sums, every_second), blocks.threads, blocks.size))
+        own.append(Sums.total(map(paths.sums, every_second), blocks.threads, blocks.size))
         frames = [blocks.frames(block) for block in every_second]
         unmoved.append(blocks.count_unmoved(frames))
         in_view = np.zeros(blocks.size, np.float32)[::_STEP, ::_STEP]
         for block, counted in zip(every_second, frames, strict=True):
-            in_view += np.float32(len(counted)) * _positions_seen(moving, block)
+            in_view += np.float32(len(counted)) * _positions_seen(paths, block)
         seen.append(in_view)
     every = equivalent_sums(Sums.total(unmoved, blocks.threads))
     mean = float(np.clip(every.ones.sum() / max(float(every.trials.sum()), 1), 1e-9, 1 - 1e-9))
@@ -77,15 +77,33 @@ def _log_likelihood(
     return total, trials
 
 
-def _positions_seen(motion: Counted, block: int) -> npt.NDArray[np.bool_]:
-    """Return whether some pixel counts a position in a block, at every fourth row and column."""
-    size = motion.blocks.size
+def _positions_seen(paths: Counted, block: int) -> npt.NDArray[np.bool_]:
+    """Return whether some pixel counts a position in a block, in squares of four rows and columns.
+
+    It is that of the center of a square. A corner would be nearer to two borders of the image than
+    its square, and bits that leave the view there would seem to be harder to explain.
+    """
+    height, width = paths.blocks.size
     # Motions are so smooth that the displacement of the position is nearly that of the pixel.
-    displaced = np.rint(motion.displacements(block, _STEP))
-    rows = np.arange(0, size[0], _STEP, dtype=np.float32)[:, None] - displaced[0]
-    columns = np.arange(0, size[1], _STEP, dtype=np.float32) - displaced[1]
-    inside = (rows >= 0) & (rows < size[0]) & (columns >= 0) & (columns < size[1])
+    displaced = paths.displacements(block, _STEP)
+    rows = _centers(height)[:, None] - displaced[0]
+    columns = _centers(width) - displaced[1]
+    inside = (abs(rows - (height - 1) / 2) < height / 2) & (
+        abs(columns - (width - 1) / 2) < width / 2
+    )
     return np.asarray(inside)
+
+
+def _centers(length: int) -> npt.NDArray[np.float32]:
+    """Return the centers of the squares along an axis, and the end where a square exceeds it.
+
+    Examples
+    --------
+    >>> _centers(10).tolist()
+    [1.5, 5.5, 8.5]
+    """
+    starts = np.arange(0, length, _STEP)
+    return np.asarray((starts + np.minimum(starts + _STEP, length) - 1) / 2, np.float32)
 
 
 def _at_pixels(samples: Share, size: tuple[int, int]) -> Share:

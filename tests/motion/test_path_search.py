@@ -1,4 +1,4 @@
-"""The model of a motion: blocks, names, and which model explains the bits best."""
+"""The search for paths: their models, and which model explains the bits best."""
 
 import dataclasses
 
@@ -6,50 +6,21 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion import model
+from jotlight.motion import path_search
 from jotlight.motion.added_tiles import share_of_unknown
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import as_burst
 from jotlight.motion.consistency import find_consistent
-from jotlight.motion.model import (
+from jotlight.motion.path_search import (
     Found,
     _are_in_doubt,
     _still,
     _with_other_outlines,
-    divide,
     find_paths,
 )
 from jotlight.motion.tiles import tile_counts
 from jotlight.motion.track import Paths, Track
 from moving import blocks_of, occluded, record, two_halves
-
-
-@pytest.mark.parametrize("frames", [1, 2, 15, 16, 17, 31, 64, 200, 999, 1024, 1025, 50_000])
-def test_blocks_cover_all_frames_once_and_have_similar_lengths(frames):
-    edges = divide(frames)
-    lengths = np.diff(edges)
-    assert edges[0] == 0
-    assert edges[-1] == frames
-    assert lengths.min() >= 1
-    assert lengths.max() - lengths.min() <= 1
-    assert len(lengths) <= frames
-    if frames >= 16:
-        assert len(lengths) >= 16
-
-
-@pytest.mark.parametrize("frames", [32, 48, 96, 100, 256, 1000, 4096])
-def test_blocks_are_the_same_in_reversed_time(frames):
-    edges = divide(frames)
-    np.testing.assert_array_equal(edges, frames - edges[::-1])
-
-
-def test_many_frames_have_more_and_longer_blocks():
-    lengths, numbers = zip(
-        *((np.diff(divide(frames)).mean(), len(divide(frames))) for frames in (1024, 4096, 16384)),
-        strict=True,
-    )
-    assert lengths[2] / lengths[0] == pytest.approx(4, rel=0.05)
-    assert numbers[2] / numbers[0] == pytest.approx(4, rel=0.05)
 
 
 def find(bits, model, reference=24):
@@ -108,9 +79,9 @@ def test_the_division_that_gains_most_is_chosen_unless_the_first_is_clear(
         explained.append(segments)
         return Found(paths[segments], "affine", None)
 
-    monkeypatch.setattr(model, "find_segments", lambda *_: [0, 1])
-    monkeypatch.setattr(model, "_explain", explain)
-    monkeypatch.setattr(model, "_gain_over_rest", lambda found: gains[explained[-1]])
+    monkeypatch.setattr(path_search, "find_segments", lambda *_: [0, 1])
+    monkeypatch.setattr(path_search, "_explain", explain)
+    monkeypatch.setattr(path_search, "_gain_over_rest", lambda found: gains[explained[-1]])
     found = find_paths(blocks, 8, "auto", lambda _: None)
     assert len(explained) == tried
     assert found.model == ("none" if chosen is None else "affine")
@@ -132,10 +103,10 @@ def test_long_bursts_are_aligned_with_a_part_of_their_frames(monkeypatch):
         steps.append(("follow", blocks.step))
         return segments_of(blocks, *others)
 
-    segments_of = model._follow
-    monkeypatch.setattr(model, "keeps_sums", lambda *_, **__: False)
-    monkeypatch.setattr(model, "find_consistent", consistent)
-    monkeypatch.setattr(model, "_follow", follow)
+    segments_of = path_search._follow
+    monkeypatch.setattr(path_search, "keeps_sums", lambda *_, **__: False)
+    monkeypatch.setattr(path_search, "find_consistent", consistent)
+    monkeypatch.setattr(path_search, "_follow", follow)
     found = find_paths(blocks, 64, "auto", lambda _: None)
     assert steps[0][0] == "follow"
     assert steps[0][1] > 1
@@ -224,8 +195,8 @@ def test_slow_segments_replace_tiles_if_they_explain_the_scene(monkeypatch, of_s
     def explain(_, __, parts, *___):
         return Found(paths, parts[0], None)
 
-    monkeypatch.setattr(model, "find_segments", segments)
-    monkeypatch.setattr(model, "_explain", explain)
-    monkeypatch.setattr(model, "_gain_over_rest", lambda _: (50.0, True))
-    monkeypatch.setattr(model, "likelihood_gain", lambda *_: 1.0)
+    monkeypatch.setattr(path_search, "find_segments", segments)
+    monkeypatch.setattr(path_search, "_explain", explain)
+    monkeypatch.setattr(path_search, "_gain_over_rest", lambda _: (50.0, True))
+    monkeypatch.setattr(path_search, "likelihood_gain", lambda *_: 1.0)
     assert find_paths(blocks, 8, "auto", lambda _: None).model == of_slow

@@ -1,4 +1,4 @@
-"""The motion that explains the bits of a scene best."""
+"""The search for the paths of all pixels that explain the bits of a scene best."""
 
 import dataclasses
 from collections.abc import Callable
@@ -7,15 +7,15 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.added_tiles import add_tiles, is_unexplained, share_of_unknown
-from jotlight.motion.affine import follow, improve_inside, improve_together
+from jotlight.motion.affine import follow_segment, improve_inside, improve_together
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
-from jotlight.motion.objects import add_objects
-from jotlight.motion.outlines import choose
+from jotlight.motion.likelihood_gain import likelihood_gain
+from jotlight.motion.objects import PARAMETERS, add_objects, more_likely
+from jotlight.motion.outlines import choose_labels
 from jotlight.motion.scoring import make_blurred_template
 from jotlight.motion.segments import Segment, energy_of, find_segments
-from jotlight.motion.selection import likelihood_gain
 from jotlight.motion.tiles import mean_tiles, tile_counts
 from jotlight.motion.track import Paths, Track, keeps_sums
 
@@ -39,9 +39,6 @@ _EXPLAINED = 0.8
 _MIN_FRACTION = 0.5
 """Minimum fraction of a tile that a segment covers, for the tile to improve its motion."""
 
-_PARAMETERS = 6
-"""Number of parameters of an affine motion of each block. A motion must gain as many nats."""
-
 _CLEAR = 10.0
 """With more than this multiple of this gain under blurred templates, a motion is clearly right."""
 
@@ -50,26 +47,6 @@ _OBJECTS_UNKNOWN = 0.002, 0.04
 
 If more is unknown, objects that keep their shape hardly explain it, and the search takes long.
 """
-
-_FEW_BLOCKS, _MANY_BLOCKS = 16, 32
-_FRAMES_OF_MANY = 1024
-"""Above this number of frames, the number of blocks grows with the root of that of frames."""
-
-
-def divide(frames: int) -> npt.NDArray[np.intp]:
-    """Return the first frame of each block, and the number of frames.
-
-    There are T/8 blocks, but at least 16. From 256 to 1,024 frames there are 32. More frames have
-    32 √(T/1024) blocks, so that their number and their length both grow.
-
-    Examples
-    --------
-    >>> [len(divide(frames)) - 1 for frames in (64, 200, 1000, 1_000_000)]
-    [16, 25, 32, 1000]
-    """
-    number = int(np.clip(frames / 8, _FEW_BLOCKS, _MANY_BLOCKS))
-    number = round(number * max(1.0, frames / _FRAMES_OF_MANY) ** 0.5)
-    return np.round(np.linspace(0, frames, min(number, frames) + 1)).astype(np.intp)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -158,14 +135,14 @@ def _explain(
         segments = [dataclasses.replace(segments[0], weights=weights)]
     tracks = _follow(blocks, reference, segments)
     advance(0.6)
-    paths = Paths(tracks, choose(tracks))
+    paths = Paths(tracks, choose_labels(tracks))
     if len(tracks) > 1:
         paths = _from_back_to_front(_improve_segments(paths))
         paths = without_absent(refine_outlines(improve_inside(refine_outlines(paths))))
         if len(paths.tracks) == 2 and _are_in_doubt(paths):
             paths = _with_other_outlines(paths)
         alone = Paths(paths.tracks[:1], np.zeros_like(paths.labels))
-        paths = _more_likely(alone, paths)
+        paths = more_likely(alone, paths)
     advance(0.7)
     consistent = None
     if model == "auto":
@@ -185,12 +162,12 @@ def _follow(blocks: Blocks, reference: int, segments: list[Segment]) -> list[Tra
     The velocity of a scene changes with time. So a segment may have another constant velocity than
     the first one, but the same motion.
     """
-    tracks = [follow(blocks, reference, segments[0])]
+    tracks = [follow_segment(blocks, reference, segments[0])]
     for segment in segments[1:]:
         tiles = segment.weights > 0
         others = [float(_energy_along(track, segment.half)[tiles].sum()) for track in tracks]
         if max(others) < _EXPLAINED * segment.energy:
-            tracks.append(follow(blocks, reference, segment))
+            tracks.append(follow_segment(blocks, reference, segment))
     if len(tracks) == 1 and len(segments) > 1:
         for _ in range(_ROUNDS):
             improve_together(tracks[0], np.ones_like(segments[0].weights))
@@ -210,7 +187,7 @@ def _gain_over_rest(paths: Paths) -> tuple[float, bool]:
 
     The gain is that of the log-likelihood in nats, without what its parameters gain by chance.
     """
-    needed = _PARAMETERS * len(paths.blocks.centers) * len(np.unique(paths.labels))
+    needed = PARAMETERS * len(paths.blocks.centers) * len(np.unique(paths.labels))
     gain = likelihood_gain(paths, make_blurred_template)
     if gain > _CLEAR * needed:
         return gain - needed, True
@@ -225,7 +202,7 @@ def _improve_segments(paths: Paths) -> Paths:
         if weights.any():
             for _ in range(_ROUNDS):
                 improve_together(track, weights)
-    return Paths(paths.tracks, choose(paths.tracks))
+    return Paths(paths.tracks, choose_labels(paths.tracks))
 
 
 def _are_in_doubt(paths: Paths) -> bool:
@@ -261,26 +238,14 @@ def _from_back_to_front(paths: Paths) -> Paths:
 def _with_objects(paths: Paths) -> tuple[Paths, Consistent]:
     """Return paths with tracks of objects that nothing explains yet, and the sums along them.
 
-    The given paths are returned if no object is found, or if they explain the bits better.
+    The given paths are returned if no object is found.
     """
     consistent = find_consistent(paths.exact())
     if _OBJECTS_UNKNOWN[0] < share_of_unknown(consistent) < _OBJECTS_UNKNOWN[1]:
         more = add_objects(paths)
         if more is not paths:
-            more = _more_likely(paths, more)
-        if more is not paths:
             return more, find_consistent(more.exact())
     return paths, consistent
-
-
-def _more_likely(fewer: Paths, more: Paths) -> Paths:
-    """Return the paths that explain the bits better: those with fewer tracks, or with more.
-
-    Objects that are not there at the reference time hide good bits of the background.
-    """
-    needed = _PARAMETERS * len(more.blocks.centers) * (len(more.tracks) - len(fewer.tracks))
-    gain = likelihood_gain(more) - likelihood_gain(fewer)
-    return more if gain > needed else fewer
 
 
 def _still(blocks: Blocks, reference: int) -> Track:

@@ -1,0 +1,162 @@
+"""What the color network takes, and when it estimates an image.
+
+It takes images of a sensor with a mosaic, or with three channels. Data must have the right form
+(:func:`takes_mosaic`, :func:`takes_channels`), and a sensor must fit (:func:`takes_sensor`).
+"""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.estimators.demosaicing import COLORS, TITLES
+from jotlight.estimators.typical_trials import typical_trials
+from jotlight.evaluation.methods import LARGE_TRIALS
+from jotlight.sensing.merged import Merged, is_finer
+from jotlight.sensing.pixel_counts import GrayImages
+from jotlight.sensing.sensor import Sensor
+
+BY_COLOR_NETWORK = "network"
+"""The `demosaicing` by the color network."""
+
+_MIN_KNOWN = 0.9
+"""Fraction of the pixels that must have bits of all colors."""
+
+_TAKEN = (
+    "estimates colors from the bits itself: it takes no method, quality, fallback, or options. Its "
+    "data are bits or counts with the same trials in all pixels, up to "
+    f'{LARGE_TRIALS:,}, or readings that say as much; demosaicing="differences" takes all data'
+)
+"""What the color network takes, for messages."""
+
+
+def takes_sensor(sensor: Sensor) -> bool:
+    """Return whether the color network takes the readings of a sensor.
+
+    The kernel is the box, and the readings say as much as up to 1,000 trials per pixel.
+
+    Examples
+    --------
+    >>> takes_sensor(Sensor(frames=16, mosaic="RGGB")), takes_sensor(Sensor(frames=2000))
+    (True, False)
+    """
+    is_large = sensor.trials > LARGE_TRIALS
+    return sensor.kernel == "box" and not is_large and typical_trials(sensor) <= LARGE_TRIALS
+
+
+def takes_mosaic(data: object, trials: npt.ArrayLike | None = None) -> bool:
+    """Return whether data of a sensor with a mosaic have the form that the color network takes.
+
+    Merged counts and maps of trials do not.
+
+    Examples
+    --------
+    >>> takes_mosaic(np.zeros((4, 4), int), trials=8)
+    True
+    >>> takes_mosaic(np.zeros((4, 4), int), trials=[[8, 8], [0, 8]])
+    False
+    """
+    each = data if isinstance(data, list | tuple) else [data]
+    are_unusual = trials is not None and (np.ndim(trials) > 0 or np.max(trials) > LARGE_TRIALS)
+    return not are_unusual and not any(isinstance(one, Merged) for one in each)
+
+
+def takes_channels(images: GrayImages) -> bool:
+    """Return whether images have the form that the color network takes: red, green, and blue.
+
+    Nearly all pixels of merged counts must have bits of all three, and no more than 1,000.
+
+    Examples
+    --------
+    >>> from jotlight.layout import Layout
+    >>> counts = np.zeros((3, 4, 6), np.int32)
+    >>> takes_channels(GrayImages(counts, Layout((3,), -1)))
+    True
+    >>> takes_channels(GrayImages(counts, Layout((3,))))
+    False
+    """
+    layout = images.layout
+    if layout.channel_axis is None or layout.shape[-1] != COLORS:
+        return False
+    for start in range(0, len(images), COLORS):
+        each: Any = images.data[start : start + COLORS]
+        if not any(isinstance(one, Merged) for one in each):
+            continue
+        if any(is_finer(one) for one in each):
+            return False
+        known = [np.broadcast_to(one.trials, one.shape) > 0 for one in each]
+        most = max(float(np.max(one.trials)) for one in each)
+        if np.mean(np.all(known, axis=0)) < _MIN_KNOWN or most > LARGE_TRIALS:
+            return False
+    return True
+
+
+def check_taken(sensor: Sensor, *, has_form: bool) -> None:
+    """Raise ValueError unless a color network of the caller can estimate the image.
+
+    `has_form` states whether the data have a form that it takes.
+
+    Examples
+    --------
+    >>> check_taken(Sensor(frames=16, mosaic="RGGB"), has_form=True)
+    >>> check_taken(Sensor(frames=2000, mosaic="RGGB"), has_form=True)
+    Traceback (most recent call last):
+      ...
+    ValueError: method: a color network takes bits of ...
+    """
+    if not (has_form and takes_sensor(sensor)):
+        raise ValueError(
+            "method: a color network takes bits of a sensor with a mosaic, with the same trials in "
+            "all pixels, or of three channels (channel_axis=-1 for counts), with the box kernel, "
+            f"up to {LARGE_TRIALS:,} per pixel or readings that say as much; got other data"
+        )
+
+
+def check_demosaicing(demosaicing: str | None, sensor: Sensor | None = None) -> None:
+    """Raise ValueError for an unknown `demosaicing`, or one for a sensor without a mosaic.
+
+    Examples
+    --------
+    >>> check_demosaicing("network")
+    >>> check_demosaicing("network", Sensor(frames=16))
+    Traceback (most recent call last):
+      ...
+    ValueError: demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')
+    """
+    names = BY_COLOR_NETWORK, *TITLES
+    if demosaicing not in (None, *names):
+        raise ValueError(f"demosaicing: expected one of {', '.join(names)}, got {demosaicing!r}")
+    if demosaicing is not None and sensor is not None and sensor.mosaic is None:
+        raise ValueError(
+            "demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')"
+        )
+
+
+def uses_color_network(sensor: Sensor, demosaicing: str | None, *, is_default: bool) -> bool:
+    """Return whether the color network estimates the image of a sensor with a mosaic.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        A sensor with a mosaic.
+    demosaicing : str, optional
+        As of :func:`jotlight.reconstruct`.
+    is_default : bool
+        Whether no method and no options are requested, and :func:`takes_mosaic` accepts the data.
+
+    Raises
+    ------
+    ValueError
+        For an unknown `demosaicing`, and for "network" where the color network cannot be used.
+
+    Examples
+    --------
+    >>> uses_color_network(Sensor(frames=16, mosaic="RGGB"), None, is_default=True)
+    True
+    """
+    check_demosaicing(demosaicing, sensor)
+    is_own = demosaicing in (None, BY_COLOR_NETWORK)
+    by_network = is_own and is_default and takes_sensor(sensor)
+    if demosaicing == BY_COLOR_NETWORK and not by_network:
+        raise ValueError(f'demosaicing: "network" {_TAKEN}')
+    return by_network
