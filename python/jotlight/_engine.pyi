@@ -12,6 +12,7 @@ __all__ = [
     "Layer",
     "Network",
     "__version__",
+    "accept_agreeing",
     "activate",
     "activate_backward",
     "add_accepted",
@@ -24,6 +25,7 @@ __all__ = [
     "anscombe",
     "blur",
     "brightness",
+    "changed_remainders",
     "chi_squared",
     "choose_cpu_level",
     "conditioning_weights",
@@ -41,6 +43,7 @@ __all__ = [
     "equivalent_counts",
     "expose",
     "fit_affine",
+    "fit_blocks",
     "forward",
     "forward_bits",
     "gradient",
@@ -228,6 +231,16 @@ def add_accepted(
     mask: npt.NDArray[np.uint8],
     threads: int | None,
 ) -> None: ...
+def accept_agreeing(
+    template: tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]],
+    limits: tuple[float, float],
+    blocks: list[
+        tuple[list[tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]], int, npt.NDArray[np.uint8]]
+    ],
+    accepted: tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]],
+    available: npt.NDArray[np.int32],
+    threads: int | None,
+) -> list[bool]: ...
 def add_object_gain(
     label: int,
     ones: _Counts,
@@ -285,9 +298,21 @@ def undo_remainders(
     image: npt.NDArray[np.float32],
     remainders: npt.NDArray[np.float32],
     frames: int,
+    least: float,
     out: npt.NDArray[np.float32],
     threads: int | None,
 ) -> None: ...
+def changed_remainders(
+    remainders: npt.NDArray[np.float32], change: npt.NDArray[np.float64], frames: int
+) -> npt.NDArray[np.float32]: ...
+def fit_blocks(
+    template: FilteredTemplate,
+    share: tuple[float, float],
+    blocks: list[tuple[_Counts, _Counts, npt.NDArray[np.float32], int]],
+    weights: npt.NDArray[np.float64],
+    basis: npt.NDArray[np.float64],
+    threads: int | None,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]: ...
 def fit_affine(
     information: npt.NDArray[np.float64],
     right: npt.NDArray[np.float64],

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight import _engine as engine
 from jotlight.motion.affine import (
     _covariances,
     _information,
@@ -13,9 +14,11 @@ from jotlight.motion.affine import (
     start_track,
 )
 from jotlight.motion.affine_curve import smooth_affine
+from jotlight.motion.blocks import Sums
 from jotlight.motion.segments import Segment
 from jotlight.motion.tiles import affine_basis, tile_counts
 from moving import blocks_of, moved, record
+from reference import motion as reference
 
 
 def follow_scene(scene, bits):
@@ -42,6 +45,37 @@ def test_an_affine_motion_is_followed_from_its_velocity(motion, limit):
     nodes = track.nodes.reshape(-1, len(basis)).T
     fit = basis @ np.linalg.lstsq(basis, nodes, rcond=None)[0]
     np.testing.assert_allclose(fit, nodes, atol=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.25, 0.9])
+def test_fits_of_all_blocks_are_those_of_the_twin(share):
+    """The second share leaves less than the smallest assumed share of other blocks."""
+    rng, size, number = np.random.default_rng(0), (40, 50), 3
+    sums = []
+    for _ in range(number):
+        each = Sums.zeros(size)
+        each.trials[:] = rng.integers(0, 9, size)
+        each.ones[:], each.frames = rng.binomial(each.trials, 0.4), 8
+        each.remainders[:] = rng.uniform(-2, 2, each.remainders.shape)
+        sums.append(each)
+    trials = np.full(size, round(4 / share), np.int32)
+    template = rng.uniform(0.1, 0.9, size).astype(np.float32), trials
+    weights, basis = rng.uniform(0, 1, (3, 4)), affine_basis((3, 4))
+    filtered = engine.FilteredTemplate(*template, 1.0, None)
+    blocks = [(each.ones, each.trials, each.remainders, each.frames) for each in sums]
+    arguments = filtered, (float(trials.mean()), 0.3), blocks, weights, basis
+    errors, information = engine.fit_blocks(*arguments, 1)
+    expected = reference.fit_blocks(sums, template, 1.0, weights, basis, 0.3)
+    np.testing.assert_allclose(errors, expected[0], rtol=1e-3, atol=1e-4 * abs(errors).max())
+    scale = abs(information).max()
+    np.testing.assert_allclose(information, expected[1], rtol=1e-3, atol=1e-4 * scale)
+    for threads in (2, 3):
+        again = engine.fit_blocks(*arguments, threads)
+        for one, other in zip((errors, information), again, strict=True):
+            np.testing.assert_array_equal(one, other)
+    mixed = [blocks[0], (*(each.astype(np.float32) for each in blocks[1][:2]), *blocks[1][2:])]
+    with pytest.raises(TypeError, match="all int32 or all float32"):
+        engine.fit_blocks(*arguments[:2], mixed, weights, basis, None)
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import as_burst
 from jotlight.sensing.provenance import Provenance
 from moving import blocks_of
+from reference import motion as reference
 from reference.motion import interpolate_tiles, shifted_counts
 
 
@@ -296,6 +297,18 @@ def test_accepted_pixels_are_added(size, threads):
     np.testing.assert_array_equal(total.ones, sum(part.ones for part in parts) + kept.ones)
     np.testing.assert_array_equal(total.trials, sum(part.trials for part in parts) + kept.trials)
     assert total.frames == 500
+
+
+@pytest.mark.parametrize("size", [(1, 1), (16, 40), (50, 33)])
+def test_remainders_along_a_changed_motion_are_those_of_the_twin(size):
+    rng = np.random.default_rng(0)
+    sums = Sums.zeros(size)
+    sums.remainders[:], sums.frames = rng.normal(0, 3, sums.remainders.shape), 7
+    change = rng.normal(size=(2, -(-size[0] // 16), -(-size[1] // 16)))
+    expected = reference.changed_remainders(sums.remainders, change, 7)
+    np.testing.assert_allclose(sums.seen_along(change).remainders, expected, atol=1e-5)
+    with pytest.raises(ValueError, match="change of tiles: expected"):
+        sums.seen_along(np.zeros((2, 9, 1)))
 
 
 def test_sums_of_other_shapes_are_refused():

@@ -4,14 +4,21 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter, shift
 
 import jotlight as jl
 from jotlight import _engine as engine
+from jotlight.motion import consistency
 from jotlight.motion.blocks import Sums
-from jotlight.motion.consistency import chi_squared, disagreement, find_consistent
+from jotlight.motion.consistency import (
+    ComparedBlock,
+    add_agreeing,
+    chi_squared,
+    disagreement,
+    find_consistent,
+)
 from jotlight.motion.path_search import _still
 from jotlight.motion.scoring import Template
 from jotlight.motion.track import Paths
@@ -38,15 +45,7 @@ def random_case(seed, size, trials, threads=None):
 )
 def test_chi_squared_is_that_of_the_twin(seed, size, trials):
     sums, template = random_case(seed, size, trials)
-    # A fiftieth of a one and of a zero is added to the counts of each pixel.
-    added = 0.02 * (sums.trials > 0)
-    known = np.where(sums.trials > 0, sums.trials + 2 * added, 1)
-    expected = reference.chi_squared(
-        sums.ones + added,
-        sums.trials + 2 * added,
-        (sums.trials * template.probability + added) / known,
-        template.trials,
-    )
+    expected = reference.chi_squared(sums.ones, sums.trials, template.probability, template.trials)
     np.testing.assert_allclose(chi_squared(sums, template), expected, rtol=1e-4)
 
 
@@ -94,6 +93,60 @@ def test_the_shift_that_rounding_causes_is_no_disagreement():
     assert chi_squared(sums, template)[inner].mean() > 3
     sums.remainders[:] = trials * np.float32([0.4, -0.3])[:, None]
     assert chi_squared(sums, template)[inner].mean() < 1.4
+
+
+def agreeing_case(seed, size, light=1.0, threads=None):
+    """Return three neighboring blocks, and a template that is brighter by a factor."""
+    rng = np.random.default_rng(seed)
+    blocks = [random_case(seed + index, size, 9)[0] for index in range(3)]
+    probability = np.clip(light * 0.4 + rng.normal(0, 0.1, size), 0.01, 0.99).astype(np.float32)
+    template = Template(probability, rng.integers(0, 50, size, np.int32), threads)
+    near = [(blocks[:2], 0), (blocks, 1), (blocks[1:], 1)]
+    return [ComparedBlock(block, *each, max_trials=27) for block, each in enumerate(near)], template
+
+
+def accept(tested, template, size):
+    """Return the counts and masks where blocks agree with a template, and the available trials."""
+    total, available = Sums.zeros(size), np.ones(size, np.int32)
+    masks = np.full((len(tested), size[0], -(-size[1] // 8)), 7, np.uint8)
+    add_agreeing(total, tested, template, 1.2, masks, available)
+    return total.ones, total.trials, masks, available
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**32), st.tuples(st.integers(40, 80), st.integers(40, 100)))
+def test_the_counts_that_agree_are_those_of_the_twin(seed, size):
+    tested, template = agreeing_case(seed, size)
+    arrays, is_clear = [template.probability, template.trials], np.ones(size, bool)
+    expected = np.zeros((2, *size), int)
+    ones, trials, masks, available = accept(tested, template, size)
+    for each, mask in zip(tested, masks, strict=True):
+        parts = [(near.ones, near.trials) for near in each.near]
+        counts = [sum(part) for part in zip(*parts, strict=True)]
+        assume(abs(reference.brightness(*counts, arrays[0]) - 1) < 0.029)
+        own = each.sums.ones, each.sums.trials
+        *accepted, agrees = reference.accept_agreeing(parts, *arrays, 1.2, own)
+        expected += accepted
+        is_clear &= abs(reference.chi_squared(*counts, *arrays) - 1.2) > 1e-3
+        found = np.unpackbits(mask, axis=1, count=size[1]).astype(bool)
+        np.testing.assert_array_equal(found[is_clear], agrees[is_clear])
+    np.testing.assert_array_equal(np.stack([ones, trials])[:, is_clear], expected[:, is_clear])
+    np.testing.assert_array_equal(available, 1 + sum(each.sums.trials for each in tested))
+
+
+@pytest.mark.parametrize("light", [1.0, 1.3])
+def test_the_engine_accepts_the_counts_that_single_steps_accept(light, monkeypatch):
+    """Where the light changes, the template changes with it, so the engine leaves it to them."""
+    size = 97, 61
+    alone = accept(*agreeing_case(5, size, light), size)
+    for threads in (1, 2, 3):
+        again = accept(*agreeing_case(5, size, light, threads), size)
+        for one, other in zip(alone, again, strict=True):
+            np.testing.assert_array_equal(one, other)
+    monkeypatch.setattr(consistency, "_FEW_TRIALS", 0)
+    for one, other in zip(alone, accept(*agreeing_case(5, size, light), size), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert 0 < alone[1].sum() < alone[3].sum() - alone[3].size
 
 
 @pytest.mark.parametrize("level", engine.cpu_levels())

@@ -136,7 +136,7 @@ def test_films_and_live_films_have_the_same_images():
         assert one.max() <= scene.sensor.max_intensity
     # The network reads the last image and the nearest counts.
     assert abs(FilmEstimates(RANDOM).add(images[1]) - of_film[1]).max() > 1e-3
-    others = dataclasses.replace(images[0], nearest=images[1].nearest)
+    others = dataclasses.replace(images[0], count_nearest=images[1].count_nearest)
     assert abs(FilmEstimates(RANDOM).add(others) - of_film[0]).max() > 1e-3
 
 

@@ -12,6 +12,7 @@ mod joint;
 mod likelihood;
 mod mle;
 mod motion;
+mod motion_fits;
 mod motion_sums;
 mod multibit;
 mod network;
@@ -56,14 +57,16 @@ mod _engine {
     };
     #[pymodule_export]
     use super::motion::{
-        FilteredTemplate, add_shifted_counts, add_shifted_values, blur, chi_squared, disagreement,
-        displacement_equations, fit_affine, peak_of_shifted_scores, solve_field, undo_remainders,
+        FilteredTemplate, add_shifted_counts, add_shifted_values, blur, changed_remainders,
+        chi_squared, disagreement, displacement_equations, peak_of_shifted_scores, undo_remainders,
         velocity_scores,
     };
     #[pymodule_export]
+    use super::motion_fits::{fit_affine, fit_blocks, solve_field};
+    #[pymodule_export]
     use super::motion_sums::{
-        add_accepted, add_counts, add_object_gain, brightness, cost_of_curve, mark_covered,
-        relative_brightness, smooth_curve,
+        accept_agreeing, add_accepted, add_counts, add_object_gain, brightness, cost_of_curve,
+        mark_covered, relative_brightness, smooth_curve,
     };
     #[pymodule_export]
     use super::multibit::{

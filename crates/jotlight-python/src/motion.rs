@@ -2,16 +2,15 @@
 
 use jotlight::bits::PackedBits;
 use jotlight::motion::{
-    self, AffineFit, Comparison, Counts, Displacements, Equations, EquationsView, ShiftedCounts,
-    Smoothness, Start, Sums, Template, Windows,
+    self, Comparison, Counts, Displacements, Equations, ShiftedCounts, Sums, Template, Windows,
 };
-use numpy::{IntoPyArray, PyArray2, PyArray3};
+use numpy::{IntoPyArray, PyArray3};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4};
 use numpy::{PyReadwriteArray2, PyReadwriteArray3};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
-use crate::{run, run_alone, to_python};
+use crate::{run, to_python};
 
 /// Counts of pixels: whole numbers of bits, or the real numbers of an equivalent sensor.
 #[derive(FromPyObject)]
@@ -26,14 +25,16 @@ macro_rules! for_counts {
         match ($($counts,)+) {
             ($(PyCounts::Whole($counts),)+) => $expression,
             ($(PyCounts::Real($counts),)+) => $expression,
-            _ => Err(PyTypeError::new_err(
-                "counts: expected arrays that are all int32 or all float32",
-            )),
+            _ => Err($crate::motion::mixed_counts()),
         }
     };
 }
 
 pub(crate) use for_counts;
+
+pub(crate) fn mixed_counts() -> PyErr {
+    PyTypeError::new_err("counts: expected arrays that are all int32 or all float32")
+}
 
 /// Add values of the jots along a motion to `out`. The motion is that of [`add_shifted_counts`].
 #[pyfunction]
@@ -102,7 +103,7 @@ pub fn add_shifted_counts(
 
 /// The template of a motion after a Gaussian filter. Its derivatives are computed only once.
 #[pyclass(frozen, name = "FilteredTemplate")]
-pub struct FilteredTemplate(Template);
+pub struct FilteredTemplate(pub(crate) Template);
 
 #[pymethods]
 impl FilteredTemplate {
@@ -148,6 +149,21 @@ pub fn displacement_equations<'py>(
     Ok((information.into_pyarray(py), right.into_pyarray(py)))
 }
 
+/// Return the remainders of the same counts along a changed motion.
+#[pyfunction]
+#[pyo3(signature = (remainders, change, frames))]
+pub fn changed_remainders<'py>(
+    py: Python<'py>,
+    remainders: PyReadonlyArray3<'_, f32>,
+    change: PyReadonlyArray3<'_, f64>,
+    frames: usize,
+) -> PyResult<Bound<'py, PyArray3<f32>>> {
+    let (remainders, change) = (remainders.as_array(), change.as_array());
+    // This takes less time than to wake another thread.
+    let changed = py.detach(|| motion::changed_remainders(remainders, change, frames));
+    Ok(changed.map_err(to_python)?.into_pyarray(py))
+}
+
 /// Write images into `out` after a Gaussian filter.
 #[pyfunction]
 #[pyo3(signature = (images, sigma, out, threads))]
@@ -162,21 +178,23 @@ pub fn blur(
     run(py, threads, || motion::blur(images, sigma, out))
 }
 
-/// Write an image into `out` after its pixels are moved by the mean remainders.
+/// Write probabilities into `out` after their pixels are moved by the mean remainders, from `least` to
+/// 1 - `least`.
 #[pyfunction]
-#[pyo3(signature = (image, remainders, frames, out, threads))]
+#[pyo3(signature = (image, remainders, frames, least, out, threads))]
 pub fn undo_remainders(
     py: Python<'_>,
     image: PyReadonlyArray2<'_, f32>,
     remainders: PyReadonlyArray3<'_, f32>,
     frames: usize,
+    least: f64,
     mut out: PyReadwriteArray2<'_, f32>,
     threads: Option<isize>,
 ) -> PyResult<()> {
     let (image, remainders) = (image.as_array(), remainders.as_array());
     let out = out.as_array_mut();
     run(py, threads, || {
-        motion::undo_remainders(image, remainders, frames, out)
+        motion::undo_remainders(image, remainders, frames, least, out)
     })
 }
 
@@ -194,9 +212,12 @@ pub fn chi_squared(
 ) -> PyResult<()> {
     let out = out.as_array_mut();
     for_counts!(ones, trials => {
-        let comparison = Comparison {
+        let parts = [Counts {
             ones: ones.as_array(),
             trials: trials.as_array(),
+        }];
+        let comparison = Comparison {
+            parts: &parts,
             probability: probability.as_array(),
             trials_of_template: trials_of_template.as_array(),
         };
@@ -230,68 +251,6 @@ pub fn disagreement(
         );
         run(py, threads, || motion::disagreement(&first, &second, out))
     })
-}
-
-/// The errors of all tiles, and the information about the coefficients.
-type PyAffineFit<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray2<f64>>);
-
-/// Return the affine displacement errors of a segment, and the information about its coefficients.
-#[pyfunction]
-#[pyo3(signature = (information, right, weights, basis))]
-pub fn fit_affine<'py>(
-    py: Python<'py>,
-    information: PyReadonlyArray3<'_, f64>,
-    right: PyReadonlyArray3<'_, f64>,
-    weights: PyReadonlyArray2<'_, f64>,
-    basis: PyReadonlyArray2<'_, f64>,
-) -> PyResult<PyAffineFit<'py>> {
-    let equations = EquationsView {
-        information: information.as_array(),
-        right: right.as_array(),
-    };
-    let (weights, basis) = (weights.as_array(), basis.as_array());
-    // This takes less time than to wake another thread.
-    let fit = py.detach(|| motion::fit_affine(equations, weights, basis));
-    let AffineFit {
-        errors,
-        information,
-    } = fit.map_err(to_python)?;
-    Ok((errors.into_pyarray(py), information.into_pyarray(py)))
-}
-
-/// Return the smooth field of displacements that fits the equations.
-///
-/// `smoothness` is the tuple (λ1, λ2, ρ).
-#[pyfunction]
-#[pyo3(signature = (information, right, now, predicted, basis, smoothness))]
-pub fn solve_field<'py>(
-    py: Python<'py>,
-    information: PyReadonlyArray3<'_, f64>,
-    right: PyReadonlyArray3<'_, f64>,
-    now: PyReadonlyArray3<'_, f64>,
-    predicted: PyReadonlyArray3<'_, f64>,
-    basis: PyReadonlyArray2<'_, f64>,
-    smoothness: (f64, f64, f64),
-) -> PyResult<Bound<'py, PyArray3<f64>>> {
-    let equations = EquationsView {
-        information: information.as_array(),
-        right: right.as_array(),
-    };
-    let start = Start {
-        now: now.as_array(),
-        predicted: predicted.as_array(),
-    };
-    let basis = basis.as_array();
-    let (to_prediction, to_affine, outline) = smoothness;
-    let smoothness = Smoothness {
-        to_prediction,
-        to_affine,
-        outline,
-    };
-    let field = run_alone(py, || {
-        motion::solve_field(equations, start, basis, smoothness)
-    })?;
-    Ok(field.into_pyarray(py))
 }
 
 /// Return the scores of displacements per block in each window.

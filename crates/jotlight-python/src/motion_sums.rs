@@ -1,9 +1,10 @@
 //! Sums of blocks of frames that follow a moving scene, and the curve of its motion.
 
-use jotlight::motion::{self, Accepted, Counts, Curve, Logarithms, Object, Seen};
+use jotlight::motion::{
+    self, Accepted, Counts, Curve, Limits, Logarithms, Object, Seen, Tested, Totals,
+};
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use numpy::{PyReadwriteArray2, PyReadwriteArray3};
-use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
 use crate::motion::{PyCounts, for_counts};
@@ -45,6 +46,55 @@ pub fn add_accepted(
         mask: mask.as_array_mut(),
     };
     run(py, threads, || motion::add_accepted(test, limit, block))
+}
+
+/// A block of frames: the ones and trials of it and of its neighbors, its index among them, and its
+/// mask.
+type PyTested<'py> = (
+    Vec<(PyReadonlyArray2<'py, i32>, PyReadonlyArray2<'py, i32>)>,
+    usize,
+    PyReadwriteArray2<'py, u8>,
+);
+
+/// Add the counts of blocks to sums where they and their neighbors agree with a template, and write these
+/// pixels into their masks. Return for each block whether the light is the same, so that this was
+/// done.
+#[pyfunction]
+#[pyo3(signature = (template, limits, blocks, accepted, available, threads))]
+pub fn accept_agreeing(
+    py: Python<'_>,
+    template: (PyReadonlyArray2<'_, f32>, PyReadonlyArray2<'_, i32>),
+    limits: (f32, f64),
+    mut blocks: Vec<PyTested<'_>>,
+    mut accepted: (PyReadwriteArray2<'_, i32>, PyReadwriteArray2<'_, i32>),
+    mut available: PyReadwriteArray2<'_, i32>,
+    threads: Option<isize>,
+) -> PyResult<Vec<bool>> {
+    let (mut tested, mut masks) = (Vec::new(), Vec::new());
+    for (near, own, mask) in &mut blocks {
+        let counts = near.iter().map(|(ones, trials)| Counts {
+            ones: ones.as_array(),
+            trials: trials.as_array(),
+        });
+        tested.push(Tested {
+            near: counts.collect(),
+            own: *own,
+        });
+        masks.push(mask.as_array_mut());
+    }
+    let template = (template.0.as_array(), template.1.as_array());
+    let limits = Limits {
+        chi_squared: limits.0,
+        change: limits.1,
+    };
+    let totals = Totals {
+        accepted: [accepted.0.as_array_mut(), accepted.1.as_array_mut()],
+        available: available.as_array_mut(),
+        masks,
+    };
+    run(py, threads, || {
+        motion::accept_agreeing(template, limits, &tested, totals)
+    })
 }
 
 /// Return the ratio of the ones to the number that a template predicts, from 0.1 to 10.

@@ -5,9 +5,11 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+import jotlight._engine as engine
 from jotlight.motion.affine_curve import smooth_affine
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import chi_squared
+from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.regularize import Equations, fit_affine
 from jotlight.motion.scoring import FAST, PRECISE, Template, make_template, normal_equations
 from jotlight.motion.segments import Segment, limit_length
@@ -53,6 +55,9 @@ _GROUPS = 4
 
 _MAX_EXCESS = 0.3
 """Mean of χ² - 1 in a tile at which it has half its weight, if no more is usual."""
+
+_BLOCKS_AT_ONCE = 16
+"""Number of blocks whose sums are in memory together, if they are not kept."""
 
 _MIN_SHARE_OF_OTHERS = 0.3
 """Smallest assumed share of the other blocks in the template."""
@@ -176,13 +181,9 @@ def improve_together(
     weights = weights * agreement(groups, template)
     shape = tile_counts(track.blocks.size)
     basis, to_parameters = affine_basis(shape), affine_inverse(shape)
-    parameters, matrices = np.empty((number, 6)), np.empty((number, 6, 6))
-    for block in range(number):
-        sums = track.nearby_sums(block)
-        equations = normal_equations(sums, template, sigma)
-        step, matrices[block] = fit_affine(against_others(equations, sums, template), weights)
-        nodes = (track.nodes[block] - step).reshape(2, -1)
-        parameters[block] = (nodes @ to_parameters.T).ravel()
+    steps, matrices = _fit_blocks(track, template, sigma, weights)
+    nodes = (track.nodes - steps).reshape(2 * number, -1)
+    parameters = (nodes @ to_parameters.T).reshape(number, 6)
     at_reference = weights_at(track.reference, track.blocks)
     smooth = smooth_affine(parameters, matrices, threads)
     smooth -= at_reference @ smooth
@@ -194,6 +195,27 @@ def improve_together(
     information = _information(covariances, basis, displacements.reshape(number, 2, -1))
     track.information = information.reshape(track.information.shape)
     return length
+
+
+def _fit_blocks(
+    track: Track, template: Template, sigma: float, weights: Array
+) -> tuple[Array, Array]:
+    """Return the affine errors of all blocks, (n, 2, rows, columns), and their information.
+
+    The information about the coefficients is (n, 6, 6).
+    """
+    fits, number = [], len(track.nodes)
+    basis, filtered = affine_basis(tile_counts(track.blocks.size)), template.filtered(sigma)
+    for first in range(0, number, _BLOCKS_AT_ONCE):
+        blocks = range(first, min(first + _BLOCKS_AT_ONCE, number))
+        several = [
+            equivalent_sums(track.nearby_sums(block), template.probability) for block in blocks
+        ]
+        sums = [(each.ones, each.trials, each.remainders, each.frames) for each in several]
+        share = template.mean_trials, _MIN_SHARE_OF_OTHERS
+        fits.append(engine.fit_blocks(filtered, share, sums, weights, basis, template.threads))
+    errors, information = (np.concatenate(each) for each in zip(*fits, strict=True))
+    return errors, information
 
 
 def improve_inside(paths: Paths) -> Paths:

@@ -301,7 +301,7 @@ def _frames_out_of_view(paths: Paths) -> int:
 
 def as_motion(paths: Paths, model: str) -> Motion:
     """Return paths as a motion, without the fields that no pixel follows."""
-    used = np.unique(paths.labels)
+    used = np.unique(paths.labels) if len(paths.tracks) > 1 else np.zeros(1, np.uint8)
     nodes, information = (
         np.stack([getattr(paths.tracks[index], name) for index in used]).astype(np.float32)
         for name in ("nodes", "information")

@@ -14,7 +14,7 @@ import jotlight._engine as engine
 from jotlight.motion.burst import Burst
 from jotlight.motion.frame_times import Times, locate, places_of
 from jotlight.motion.jots import Jots, SeenJots
-from jotlight.motion.tiles import TILE, interpolate_rows
+from jotlight.motion.tiles import TILE
 
 Counts = npt.NDArray[Any]
 
@@ -67,17 +67,24 @@ class Sums:
         return cls(np.zeros(size, np.int32), np.zeros(size, np.int32), remainders, 0)
 
     @classmethod
-    def total(cls, parts: Iterable["Sums"], threads: int | None = None) -> "Sums":
-        """Return the sum of one or more sums.
+    def total(
+        cls,
+        parts: Iterable["Sums"],
+        threads: int | None = None,
+        size: tuple[int, int] | None = None,
+    ) -> "Sums":
+        """Return the sum of sums.
 
         A generator of them holds only a few at a time. `threads` is the number of threads, by
-        default all.
+        default all. There may be no sums if their size (H, W) is given.
         """
         parts = iter(parts)
-        first = next(parts)
-        total = cls.zeros((first.ones.shape[0], first.ones.shape[1]))
-        number = max(1, _BYTES_AT_ONCE // max(1, first.ones.nbytes + first.trials.nbytes))
-        parts = itertools.chain([first], parts)
+        if size is None:
+            first = next(parts)
+            size = first.ones.shape[0], first.ones.shape[1]
+            parts = itertools.chain([first], parts)
+        total = cls.zeros(size)
+        number = max(1, _BYTES_AT_ONCE // max(1, total.ones.nbytes + total.trials.nbytes))
         while few := list(itertools.islice(parts, number)):
             engine.add_counts([part.ones for part in few], total.ones, threads)
             engine.add_counts([part.trials for part in few], total.trials, threads)
@@ -124,7 +131,7 @@ class Sums:
         self.jots = _add(self.jots, other.jots)
         return self
 
-    def seen_along(self, change: npt.NDArray[np.floating]) -> "Sums":
+    def seen_along(self, change: npt.NDArray[np.float64]) -> "Sums":
         """Return the same counts with the remainders of a changed motion.
 
         Parameters
@@ -132,9 +139,8 @@ class Sums:
         change : ndarray of float, shape (2, rows, columns)
             By how much the displacements of tile centers increase.
         """
-        rows = interpolate_rows(change, self.ones.shape[0])
-        remainders = self.remainders - np.float32(self.frames) * rows.transpose(1, 0, 2)
-        return dataclasses.replace(self, remainders=remainders)
+        remainders = engine.changed_remainders(self.remainders, change, self.frames)
+        return Sums(self.ones, self.trials, remainders, self.frames, self.jots)
 
     def without(self, ones: Counts, trials: Counts) -> "Sums":
         """Return the sums without some bits, given the numbers of ones and of all of them."""
@@ -285,7 +291,7 @@ class Blocks:
         """Add the counts of some frames to sums, as :meth:`count` counts them."""
         fields = np.ascontiguousarray(fields, np.float32)
         if not fields.any():
-            self.add_unmoved(sums, frames)
+            self._add_unmoved(sums, [frames])
             return
         for part, planes in self.burst.parts(frames, self.channel):
             places = places_of(part, tuple(np.asarray(times, np.float64).tolist()))
@@ -311,9 +317,19 @@ class Blocks:
                         sums.remainders += target.remainders
         sums.frames += len(frames)
 
-    def add_unmoved(self, sums: Sums, frames: range) -> None:
-        """Add the counts of frames that stand still."""
-        for _, planes in self.burst.parts(frames, self.channel):
+    def count_unmoved(self, spans: Sequence[range]) -> Sums:
+        """Return the sums of several spans of frames that stand still."""
+        sums = Sums.zeros(self.size)
+        self._add_unmoved(sums, spans)
+        if self.jots is not None:
+            sums.jots = self.jots.at_rest(sums.trials)
+        return sums
+
+    def _add_unmoved(self, sums: Sums, spans: Sequence[range]) -> None:
+        """Add the counts of spans of frames that stand still."""
+        for _, planes in itertools.chain.from_iterable(
+            self.burst.parts(frames, self.channel) for frames in spans
+        ):
             for weight, packed in planes:
                 target = sums.ones if weight == 1 else np.zeros_like(sums.ones)
                 engine.add_block_counts(
@@ -321,9 +337,10 @@ class Blocks:
                 )
                 if weight > 1:
                     sums.ones += weight * target
-        trials = np.int32(self.trials * len(frames))
+        frames = sum(map(len, spans))
+        trials = np.int32(self.trials * frames)
         if self.valid is None:
             sums.trials += trials
         else:
             sums.trials += trials * np.unpackbits(self.valid, axis=1, count=self.size[1])
-        sums.frames += len(frames)
+        sums.frames += frames

@@ -1,6 +1,8 @@
 """Which bits agree with the rest: a χ² test of blocks of frames against a template."""
 
 import dataclasses
+import functools
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,7 +13,7 @@ import jotlight._engine as engine
 from jotlight.images.blur import blur
 from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums, estimate_probability
-from jotlight.motion.flicker import at_brightness, without_saturation
+from jotlight.motion.flicker import at_brightness, least_change, without_saturation
 from jotlight.motion.scoring import (
     FAST,
     PRECISE,
@@ -53,12 +55,8 @@ They would show errors that do not matter, such as those of rounding to whole pi
 _FEW_TRIALS = 128
 """Number of trials above which a test notices that rounding has shifted a block."""
 
-_RARE = np.float32(0.02)
-"""Number of ones, and of zeros, that are added to the counts of each pixel in a test.
-
-Where the light is dim or saturated, hardly any bits differ from the others, and these few would
-disagree: a single zero among bright pixels is much more than the expected number of zeros.
-"""
+_BLOCKS_AT_ONCE = 16
+"""Number of blocks that are tested together, and in memory together if their sums are not kept."""
 
 _PRIOR = 0.01
 """Weight with which pixels are assumed to agree where few are known."""
@@ -76,17 +74,8 @@ def chi_squared(sums: Sums, template: Template) -> Image:
         moved = dataclasses.replace(sums, remainders=-sums.remainders)
         probability = without_shift(probability, moved, threads).probability
     sums = equivalent_sums(_limit_trials(sums), probability)
-    # The ones and the expected ones increase alike, so only the variance is larger.
-    added = _RARE * (sums.trials > 0)
-    ones, trials = sums.ones + added, sums.trials + 2 * added
-    expected = sums.trials * probability + added
-    known = np.where(trials > 0, trials, 1)
-    ones, trials, probability = (
-        np.asarray(each, np.float32)
-        for each in (ones, trials, np.where(trials > 0, expected / known, probability))
-    )
     out = np.empty_like(probability)
-    engine.chi_squared(ones, trials, probability, template.trials, out, threads)
+    engine.chi_squared(sums.ones, sums.trials, probability, template.trials, out, threads)
     return out
 
 
@@ -137,7 +126,7 @@ class Consistent:
     masks: npt.NDArray[np.uint8]
     """The pixels that were accepted, packed, (n, H, ceil(W / 8))."""
 
-    @property
+    @functools.cached_property
     def total(self) -> Sums:
         """The sums of all blocks: whole numbers of ones and trials."""
         return self.before + self.after
@@ -195,11 +184,9 @@ def find_consistent(
         for side in (0, 1):
             blocks = [block for block in ring if is_after[block] == side]
             total = Sums.zeros(size)
-            for block, sums, pooled in _pool(paths, blocks, is_after == bool(side)):
-                pooled = equivalent_sums(pooled, template.probability)
-                test = chi_squared(pooled, at_brightness(template, pooled))
-                available += sums.trials
-                total.add_accepted(sums, test, max_chi_squared, masks[block], threads)
+            tested = _with_neighbors(paths, blocks, is_after == bool(side))
+            while several := list(itertools.islice(tested, _BLOCKS_AT_ONCE)):
+                add_agreeing(total, several, template, max_chi_squared, masks, available)
             test = disagreement(*without_saturation(nearer, total, threads), threads)
             agrees = np.empty_like(masks[0])
             sides[side].add_accepted(total, test, max_disagreement, agrees, threads)
@@ -210,10 +197,85 @@ def find_consistent(
     return Consistent(sides[0], sides[1], share, masks)
 
 
-def _pool(
+@dataclasses.dataclass(frozen=True, eq=False)
+class ComparedBlock:
+    """A block that is tested together with its neighbors."""
+
+    block: int
+    near: list[Sums]
+    """The sums of the block and of its neighbors."""
+    index: int
+    """The index of the block among them."""
+    max_trials: int
+    """A pixel of their sum has no more trials than these."""
+
+    @property
+    def sums(self) -> Sums:
+        """The sums of the block."""
+        return self.near[self.index]
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether there are only few bits, of jots that are alike, so that nothing changes them."""
+        jots_differ = any(each.jots is not None for each in self.near)
+        return not jots_differ and self.max_trials <= _FEW_TRIALS
+
+
+def add_agreeing(
+    total: Sums,
+    tested: list[ComparedBlock],
+    template: Template,
+    limit: float,
+    masks: npt.NDArray[np.uint8],
+    available: npt.NDArray[np.int32],
+) -> None:
+    """Add the counts of blocks to a total where χ² of each and its neighbors is below a limit.
+
+    Parameters
+    ----------
+    total : Sums
+        The total.
+    tested : list of ComparedBlock
+        The blocks.
+    template : Template
+        The template.
+    limit : float
+        The limit.
+    masks : ndarray of uint8, shape (n, H, ceil(W / 8))
+        Packed masks of all blocks, whose bits are set where the counts are added, and cleared
+        elsewhere.
+    available : ndarray of int32, shape (H, W)
+        Number of trials, to which all of the blocks are added.
+    """
+    threads = template.threads
+    plain = [each for each in tested if each.is_plain]
+    is_added = engine.accept_agreeing(
+        (template.probability, template.trials),
+        (limit, least_change(template)),
+        [
+            ([(near.ones, near.trials) for near in each.near], each.index, masks[each.block])
+            for each in plain
+        ],
+        (total.ones, total.trials),
+        available,
+        threads,
+    )
+    added = [each for each, done in zip(plain, is_added, strict=True) if done]
+    for each in tested:
+        if each in added:
+            total.remainders += each.sums.remainders
+            total.frames += each.sums.frames
+            continue
+        pooled = equivalent_sums(Sums.total(each.near, threads), template.probability)
+        test = chi_squared(pooled, at_brightness(template, pooled))
+        available += each.sums.trials
+        total.add_accepted(each.sums, test, limit, masks[each.block], threads)
+
+
+def _with_neighbors(
     paths: Counted, blocks: list[int], on_side: npt.NDArray[np.bool_]
-) -> Iterator[tuple[int, Sums, Sums]]:
-    """Yield blocks, with their sums, and with those that include the neighbors on the same side."""
+) -> Iterator[ComparedBlock]:
+    """Yield blocks with the neighbors on the same side."""
     counted: dict[int, Sums] = {}
     for block in sorted(blocks):
         near = [
@@ -222,4 +284,6 @@ def _pool(
             if 0 <= other < len(on_side) and on_side[other]
         ]
         counted = {other: counted.get(other) or paths.sums(other) for other in near}
-        yield block, counted[block], Sums.total(counted.values(), paths.blocks.threads)
+        sums = list(counted.values())
+        max_trials = paths.blocks.trials * sum(each.frames for each in sums)
+        yield ComparedBlock(block, sums, near.index(block), max_trials)

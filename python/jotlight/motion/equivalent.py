@@ -16,7 +16,7 @@ from jotlight.motion.blocks import Sums
 from jotlight.motion.jots import Image, Jots, SeenJots, inverse_response, response
 from jotlight.motion.tiles import add_squares
 
-_MIN_PROBABILITY = 1e-4
+MIN_PROBABILITY = 1e-4
 """Smallest distance of a probability from 0 and from 1."""
 
 _LARGEST_COUNT = 2.0**20
@@ -134,5 +134,5 @@ def _box(values: npt.NDArray[np.generic]) -> Image:
 
 def clip_probability(probability: npt.NDArray[np.floating]) -> Image:
     """Return probabilities that are not too near 0 and 1, so that their logarithms are finite."""
-    low, high = np.float32(_MIN_PROBABILITY), np.float32(1 - _MIN_PROBABILITY)
+    low, high = np.float32(MIN_PROBABILITY), np.float32(1 - MIN_PROBABILITY)
     return np.asarray(np.clip(probability, low, high), np.float32)

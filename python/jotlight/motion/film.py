@@ -127,12 +127,16 @@ def _corrected(image: FilmImage, converted: ReadingCounts) -> FilmImage:
     if not isinstance(image.data, Merged):  # counts behind a mosaic that are not merged
         first = cycle * image.start + (still.start if still else 0)
         data = converted.readings[first : first + cycle * len(image.data)]
+
+    def count_nearest() -> tuple[Merged, ...]:
+        return tuple(converted.correct(each) for each in image.nearest)
+
     return dataclasses.replace(
         image,
         merged=merged,
         data=data,
         still=still,
-        nearest=tuple(converted.correct(each) for each in image.nearest),
+        count_nearest=count_nearest,
         motion=converted.in_frames(image.motion),
         start=cycle * image.start,
     )

@@ -1,6 +1,8 @@
 """An image of a film, and how the images of a film are made."""
 
 import dataclasses
+import functools
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -38,16 +40,25 @@ class FilmImage:
     """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or bits or readings
     behind a mosaic: those of the window if the scene stands still, and those of fewer frames if no
     motion explains it. The flags of `merged` then say nothing about the image."""
-    nearest: tuple[Merged, ...] = dataclasses.field(default=(), repr=False)
-    """The counts of about a quarter and a sixteenth of the window along the motion: whole blocks of
-    frames, nearest to the time of the image, whether or not they agree with the motion. They are
-    followed by those of the four sixteenths next to this sixteenth, in the order of their distance
-    in time; the earlier one of two with the same distance is first. The film network reads them
-    besides `merged`. They stand still where merging has rejected the motion. Empty for colors and
-    for a finer grid."""
+    count_nearest: Callable[[], tuple[Merged, ...]] = dataclasses.field(default=tuple, repr=False)
+    """A function that returns :attr:`nearest`."""
+
     still: range | None = None
     """The frames of the window whose sums without motion are shown, because merging has rejected
     the motion. None if the bits are merged along it."""
+
+    @functools.cached_property
+    def nearest(self) -> tuple[Merged, ...]:
+        """The counts of about a quarter and a sixteenth of the window along the motion.
+
+        They are those of whole blocks of frames, nearest to the time of the image, whether or not
+        they agree with the motion. They are followed by those of the four sixteenths next to this
+        sixteenth, in the order of their distance in time; the earlier one of two with the same
+        distance is first. The film network reads them besides `merged`. They stand still where
+        merging has rejected the motion. Empty for colors and for a finer grid. They are counted
+        when they are first read.
+        """
+        return self.count_nearest()
 
     def displacement_from(self, time: float) -> npt.NDArray[np.float32] | None:
         """Return where an earlier image showed the points of this one, (2, H, W), in jots.
@@ -119,14 +130,11 @@ def count_nearest(paths: Paths, sensor: Sensor, *, is_still: bool) -> tuple[Merg
     if is_still:
         track = dataclasses.replace(paths.tracks[0], nodes=np.zeros_like(paths.tracks[0].nodes))
         paths = Paths([track], np.zeros_like(paths.labels))
-    return tuple(as_pixels([_total(paths, part)], sensor) for part in find_parts(paths))
-
-
-def _total(paths: Paths, blocks: list[int]) -> Sums:
-    """Return the sum of some blocks along paths, which is 0 for none."""
-    if not blocks:
-        return Sums.zeros(paths.blocks.size)
-    return Sums.total(map(paths.sums, blocks), paths.blocks.threads)
+    blocks = paths.blocks
+    return tuple(
+        as_pixels([Sums.total(map(paths.sums, part), blocks.threads, blocks.size)], sensor)
+        for part in find_parts(paths)
+    )
 
 
 def find_parts(paths: Paths) -> list[list[int]]:

@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+from functools import partial
 
 import numpy as np
 
@@ -209,8 +210,8 @@ class FilmState:
             merged, still = self._merging.merge(paths, shown, start, memory)
         image = FilmImage(merged, shown, start, is_carried, merged, still=still)
         if self._settings.upsample == 1 and paths.blocks.burst.channels == 1:
-            nearest = count_nearest(paths, self.sensor, is_still=image.is_rejected)
-            image = dataclasses.replace(image, nearest=nearest)
+            count = partial(count_nearest, paths, self.sensor, is_still=image.is_rejected)
+            image = dataclasses.replace(image, count_nearest=count)
         return _Candidate(image, motion, paths, memory, texts)
 
 

@@ -56,8 +56,8 @@ def is_unclear(consistent: Consistent, disagreements: Image, model: str) -> bool
     trials = consistent.total.trials / np.maximum(consistent.accepted, 1e-3)
     in_view = trials >= _IN_VIEW * trials.max()
     weights = in_view.astype(np.float32)
-    rejected = blur(weights * (1 - consistent.accepted), _SPREAD)[in_view]
-    rejected = rejected / np.maximum(blur(weights, _SPREAD)[in_view], np.float32(1e-3))
+    both = blur(np.stack([weights * (1 - consistent.accepted), weights]), _SPREAD)
+    rejected = (both[0] / np.maximum(both[1], np.float32(1e-3)))[in_view]
     largest = float(np.quantile(rejected, 0.99))
     is_local = largest > max(_MAX_REJECTED, _CONCENTRATION * float(rejected.mean()))
     return is_local or float(np.mean(disagreements[in_view] > _STRONG)) > _MAX_STRONG

@@ -32,13 +32,18 @@ _ROUNDS = 8
 """Rounds of Newton's method for the factor."""
 
 
+def least_change(template: Template) -> float:
+    """Return the smallest relative change of the number of ones of a block that has an effect."""
+    # The test multiplies p by smaller changes, which is wrong where 1 - p is as small as they are.
+    zeros = min(1.0, (1 - float(template.probability.max())) / _FEW_ZEROS)
+    return _MIN_CHANGE_OF_BLOCK * zeros
+
+
 def at_brightness(template: Template, sums: Sums) -> Template:
     """Return the template as it would be in the light of a block of frames."""
     p = template.probability
     ratio = engine.brightness(sums.ones, sums.trials, p, template.threads)
-    # The test multiplies p by smaller changes, which is wrong where 1 - p is as small as they are.
-    zeros = min(1.0, (1 - float(p.max())) / _FEW_ZEROS)
-    if not _is_change(ratio, _MIN_CHANGE_OF_BLOCK * zeros):
+    if not _is_change(ratio, least_change(template)):
         return template
     changed = _with_factor(p, light_factor(p, sums.trials, ratio))
     return Template(changed, template.trials, template.threads)

@@ -37,17 +37,16 @@ def likelihood_gain(paths: Counted, make: Make = make_template) -> float:
         or a faster one.
     """
     blocks = paths.blocks
-    own, unmoved = ([Sums.zeros(blocks.size) for _ in range(2)] for _ in range(2))
-    seen = [np.zeros(blocks.size, np.float32)[::_STEP, ::_STEP] for _ in range(2)]
-    for block in range(len(blocks.centers)):
-        half = block % 2
-        own[half] += paths.sums(block)
-        frames = blocks.frames(block)
-        blocks.add_unmoved(unmoved[half], frames)
-        seen[half] += np.float32(len(frames)) * _positions_seen(paths, block)
-    if blocks.jots is not None:
-        for sums in unmoved:
-            sums.jots = blocks.jots.at_rest(sums.trials)
+    own, unmoved, seen = [], [], []
+    for half in (0, 1):
+        every_second = range(half, len(blocks.centers), 2)
+        own.append(Sums.total(map(paths.sums, every_second), blocks.threads, blocks.size))
+        frames = [blocks.frames(block) for block in every_second]
+        unmoved.append(blocks.count_unmoved(frames))
+        in_view = np.zeros(blocks.size, np.float32)[::_STEP, ::_STEP]
+        for block, counted in zip(every_second, frames, strict=True):
+            in_view += np.float32(len(counted)) * _positions_seen(paths, block)
+        seen.append(in_view)
     every = equivalent_sums(Sums.total(unmoved, blocks.threads))
     mean = float(np.clip(every.ones.sum() / max(float(every.trials.sum()), 1), 1e-9, 1 - 1e-9))
     gain, kept = _log_likelihood(own, None, mean, make, blocks.threads)

@@ -10,7 +10,7 @@ import jotlight._engine as engine
 from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.images.blur import blur
 from jotlight.motion.blocks import Counts, Sums
-from jotlight.motion.equivalent import clip_probability, equivalent_sums
+from jotlight.motion.equivalent import MIN_PROBABILITY, equivalent_sums
 from jotlight.motion.regularize import Equations
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_TRIALS, TEMPLATES
@@ -75,10 +75,9 @@ def make_template(sums: Sums, threads: int | None, network: str = FAST) -> Templ
     """
     jots_differ = sums.jots is not None
     sums = equivalent_sums(sums)
-    known = sums.trials > 0
-    fraction = fill_from_nearest(sums.ones / np.where(known, sums.trials, 1), known)
+    fraction, known = fraction_of_ones(sums)
     # Most pixels have about the same number of trials.
-    trials = int(np.clip(sums.trials.sum() / max(int(known.sum()), 1), 1, MAX_TRIALS))
+    trials = int(np.clip(sums.trials.sum() / max(known, 1), 1, MAX_TRIALS))
     if jots_differ:
         fraction = _supplement(fraction, sums, np.float32(trials))
     probability = template_network(network).denoise_probability(fraction, trials, threads=threads)
@@ -86,6 +85,22 @@ def make_template(sums: Sums, threads: int | None, network: str = FAST) -> Templ
         excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
         probability += excess / (excess + _EQUAL_TRIALS) * (fraction - probability)
     return without_shift(probability, sums, threads)
+
+
+def fraction_of_ones(sums: Sums) -> tuple[Image, int]:
+    """Return the fraction of ones of each pixel, (H, W), and the number of pixels with trials.
+
+    The others have the fraction of the nearest one of these.
+    """
+    fraction = np.empty(sums.trials.shape, np.float32)
+    if sums.trials.min() > 0:
+        np.divide(sums.ones, sums.trials, out=fraction, dtype=np.float32, casting="unsafe")
+        return fraction, fraction.size
+    known = sums.trials > 0
+    np.divide(
+        sums.ones, np.where(known, sums.trials, 1), fraction, dtype=np.float32, casting="unsafe"
+    )
+    return fill_from_nearest(fraction, known), int(known.sum())
 
 
 def _supplement(fraction: Image, sums: Sums, trials: np.float32) -> Image:
@@ -112,8 +127,10 @@ def without_shift(probability: Image, sums: Sums, threads: int | None) -> Templa
     """Return probabilities of sums as a template at the exact positions."""
     # The remainders have shifted the ones on average. This removes the shift to first order.
     moved = np.empty_like(probability)
-    engine.undo_remainders(probability, sums.remainders, sums.frames, moved, threads)
-    return Template(clip_probability(moved), sums.trials.astype(np.int32, copy=False), threads)
+    engine.undo_remainders(
+        probability, sums.remainders, sums.frames, MIN_PROBABILITY, moved, threads
+    )
+    return Template(moved, sums.trials.astype(np.int32, copy=False), threads)
 
 
 def normal_equations(sums: Sums, template: Template, sigma: float) -> Equations:

@@ -105,11 +105,6 @@ def interpolate(
     return _between_centers(rows, size[1], 2, step)
 
 
-def interpolate_rows(nodes: npt.NDArray[np.floating], height: int) -> npt.NDArray[np.float32]:
-    """Return the displacements of all rows at the centers of tile columns, (2, H, columns)."""
-    return _between_centers(nodes.astype(np.float32), height, axis=1)
-
-
 def _between_centers(
     values: npt.NDArray[np.float32], length: int, axis: int, step: int = 1
 ) -> npt.NDArray[np.float32]:

@@ -107,14 +107,57 @@ def undo_remainders(image, remainders, frames):
     return image - means[:, 0] * slopes[0] - means[:, 1] * slopes[1]
 
 
+def changed_remainders(remainders, change, frames):
+    """Return the remainders (H, 2, columns) of counts in frames whose motion changes."""
+    height = len(remainders)
+    row, fraction = row_places(height, change.shape[1])
+    after = np.minimum(row + 1, change.shape[1] - 1)
+    rows = change[:, row] + fraction[:, None] * (change[:, after] - change[:, row])
+    return remainders - frames * rows.transpose(1, 0, 2)
+
+
+def row_places(height, tiles):
+    """Return the tile above each row of pixels, and how far the row is from its center in tiles."""
+    place = (np.arange(height) - 7.5) / 16
+    row = np.clip(np.floor(place), 0, max(tiles - 2, 0)).astype(int)
+    return row, place - row
+
+
+def accept_agreeing(parts, p, trials_of_template, limit, block):
+    """Return the ones and trials of a block where χ² of some parts is below a limit, and where."""
+    ones, trials = (sum(each) for each in zip(*parts, strict=True))
+    agrees = chi_squared(ones, trials, p, trials_of_template) < limit
+    return block[0] * agrees, block[1] * agrees, agrees
+
+
+def fit_blocks(sums, template, sigma, weights, basis, min_others):
+    """Return the affine errors of blocks that are part of a template, and their information."""
+    fits = []
+    for each in sums:
+        information, right = normal_equations(each, *template, sigma)
+        others = 1 - each.trials.mean() / template[1].mean()
+        fits.append(fit_affine(information, right / max(others, min_others), weights, basis))
+    return [np.stack(each) for each in zip(*fits, strict=True)]
+
+
+RARE = 0.02
+
+
 def chi_squared(ones, trials, p, trials_of_template):
     """Return χ² of each pixel, which is about 1 if the counts agree with the template."""
 
     def box(image, width):
         return uniform_filter(image.astype(float), width, mode="reflect") * width**2
 
-    variance = trials * variance_per_trial(p.astype(float), trials, trials_of_template)
-    residual = ones / brightness(ones, trials, p) - trials * p.astype(float)
+    p, known = p.astype(float), trials > 0
+    # A few ones and zeros are added to each pixel with trials, and ones to the sums of all pixels.
+    rare = RARE * known
+    expected, everything = trials * p + rare, trials + 2 * rare
+    share = expected / np.where(known, everything, 1)
+    variance = everything * variance_per_trial(share, everything, trials_of_template)
+    more = RARE * p.size
+    ratio_of_ones = (ones.sum() + more) / ((trials * p).sum() + more)
+    residual = (ones + rare) / np.clip(ratio_of_ones, 0.1, 10) - expected
     ratio = box(residual, 3) ** 2 / np.maximum(box(variance, 3), 1e-3)
     counted = trials > 0
     return (box(ratio * counted, 9) + 1) / (box(counted, 9) + 1)

@@ -62,7 +62,7 @@ def at_levels(network, fraction, trials, runs):
 
 
 def levels_of(trials):
-    """Each level is that above it divided by the root of 2; the smallest one is the minimum."""
+    """Each level is that above it divided by the root of 2; the smallest is about the minimum."""
     high, pixels = trials.max(), trials.size
     near, fewer = (np.sum(trials >= part * high) for part in (0.99, 0.9))
     if fewer > pixels / 2 and fewer - near > 0.03 * pixels:
@@ -71,9 +71,11 @@ def levels_of(trials):
     levels = [max(low, round(float(high)))]
     while levels[0] > low:
         levels.insert(0, max(low, round(levels[0] / math.sqrt(2))))
+    # The smallest one is left out for fewer than 0.2 % of the pixels, and others below.
+    if len(levels) > 1 and np.sum(trials < levels[1]) < 0.002 * pixels:
+        levels = levels[1:]
     kept = levels[:1]
     for below, level, above in zip(levels, levels[1:], [*levels[2:], None], strict=False):
-        # Those of fewer than 0.2 % of the pixels are left out.
         is_needed = above is None or above > 4 * kept[-1]
         if is_needed or np.sum((trials >= below) & (trials < above)) >= 0.002 * pixels:
             kept.append(level)

@@ -1,6 +1,6 @@
 //! Sums of the counts of several blocks of frames.
 
-use ndarray::{ArrayView2, ArrayViewMut2, Axis};
+use ndarray::{ArrayView1, ArrayView2, ArrayViewMut1, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
 use super::filter::values;
@@ -58,27 +58,35 @@ pub fn add_accepted(test: ArrayView2<'_, f32>, limit: f32, block: Accepted<'_>) 
         check_shape("counts", size, shape)?;
     }
     check_shape("packed mask", (size.0, packed_width(size.1)), mask.dim())?;
+    let width = mask.ncols();
     ones.axis_iter_mut(Axis(0))
         .into_par_iter()
         .zip(trials.axis_iter_mut(Axis(0)))
         .zip(mask.axis_iter_mut(Axis(0)))
         .with_min_len(ROWS_PER_TASK)
         .enumerate()
-        .for_each(|(row, ((mut ones, mut trials), mut mask))| {
-            let test = values(test.row(row));
-            for (counts, sums) in counts.iter().zip([&mut ones, &mut trials]) {
-                add_below(&test, limit, &values(counts.row(row)), sums);
-            }
-            for (byte, test) in mask.iter_mut().zip(test.chunks(8)) {
-                *byte = test.iter().enumerate().fold(0, |byte, (bit, &value)| {
-                    byte | u8::from(value < limit) << (7 - bit)
-                });
-            }
+        .for_each(|(row, ((ones, trials), mut mask))| {
+            let counts = counts.map(|counts| counts.index_axis_move(Axis(0), row));
+            let mut bytes = vec![0; width];
+            accept_row(
+                &values(test.row(row)),
+                limit,
+                counts,
+                [ones, trials],
+                &mut bytes,
+            );
+            mask.iter_mut()
+                .zip(&bytes)
+                .for_each(|(byte, &value)| *byte = value);
         });
     Ok(())
 }
 
-fn check_shape(what: &'static str, expected: (usize, usize), got: (usize, usize)) -> Result<()> {
+pub(super) fn check_shape(
+    what: &'static str,
+    expected: (usize, usize),
+    got: (usize, usize),
+) -> Result<()> {
     if got == expected {
         Ok(())
     } else {
@@ -88,15 +96,19 @@ fn check_shape(what: &'static str, expected: (usize, usize), got: (usize, usize)
 
 levels! {
     /// Add a row of counts.
-    fn add(counts: &[i32], sums: &mut ndarray::ArrayViewMut1<'_, i32>) = add_inlined;
-    /// Add the counts whose value in `test` is below a limit.
-    fn add_below(
-        test: &[f32], limit: f32, counts: &[i32], sums: &mut ndarray::ArrayViewMut1<'_, i32>,
-    ) = add_below_inlined;
+    fn add(counts: &[i32], sums: &mut ArrayViewMut1<'_, i32>) = add_inlined;
+    /// Add the counts of a row whose value in `test` is below a limit, and pack these pixels.
+    pub(super) fn accept_row(
+        test: &[f32],
+        limit: f32,
+        counts: [ArrayView1<'_, i32>; 2],
+        sums: [ArrayViewMut1<'_, i32>; 2],
+        mask: &mut [u8],
+    ) = accept_row_inlined;
 }
 
 #[inline(always)]
-fn add_inlined(counts: &[i32], sums: &mut ndarray::ArrayViewMut1<'_, i32>) {
+fn add_inlined(counts: &[i32], sums: &mut ArrayViewMut1<'_, i32>) {
     match sums.as_slice_mut() {
         Some(sums) => sums.iter_mut().zip(counts).for_each(|(sum, n)| *sum += n),
         None => sums.iter_mut().zip(counts).for_each(|(sum, n)| *sum += n),
@@ -104,12 +116,36 @@ fn add_inlined(counts: &[i32], sums: &mut ndarray::ArrayViewMut1<'_, i32>) {
 }
 
 #[inline(always)]
-fn add_below_inlined(
+fn accept_row_inlined(
     test: &[f32],
     limit: f32,
-    counts: &[i32],
-    sums: &mut ndarray::ArrayViewMut1<'_, i32>,
+    counts: [ArrayView1<'_, i32>; 2],
+    sums: [ArrayViewMut1<'_, i32>; 2],
+    mask: &mut [u8],
 ) {
+    for (counts, sums) in counts.into_iter().zip(sums) {
+        add_below(test, limit, &values(counts), sums);
+    }
+    let (tests, rest) = test.as_chunks::<8>();
+    for (byte, test) in mask.iter_mut().zip(tests) {
+        *byte = pack(test, limit);
+    }
+    if !rest.is_empty() {
+        mask[tests.len()] = pack(rest, limit);
+    }
+}
+
+/// Return the bits of values that are below a limit, the first one as the highest bit.
+#[inline(always)]
+fn pack(test: &[f32], limit: f32) -> u8 {
+    let bits = test.iter().enumerate();
+    bits.fold(0, |byte, (bit, &value)| {
+        byte | u8::from(value < limit) << (7 - bit)
+    })
+}
+
+#[inline(always)]
+fn add_below(test: &[f32], limit: f32, counts: &[i32], mut sums: ArrayViewMut1<'_, i32>) {
     let terms = test.iter().zip(counts);
     let terms = terms.map(|(&value, &count)| if value < limit { count } else { 0 });
     match sums.as_slice_mut() {

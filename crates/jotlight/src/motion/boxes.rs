@@ -10,14 +10,36 @@ pub(super) fn add_neighbors(source: &[f32], step: usize, out: &mut [f32]) {
     }
 }
 
-/// Add to each of the first `number` rows those that are `step` and 2·`step` rows below it.
+/// Write the sum of three rows into `out`.
 #[inline(always)]
-pub(super) fn add_rows(rows: &mut [f32], width: usize, step: usize, number: usize) {
-    for index in 0..number {
-        let (above, below) = rows[index * width..].split_at_mut(step * width);
-        let (near, far) = (&below[..width], &below[step * width..][..width]);
-        for (sum, (near, far)) in above[..width].iter_mut().zip(near.iter().zip(far)) {
-            *sum += near + far;
+pub(super) fn add_three(rows: [&[f32]; 3], out: &mut [f32]) {
+    let rows = rows.map(|row| &row[..out.len()]);
+    for i in 0..out.len() {
+        out[i] = rows[0][i] + (rows[1][i] + rows[2][i]);
+    }
+}
+
+/// The last `N` rows of an image.
+pub(super) struct LastRows<const N: usize> {
+    values: Vec<f32>,
+    width: usize,
+}
+
+impl<const N: usize> LastRows<N> {
+    pub fn new(width: usize) -> Self {
+        Self {
+            values: vec![0.0; N * width],
+            width,
         }
+    }
+
+    #[inline(always)]
+    pub fn row(&self, index: usize) -> &[f32] {
+        &self.values[index % N * self.width..][..self.width]
+    }
+
+    #[inline(always)]
+    pub fn row_mut(&mut self, index: usize) -> &mut [f32] {
+        &mut self.values[index % N * self.width..][..self.width]
     }
 }

@@ -1,13 +1,16 @@
 //! The brightness of a block of frames, relative to that of a template.
 
-use rayon::prelude::*;
+use std::borrow::Cow;
 
 use ndarray::ArrayView2;
+use rayon::prelude::*;
 
 use super::count::Count;
+use super::disagreement::Counts;
 use super::filter::values;
-use super::sums::check_counts;
-use crate::error::Result;
+use super::sums::{check_counts, check_shapes};
+use crate::cpu::levels;
+use crate::error::{Error, Result};
 
 /// The number of sums that are computed together.
 const LANES: usize = 16;
@@ -15,73 +18,167 @@ const LANES: usize = 16;
 /// The range of the brightness.
 pub(super) const LIMITS: (f64, f64) = (0.1, 10.0);
 
+/// The sums of a row of pixels.
+#[derive(Clone, Copy, Default)]
+struct RowSums {
+    /// Σ N.
+    counted: f64,
+    /// Σ D p.
+    expected: f64,
+    /// Whether counts are not possible.
+    is_wrong: bool,
+}
+
 /// Return the ratio of the ones N to the number D p that a template `(H, W)` predicts, in sums over
 /// all pixels, from 0.1 to 10.
 ///
 /// # Errors
-/// [`Shape`](crate::error::Error::Shape) if the shapes of the arrays do not match.
-/// [`Range`](crate::error::Error::Range) if counts are not possible.
+/// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if counts are not
+/// possible.
 pub fn brightness_of<C: Count>(
     ones: ArrayView2<'_, C>,
     trials: ArrayView2<'_, C>,
     probability: ArrayView2<'_, f32>,
 ) -> Result<f64> {
-    check_counts(ones, trials, probability.dim())?;
-    let row = |row| values(probability.row(row));
-    Ok(ratio(ones, trials, row))
+    check_shapes(ones, trials, probability.dim())?;
+    let parts = [Counts { ones, trials }];
+    checked_ratio(&parts, |row| values(probability.row(row)))
 }
 
-/// Return the ratio of the ones N to the number D p that a template predicts, in sums over all
-/// pixels.
+/// Return what [`brightness_of`] returns for counts whose shapes match. `row(i)` are the
+/// probabilities of the row i of pixels.
+pub(super) fn checked_ratio<'a, C: Count>(
+    parts: &[Counts<'_, C>],
+    row: impl Fn(usize) -> Cow<'a, [f32]> + Sync,
+) -> Result<f64> {
+    if let Some(ratio) = ratio(parts, row, |_| true) {
+        return Ok(ratio);
+    }
+    for part in parts {
+        check_counts(part.ones, part.trials, part.ones.dim())?;
+    }
+    Err(Error::range("counts", "possible ones", "others"))
+}
+
+/// Return what [`ratios`] returns for one block.
+pub(super) fn ratio<'a, C: Count>(
+    parts: &[Counts<'_, C>],
+    row: impl Fn(usize) -> Cow<'a, [f32]> + Sync,
+    is_possible: impl Fn(usize) -> bool + Sync,
+) -> Option<f64> {
+    ratios(&[parts], row, is_possible, 0.0)?.first().copied()
+}
+
+/// Return, for each of several blocks, the ratio of the ones of all of its parts together to the number
+/// D p that a template predicts, after `added` ones are added to both for each pixel. Return None if
+/// counts are not possible, or `is_possible` is false for a row.
 ///
-/// Lamps flicker, and clouds pass. The ratio is 1 if the template predicts no ones. `row(i)` are
-/// the probabilities of the row i of pixels.
-pub(super) fn brightness<'a, C: Count>(
-    ones: ArrayView2<'_, C>,
-    trials: ArrayView2<'_, C>,
-    row: impl Fn(usize) -> std::borrow::Cow<'a, [f32]> + Sync,
-) -> f32 {
-    ratio(ones, trials, row) as f32
-}
-
-/// Return what [`brightness`] returns, in double precision.
-fn ratio<'a, C: Count>(
-    ones: ArrayView2<'_, C>,
-    trials: ArrayView2<'_, C>,
-    row: impl Fn(usize) -> std::borrow::Cow<'a, [f32]> + Sync,
-) -> f64 {
-    let sums: Vec<[f64; 2]> = (0..ones.nrows())
+/// Lamps flicker, and clouds pass. The ratio is 1 if the template predicts no ones. Blocks may have
+/// common parts, whose rows are read from memory once.
+pub(super) fn ratios<'a, C: Count>(
+    blocks: &[&[Counts<'_, C>]],
+    row: impl Fn(usize) -> Cow<'a, [f32]> + Sync,
+    is_possible: impl Fn(usize) -> bool + Sync,
+    added: f64,
+) -> Option<Vec<f64>> {
+    let parts = blocks.iter().find_map(|parts| parts.first());
+    let (rows, width) = parts.map_or((0, 0), |part| part.ones.dim());
+    let buffers = || [(); 2].map(|()| vec![0.0; width]);
+    let sums: Vec<Vec<RowSums>> = (0..rows)
         .into_par_iter()
-        .map(|index| {
-            let (ones, trials, p) = (
-                values(ones.row(index)),
-                values(trials.row(index)),
-                row(index),
-            );
-            [C::sum(&ones), predict(&trials, &p)]
+        .map_init(buffers, |counts, index| {
+            let p = row(index);
+            let is_wrong = !is_possible(index);
+            let sums = blocks.iter().map(|parts| {
+                let mut sums = RowSums {
+                    is_wrong,
+                    ..RowSums::default()
+                };
+                add_row(parts, index, &p, counts, &mut sums);
+                sums
+            });
+            sums.collect()
         })
         .collect();
-    // The sums over the rows have a fixed order.
-    let total = |index: usize| sums.iter().map(|sums| sums[index]).sum::<f64>();
-    let (counted, expected) = (total(0), total(1));
-    if expected > 0.0 {
-        (counted / expected).clamp(LIMITS.0, LIMITS.1)
-    } else {
-        1.0
+    if sums.iter().flatten().any(|sums| sums.is_wrong) {
+        return None;
+    }
+    let added = added * (rows * width) as f64;
+    let ratio = |block: usize| {
+        // The sums over the rows have a fixed order.
+        let counted: f64 = added + sums.iter().map(|sums| sums[block].counted).sum::<f64>();
+        let expected: f64 = added + sums.iter().map(|sums| sums[block].expected).sum::<f64>();
+        if expected > 0.0 {
+            (counted / expected).clamp(LIMITS.0, LIMITS.1)
+        } else {
+            1.0
+        }
+    };
+    Some((0..blocks.len()).map(ratio).collect())
+}
+
+levels! {
+    /// Compute the sums of a row. `counts` holds the numbers of ones and of trials afterward.
+    fn add_row[C: Count](
+        parts: &[Counts<'_, C>], row: usize, p: &[f32], counts: &mut [Vec<f32>; 2],
+        sums: &mut RowSums,
+    ) = add_row_inlined;
+}
+
+#[inline(always)]
+fn add_row_inlined<C: Count>(
+    parts: &[Counts<'_, C>],
+    row: usize,
+    p: &[f32],
+    counts: &mut [Vec<f32>; 2],
+    sums: &mut RowSums,
+) {
+    for part in parts {
+        let (ones, trials) = (values(part.ones.row(row)), values(part.trials.row(row)));
+        sums.counted += C::sum(&ones);
+        let pairs = ones.iter().zip(trials.iter());
+        // Without an early end, the compiler vectorizes the search.
+        sums.is_wrong |= pairs.fold(false, |any, (&ones, &trials)| {
+            any | !C::are_possible(ones, trials)
+        });
+    }
+    add_parts(parts, row, counts);
+    sums.expected = predict(&counts[1], p);
+}
+
+/// Replace `counts` with the numbers of ones and of trials of a row of all parts together.
+#[inline(always)]
+pub(super) fn add_parts<C: Count>(
+    parts: &[Counts<'_, C>],
+    row: usize,
+    [ones, trials]: &mut [Vec<f32>; 2],
+) {
+    for (index, part) in parts.iter().enumerate() {
+        let planes = [(part.ones, &mut *ones), (part.trials, &mut *trials)];
+        for (counts, out) in planes {
+            let counts = values(counts.index_axis_move(ndarray::Axis(0), row));
+            let pairs = out.iter_mut().zip(counts.iter());
+            if index == 0 {
+                pairs.for_each(|(out, count)| *out = count.to_f32());
+            } else {
+                pairs.for_each(|(out, count)| *out += count.to_f32());
+            }
+        }
     }
 }
 
 /// Return Σ D p of a row. Several sums at a time let the compiler vectorize it.
-fn predict<C: Count>(trials: &[C], p: &[f32]) -> f64 {
+#[inline(always)]
+fn predict(trials: &[f32], p: &[f32]) -> f64 {
     let mut sums = [0.0; LANES];
     let (trials, trials_rest) = trials.as_chunks::<LANES>();
     let (p, p_rest) = p.as_chunks::<LANES>();
     for (trials, p) in trials.iter().zip(p) {
         for lane in 0..LANES {
-            sums[lane] += trials[lane].to_f32() * p[lane];
+            sums[lane] += trials[lane] * p[lane];
         }
     }
     let rest = trials_rest.iter().zip(p_rest);
-    let rest: f32 = rest.map(|(&trials, &p)| trials.to_f32() * p).sum();
+    let rest: f32 = rest.map(|(&trials, &p)| trials * p).sum();
     sums.iter().copied().map(f64::from).sum::<f64>() + f64::from(rest)
 }

@@ -3,21 +3,28 @@
 use ndarray::{ArrayView2, ArrayViewMut2, Axis};
 use rayon::prelude::*;
 
-use super::boxes::add_neighbors;
-use super::brightness::brightness;
+use super::boxes::{LastRows, add_neighbors, add_three};
+use super::brightness::{add_parts, ratios};
 use super::count::Count;
+use super::disagreement::Counts;
 use super::filter::{reflect, reflect_margins, values};
-use super::sums::check_counts;
-use super::template::{SHARE_OF_TEMPLATE, check_template};
+use super::sums::{check_counts, check_shapes};
+use super::template::{SHARE_OF_TEMPLATE, are_possible, check_template, check_template_shapes};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::interrupt;
 
 /// The number of rows that one task computes.
-const ROWS_PER_TASK: usize = 64;
+pub(super) const ROWS_PER_TASK: usize = 64;
 
 /// The number of pixels that χ² reads in each direction: 1 for the small, and 4 for the large box.
 const RADIUS: usize = 5;
+
+/// The number of ones, and of zeros, that are added to the counts of each pixel with trials.
+///
+/// Where the light is dim or saturated, hardly any bits differ from the others, and these few would
+/// disagree: a single zero among bright pixels is much more than the expected number of zeros.
+const RARE: f32 = 0.02;
 
 /// The smallest variance by which a squared residual is divided.
 const MIN_VARIANCE: f32 = 1e-3;
@@ -25,20 +32,46 @@ const MIN_VARIANCE: f32 = 1e-3;
 /// Counts of a block of frames, and the template to which they are compared.
 #[derive(Clone, Copy, Debug)]
 pub struct Comparison<'a, C = i32> {
-    /// N, the number of ones of each pixel, `(H, W)`.
-    pub ones: ArrayView2<'a, C>,
-    /// D, the number of valid bits of each pixel, `(H, W)`.
-    pub trials: ArrayView2<'a, C>,
+    /// The counts of the parts of the block, which are added.
+    pub parts: &'a [Counts<'a, C>],
     /// p, the probability of a one at each pixel of the template, `(H, W)`.
     pub probability: ArrayView2<'a, f32>,
     /// D_R, the number of trials of each pixel of the template, `(H, W)`.
     pub trials_of_template: ArrayView2<'a, i32>,
 }
 
+/// Return the brightness of each of some blocks, the ratio of Σ N to Σ D p, after a check of all values.
+///
+/// The check reads each row while the ratio does, so all are read only once.
+pub(super) fn brightness_of_blocks<C: Count>(
+    blocks: &[&[Counts<'_, C>]],
+    probability: ArrayView2<'_, f32>,
+    trials_of_template: ArrayView2<'_, i32>,
+) -> Result<Vec<f64>> {
+    check_template_shapes(probability, trials_of_template)?;
+    let parts = || blocks.iter().flat_map(|parts| parts.iter());
+    for part in parts() {
+        check_shapes(part.ones, part.trials, probability.dim())?;
+    }
+    let row = |row| values(probability.row(row));
+    let is_possible = |row| {
+        let trials = values(trials_of_template.row(row));
+        are_possible(&values(probability.row(row)), &trials)
+    };
+    if let Some(ratios) = ratios(blocks, row, is_possible, f64::from(RARE)) {
+        return Ok(ratios);
+    }
+    check_template(probability, trials_of_template)?;
+    for part in parts() {
+        check_counts(part.ones, part.trials, probability.dim())?;
+    }
+    Err(Error::range("counts", "possible ones", "others"))
+}
+
 /// Write χ² of each pixel into `out`. It is about 1 if the counts agree with the template.
 ///
-/// The residual counts N/β − D p and their variances D p(1 − p)(1 + 0.35 D/D_R) are added in squares of
-/// 3 pixels. The ratio of the squared residual to the variance is averaged over those of 9 pixels
+/// N, D, and D p are the counts with a few more ones and zeros, 0.02 each. The residual counts N/β − D p and
+/// their variances D p(1 − p)(1 + 0.35 D/D_R) are added in squares of 3 pixels. The ratio of the squared residual to the variance is averaged over those of 9 pixels
 /// that have trials, and over one more pixel whose ratio is 1. β is the brightness of the block, the
 /// ratio of Σ N to Σ D p.
 ///
@@ -49,14 +82,17 @@ pub fn chi_squared<C: Count>(
     comparison: &Comparison<'_, C>,
     mut out: ArrayViewMut2<'_, f32>,
 ) -> Result<()> {
-    let size = comparison.probability.dim();
-    check_template(comparison.probability, comparison.trials_of_template)?;
-    check_counts(comparison.ones, comparison.trials, size)?;
+    let Comparison {
+        parts,
+        probability,
+        trials_of_template,
+    } = *comparison;
+    let size = probability.dim();
+    let brightness = brightness_of_blocks(&[parts], probability, trials_of_template)?;
+    let per_one = 1.0 / brightness[0] as f32;
     if out.dim() != size {
         return Err(Error::shape("output", size, out.dim()));
     }
-    let row = |row| values(comparison.probability.row(row));
-    let per_one = 1.0 / brightness(comparison.ones, comparison.trials, row);
     out.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK)
         .into_par_iter()
         .enumerate()
@@ -70,7 +106,7 @@ pub fn chi_squared<C: Count>(
 
 levels! {
     /// Compute χ² of some rows, of which `first` is the first.
-    fn test_band[C: Count](
+    pub(super) fn test_band[C: Count](
         comparison: &Comparison<'_, C>, per_one: f32, first: usize, out: ArrayViewMut2<'_, f32>,
     ) = test_band_inlined;
 }
@@ -87,6 +123,7 @@ fn test_band_inlined<C: Count>(
     // once, by all pixels that a square of squares reads.
     let extended = width + 2 * RADIUS;
     // Only the last rows are kept, which stay in the fastest cache.
+    let mut counts = [(); 2].map(|()| vec![0.0; width]);
     let mut terms = [(); 2].map(|()| vec![0.0; extended]);
     let mut counted = LastRows::<3>::new(extended);
     let mut sums = [(); 2].map(|()| LastRows::<3>::new(extended - 2));
@@ -97,10 +134,11 @@ fn test_band_inlined<C: Count>(
     for index in 0..rows + 2 * RADIUS {
         let row = reflect(
             (first + index) as isize - RADIUS as isize,
-            comparison.ones.nrows(),
+            comparison.probability.nrows(),
         );
+        add_parts(comparison.parts, row, &mut counts);
         let known = counted.row_mut(index);
-        compare_row(comparison, per_one, row, &mut terms, known);
+        compare_row(comparison, per_one, row, &counts, &mut terms, known);
         for (sums, terms) in sums.iter_mut().zip(&terms) {
             add_neighbors(terms, 1, sums.row_mut(index));
         }
@@ -143,31 +181,6 @@ fn test_band_inlined<C: Count>(
     }
 }
 
-/// The last `N` rows of an image.
-struct LastRows<const N: usize> {
-    values: Vec<f32>,
-    width: usize,
-}
-
-impl<const N: usize> LastRows<N> {
-    fn new(width: usize) -> Self {
-        Self {
-            values: vec![0.0; N * width],
-            width,
-        }
-    }
-
-    #[inline(always)]
-    fn row(&self, index: usize) -> &[f32] {
-        &self.values[index % N * self.width..][..self.width]
-    }
-
-    #[inline(always)]
-    fn row_mut(&mut self, index: usize) -> &mut [f32] {
-        &mut self.values[index % N * self.width..][..self.width]
-    }
-}
-
 /// Divide the squared sums of three rows of residuals by those of their variances.
 #[inline(always)]
 fn divide(residuals: [&[f32]; 3], variances: [&[f32]; 3], known: &[f32], ratios: &mut [f32]) {
@@ -180,15 +193,6 @@ fn divide(residuals: [&[f32]; 3], variances: [&[f32]; 3], known: &[f32], ratios:
         let large = variance > MIN_VARIANCE;
         let variance = if large { variance } else { MIN_VARIANCE };
         ratios[i] = residual * residual / variance * known[i];
-    }
-}
-
-/// Write the sum of three rows into `out`.
-#[inline(always)]
-fn add_three(rows: [&[f32]; 3], out: &mut [f32]) {
-    let rows = rows.map(|row| &row[..out.len()]);
-    for i in 0..out.len() {
-        out[i] = rows[0][i] + (rows[1][i] + rows[2][i]);
     }
 }
 
@@ -209,28 +213,31 @@ fn compare_row<C: Count>(
     comparison: &Comparison<'_, C>,
     per_one: f32,
     row: usize,
+    [ones, trials]: &[Vec<f32>; 2],
     [residuals, variances]: &mut [Vec<f32>; 2],
     counted: &mut [f32],
 ) {
-    let width = comparison.ones.ncols();
+    let width = ones.len();
     let inner = RADIUS..RADIUS + width;
-    let (ones, trials) = (comparison.ones.row(row), comparison.trials.row(row));
-    let (ones, trials) = (values(ones), values(trials));
     let p = values(comparison.probability.row(row));
     let of_template = values(comparison.trials_of_template.row(row));
     let residual = residuals[inner.clone()].iter_mut().zip(ones.iter());
     for ((residual, &ones), (&trials, &p)) in residual.zip(trials.iter().zip(p.iter())) {
-        *residual = ones.to_f32() * per_one - trials.to_f32() * p;
+        let added = if trials > 0.0 { RARE } else { 0.0 };
+        *residual = (ones + added) * per_one - (trials * p + added);
     }
     let variance = variances[inner.clone()].iter_mut().zip(trials.iter());
     for ((variance, &trials), (&p, &of_template)) in variance.zip(p.iter().zip(of_template.iter()))
     {
-        let trials = trials.to_f32();
-        let share = SHARE_OF_TEMPLATE * trials / of_template.max(1) as f32;
-        *variance = trials * p * (1.0 - p) * (1.0 + share);
+        let added = if trials > 0.0 { RARE } else { 0.0 };
+        let (ones, zeros) = (trials * p + added, trials * (1.0 - p) + added);
+        let all = ones + zeros;
+        let share = SHARE_OF_TEMPLATE * all / of_template.max(1) as f32;
+        let known = if all > 0.0 { all } else { 1.0 };
+        *variance = ones * (zeros / known) * (1.0 + share);
     }
     for (counted, &trials) in counted[inner].iter_mut().zip(trials.iter()) {
-        *counted = if trials.to_f32() > 0.0 { 1.0 } else { 0.0 };
+        *counted = if trials > 0.0 { 1.0 } else { 0.0 };
     }
     for row in [residuals, variances, counted] {
         reflect_margins(row, RADIUS, width);

@@ -3,11 +3,11 @@
 use ndarray::{ArrayView2, ArrayViewMut2, ArrayViewMut3, Axis};
 use rayon::prelude::*;
 
-use super::boxes::{add_neighbors, add_rows};
+use super::boxes::{LastRows, add_neighbors, add_three};
 use super::brightness::LIMITS;
 use super::count::Count;
 use super::filter::{reflect, reflect_margins, values};
-use super::sums::check_counts;
+use super::sums::{check_counts, check_shapes};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::interrupt;
@@ -55,13 +55,11 @@ pub fn disagreement<'a, C: Count>(
         let received = format!("{size:?}");
         return Err(Error::range("size", "at least one pixel", received));
     }
-    check_counts(first.ones, first.trials, size)?;
-    check_counts(second.ones, second.trials, size)?;
     let shape = (2, size.0.div_ceil(SQUARE), size.1.div_ceil(SQUARE));
     if out.dim() != shape {
         return Err(Error::shape("output", shape, out.dim()));
     }
-    let brightness = ratio_of_ones(first, second) as f32;
+    let brightness = relative_brightness(first, second)? as f32;
     let (disagreements, numbers) = out.view_mut().split_at(Axis(0), 1);
     let outs = [disagreements, numbers].map(|out| out.remove_axis(Axis(0)));
     let [mut disagreements, mut numbers] = outs;
@@ -83,28 +81,35 @@ pub fn disagreement<'a, C: Count>(
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if counts are not
 /// possible.
-pub fn relative_brightness<C: Count>(first: &Counts<'_, C>, second: &Counts<'_, C>) -> Result<f64> {
+pub fn relative_brightness<'a, C: Count>(
+    first: &Counts<'a, C>,
+    second: &Counts<'a, C>,
+) -> Result<f64> {
     let size = first.ones.dim();
-    check_counts(first.ones, first.trials, size)?;
-    check_counts(second.ones, second.trials, size)?;
-    Ok(ratio_of_ones(first, second))
-}
-
-/// Return what [`relative_brightness`] returns.
-fn ratio_of_ones<C: Count>(first: &Counts<'_, C>, second: &Counts<'_, C>) -> f64 {
-    let sums: Vec<[f64; 2]> = (0..first.ones.nrows())
+    for part in [first, second] {
+        check_shapes(part.ones, part.trials, size)?;
+    }
+    let sums: Vec<_> = (0..size.0)
         .into_par_iter()
         .map(|row| {
             let rows = [first.ones, first.trials, second.ones, second.trials];
             let rows = rows.map(|counts| values(counts.index_axis_move(Axis(0), row)));
-            let mut sums = [0.0; 2];
-            add_comparable(rows.each_ref().map(|row| &row[..]), &mut sums);
-            sums
+            let (mut sums, mut is_wrong) = ([0.0; 2], false);
+            add_comparable(
+                rows.each_ref().map(|row| &row[..]),
+                &mut sums,
+                &mut is_wrong,
+            );
+            (sums, is_wrong)
         })
         .collect();
+    if sums.iter().any(|&(_, is_wrong)| is_wrong) {
+        check_counts(first.ones, first.trials, size)?;
+        check_counts(second.ones, second.trials, size)?;
+    }
     // The sums over the rows have a fixed order.
-    let total = |index: usize| sums.iter().map(|sums| sums[index]).sum::<f64>();
-    (total(0) / total(1).max(1.0)).clamp(LIMITS.0, LIMITS.1)
+    let total = |index: usize| sums.iter().map(|(sums, _)| sums[index]).sum::<f64>();
+    Ok((total(0) / total(1).max(1.0)).clamp(LIMITS.0, LIMITS.1))
 }
 
 /// The sums of a row of pixels: of the ones; of the trials D₁ + D₂/β; of the differences; and of the
@@ -116,8 +121,11 @@ type Squares<'a> = (ArrayViewMut2<'a, f32>, ArrayViewMut2<'a, f32>);
 
 levels! {
     /// Add the ones of a row, where both parts have trials: those of the first part in as many
-    /// trials as the second one has, and those of the second part.
-    fn add_comparable[C: Count](row: [&[C]; 4], sums: &mut [f64; 2]) = add_comparable_inlined;
+    /// trials as the second one has, and those of the second part. Also find counts that are not
+    /// possible.
+    fn add_comparable[C: Count](
+        row: [&[C]; 4], sums: &mut [f64; 2], is_wrong: &mut bool,
+    ) = add_comparable_inlined;
     /// Compare some rows, of which `first_row` is the first.
     fn compare_band[C: Count](
         parts: [&Counts<'_, C>; 2], brightness: f32, first_row: usize, out: Squares<'_>,
@@ -125,7 +133,14 @@ levels! {
 }
 
 #[inline(always)]
-fn add_comparable_inlined<C: Count>(row: [&[C]; 4], sums: &mut [f64; 2]) {
+fn add_comparable_inlined<C: Count>(row: [&[C]; 4], sums: &mut [f64; 2], is_wrong: &mut bool) {
+    for [ones, trials] in [[row[0], row[1]], [row[2], row[3]]] {
+        // Without an early end, the compiler vectorizes the search.
+        let pairs = ones.iter().zip(trials);
+        *is_wrong |= pairs.fold(false, |any, (&ones, &trials)| {
+            any | !C::are_possible(ones, trials)
+        });
+    }
     let mut lanes = [[0.0; LANES]; 2];
     let width = row[0].len();
     let parts = row.map(|counts| counts.as_chunks::<LANES>());
@@ -170,38 +185,30 @@ fn compare_band_inlined<C: Count>(
     let (height, width) = parts[0].ones.dim();
     let rows = (disagreements.nrows() * SQUARE).min(height - first_row);
     let mut terms = [(); TERMS].map(|()| vec![0.0; width + 2]);
-    let mut sums = [(); TERMS].map(|()| vec![0.0; (rows + 2) * width]);
-    let mut known = vec![0.0; (rows + 2) * width];
+    let mut sums = [(); TERMS].map(|()| LastRows::<3>::new(width));
+    let mut totals = [(); TERMS].map(|()| vec![0.0; width]);
+    let mut known = LastRows::<3>::new(width);
+    let mut ratios = vec![0.0; width];
+    // Only the last rows are kept, which stay in the fastest cache.
     for index in 0..rows + 2 {
         let row = reflect((first_row + index) as isize - 1, height);
-        let known = &mut known[index * width..][..width];
-        compare_row(parts, brightness, row, &mut terms, known);
+        compare_row(parts, brightness, row, &mut terms, known.row_mut(index));
         for (sums, terms) in sums.iter_mut().zip(&terms) {
-            add_neighbors(terms, 1, &mut sums[index * width..][..width]);
+            add_neighbors(terms, 1, sums.row_mut(index));
         }
-    }
-    for plane in &mut sums {
-        add_rows(plane, width, 1, rows);
-    }
-    let max_p = brightness.min(1.0);
-    let mut ratios = vec![0.0; width];
-    for row in 0..rows {
-        let [ones, trials, differences, linear, quadratic] =
-            sums.each_ref().map(|plane| &plane[row * width..][..width]);
-        let known = &known[(row + 1) * width..][..width];
-        for i in 0..width {
-            // Pixels without trials, such as those of dead jots, must not make p smaller.
-            let number = if trials[i] > 1.0 { trials[i] } else { 1.0 };
-            // Sums of real numbers may be smaller than a single one, or negative. Sums of bits are 0
-            // then, and agree.
-            let ones = if ones[i] > 1.0 { ones[i] } else { 1.0 };
-            let share = ones / number;
-            let p = if share < max_p { share } else { max_p };
-            let variance = p * (linear[i] - p * quadratic[i]);
-            let large = variance > MIN_VARIANCE;
-            let variance = if large { variance } else { MIN_VARIANCE };
-            ratios[i] = differences[i] * differences[i] / variance * known[i];
+        let Some(row) = index.checked_sub(2) else {
+            continue;
+        };
+        for (total, sums) in totals.iter_mut().zip(&sums) {
+            add_three([0, 1, 2].map(|k| sums.row(row + k)), total);
         }
+        let known = known.row(row + 1);
+        divide(
+            totals.each_ref().map(|total| &total[..]),
+            known,
+            brightness,
+            &mut ratios,
+        );
         for (plane, values) in [(&mut disagreements, &ratios[..]), (&mut numbers, known)] {
             let mut squares = plane.row_mut(row / SQUARE);
             if row % SQUARE == 0 {
@@ -211,6 +218,28 @@ fn compare_band_inlined<C: Count>(
                 *square += values.iter().sum::<f32>();
             }
         }
+    }
+}
+
+/// Divide the squared differences of a row by their variances.
+#[inline(always)]
+fn divide(sums: [&[f32]; TERMS], known: &[f32], brightness: f32, ratios: &mut [f32]) {
+    let width = ratios.len();
+    let [ones, trials, differences, linear, quadratic] = sums.map(|plane| &plane[..width]);
+    let known = &known[..width];
+    let max_p = brightness.min(1.0);
+    for i in 0..width {
+        // Pixels without trials, such as those of dead jots, must not make p smaller.
+        let number = if trials[i] > 1.0 { trials[i] } else { 1.0 };
+        // Sums of real numbers may be smaller than a single one, or negative. Sums of bits are 0
+        // then, and agree.
+        let ones = if ones[i] > 1.0 { ones[i] } else { 1.0 };
+        let share = ones / number;
+        let p = if share < max_p { share } else { max_p };
+        let variance = p * (linear[i] - p * quadratic[i]);
+        let large = variance > MIN_VARIANCE;
+        let variance = if large { variance } else { MIN_VARIANCE };
+        ratios[i] = differences[i] * differences[i] / variance * known[i];
     }
 }
 

@@ -5,11 +5,12 @@ use std::borrow::Cow;
 use ndarray::{Array3, ArrayView1, ArrayView3, Axis};
 use rayon::prelude::*;
 
-use super::brightness::brightness;
+use super::brightness::checked_ratio;
 use super::count::Count;
+use super::disagreement::Counts;
 use super::filter::{filter_twice, reflect, values};
 use super::shifted_counts::BLOCK;
-use super::sums::Sums;
+use super::sums::{Sums, check_remainders, check_shapes};
 use super::template::{SHARE_OF_TEMPLATE, Template};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
@@ -94,10 +95,15 @@ impl EquationsView<'_> {
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if counts are not
 /// possible, or a remainder is not finite.
 pub fn normal_equations<C: Count>(template: &Template, sums: Sums<'_, C>) -> Result<Equations> {
-    sums.check(template.size)?;
+    check_shapes(sums.ones, sums.trials, template.size)?;
+    check_remainders(sums.remainders, template.size)?;
     let (rows, columns) = template.size;
     let row = |row: usize| Cow::Borrowed(&template.probability[row * template.stride..][..columns]);
-    let per_one = 1.0 / brightness(sums.ones, sums.trials, row);
+    let counts = [Counts {
+        ones: sums.ones,
+        trials: sums.trials,
+    }];
+    let per_one = 1.0 / checked_ratio(&counts, row)? as f32;
     let tiles = (rows.div_ceil(TILE), columns.div_ceil(TILE));
     let mut rows_of_tiles = vec![vec![[0.0; SUMS]; tiles.1]; tiles.0];
     rows_of_tiles

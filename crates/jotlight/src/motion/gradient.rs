@@ -1,11 +1,12 @@
 //! Derivatives of images along rows and columns.
 
-use ndarray::{ArrayView1, ArrayView2, ArrayView3, ArrayViewMut2, Axis};
+use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 
 use super::filter::{DERIVATIVE, LANES, Rows, filter, reflect, reflect_margins, values};
 use super::shifted_counts::BLOCK;
 use super::sums::check_remainders;
+use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::interrupt;
 
@@ -44,41 +45,32 @@ pub(super) fn differentiate(
     }
 }
 
-/// Write an image into `out` after its pixels are moved by the mean remainders r̄, to first order:
-/// p − r̄ · ∇p.
+/// Write probabilities into `out` after their pixels are moved by the mean remainders r̄, to first
+/// order: p − r̄ · ∇p, from `least` to 1 − `least`.
 ///
 /// `remainders` `(H, 2, ⌈W/BLOCK⌉)` holds sums over a number of frames, as
 /// [`super::add_shifted_counts`] computes them.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is
-/// empty, or a value is not finite.
+/// empty, a value is not finite, or `least` is not from 0 to 0.5.
 pub fn undo_remainders(
     image: ArrayView2<'_, f32>,
     remainders: ArrayView3<'_, f32>,
     frames: usize,
+    least: f64,
     mut out: ArrayViewMut2<'_, f32>,
 ) -> Result<()> {
     let (height, width) = image.dim();
-    if image.is_empty() {
-        let received = format!("{:?}", image.dim());
-        return Err(Error::range("size", "at least one pixel", received));
-    }
-    // Without an early end in a row, the compiler vectorizes the search.
-    let is_wrong = |row: ArrayView1<'_, f32>| {
-        let row = values(row);
-        row.iter()
-            .fold(false, |any, value| any | !value.is_finite())
-    };
-    if let Some(row) = image.rows().into_iter().find(|row| is_wrong(*row)) {
-        let wrong = row.iter().find(|value| !value.is_finite());
-        let value = wrong.copied().unwrap_or_default();
-        return Err(Error::range("probabilities", "finite numbers", value));
-    }
+    check_finite(image)?;
     check_remainders(remainders, image.dim())?;
     if out.dim() != image.dim() {
         return Err(Error::shape("output", image.dim(), out.dim()));
     }
+    if !(0.0..=0.5).contains(&least) {
+        return Err(Error::range("least probability", "0 to 0.5", least));
+    }
+    let limits = (least as f32, (1.0 - least) as f32);
     let stride = width.next_multiple_of(LANES);
     let per_frame = 1.0 / frames.max(1) as f32;
     let bands = out
@@ -97,17 +89,79 @@ pub fn undo_remainders(
         let mut gradient = [(); 2].map(|()| vec![0.0; rows * stride]);
         let [along_rows, along_columns] = &mut gradient;
         differentiate(&near, along_rows, along_columns, width);
+        let mut moved = vec![0.0; width];
         for (index, mut out) in out.rows_mut().into_iter().enumerate() {
-            let remainders = remainders.index_axis(Axis(0), first + index);
             let slopes = gradient
                 .each_ref()
                 .map(|plane| &plane[index * stride..][..width]);
+            let means = [0, 1].map(|k| {
+                let remainders = remainders.slice(s![first + index, k, ..]);
+                remainders.iter().map(|sum| per_frame * sum).collect()
+            });
             let p = &near[(index + RADIUS) * stride..][..width];
-            for (column, out) in out.iter_mut().enumerate() {
-                let mean = [0, 1].map(|k| per_frame * remainders[[k, column / BLOCK]]);
-                *out = p[column] - mean[0] * slopes[0][column] - mean[1] * slopes[1][column];
-            }
+            move_row(p, slopes, &means, limits, &mut moved);
+            out.iter_mut()
+                .zip(&moved)
+                .for_each(|(out, &value)| *out = value);
         }
     });
     Ok(())
+}
+
+/// Check that an image has pixels, and that they are finite.
+fn check_finite(image: ArrayView2<'_, f32>) -> Result<()> {
+    if image.is_empty() {
+        let received = format!("{:?}", image.dim());
+        return Err(Error::range("size", "at least one pixel", received));
+    }
+    // Without an early end in a row, the compiler vectorizes the search.
+    let is_wrong = |row: usize| {
+        let row = values(image.row(row));
+        row.iter()
+            .fold(false, |any, value| any | !value.is_finite())
+    };
+    let rows = (0..image.nrows()).into_par_iter();
+    let Some(row) = rows.find_first(|&row| is_wrong(row)) else {
+        return Ok(());
+    };
+    let row = image.row(row);
+    let wrong = row.iter().find(|value| !value.is_finite());
+    let value = wrong.copied().unwrap_or_default();
+    Err(Error::range("probabilities", "finite numbers", value))
+}
+
+levels! {
+    /// Move the pixels of a row by the mean remainders of its blocks.
+    fn move_row(
+        p: &[f32], slopes: [&[f32]; 2], means: &[Vec<f32>; 2], limits: (f32, f32), out: &mut [f32],
+    ) = move_row_inlined;
+}
+
+#[inline(always)]
+fn move_row_inlined(
+    p: &[f32],
+    slopes: [&[f32]; 2],
+    means: &[Vec<f32>; 2],
+    (low, high): (f32, f32),
+    out: &mut [f32],
+) {
+    let (blocks, rest) = out.as_chunks_mut::<BLOCK>();
+    let number = blocks.len();
+    let planes = [p, slopes[0], slopes[1]];
+    let move_pixels = |out: &mut [f32], [p, rows, columns]: [&[f32]; 3], block: usize| {
+        let mean = [means[0][block], means[1][block]];
+        for i in 0..out.len() {
+            let moved = p[i] - mean[0] * rows[i] - mean[1] * columns[i];
+            let moved = if moved > low { moved } else { low };
+            out[i] = if moved < high { moved } else { high };
+        }
+    };
+    for (block, out) in blocks.iter_mut().enumerate() {
+        let part = planes.map(|plane| &plane[block * BLOCK..][..BLOCK]);
+        move_pixels(out, part, block);
+    }
+    let part = planes.map(|plane| &plane[number * BLOCK..][..rest.len()]);
+    if !rest.is_empty() {
+        move_pixels(rest, part, number);
+    }
 }

@@ -15,6 +15,7 @@
 //!
 //! Before, [`velocity_scores`] tells how probable velocities are in windows of the scene.
 
+mod acceptance;
 mod affine;
 mod block_sums;
 mod bounds;
@@ -28,10 +29,12 @@ mod disagreement;
 mod equations;
 mod field;
 mod filter;
+mod fits;
 mod frames;
 mod gradient;
 mod lines;
 mod object_gain;
+mod remainders;
 mod rounding;
 mod row;
 mod row_counter;
@@ -48,6 +51,7 @@ mod template;
 mod tile_matrix;
 mod velocity_scores;
 
+pub use acceptance::{Limits, Tested, Totals, accept_agreeing};
 pub use affine::{AffineFit, fit_affine};
 pub use block_sums::{Accepted, add_accepted, add_counts};
 pub use brightness::brightness_of;
@@ -58,8 +62,10 @@ pub use disagreement::{Counts, SQUARE, disagreement, relative_brightness};
 pub use equations::{Equations, EquationsView, TILE, normal_equations};
 pub use field::Displacements;
 pub use filter::blur;
+pub use fits::{Share, fit_blocks};
 pub use gradient::undo_remainders;
 pub use object_gain::{GAINS, Object, PREDICTIONS, Seen, add_object_gain, mark_covered};
+pub use remainders::changed_remainders;
 pub use shifted_counts::{BLOCK, ShiftedCounts, add_shifted_counts};
 pub use shifted_scores::{Peak, peak_of_shifted_scores};
 pub use shifted_values::add_shifted_values;

@@ -21,14 +21,6 @@ pub struct Sums<'a, C = i32> {
     pub frames: usize,
 }
 
-impl<C: Count> Sums<'_, C> {
-    /// Check that the shapes are those of an image, and that the values are possible.
-    pub(super) fn check(&self, size: (usize, usize)) -> Result<()> {
-        check_counts(self.ones, self.trials, size)?;
-        check_remainders(self.remainders, size)
-    }
-}
-
 /// Check that remainders have the shape of an image, and are finite.
 pub(super) fn check_remainders(
     remainders: ArrayView3<'_, f32>,
@@ -38,14 +30,18 @@ pub(super) fn check_remainders(
     if remainders.dim() != shape {
         return Err(Error::shape("remainders", shape, remainders.dim()));
     }
-    match remainders.iter().find(|value| !value.is_finite()) {
-        Some(value) => Err(Error::range("remainders", "finite numbers", value)),
-        None => Ok(()),
+    // Without an early end, the compiler vectorizes the search.
+    let is_wrong = |any, value: &f32| any | !value.is_finite();
+    if !remainders.fold(false, is_wrong) {
+        return Ok(());
     }
+    let wrong = remainders.iter().find(|value| !value.is_finite());
+    let value = wrong.copied().unwrap_or_default();
+    Err(Error::range("remainders", "finite numbers", value))
 }
 
-/// Check that the counts have the shape of an image, and are possible.
-pub(super) fn check_counts<C: Count>(
+/// Check that the counts have the shape of an image.
+pub(super) fn check_shapes<C>(
     ones: ArrayView2<'_, C>,
     trials: ArrayView2<'_, C>,
     size: (usize, usize),
@@ -55,6 +51,16 @@ pub(super) fn check_counts<C: Count>(
             return Err(Error::shape(what, size, counts.dim()));
         }
     }
+    Ok(())
+}
+
+/// Check that the counts have the shape of an image, and are possible.
+pub(super) fn check_counts<C: Count>(
+    ones: ArrayView2<'_, C>,
+    trials: ArrayView2<'_, C>,
+    size: (usize, usize),
+) -> Result<()> {
+    check_shapes(ones, trials, size)?;
     for (ones, trials) in ones.rows().into_iter().zip(trials.rows()) {
         let (ones, trials) = (values(ones), values(trials));
         let is_wrong = |(&ones, &trials): (&C, &C)| !C::are_possible(ones, trials);

@@ -135,9 +135,17 @@ fn row_step(sigma: f64, size: (usize, usize)) -> usize {
     }
 }
 
-/// Check that a template has pixels, that their probabilities are above 0 and below 1, and that
-/// their numbers of trials are not negative.
-pub(super) fn check_template(
+/// Return whether the probabilities of a row of a template are above 0 and below 1, and its numbers of
+/// trials are not negative.
+#[inline(always)]
+pub(super) fn are_possible(probabilities: &[f32], trials: &[i32]) -> bool {
+    // Without an early end, the compiler vectorizes the searches.
+    let is_wrong = |any, &p: &f32| any | !(p > 0.0 && p < 1.0);
+    !probabilities.iter().fold(false, is_wrong) && trials.iter().copied().fold(0, i32::min) >= 0
+}
+
+/// Check that a template has pixels, and that its arrays have the same shape.
+pub(super) fn check_template_shapes(
     probability: ArrayView2<'_, f32>,
     trials: ArrayView2<'_, i32>,
 ) -> Result<()> {
@@ -149,15 +157,26 @@ pub(super) fn check_template(
         let (expected, received) = (probability.dim(), trials.dim());
         return Err(Error::shape("trials of the template", expected, received));
     }
+    Ok(())
+}
+
+/// Check that a template has pixels, that their probabilities are above 0 and below 1, and that
+/// their numbers of trials are not negative.
+pub(super) fn check_template(
+    probability: ArrayView2<'_, f32>,
+    trials: ArrayView2<'_, i32>,
+) -> Result<()> {
+    check_template_shapes(probability, trials)?;
     for (probabilities, trials) in probability.rows().into_iter().zip(trials.rows()) {
         let (probabilities, trials) = (values(probabilities), values(trials));
-        // Without an early end, the compiler vectorizes the searches.
-        let is_wrong = |p: f32| !(p > 0.0 && p < 1.0);
-        if probabilities
+        if are_possible(&probabilities, &trials) {
+            continue;
+        }
+        let wrong = probabilities
             .iter()
-            .fold(false, |any, &p| any | is_wrong(p))
-        {
-            let wrong = probabilities.iter().copied().find(|&p| is_wrong(p));
+            .copied()
+            .find(|&p| !(p > 0.0 && p < 1.0));
+        if wrong.is_some() {
             return Err(Error::range(
                 "probabilities of the template",
                 "numbers above 0 and below 1",

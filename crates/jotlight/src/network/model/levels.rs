@@ -32,7 +32,8 @@ const MIN_SHARE: f64 = 0.03;
 const NEAR: f64 = 0.99;
 
 /// A level for less than this fraction of the pixels is left out, if the ratio of its neighbors is at
-/// most [`MAX_GAP`]. Its pixels get the next lower level.
+/// most [`MAX_GAP`]. Its pixels get the next lower level. Those of the lowest level get the next higher
+/// one, which is at most √2 times as large.
 const FEW_PIXELS: f64 = 0.002;
 
 /// See [`FEW_PIXELS`].
@@ -149,13 +150,16 @@ fn levels_of_map(trials: ArrayView2<'_, f32>) -> Vec<u32> {
     let levels = level_range(f64::from(low), largest_level(trials, f64::from(high)));
     let count = |&level: &u32| trials.iter().filter(|&&n| n >= level as f32).count();
     let above: Vec<_> = levels.iter().map(count).collect();
-    let mut kept = vec![levels[0]];
-    for index in 1..levels.len() {
+    let is_rare = |pixels: usize| (pixels as f64) < FEW_PIXELS * trials.len() as f64;
+    let below = above.get(1).map(|&higher| trials.len() - higher);
+    let first = usize::from(below.is_some_and(is_rare));
+    let mut kept = vec![levels[first]];
+    for index in first + 1..levels.len() {
         // The last level is always kept.
         let is_needed = above.get(index + 1).is_none_or(|&higher| {
             let pixels = above[index - 1] - higher;
             let gap = f64::from(levels[index + 1]) / f64::from(kept[kept.len() - 1]);
-            pixels as f64 >= FEW_PIXELS * trials.len() as f64 || gap > MAX_GAP
+            !is_rare(pixels) || gap > MAX_GAP
         });
         if is_needed {
             kept.push(levels[index]);
@@ -266,6 +270,24 @@ mod tests {
         // From 90 to 99 % of the largest number, one level serves all.
         trials.row_mut(0).fill(100.0);
         assert_eq!(levels(&trials), [100, 230]);
+    }
+
+    /// The lowest pixels then get a level that is at most √2 times as large.
+    #[test]
+    fn a_lowest_level_for_few_pixels_is_left_out() {
+        let mut trials = Array2::from_elem((40, 50), 256.0);
+        let levels = |trials: &Array2<f32>| {
+            let found = level_weights(trials.view()).into_iter();
+            found.map(|(level, _)| level).collect::<Vec<_>>()
+        };
+        trials.row_mut(0).fill(181.0);
+        trials[[0, 0]] = 150.0;
+        assert_eq!(levels(&trials), [181, 256]);
+        for (_, weights) in level_weights(trials.view()) {
+            assert!((weights[[0, 0]] - weights[[0, 1]]).abs() < 1e-6);
+        }
+        trials.row_mut(1).fill(150.0);
+        assert_eq!(levels(&trials), [150, 181, 256]);
     }
 
     #[test]
