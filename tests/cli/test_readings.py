@@ -41,7 +41,7 @@ def test_info_shows_the_values(run, files):
         (["film", "bracket.npy", "--window", 4], "12 frames without a repetition; jotlight.recon"),
         (["film", "map.npy", "--window", 4], "got a threshold for each jot; jotlight.reconstruct"),
         (["reconstruct", "map.npy", "--find-hot-jots"], "find-hot-jots: expected one threshold"),
-        (["view", "bracket.npy"], "expected one gain and one threshold"),
+        (["view", "bracket.npy"], "expected exposures that repeat in cycles"),
     ],
 )
 def test_what_needs_one_gain_and_threshold_says_so(run, files, arguments, message):
