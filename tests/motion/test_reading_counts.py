@@ -32,7 +32,14 @@ BRACKETS = [
 
 def scene_of(sensor, motion="shake", shape=SHAPE, color=False):
     photograph = jl.datasets.photograph("astronaut" if color else "camera").astype(float)
-    return jl.datasets.moving(photograph, motion, sensor=sensor, shape=shape, rng=1)
+    scene = jl.datasets.moving(photograph, motion, sensor=sensor, shape=shape, rng=1)
+    # Frames of a scene are drawn whenever they are read, which takes long.
+    kept, (_, _, width) = scene.bits, scene.bits.shape[:3]
+    if isinstance(kept, jl.Bits):
+        scene.bits = jl.Bits(np.asarray(kept.packed), width, kept.sensor)
+    else:
+        scene.bits = Readings(kept.to_array(), kept.sensor)
+    return scene
 
 
 def flat(sensor, intensity=0.6, shape=SHAPE):

@@ -13,7 +13,7 @@ import jotlight._engine as engine
 from jotlight.images.blur import blur
 from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums, estimate_probability
-from jotlight.motion.flicker import at_brightness, least_change, without_saturation
+from jotlight.motion.flicker import at_brightness, min_change, without_saturation
 from jotlight.motion.scoring import (
     FAST,
     PRECISE,
@@ -251,7 +251,7 @@ def add_agreeing(
     plain = [each for each in tested if each.is_plain]
     is_added = engine.accept_agreeing(
         (template.probability, template.trials),
-        (limit, least_change(template)),
+        (limit, min_change(template)),
         [
             ([(near.ones, near.trials) for near in each.near], each.index, masks[each.block])
             for each in plain

@@ -32,7 +32,7 @@ _ROUNDS = 8
 """Rounds of Newton's method for the factor."""
 
 
-def least_change(template: Template) -> float:
+def min_change(template: Template) -> float:
     """Return the smallest relative change of the number of ones of a block that has an effect."""
     # The test multiplies p by smaller changes, which is wrong where 1 - p is as small as they are.
     zeros = min(1.0, (1 - float(template.probability.max())) / _FEW_ZEROS)
@@ -43,7 +43,7 @@ def at_brightness(template: Template, sums: Sums) -> Template:
     """Return the template as it would be in the light of a block of frames."""
     p = template.probability
     ratio = engine.brightness(sums.ones, sums.trials, p, template.threads)
-    if not _is_change(ratio, least_change(template)):
+    if not _is_change(ratio, min_change(template)):
         return template
     changed = _with_factor(p, light_factor(p, sums.trials, ratio))
     return Template(changed, template.trials, template.threads)
