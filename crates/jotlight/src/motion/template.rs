@@ -140,8 +140,10 @@ fn row_step(sigma: f64, size: (usize, usize)) -> usize {
 #[inline(always)]
 pub(super) fn are_possible(probabilities: &[f32], trials: &[i32]) -> bool {
     // Without an early end, the compiler vectorizes the searches.
-    let is_wrong = |any, &p: &f32| any | !(p > 0.0 && p < 1.0);
-    !probabilities.iter().fold(false, is_wrong) && trials.iter().copied().fold(0, i32::min) >= 0
+    let wrong = probabilities
+        .iter()
+        .fold(0, |wrong, &p| wrong | u32::from(!(p > 0.0 && p < 1.0)));
+    wrong == 0 && trials.iter().copied().fold(0, i32::min) >= 0
 }
 
 /// Check that a template has pixels, and that its arrays have the same shape.
