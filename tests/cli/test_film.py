@@ -141,13 +141,13 @@ def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
 @pytest.mark.filterwarnings("always")
 @pytest.mark.slow
 def test_a_warning_about_short_windows_is_about_some_images(run, moving):
-    arguments = ["film", "moving.npy", "--motion", "--window", 8, "--step", 2, "-m", "mle"]
+    arguments = ["film", "moving.npy", "--motion", "--window", 6, "--step", 1, "-m", "mle"]
     status, output = run(*arguments, "-o", "film.npy")
     assert status == 0, output
-    warning = "or more to estimate a motion, got 8; the scene is assumed to stand"
+    warning = "or more to estimate a motion, got 6; the scene is assumed to stand"
     assert f"{warning} still (in at least one image)" in output
     with hide_warnings():
-        images = list(film(moving, window=8, step=2))
+        images = list(film(moving, window=6, step=1))
     models = {image.motion.model for image in images}
     assert models > {"none"}
     carried = sum(image.is_carried for image in images)

@@ -192,15 +192,24 @@ fn naive_equations(case: &Case, sigma: f64) -> Array3<f64> {
 
 fn naive_chi_squared(case: &Case) -> Array2<f64> {
     let p = case.probability.mapv(f64::from);
-    let variance = variance_per_trial(case, &p);
     let trials = case.trials.mapv(f64::from);
     let [small, large] = [1, 4].map(|radius| square(radius, |_, _| 1.0));
+    let counted = trials.mapv(|trials| f64::from(u8::from(trials > 0.0)));
+    // A few ones and zeros are added to each pixel with trials, and ones to the sums of all pixels.
+    let rare = &counted * 0.02;
+    let expected = &trials * &p + &rare;
+    let zeros = &trials * &(1.0 - &p) + &rare;
+    let all = &expected + &zeros;
+    let share = 0.35 * &all / case.of_template.mapv(|trials| f64::from(trials.max(1)));
+    let variance = &expected * &zeros / all.mapv(|all| all.max(1e-9)) * (1.0 + share);
+    let ones = case.ones.mapv(f64::from);
+    let more = 0.02 * p.len() as f64;
+    let ratio = (ones.sum() + more) / ((&trials * &p).sum() + more);
     let residuals = correlate(
-        &(case.ones.mapv(f64::from) / brightness(case, &p) - &trials * &p),
+        &((ones + &rare) / ratio.clamp(0.1, 10.0) - &expected),
         &small,
     );
-    let variances = correlate(&(&trials * &variance), &small);
-    let counted = trials.mapv(|trials| f64::from(u8::from(trials > 0.0)));
+    let variances = correlate(&variance, &small);
     let ratios = &residuals * &residuals / variances.mapv(|v| v.max(1e-3)) * &counted;
     (correlate(&ratios, &large) + 1.0) / (correlate(&counted, &large) + 1.0)
 }
