@@ -81,7 +81,13 @@ def test_an_undeclared_mosaic_is_reported_on_few_jots(shape, side, frames):
         calibrate(passed * response(shape), frames)
 
 
-@pytest.mark.parametrize("shape", [(8, 8), (16, 16), (33, 48), (128, 128)])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        (16, 16),
+        *(pytest.param(each, marks=pytest.mark.slow) for each in ((8, 8), (33, 48), (128, 128))),
+    ],
+)
 def test_no_mosaic_is_reported_where_there_is_none(shape):
     y, x = np.mgrid[: shape[0], : shape[1]] / max(shape)
     columns = 1 + 0.05 * np.random.default_rng(3).standard_normal(shape[1])

@@ -44,7 +44,7 @@ def test_the_end_of_a_window_moves_as_its_own_bits_show():
     frames, _ = in_squares(bits[: start + window], bits.sensor, None)
     squares, sensor = in_squares(part, part.sensor, None)
     settings = FilmSettings(
-        window=window, step=16, model="auto", causal=True, memory=False, upsample=1, threads=None
+        window=window, step=16, model="affine", causal=True, memory=False, upsample=1, threads=None
     )
     found = FilmState(sensor, settings)._of_more_frames(frames, 0, squares, start)
     truth = scene.image(start + window - 1)
@@ -54,6 +54,5 @@ def test_the_end_of_a_window_moves_as_its_own_bits_show():
         inner = (slice(8, -8),) * 2
         return jl.metrics.psnr(jl.reconstruct(merged)[inner], truth[inner], data_range=1.0)
 
-    alone = quality(jl.align(part))
-    # Squares of jots show less of the scene, so tiles are sometimes taken for its motion.
-    assert quality(enlarge_motion(found.image.motion, 2, bits.shape[1:])) > alone - 1.5
+    alone = quality(jl.align(part, model="affine"))
+    assert quality(enlarge_motion(found.image.motion, 2, bits.shape[1:])) > alone - 0.3

@@ -22,17 +22,15 @@ from jotlight.motion.consistency import (
 from jotlight.motion.path_search import _still
 from jotlight.motion.scoring import Template
 from jotlight.motion.track import Paths
-from moving import blocks_of
+from moving import blocks_of, random_counts
 from reference import motion as reference
 
 
 def random_case(seed, size, trials, threads=None):
     """Return sums and a template of random counts; a part of the pixels has no trials."""
     rng = np.random.default_rng(seed)
-    counts = (trials * (rng.random(size) < 0.8)).astype(np.int32)
-    counts[size[0] // 2] = 0
     sums = Sums.zeros(size)
-    sums.trials, sums.ones = counts, rng.binomial(counts, 0.4).astype(np.int32)
+    sums.ones, sums.trials = random_counts(rng, size, trials)
     probability = rng.uniform(0.01, 0.99, size).astype(np.float32)
     return sums, Template(probability, rng.integers(0, 50, size, np.int32), threads)
 
@@ -197,73 +195,6 @@ def test_arguments_that_do_not_fit_are_refused(changes, message):
     }
     with pytest.raises(ValueError, match=message):
         engine.chi_squared(*{**arguments, **changes}.values(), None)
-
-
-@settings(max_examples=60)
-@given(
-    st.integers(0, 2**32),
-    st.tuples(st.integers(1, 80), st.integers(1, 100)),
-    st.sampled_from([0, 1, 8, 1000]),
-)
-def test_the_disagreement_in_squares_is_that_of_the_twin(seed, size, trials):
-    arguments = two_parts(seed, size, trials)
-    expected = reference.disagreement(*arguments)
-    found = np.empty(expected.shape, np.float32)
-    engine.disagreement(*arguments, found, None)
-    np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-3)
-
-
-def two_parts(seed, size, trials):
-    """Return random ones and trials of two parts."""
-    parts = [random_case(seed + part, size, trials)[0] for part in (0, 1)]
-    return [each for part in parts for each in (part.ones, part.trials)]
-
-
-@pytest.mark.parametrize("level", engine.cpu_levels())
-def test_any_number_of_threads_gives_the_same_disagreement(level):
-    arguments = two_parts(1, (97, 61), 9)
-    engine.choose_cpu_level(level)
-    try:
-        found = np.empty((3, 2, 25, 16), np.float32)
-        for threads, out in enumerate(found, 1):
-            engine.disagreement(*arguments, out, threads)
-    finally:
-        engine.choose_cpu_level(None)
-    np.testing.assert_array_equal(found[1:], found[[0, 0]])
-
-
-@pytest.mark.parametrize("brightness", [1, 0.25, 0.5, 1.3, 2])
-def test_parts_that_agree_disagree_by_about_1_except_where_one_has_changed(brightness):
-    rng = np.random.default_rng(3)
-    p = rng.uniform(0.05, 0.4, (160, 200))
-    first, second = Sums.zeros(p.shape), Sums.zeros(p.shape)
-    first.trials[:], second.trials[:] = 40, 100
-    first.ones[:] = rng.binomial(40, p)
-    second.ones[:] = rng.binomial(100, brightness * p)
-    found = disagreement(first, second)
-    assert found.mean() == pytest.approx(1, abs=0.07)
-    assert np.mean(found > 1.4) < 0.01
-    first.ones[60:100, 80:120] = rng.binomial(40, p[60:100, 80:120][::-1])
-    found = disagreement(first, second)
-    assert found[70:90, 90:110].min() > 1.4
-    assert np.mean(found[:40] > 1.4) < 0.01
-    first.trials[:] = first.ones[:] = 0
-    np.testing.assert_allclose(disagreement(first, second), 1)
-
-
-def test_parts_that_do_not_fit_are_refused():
-    good = [np.zeros((5, 8), np.int32), np.full((5, 8), 2, np.int32)] * 2
-    out = np.zeros((2, 2, 2), np.float32)
-    more, wide = np.full((5, 8), 3, np.int32), np.zeros((5, 9), np.int32)
-    for wrong, message in (
-        ([more, *good[1:], out], "expected 0 to that of trials"),
-        ([*good[:2], more, good[3], out], "expected 0 to that of trials"),
-        ([*good[:3], wide, out], "numbers of trials: expected \\(5, 8\\)"),
-        ([*good, out[:, :1].copy()], "output: expected \\(2, 2, 2\\)"),
-        ([np.zeros((0, 8), np.int32)] * 4 + [out], "at least one pixel"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            engine.disagreement(*wrong, None)
 
 
 def hidden_scene(rng, channels=()):

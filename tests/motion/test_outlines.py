@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
 from scipy.optimize import minimize
-from skimage.restoration import denoise_tv_chambolle
 
 from jotlight.motion.outlines import (
     _cost,
     _with_short_outlines,
     choose_labels,
-    with_little_variation,
 )
 from jotlight.motion.tiles import tile_counts
 from jotlight.motion.track import Track
@@ -22,13 +20,6 @@ def track_of(blocks, velocity, reference):
     nodes = np.zeros((number, 2, *shape))
     nodes += np.outer(blocks.centers - reference, velocity)[:, :, None, None]
     return Track(blocks, reference, nodes, np.ones(number, bool), np.zeros((number, 3, *shape)))
-
-
-@pytest.mark.parametrize("weight", [0.2, 0.75])
-def test_an_image_with_little_variation_is_that_of_another_library(weight):
-    image = np.random.default_rng(0).normal(size=(23, 31))
-    expected = denoise_tv_chambolle(image, weight=weight, max_num_iter=300)
-    np.testing.assert_allclose(with_little_variation(image, weight), expected, atol=1e-12)
 
 
 def test_each_half_follows_its_own_motion():

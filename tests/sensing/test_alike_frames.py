@@ -9,8 +9,8 @@ from jotlight.sensing.alike_frames import (
     check_cycles,
     exposure_cycle,
     find_cycle,
+    repeat_exposures,
     require_alike_frames,
-    with_frames,
 )
 
 CHECKERBOARD = 1 + np.indices((8, 8)).sum(axis=0) % 2
@@ -76,7 +76,7 @@ def test_the_cycle_of_exposures(frames, options, cycle):
     assert find_cycle(sensor) == cycle
     if cycle is not None:
         assert exposure_cycle(sensor) == cycle
-        longer = with_frames(sensor, 2 * cycle)
+        longer = repeat_exposures(sensor, 2 * cycle)
         assert longer == sensor.select_frames(slice(0, cycle)).replace(
             frames=2 * cycle,
             **{

@@ -145,3 +145,10 @@ def behind(mosaic="RGGB", motion="shake", frames=96, shape=(96, 112), rng=4):
         rng=rng,
     )
     return scene, in_memory(scene)
+
+
+def random_counts(rng, size, trials):
+    """Return random ones and trials, (H, W). A part of the pixels has no trials."""
+    number = (trials * (rng.random(size) < 0.8)).astype(np.int32)
+    number[size[0] // 2] = 0
+    return rng.binomial(number, 0.4).astype(np.int32), number

@@ -12,7 +12,7 @@ from jotlight.cli.console import progress
 from jotlight.files import check_outputs
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.description import companion_files
-from jotlight.sensing.alike_frames import check_cycles, exposure_cycle, with_frames
+from jotlight.sensing.alike_frames import check_cycles, exposure_cycle, repeat_exposures
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.frames import read_frames
@@ -88,7 +88,7 @@ def add_sensor(
         return _add_sensor_to_bits(capture, sensor_kwargs, calibration)
     if capture.sensor is not None or sensor_kwargs.get("bit_depth", 1) > 1:
         return _add_sensor_to_readings(capture, sensor_kwargs, calibration)
-    sensor_kwargs = _with_frames(capture, path, sensor_kwargs)
+    sensor_kwargs = _repeat_exposures(capture, path, sensor_kwargs)
     if calibration is None:
         sensor = Sensor(**sensor_kwargs)
     else:
@@ -135,7 +135,7 @@ def _add_sensor_to_readings(
     return Captured(stack, sensor, stack.sensor is not None, stack.provenance)
 
 
-def _with_frames(
+def _repeat_exposures(
     capture: CountStack, path: Path | str, sensor_kwargs: dict[str, Any]
 ) -> dict[str, Any]:
     """Return the keyword arguments with the frames that a file of counts states.
@@ -216,7 +216,7 @@ def of_window(captured: Captured, window: int, step: int | None) -> Captured:
     else:
         _check_window_of_counts(len(data), sensor.frames, window)
         each = sensor.frames // len(data)
-    return dataclasses.replace(captured, sensor=with_frames(sensor, each * window))
+    return dataclasses.replace(captured, sensor=repeat_exposures(sensor, each * window))
 
 
 def _check_window_of_counts(number: int, frames: int, window: int) -> None:

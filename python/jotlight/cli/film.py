@@ -41,7 +41,7 @@ from jotlight.motion.memory import remembers
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.precision import F32
 from jotlight.networks.pretrained import pretrained_film
-from jotlight.sensing.alike_frames import with_frames
+from jotlight.sensing.alike_frames import repeat_exposures
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
@@ -314,7 +314,7 @@ def _images(
 def _sensor_of_all(job: Reconstruction, window: int) -> Sensor:
     """Return the sensor of all frames, rather than those of a window."""
     sensor = job.captured.sensor
-    return with_frames(sensor, sensor.frames // window * len(job.captured.data))
+    return repeat_exposures(sensor, sensor.frames // window * len(job.captured.data))
 
 
 def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:

@@ -45,6 +45,10 @@ _ALIKE = 0.9
 """Fraction of the pixels with the same thresholds from which pixels count as alike. If the jots of
 each pixel have all thresholds, an average would only hide noise from denoisers and intervals."""
 
+_CLEAR = 100.0
+"""Square of the signal-to-noise ratio of a pixel at which readings are merged halfway between the
+average and the pixel's own intensity. At edges, an average is far from both sides."""
+
 _MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
 
@@ -75,13 +79,24 @@ def merge_near_neighbors(joint: JointLikelihood, mosaic: Mosaic | None = None) -
         return merge_joint(joint)
     readings = float(np.mean(joint.trials))
     sigma = min(max(_SIGMA / np.sqrt(max(readings, 1)), _MIN_SIGMA), _MAX_SIGMA)
-    if mosaic is None:
-        return merge_near(joint, _average(joint, sigma, None))
-    pattern = mosaic.full(*joint.shape)
+    pattern = None if mosaic is None else mosaic.full(*joint.shape)
     near = _average(joint, sigma, pattern)
-    if len(np.unique(pattern)) > COLORS:
+    if mosaic is not None and pattern is not None and len(np.unique(pattern)) > COLORS:
         near = _behind_filters(joint, near, mosaic, pattern)
+    # Counts of a map of thresholds are averaged over neighbors, so they have no edges.
+    if not _thresholds_of_pixels_differ(joint):
+        near = _own_where_clear(joint, near)
     return merge_near(joint, near, pattern)
+
+
+def _own_where_clear(joint: JointLikelihood, near: Array) -> Array:
+    """Return averages that are nearer to a pixel's own intensity, the more its readings say."""
+    ones, trials, _ = _real_counts(joint, near)
+    own = _intensity(ones / np.maximum(trials, 1e-9), joint.sensor)
+    least = _MIN_SHARE * joint.sensor.max_intensity
+    # The square keeps the noise of unclear pixels out, which would bias saturated readings.
+    clear = (joint.information(np.maximum(near, least)) * near**2 / _CLEAR) ** 2
+    return np.asarray(near + clear / (clear + 1) * (own - near))
 
 
 def _behind_filters(joint: JointLikelihood, near: Array, mosaic: Mosaic, pattern: Pattern) -> Array:
@@ -114,10 +129,15 @@ def _average(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> 
     else:
         merged = merge_joint(joint)
         ones, trials = merged.ones.astype(np.float64), np.broadcast_to(merged.trials, joint.shape)
-    fraction = average_fractions(ones, trials, spread, pattern)
-    reference = reference_sensor(joint.sensor)
-    efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
-    rate = inverse_detection_probability(1, fraction, 1 - fraction) - dark_counts
+    return _intensity(average_fractions(ones, trials, spread, pattern), joint.sensor)
+
+
+def _intensity(fraction: Array, sensor: Sensor) -> Array:
+    """Return the intensity at which equivalent counts have a fraction of ones, (H, W)."""
+    reference = reference_sensor(sensor)
+    efficiency, dark_counts = _jots_of_counts(sensor, reference)
+    one = np.clip(fraction, 0, _MAX_FRACTION)
+    rate = inverse_detection_probability(1, one, 1 - one) - dark_counts
     slope = np.maximum(efficiency, 1e-9) * reference.light_per_intensity
     return np.asarray(np.maximum(rate, 0) / slope)
 

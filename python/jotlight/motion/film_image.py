@@ -25,6 +25,10 @@ _PARTS = 4, 16
 """About a quarter and a sixteenth of the blocks of a window count as nearest to its image."""
 
 
+def _no_counts() -> tuple[Merged, ...]:
+    return ()
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class FilmImage:
     """The bits of one image of a film, merged along the motion of the scene."""
@@ -40,7 +44,9 @@ class FilmImage:
     """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or bits or readings
     behind a mosaic: those of the window if the scene stands still, and those of fewer frames if no
     motion explains it. The flags of `merged` then say nothing about the image."""
-    count_nearest: Callable[[], tuple[Merged, ...]] = dataclasses.field(default=tuple, repr=False)
+    count_nearest: Callable[[], tuple[Merged, ...]] = dataclasses.field(
+        default=_no_counts, repr=False
+    )
     """A function that returns :attr:`nearest`."""
 
     still: range | None = None

@@ -29,7 +29,7 @@ def locate(
     return index, (frames_of - times[index]) / (times[index + 1] - times[index])
 
 
-@functools.lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=64)
 def places_of(frames: range, times: tuple[float, ...]) -> npt.NDArray[np.float64]:
     """Return the places of frames between some times: n at the nth of them, from 0.
 

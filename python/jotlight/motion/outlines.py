@@ -34,10 +34,6 @@ _LENGTH = 3.0
 _CELL = 4
 """Width of the squares in which outlines are searched, in pixels."""
 
-_ITERATIONS, _TOLERANCE, _STEP = 300, 2e-4, 0.25
-"""Maximum number of iterations that shorten outlines, the change of the energy at which they end,
-as a fraction of the first energy, and the length of a step."""
-
 _MARGIN = 0.05
 """Cost of all motions but the most frequent one."""
 
@@ -94,41 +90,12 @@ def _with_short_outlines(cost: npt.NDArray[np.float32]) -> Array:
     2004).
     """
     from scipy.ndimage import zoom
+    from skimage.restoration import denoise_tv_chambolle
 
     height, width = cost.shape
     padded = np.pad(cost, ((0, -height % _CELL), (0, -width % _CELL)), mode="edge")
     rows, columns = (length // _CELL for length in padded.shape)
     cells = padded.reshape(rows, _CELL, columns, _CELL).mean(axis=(1, 3), dtype=np.float64)
-    smooth = with_little_variation(cells, _LENGTH / _CELL)
+    smooth = denoise_tv_chambolle(cells, weight=_LENGTH / _CELL, max_num_iter=300)
     fine = zoom(smooth, _CELL, order=1, mode="nearest", grid_mode=True)
     return np.asarray(fine[:height, :width])
-
-
-def with_little_variation(image: Array, weight: float) -> Array:
-    """Return the image u that minimizes ½ Σ (u - image)² + weight Σ |∇u|, nearly.
-
-    It is that of `skimage.restoration.denoise_tv_chambolle`, whose import takes half a second.
-
-    Examples
-    --------
-    >>> with_little_variation(np.array([[0.0, 0.0, 4.0, 4.0]]), 1.0).round(1).tolist()
-    [[0.5, 0.5, 3.5, 3.5]]
-    """
-    flow, slopes = np.zeros((2, 2, *image.shape))
-    change, smooth, first, last = np.zeros_like(image), image, 0.0, 0.0
-    for iteration in range(_ITERATIONS):
-        if iteration > 0:
-            change = -(flow[0] + flow[1])
-            change[1:] += flow[0, :-1]
-            change[:, 1:] += flow[1, :, :-1]
-            smooth = image + change
-        slopes[0, :-1], slopes[1, :, :-1] = np.diff(smooth, axis=0), np.diff(smooth, axis=1)
-        length = np.sqrt(slopes[0] ** 2 + slopes[1] ** 2)
-        energy = float((change**2).sum() + weight * length.sum())
-        flow = (flow - _STEP * slopes) / (1 + _STEP / weight * length)
-        if iteration == 0:
-            first = energy
-        elif abs(last - energy) < _TOLERANCE * first:
-            break
-        last = energy
-    return smooth

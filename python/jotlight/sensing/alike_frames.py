@@ -28,10 +28,29 @@ def find_cycle(sensor: GroupedSensor) -> int | None:
         return 1
     frames = sensor.frames
     exposures = np.stack([np.broadcast_to(each, frames) for each in _exposures(sensor)])
-    for cycle in range(2, frames // 2 + 1):
-        if (exposures[:, cycle:] == exposures[:, :-cycle]).all():
-            return cycle
-    return None
+    kinds = np.unique(exposures, axis=1, return_inverse=True)[1].reshape(-1).tolist()
+    cycle = frames - _border(kinds)
+    return cycle if 2 * cycle <= frames else None
+
+
+def _border(values: list[int]) -> int:
+    """Return the length of the longest end of a list that is also its beginning, but not all of it.
+
+    It is the last value of the prefix function of D. Knuth, J. Morris and V. Pratt (SIAM Journal on
+    Computing, 1977), in a time that is proportional to the length.
+
+    Examples
+    --------
+    >>> _border([1, 2, 3, 1, 2])
+    2
+    """
+    lengths, length = [0], 0
+    for value in values[1:]:
+        while length and value != values[length]:
+            length = lengths[length - 1]
+        length += value == values[length]
+        lengths.append(length)
+    return lengths[-1]
 
 
 def exposure_cycle(sensor: GroupedSensor) -> int:
@@ -81,13 +100,13 @@ def check_cycles(cycle: int, window: int, step: int | None) -> None:
             )
 
 
-def with_frames(sensor: S, frames: int) -> S:
+def repeat_exposures(sensor: S, frames: int) -> S:
     """Return the sensor of another number of frames, whose exposures repeat as before.
 
     Examples
     --------
     >>> from jotlight.sensing.sensor import Sensor
-    >>> with_frames(Sensor(frames=4, gain=[1.0, 3.0] * 2), 6).gain.tolist()
+    >>> repeat_exposures(Sensor(frames=4, gain=[1.0, 3.0] * 2), 6).gain.tolist()
     [1.0, 3.0, 1.0, 3.0, 1.0, 3.0]
     """
     if not readings_differ(sensor):

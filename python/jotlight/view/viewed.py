@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.capture import Capture, CountStack
-from jotlight.sensing.alike_frames import exposure_cycle, with_frames
+from jotlight.sensing.alike_frames import exposure_cycle, repeat_exposures
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import carried_sensor
@@ -184,7 +184,7 @@ class Viewed:
     def sensor(self, number: int) -> Sensor:
         """Return the sensor of a window of `number` frames."""
         each = self.sensor_of_all.frames // len(self.data)
-        return with_frames(self.sensor_of_all, each * number)
+        return repeat_exposures(self.sensor_of_all, each * number)
 
     def part(self, frames: range) -> Frames:
         """Return a window of frames."""
