@@ -72,6 +72,7 @@ def test_noisy_bits_are_simulated_and_reconstructed(run, photo):
 
 
 # The scene moves by half of its size.
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:what the image shows is out of view")
 def test_moving_scenes_have_images_and_films(run, photo):
     options = ("--motion", "shake", "-k", 1, "-t", 24, "--bit-depth", 4, "--gain", 24)

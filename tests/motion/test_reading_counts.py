@@ -216,7 +216,7 @@ def test_times_of_a_bracket_are_those_of_frames():
     assert psnr(jl.reconstruct(merged), scene.image(20)) > 28
 
 
-@pytest.mark.parametrize("causal", [False, True])
+@pytest.mark.parametrize("causal", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_films_of_brackets_have_times_in_frames(causal):
     scene = scene_of(BRACKETS[1], shape=(64, 80))
     estimates, by_medium, by_network = FilmEstimates(), [], []
@@ -245,7 +245,10 @@ def test_a_bracket_without_a_cycle_is_refused_with_advice():
     "sensor",
     [
         jl.Sensor(frames=48, bit_depth=3, read_noise=0.2, mosaic="RGGB"),
-        jl.Sensor(frames=96, gain=np.tile([0.3, 2.0], 48), mosaic="RGGB"),
+        pytest.param(
+            jl.Sensor(frames=96, gain=np.tile([0.3, 2.0], 48), mosaic="RGGB"),
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=repr,
 )
