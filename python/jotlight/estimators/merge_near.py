@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.estimators.demosaicing import COLORS, brightest_mean, demosaic
-from jotlight.estimators.joint_mle import solve_expected_total
+from jotlight.estimators.joint_mle import maximize, solve_expected_total
 from jotlight.estimators.merge_readings import (
     MAX_TRIALS,
     linear_counts,
@@ -47,7 +47,8 @@ each pixel have all thresholds, an average would only hide noise from denoisers 
 
 _CLEAR = 100.0
 """Square of the signal-to-noise ratio of a pixel at which readings are merged halfway between the
-average and the pixel's own intensity. At edges, an average is far from both sides."""
+known and the most likely intensity. At edges, averages and estimates are far from both sides, and
+counts are linear only near the true intensity."""
 
 _MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
@@ -83,20 +84,7 @@ def merge_near_neighbors(joint: JointLikelihood, mosaic: Mosaic | None = None) -
     near = _average(joint, sigma, pattern)
     if mosaic is not None and pattern is not None and len(np.unique(pattern)) > COLORS:
         near = _behind_filters(joint, near, mosaic, pattern)
-    # Counts of a map of thresholds are averaged over neighbors, so they have no edges.
-    if not _thresholds_of_pixels_differ(joint):
-        near = _own_where_clear(joint, near)
     return merge_near(joint, near, pattern)
-
-
-def _own_where_clear(joint: JointLikelihood, near: Array) -> Array:
-    """Return averages that are nearer to a pixel's own intensity, the more its readings say."""
-    ones, trials, _ = _real_counts(joint, near)
-    own = _intensity(ones / np.maximum(trials, 1e-9), joint.sensor)
-    least = _MIN_SHARE * joint.sensor.max_intensity
-    # The square keeps the noise of unclear pixels out, which would bias saturated readings.
-    clear = (joint.information(np.maximum(near, least)) * near**2 / _CLEAR) ** 2
-    return np.asarray(near + clear / (clear + 1) * (own - near))
 
 
 def _behind_filters(joint: JointLikelihood, near: Array, mosaic: Mosaic, pattern: Pattern) -> Array:
@@ -231,7 +219,8 @@ def merge_near(
     The derivative g and the information I are those at the given intensities, instead of at the
     most likely intensity of each pixel (:func:`jotlight.merge_readings`). So the trials do not
     depend on the noise of a pixel, and the ones are a linear function of its readings, without
-    bias. Pixels of less than one trial are completed to one, which agrees with the known intensity.
+    bias. Only the readings of pixels whose noise is below a tenth of the intensity are merged near
+    the most likely one, because the known ones may be further from the truth. Pixels of less than one trial are completed to one, which agrees with the known intensity.
     The ones are rounded such that the errors of neighbors cancel. Where rounding makes more ones
     than trials, the next pixels have fewer trials. Where the
     thresholds of pixels differ, counts are averaged over the nearest neighbors, unless there is a
@@ -260,7 +249,8 @@ def merge_near(
     """
     from scipy.ndimage import gaussian_filter
 
-    ones, trials, rate = _real_counts(joint, intensity)
+    near = _own_where_clear(joint, intensity.astype(np.float64))
+    ones, trials, rate = _real_counts(joint, near)
     reference = reference_sensor(joint.sensor)
     efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
     # Denoisers take each pixel for at least one trial, and 0 ones of fewer trials for darkness.
@@ -276,6 +266,19 @@ def merge_near(
         zeros += _carry_debts(np.where(own, trials - whole, 0.0))
     trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, MAX_SILENT_TRIALS))
     return Merged(whole.astype(np.int32), trials, reference, dark_counts, efficiency)
+
+
+def _own_where_clear(joint: JointLikelihood, near: Array) -> Array:
+    """Return intensities that are nearer to the most likely one, the more a pixel's readings say.
+
+    Counts of a map of thresholds are averaged over neighbors, so their intensities stay.
+    """
+    if _thresholds_of_pixels_differ(joint):
+        return near
+    least = _MIN_SHARE * joint.sensor.max_intensity
+    # The square keeps the noise of unclear pixels out, which would bias saturated readings.
+    clear = (joint.information(np.maximum(near, least)) * near**2 / _CLEAR) ** 2
+    return np.asarray(near + clear / (clear + 1) * (maximize(joint) - near))
 
 
 def _real_counts(

@@ -44,10 +44,10 @@ _SEED = 2026
 _MIN_WEIGHT = 1e-3
 """Weight below which a method is left out."""
 
-_MAX_REGIONS = 4
+_MAX_REGIONS = 8
 """Maximum number of regions. With one, images of these photographs are up to 1.6 dB worse."""
 
-_MIN_REGION = 8192
+_MIN_REGION = 4096
 """Minimum number of pixels of a region, so that its held-out bits suffice for its weights."""
 
 _BLUR = 2.0
@@ -71,7 +71,7 @@ def held_out(
     With many trials, the pixels say more than any prior, and the best method depends on the scene.
     A random fraction of the bits of each pixel is held out. The shipped network "medium",
     :func:`jotlight.admm_tv`, and :func:`jotlight.mle` estimate the image from the others. The
-    weights of these three are those under which the held-out bits are most likely, for up to four
+    weights of these three are those under which the held-out bits are most likely, for up to eight
     regions of different brightness. The result is the sum of the estimates from all bits with these
     weights, which are interpolated between the regions.
 
