@@ -48,7 +48,7 @@ def main() -> None:
     bracket = jl.Sensor(frames=3 * each, gain=np.repeat([1.0, 1 / 8, 1 / 64], each))
     print("| frames | bound, dB | estimate, dB | without a dip, dB | dip, dB | coverage |")
     print("| --- | --- | --- | --- | --- | --- |")
-    print_range("equal", jl.Sensor(frames=3 * each), [(1.0, 3 * each)])
+    print_range("longest only", jl.Sensor(frames=3 * each), [(1.0, 3 * each)])
     print_range("1 : 8 : 64", bracket, [(1.0, each), (1 / 8, each), (1 / 64, each)])
     images = read_image_set(options.images)[1][: options.number]
     gain = bracket.gain * 64 / RATIO**0.5

@@ -176,11 +176,11 @@ def test_many_readings_are_blended_on_held_out_bits():
     estimate, info = jl.reconstruct(bits, return_info=True)
     assert info.method == "held-out"
     assert sum(info.shares.values()) == pytest.approx(1)
-    most_likely = jl.mle(bits)
-    assert error(estimate, truth) < 0.75 * error(most_likely, truth)
+    by_mle = jl.mle(bits)
+    assert error(estimate, truth) < 0.75 * error(by_mle, truth)
     for part in np.array_split(np.argsort(truth, axis=None), 8):
         own = truth.flat[part]
-        assert error(estimate.flat[part], own) < error(most_likely.flat[part], own)
+        assert error(estimate.flat[part], own) < error(by_mle.flat[part], own)
 
 
 @pytest.mark.slow

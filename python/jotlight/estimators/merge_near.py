@@ -47,7 +47,7 @@ each pixel have all thresholds, an average would only hide noise from denoisers 
 
 _CLEAR = 100.0
 """Square of the signal-to-noise ratio of a pixel at which readings are merged halfway between the
-known and the most likely intensity. At edges, averages and estimates are far from both sides, and
+given and the most likely intensity. At edges, averages and estimates are far from both sides, and
 counts are linear only near the true intensity."""
 
 _MAX_FRACTION = 1 - 1e-6
@@ -62,8 +62,8 @@ def merge_near_neighbors(joint: JointLikelihood, mosaic: Mosaic | None = None) -
     joint : JointLikelihood
         The likelihood of the readings.
     mosaic : Mosaic, optional
-        The filters. Only neighbors with the same one are averaged. If there are more than three,
-        their averages become colors, as the information behind each filter permits.
+        The filters. Only neighbors with the same one are averaged. If there are more than three
+        filters, their averages become colors, as the information behind each filter permits.
 
     Examples
     --------
@@ -157,8 +157,9 @@ def _thresholds_of_pixels_differ(joint: JointLikelihood) -> bool:
 def _expecting_sums(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> Array:
     """Return the intensity at which the sum of the readings around each pixel is expected, (H, W).
 
-    This has no bias if most readings are the largest one. Where all are, it is the intensity at
-    which one half less is expected, and where all are 0, that at which one half is.
+    It is not too dark where most, but not all, readings are saturated. If all readings of an
+    average are, it is the intensity at which their sum is expected to be 0.5 lower. If all are 0,
+    it is the intensity at which their sum is expected to be 0.5.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -214,24 +215,26 @@ def merge_near(
     intensity: npt.NDArray[np.floating],
     pattern: npt.NDArray[np.integer] | None = None,
 ) -> Merged:
-    """Return counts whose likelihood near known intensities is that of the readings.
+    """Return counts whose likelihood near given intensities is close to that of the readings.
 
-    The derivative g and the information I are those at the given intensities, instead of at the
-    most likely intensity of each pixel (:func:`jotlight.merge_readings`). So the trials do not
-    depend on the noise of a pixel, and the ones are a linear function of its readings, without
-    bias. Only the readings of pixels whose noise is below a tenth of the intensity are merged near
-    the most likely one, because the known ones may be further from the truth. Pixels of less than one trial are completed to one, which agrees with the known intensity.
-    The ones are rounded such that the errors of neighbors cancel. Where rounding makes more ones
-    than trials, the next pixels have fewer trials. Where the
-    thresholds of pixels differ, counts are averaged over the nearest neighbors, unless there is a
-    mosaic.
+    The derivative of the log-likelihood and the information are those at the given intensities.
+    :func:`jotlight.merge_readings` takes them at the most likely intensity of each pixel. So the
+    trials do not depend on the noise of a pixel, and the ones are a linear function of its
+    readings, without bias. The higher the signal-to-noise ratio of a pixel, the closer the
+    intensity is to the most likely one instead: halfway at a ratio of 10. At a high ratio, the most
+    likely intensity is usually closer to the truth than the given one.
+
+    Pixels of less than one trial are completed to one, which agrees with the given intensity. The
+    ones are rounded such that the errors of neighbors cancel. Where rounding makes more ones than
+    trials, the next pixels have fewer trials. Where the thresholds of pixels differ, counts are
+    averaged over the nearest neighbors, unless there is a mosaic.
 
     Parameters
     ----------
     joint : JointLikelihood
         The likelihood of the readings.
     intensity : ndarray of float, shape (H, W)
-        Intensities in [0, S] near the true ones.
+        Intensities in [0, S] near the true ones, with the S of the sensor of the likelihood.
     pattern : ndarray of int, shape (H, W), optional
         The filter of each pixel of a mosaic. Errors of rounding cancel among pixels with the same
         filter. Default: all pixels have the same one.
@@ -276,7 +279,7 @@ def _own_where_clear(joint: JointLikelihood, near: Array) -> Array:
     if _thresholds_of_pixels_differ(joint):
         return near
     least = _MIN_SHARE * joint.sensor.max_intensity
-    # The square keeps the noise of unclear pixels out, which would bias saturated readings.
+    # The square keeps the noise of pixels with a low ratio out: it would bias saturated readings.
     clear = (joint.information(np.maximum(near, least)) * near**2 / _CLEAR) ** 2
     return np.asarray(near + clear / (clear + 1) * (maximize(joint) - near))
 
@@ -326,7 +329,7 @@ def diffuse(values: Array, is_known: npt.NDArray[np.bool_]) -> Array:
     The error of a pixel is added to the next pixel of its row. So the mean of a region stays right
     even if all its values are alike, which are all rounded in the same direction otherwise. Rows
     begin with different errors, so that they make no pattern together. If the numbers are negative,
-    the next pixels make up for at most one 1.
+    their deficit is subtracted from the next pixels, up to a total of 1.
 
     Parameters
     ----------
