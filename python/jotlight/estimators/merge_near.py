@@ -248,7 +248,7 @@ def merge_near(
     >>> joint = joint_likelihood(Bits.from_array(np.ones((2, 1, 100), bool)), sensor, None)
     >>> merged = merge_near(joint, np.full((1, 100), 0.5))
     >>> int(merged.ones.sum()), round(float(merged.trials.sum()))
-    (199, 268)
+    (199, 267)
     """
     from scipy.ndimage import gaussian_filter
 
