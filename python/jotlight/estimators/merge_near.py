@@ -279,9 +279,28 @@ def _own_where_clear(joint: JointLikelihood, near: Array) -> Array:
     if _thresholds_of_pixels_differ(joint):
         return near
     least = _MIN_SHARE * joint.sensor.max_intensity
+    return toward_own(near, maximize(joint), joint.information(np.maximum(near, least)))
+
+
+def toward_own(near: Array, own: Array, information: Array) -> Array:
+    """Return intensities between given ones and those of the pixels themselves, (H, W).
+
+    Parameters
+    ----------
+    near, own : ndarray of float64, shape (H, W)
+        The given intensities, and the most likely ones.
+    information : ndarray of float64, shape (H, W)
+        The Fisher information of the readings of each pixel.
+
+    Examples
+    --------
+    >>> near, own = np.full((1, 3), 1.0), np.full((1, 3), 1.2)
+    >>> toward_own(near, own, np.array([[1.0, 100.0, 10_000.0]])).round(3).tolist()
+    [[1.0, 1.1, 1.2]]
+    """
     # The square keeps the noise of pixels with a low ratio out: it would bias saturated readings.
-    clear = (joint.information(np.maximum(near, least)) * near**2 / _CLEAR) ** 2
-    return np.asarray(near + clear / (clear + 1) * (maximize(joint) - near))
+    clear = (information * near**2 / _CLEAR) ** 2
+    return np.asarray(near + clear / (clear + 1) * (own - near))
 
 
 def _real_counts(

@@ -12,13 +12,14 @@ They do not matter for the motion, and merged counts are corrected for them.
 """
 
 import dataclasses
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.merge_near import average_fractions, diffuse
+from jotlight.estimators.merge_near import average_fractions, diffuse, toward_own
 from jotlight.estimators.merge_readings import linear_counts, noise_floor, reference_sensor
 from jotlight.formats.capture import CountStack
 from jotlight.motion.motion import Motion
@@ -194,17 +195,21 @@ class ReadingCounts:
         mean = np.maximum.accumulate(self._of_cycle(light, dark_counts)[0])
         return np.asarray(np.interp(fraction, mean, light))
 
-    def _light_of_neighbors(
-        self, ones: npt.NDArray[np.number], trials: Array, dark_counts: float | Array
+    def _light_of(
+        self,
+        ones: npt.NDArray[np.number],
+        trials: Array,
+        dark_counts: float | Array,
+        fractions: Callable[[npt.NDArray[np.number], Array], Array],
     ) -> Array:
-        """Return the light at which the ones of each pixel and its neighbors are expected."""
+        """Return the light at which a function of ones and trials is as expected, (H, W)."""
         typical = float(np.median(dark_counts))
-        light = self._light(average_fractions(ones, trials), typical)
+        light = self._light(fractions(ones, trials), typical)
         if np.ndim(dark_counts) == 0:
             return light
         # Ones from dark counts above the typical ones do not come from light.
         excess = self._of_cycle(light, dark_counts)[0] - self._of_cycle(light, typical)[0]
-        return self._light(average_fractions(ones - trials * excess, trials), typical)
+        return self._light(fractions(ones - trials * excess, trials), typical)
 
     def correct(self, merged: Merged) -> Merged:
         """Return merged counts whose likelihood near averages of neighbors is that of the readings.
@@ -229,17 +234,23 @@ class ReadingCounts:
         reference = reference_sensor(gray)
         trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
         known = trials > 0
-        fraction = np.where(known, merged.ones / np.where(known, trials, 1), 0.0)
         dark = merged.dark_counts * self.trials
-        light = self._light_of_neighbors(merged.ones, trials, dark)
+        near, own = (
+            self._light_of(merged.ones, trials, dark, fractions)
+            for fractions in (average_fractions, _fractions)
+        )
+        _, variance, slope = self._of_cycle(near, dark)
+        readings = trials / (self.trials * self.cycle)
+        light = toward_own(near, own, readings * slope**2 / np.maximum(variance, 1e-12))
         mean, variance, slope = self._of_cycle(light, dark)
         slope = np.maximum(slope, 1e-9)
-        weight = trials / (self.trials * self.cycle) * slope / np.maximum(variance, 1e-12)
+        weight = readings * slope / np.maximum(variance, 1e-12)
         # A jot of the reference sensor gets this light, in units of that of a frame.
         share = reference.light_per_intensity * len(self.readings) / np.sum(self.stated.gain)
         floor = noise_floor(gray, reference, dark)
         rate = np.maximum(share * light + floor, 1e-9)
-        gradient, information = weight * (fraction - mean), weight * slope
+        gradient = weight * (_fractions(merged.ones, trials) - mean)
+        information = weight * slope
         ones, number = linear_counts(gradient, information, share, rate, rate)
         whole = diffuse(np.where(known, ones, 0.0), known)
         number = np.maximum(np.where(known, number, 0.0), whole)
@@ -271,6 +282,11 @@ class ReadingCounts:
             times=self.cycle * motion.times + self.middle,
             reference=self.cycle * motion.reference + self.middle,
         )
+
+
+def _fractions(ones: npt.NDArray[np.number], trials: Array) -> Array:
+    """Return the fraction of ones of each pixel, and 0 without trials."""
+    return np.asarray(ones / np.where(trials > 0, trials, 1) * (trials > 0))
 
 
 def counts_of_readings(data: object, sensor: object) -> ReadingCounts | None:
