@@ -105,7 +105,7 @@ def test_corrected_counts_have_no_bias_and_state_their_noise(sensor, intensity):
     assert fraction.var() == pytest.approx(p * (1 - p) / trials.mean(), rel=0.35)
 
 
-@pytest.mark.parametrize(("read_noise", "error"), [(0.0, 0.03), (0.3, 0.25)])
+@pytest.mark.parametrize(("read_noise", "error"), [(0.0, 0.08), (0.3, 0.25)])
 def test_hot_jots_make_no_bias_in_brackets(read_noise, error):
     hot = np.random.default_rng(0).random(SHAPE) < 0.02
     sensor = jl.Sensor(
@@ -114,13 +114,18 @@ def test_hot_jots_make_no_bias_in_brackets(read_noise, error):
         read_noise=read_noise,
         dark_counts=np.where(hot, 2.0, 0.01),
     )
-    merged = jl.merge(flat(sensor, 0.3))
-    assert np.asarray(merged.dark_counts).min() >= 0
+    found = []
+    for seed in range(16):  # the hot jots of one draw have a noise of 11 %
+        converted = counts_of_readings(sensor.expose(np.full(SHAPE, 0.3), rng=seed), None)
+        merged = converted.correct(whole(converted))
+        dark, trials = (np.asarray(each) for each in (merged.dark_counts, merged.trials))
+        assert dark.min() >= 0
+        for own in (hot, ~hot):
+            rate = -np.log1p(-merged.ones[own].sum() / trials[own].sum()) - dark[own].mean()
+            found.append(rate / merged.sensor.light_per_intensity)
     # With read noise, hot jots have two equivalent trials, which whole numbers of ones bias.
-    for own, limit in ((hot, error), (~hot, 0.03)):
-        fraction = merged.ones[own].sum() / np.asarray(merged.trials)[own].sum()
-        rate = -np.log1p(-fraction) - np.asarray(merged.dark_counts)[own].mean()
-        assert rate / merged.sensor.light_per_intensity == pytest.approx(0.3, rel=limit)
+    assert np.mean(found[::2]) == pytest.approx(0.3, rel=error)
+    assert np.mean(found[1::2]) == pytest.approx(0.3, rel=0.03)
 
 
 @pytest.mark.parametrize(

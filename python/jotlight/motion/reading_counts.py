@@ -12,7 +12,6 @@ They do not matter for the motion, and merged counts are corrected for them.
 """
 
 import dataclasses
-from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
@@ -195,21 +194,17 @@ class ReadingCounts:
         mean = np.maximum.accumulate(self._of_cycle(light, dark_counts)[0])
         return np.asarray(np.interp(fraction, mean, light))
 
-    def _light_of(
-        self,
-        ones: npt.NDArray[np.number],
-        trials: Array,
-        dark_counts: float | Array,
-        fractions: Callable[[npt.NDArray[np.number], Array], Array],
+    def _light_of_neighbors(
+        self, ones: npt.NDArray[np.number], trials: Array, dark_counts: float | Array
     ) -> Array:
-        """Return the light at which a function of ones and trials is as expected, (H, W)."""
+        """Return the light at which the ones of each pixel and its neighbors are expected."""
         typical = float(np.median(dark_counts))
-        light = self._light(fractions(ones, trials), typical)
+        light = self._light(average_fractions(ones, trials), typical)
         if np.ndim(dark_counts) == 0:
             return light
         # Ones from dark counts above the typical ones do not come from light.
         excess = self._of_cycle(light, dark_counts)[0] - self._of_cycle(light, typical)[0]
-        return self._light(fractions(ones - trials * excess, trials), typical)
+        return self._light(average_fractions(ones - trials * excess, trials), typical)
 
     def correct(self, merged: Merged) -> Merged:
         """Return merged counts whose likelihood near averages of neighbors is that of the readings.
@@ -234,12 +229,11 @@ class ReadingCounts:
         reference = reference_sensor(gray)
         trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
         known = trials > 0
+        fraction = np.where(known, merged.ones / np.where(known, trials, 1), 0.0)
         dark = merged.dark_counts * self.trials
-        near, own = (
-            self._light_of(merged.ones, trials, dark, fractions)
-            for fractions in (average_fractions, _fractions)
-        )
-        _, variance, slope = self._of_cycle(near, dark)
+        near = self._light_of_neighbors(merged.ones, trials, dark)
+        mean, variance, slope = self._of_cycle(near, dark)
+        own = np.maximum(near + (fraction - mean) / np.maximum(slope, 1e-9), 0)
         readings = trials / (self.trials * self.cycle)
         light = toward_own(near, own, readings * slope**2 / np.maximum(variance, 1e-12))
         mean, variance, slope = self._of_cycle(light, dark)
@@ -249,8 +243,7 @@ class ReadingCounts:
         share = reference.light_per_intensity * len(self.readings) / np.sum(self.stated.gain)
         floor = noise_floor(gray, reference, dark)
         rate = np.maximum(share * light + floor, 1e-9)
-        gradient = weight * (_fractions(merged.ones, trials) - mean)
-        information = weight * slope
+        gradient, information = weight * (fraction - mean), weight * slope
         ones, number = linear_counts(gradient, information, share, rate, rate)
         whole = diffuse(np.where(known, ones, 0.0), known)
         number = np.maximum(np.where(known, number, 0.0), whole)
@@ -282,11 +275,6 @@ class ReadingCounts:
             times=self.cycle * motion.times + self.middle,
             reference=self.cycle * motion.reference + self.middle,
         )
-
-
-def _fractions(ones: npt.NDArray[np.number], trials: Array) -> Array:
-    """Return the fraction of ones of each pixel, and 0 without trials."""
-    return np.asarray(ones / np.where(trials > 0, trials, 1) * (trials > 0))
 
 
 def counts_of_readings(data: object, sensor: object) -> ReadingCounts | None:
