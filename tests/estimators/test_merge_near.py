@@ -44,6 +44,19 @@ def test_bits_of_a_bracket_have_the_counts_of_the_formula():
     assert merged.trials.sum() == pytest.approx(trials * ones.size, rel=0.01)
 
 
+@pytest.mark.parametrize("assumed", [0.2, 2.0])
+def test_counts_of_clear_pixels_are_right_far_from_the_given_intensity(assumed):
+    # At an edge, the average of the neighbors is far from both sides.
+    sensor, x = jl.Sensor(frames=900, gain=np.repeat([0.5, 2.0, 8.0], 300)), 0.6
+    _, merged = merged_near(sensor, x, assumed=assumed)
+    found = jl.mle(merged)
+    assert found.mean() == pytest.approx(x, rel=0.01)
+    # The noise is that of the readings: the Cramér-Rao bound.
+    rates = np.array([0.5, 2.0, 8.0]) * x
+    information = 300 * np.sum((rates / x) ** 2 * np.exp(-rates) / -np.expm1(-rates))
+    assert found.std() == pytest.approx(information**-0.5, rel=0.1)
+
+
 @pytest.mark.parametrize(
     "sensor",
     [

@@ -50,6 +50,9 @@ _CLEAR = 100.0
 given and the most likely intensity. At edges, averages and estimates are far from both sides, and
 counts are linear only near the true intensity."""
 
+_POWER = 3
+"""Power of this square with which the weight of the most likely intensity rises."""
+
 _MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
 
@@ -248,7 +251,7 @@ def merge_near(
     >>> joint = joint_likelihood(Bits.from_array(np.ones((2, 1, 100), bool)), sensor, None)
     >>> merged = merge_near(joint, np.full((1, 100), 0.5))
     >>> int(merged.ones.sum()), round(float(merged.trials.sum()))
-    (199, 267)
+    (199, 268)
     """
     from scipy.ndimage import gaussian_filter
 
@@ -298,8 +301,8 @@ def toward_own(near: Array, own: Array, information: Array) -> Array:
     >>> toward_own(near, own, np.array([[1.0, 100.0, 10_000.0]])).round(3).tolist()
     [[1.0, 1.1, 1.2]]
     """
-    # The square keeps the noise of pixels with a low ratio out: it would bias saturated readings.
-    clear = (information * near**2 / _CLEAR) ** 2
+    # The power keeps the noise of pixels with a low ratio out: it would bias saturated readings.
+    clear = (information * near**2 / _CLEAR) ** _POWER
     return np.asarray(near + clear / (clear + 1) * (own - near))
 
 
