@@ -115,7 +115,8 @@ def test_hot_jots_make_no_bias_in_brackets(read_noise, error):
         dark_counts=np.where(hot, 2.0, 0.01),
     )
     found = []
-    for seed in range(16):  # the hot jots of one draw have a noise of 11 %
+    # The noise of the hot jots of one draw is 11 %. Over 150 draws, they are 4 % too dark.
+    for seed in range(16):
         converted = counts_of_readings(sensor.expose(np.full(SHAPE, 0.3), rng=seed), None)
         merged = converted.correct(whole(converted))
         dark, trials = (np.asarray(each) for each in (merged.dark_counts, merged.trials))

@@ -88,7 +88,7 @@ def add_sensor(
         return _add_sensor_to_bits(capture, sensor_kwargs, calibration)
     if capture.sensor is not None or sensor_kwargs.get("bit_depth", 1) > 1:
         return _add_sensor_to_readings(capture, sensor_kwargs, calibration)
-    sensor_kwargs = _repeat_exposures(capture, path, sensor_kwargs)
+    sensor_kwargs = _with_stated_frames(capture, path, sensor_kwargs)
     if calibration is None:
         sensor = Sensor(**sensor_kwargs)
     else:
@@ -135,7 +135,7 @@ def _add_sensor_to_readings(
     return Captured(stack, sensor, stack.sensor is not None, stack.provenance)
 
 
-def _repeat_exposures(
+def _with_stated_frames(
     capture: CountStack, path: Path | str, sensor_kwargs: dict[str, Any]
 ) -> dict[str, Any]:
     """Return the keyword arguments with the frames that a file of counts states.

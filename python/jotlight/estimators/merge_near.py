@@ -6,7 +6,6 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-import jotlight._engine as engine
 from jotlight.estimators.demosaicing import COLORS, brightest_mean, demosaic
 from jotlight.estimators.joint_mle import maximize, solve_expected_total
 from jotlight.estimators.merge_readings import (
@@ -17,6 +16,7 @@ from jotlight.estimators.merge_readings import (
     min_light,
     reference_sensor,
 )
+from jotlight.estimators.whole_counts import carry_debts, diffuse
 from jotlight.sensing.joint_likelihood import JointLikelihood
 from jotlight.sensing.merged import MAX_SILENT_TRIALS, Merged
 from jotlight.sensing.mosaic import Mosaic, Pattern
@@ -45,7 +45,7 @@ _ALIKE = 0.9
 """Fraction of the pixels with the same thresholds from which pixels count as alike. If the jots of
 each pixel have all thresholds, an average would only hide noise from denoisers and intervals."""
 
-_CLEAR = 100.0
+_HALFWAY = 100.0
 """Square of the signal-to-noise ratio of a pixel at which readings are merged halfway between the
 given and the most likely intensity. At edges, averages and estimates are far from both sides, and
 counts are linear only near the true intensity."""
@@ -255,34 +255,26 @@ def merge_near(
     """
     from scipy.ndimage import gaussian_filter
 
-    near = _own_where_clear(joint, intensity.astype(np.float64))
+    near, differ = intensity.astype(np.float64), _thresholds_of_pixels_differ(joint)
+    if not differ:  # counts of a map of thresholds are averaged, so their intensities stay
+        least = _MIN_SHARE * joint.sensor.max_intensity
+        near = toward_own(near, maximize(joint), joint.information(np.maximum(near, least)))
     ones, trials, rate = _real_counts(joint, near)
     reference = reference_sensor(joint.sensor)
     efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
     # Denoisers take each pixel for at least one trial, and 0 ones of fewer trials for darkness.
     missing = np.where(joint.trials > 0, np.maximum(1 - trials, 0), 0.0)
     ones, trials = ones - missing * np.expm1(-rate), trials + missing
-    if pattern is None and _thresholds_of_pixels_differ(joint):
+    if pattern is None and differ:
         ones, trials = (gaussian_filter(part, _MAP_SIGMA) for part in (ones, trials))
     trials = np.minimum(trials, MAX_TRIALS)
     ones = np.minimum(ones, MAX_TRIALS)
     whole, zeros = np.zeros(ones.shape), np.zeros(ones.shape)
     for own in _of_each_filter(pattern, ones.shape):
         whole += diffuse(np.where(own, ones, 0.0), own & (trials > 0))
-        zeros += _carry_debts(np.where(own, trials - whole, 0.0))
+        zeros += carry_debts(np.where(own, trials - whole, 0.0))
     trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, MAX_SILENT_TRIALS))
     return Merged(whole.astype(np.int32), trials, reference, dark_counts, efficiency)
-
-
-def _own_where_clear(joint: JointLikelihood, near: Array) -> Array:
-    """Return intensities that are nearer to the most likely one, the more a pixel's readings say.
-
-    Counts of a map of thresholds are averaged over neighbors, so their intensities stay.
-    """
-    if _thresholds_of_pixels_differ(joint):
-        return near
-    least = _MIN_SHARE * joint.sensor.max_intensity
-    return toward_own(near, maximize(joint), joint.information(np.maximum(near, least)))
 
 
 def toward_own(near: Array, own: Array, information: Array) -> Array:
@@ -302,8 +294,8 @@ def toward_own(near: Array, own: Array, information: Array) -> Array:
     [[1.0, 1.1, 1.2]]
     """
     # The power keeps the noise of pixels with a low ratio out: it would bias saturated readings.
-    clear = (information * near**2 / _CLEAR) ** _POWER
-    return np.asarray(near + clear / (clear + 1) * (own - near))
+    ratio = (information * near**2 / _HALFWAY) ** _POWER
+    return np.asarray(near + ratio / (ratio + 1) * (own - near))
 
 
 def _real_counts(
@@ -322,19 +314,6 @@ def _real_counts(
     return *linear_counts(gradient, information, slope, rate, rate), rate
 
 
-def _carry_debts(values: Array) -> Array:
-    """Return numbers from 0 with the same sums along each row, as far as debts can be paid.
-
-    Examples
-    --------
-    >>> _carry_debts(np.array([[1.0, -0.75, 0.5, 0.5]]))
-    array([[1.  , 0.  , 0.  , 0.25]])
-    """
-    sums = np.cumsum(values, axis=1)
-    paid = np.maximum(np.maximum.accumulate(sums, axis=1), 0)
-    return np.diff(paid, axis=1, prepend=0.0)
-
-
 def _of_each_filter(
     pattern: npt.NDArray[np.integer] | None, shape: tuple[int, ...]
 ) -> Iterator[npt.NDArray[np.bool_]]:
@@ -343,29 +322,3 @@ def _of_each_filter(
         yield np.ones(shape, bool)
     else:
         yield from (pattern == each for each in np.unique(pattern))
-
-
-def diffuse(values: Array, is_known: npt.NDArray[np.bool_]) -> Array:
-    """Return whole numbers from 0 instead of real ones, with about the same sum along each row.
-
-    The error of a pixel is added to the next pixel of its row. So the mean of a region stays right
-    even if all its values are alike, which are all rounded in the same direction otherwise. Rows
-    begin with different errors, so that they make no pattern together. If the numbers are negative,
-    their deficit is subtracted from the next pixels, up to a total of 1.
-
-    Parameters
-    ----------
-    values : ndarray of float64, shape (H, W)
-        The numbers.
-    is_known : ndarray of bool, shape (H, W)
-        Where the result may be above 0.
-
-    Examples
-    --------
-    >>> diffuse(np.full((2, 8), 0.25), np.ones((2, 8), bool)).astype(int)
-    array([[0, 0, 0, 1, 0, 0, 0, 1],
-           [0, 1, 0, 0, 0, 1, 0, 0]])
-    """
-    whole = np.empty(values.shape)
-    engine.diffuse(values, is_known, whole, None)
-    return whole

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.merge_near import average_fractions, diffuse, toward_own
+from jotlight.estimators.merge_near import average_fractions, toward_own
 from jotlight.estimators.merge_readings import linear_counts, noise_floor, reference_sensor
+from jotlight.estimators.whole_counts import diffuse
 from jotlight.formats.capture import CountStack
 from jotlight.motion.motion import Motion
 from jotlight.motion.reading_response import Response
@@ -233,6 +234,7 @@ class ReadingCounts:
         dark = merged.dark_counts * self.trials
         near = self._light_of_neighbors(merged.ones, trials, dark)
         mean, variance, slope = self._of_cycle(near, dark)
+        # The most likely light of a pixel, to first order.
         own = np.maximum(near + (fraction - mean) / np.maximum(slope, 1e-9), 0)
         readings = trials / (self.trials * self.cycle)
         light = toward_own(near, own, readings * slope**2 / np.maximum(variance, 1e-12))
