@@ -2,9 +2,13 @@
 
 import os
 
-# pytest runs a process per core. With more threads, those of NumPy would wait for each other.
+# pytest runs a process per core. Threads on the cores of other processes would wait for each other.
 if "PYTEST_XDIST_WORKER" in os.environ:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if hasattr(os, "sched_setaffinity"):  # Linux
+        cores = sorted(os.sched_getaffinity(0))
+        worker = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
+        os.sched_setaffinity(0, {cores[worker % len(cores)]})
 
 import signal
 import sys

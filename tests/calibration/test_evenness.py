@@ -27,14 +27,15 @@ def response(shape, spread=0.05, seed=1):
     return 1 + spread * rng.standard_normal(shape)
 
 
-@pytest.mark.parametrize("frames", [16, 1000])
-@pytest.mark.parametrize("name", ["camera", "coins"])
+@pytest.mark.parametrize("frames", [1000, pytest.param(16, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [pytest.param("camera", marks=pytest.mark.slow), "coins"])
 def test_a_photograph_is_no_flat_capture(name, frames):
     image = jl.datasets.photograph(name, gray=True)[:256, :256]
     with pytest.warns(jl.JotlightWarning, match=r"flat: expected even light, got .*white wall"):
         calibrate(0.7 * image / image.mean(), frames)
 
 
+@pytest.mark.slow
 def test_a_photograph_behind_color_filters_is_no_flat_capture():
     image = jl.datasets.photograph("camera", gray=True)[:256, :256]
     passed = np.array([0.4, 1.0, 0.6])[Mosaic("RGGB").full(*image.shape)]
@@ -57,7 +58,7 @@ def lights(shape):
     }
 
 
-@pytest.mark.parametrize("frames", [16, 1000])
+@pytest.mark.parametrize("frames", [1000, pytest.param(16, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", list(lights((128, 160))))
 def test_even_and_smoothly_falling_light_is_a_flat_capture(name, frames):
     shape = (128, 160)
@@ -81,13 +82,8 @@ def test_an_undeclared_mosaic_is_reported_on_few_jots(shape, side, frames):
         calibrate(passed * response(shape), frames)
 
 
-@pytest.mark.parametrize(
-    "shape",
-    [
-        (16, 16),
-        *(pytest.param(each, marks=pytest.mark.slow) for each in ((8, 8), (33, 48), (128, 128))),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", [(8, 8), (16, 16), (33, 48), (128, 128)])
 def test_no_mosaic_is_reported_where_there_is_none(shape):
     y, x = np.mgrid[: shape[0], : shape[1]] / max(shape)
     columns = 1 + 0.05 * np.random.default_rng(3).standard_normal(shape[1])

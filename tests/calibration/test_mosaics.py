@@ -21,6 +21,7 @@ def flat_scene(rng, spread, frames=4000):
     return counts(rng, dark, frames), light, relative, dark
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_the_response_behind_a_mosaic_is_relative_to_that_of_its_filter(side):
     rng = np.random.default_rng(5)

@@ -107,6 +107,7 @@ def test_compare_omits_iterative_mle_for_the_box_kernel(run, photo, without_slow
     assert TITLES["mle-iterative"] not in output
 
 
+@pytest.mark.slow
 def test_compare_shows_every_named_method(run, photo):
     status, output = run("compare", photo, "--method", "mle,admm-tv", "-m", "mle-iterative")
     assert status == 0

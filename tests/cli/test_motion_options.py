@@ -83,6 +83,7 @@ def recorded(path):
     return json.loads(beside.read_text())["origin"] if beside.exists() else read_note(path)
 
 
+@pytest.mark.slow
 def test_the_record_states_how_frames_were_aligned(run, moving, tmp_path):
     arguments = ["reconstruct", "moving.npy", "--motion", "--motion-model", "affine"]
     options = ["-m", "admm-tv", "--weight", 0.1, "--at", 10, "--save-motion", "m.safetensors"]

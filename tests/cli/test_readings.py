@@ -71,6 +71,7 @@ def test_brackets_are_stated_on_the_command_line(run, tmp_path, monkeypatch):
     np.testing.assert_array_equal(jl.open("b.npy").sensor.threshold, q)
 
 
+@pytest.mark.slow
 def test_brackets_that_repeat_are_aligned_and_filmed(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     jl.save_image("p.png", jl.datasets.photograph("camera")[100:228, 150:278])

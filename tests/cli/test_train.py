@@ -286,6 +286,7 @@ def test_options_that_would_be_lost_or_ignored_are_refused(run, photo_folder, ar
     assert jl.Network.load("m.checkpoint.safetensors")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("always")
 def test_a_file_of_gray_levels_is_reported_once_by_its_name(run, photo_folder):
     np.save(photo_folder / "levels.npy", np.full((64, 64), 200.0))

@@ -14,8 +14,9 @@ def captures():
     return jl.Bits.from_array(dark), jl.Bits.from_array(flat)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
-@pytest.mark.parametrize("chunk", [pytest.param(7, marks=pytest.mark.slow), 90])
+@pytest.mark.parametrize("chunk", [7, 90])
 def test_the_calibration_is_that_of_one_machine(chunk):
     dark, flat = captures()
     lazy = jl.dask.calibrate(dark.to_dask(chunk), flat.to_dask(chunk), width=dark.width)

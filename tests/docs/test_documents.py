@@ -47,12 +47,14 @@ NEEDS = {
 
 
 LONG_DOCSTRINGS = [
+    "jotlight.estimators.dead_time",
     "jotlight.motion.align",
     "jotlight.motion.film",
+    "jotlight.motion.film_estimates",
     "jotlight.motion.merge",
     "jotlight.training.loop",
 ]
-"""Modules whose examples take long. The tests of films, motions, and training run the same code."""
+"""Modules whose examples take long. The tests of these modules run the same code."""
 
 
 @pytest.mark.parametrize(
@@ -82,7 +84,7 @@ def page_cases() -> Iterator[object]:
     """Yield a test case per page. Pages that run commands or PyTorch, and long ones, are slow."""
     for page in PAGES:
         is_slow = bool(blocks(page, "sh")) or "import torch" in page.read_text("utf-8")
-        is_slow |= page.name == "which_sensor.md"
+        is_slow |= page.name in ("brackets.md", "which_sensor.md")
         name = str(page.relative_to(ROOT))
         yield pytest.param(page, id=name, marks=[pytest.mark.slow] if is_slow else [])
 

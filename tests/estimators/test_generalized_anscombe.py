@@ -47,7 +47,10 @@ def test_long_totals_are_taken_as_normal():
 @pytest.mark.parametrize(
     "sensor",
     [
-        jl.Sensor(frames=4, gain=12.0, bit_depth=2, read_noise=0.3, max_intensity=2.0),
+        pytest.param(
+            jl.Sensor(frames=4, gain=12.0, bit_depth=2, read_noise=0.3, max_intensity=2.0),
+            marks=pytest.mark.slow,
+        ),
         jl.Sensor(frames=4, gain=12.0, bit_depth=4, max_intensity=2.0),
         jl.Sensor(frames=16, read_noise=0.3, max_intensity=2.0),
     ],
@@ -66,7 +69,14 @@ def test_the_exact_inverse_has_no_bias(sensor):
     assert abs(algebraic.mean() - intensity) > abs(exact.mean() - intensity)
 
 
-@pytest.mark.parametrize(("frames", "photons"), [(1, 6.0), (1, 12.0), (8, 12.0)])
+@pytest.mark.parametrize(
+    ("frames", "photons"),
+    [
+        (1, 6.0),
+        pytest.param(1, 12.0, marks=pytest.mark.slow),
+        pytest.param(8, 12.0, marks=pytest.mark.slow),
+    ],
+)
 def test_mostly_saturated_readings_keep_the_mean(frames, photons):
     truth = jl.datasets.photograph("coffee", gray=True)[40:240, 100:300].astype(np.float64)
     sensor = jl.Sensor(frames=frames, gain=frames * photons, bit_depth=2)

@@ -181,7 +181,9 @@ WITH_MAPS = {
 
 
 @pytest.mark.filterwarnings("ignore:.*no valid bit")
-@pytest.mark.parametrize("level", [0.9, 0.99, 0.9999])
+@pytest.mark.parametrize(
+    "level", [0.99, *(pytest.param(level, marks=pytest.mark.slow) for level in (0.9, 0.9999))]
+)
 @pytest.mark.parametrize("name", WITH_MAPS)
 def test_the_coverage_reaches_the_confidence_level_with_masks_and_maps(name, level):
     sensor = WITH_MAPS[name]

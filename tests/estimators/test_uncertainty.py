@@ -26,7 +26,9 @@ def coverage(sensor, light, level=0.95):
     "bits", [16, *(pytest.param(bits, marks=pytest.mark.slow) for bits in (1, 2, 5, 64, 256))]
 )
 @pytest.mark.parametrize("threshold", [1, 2, 5])
-@pytest.mark.parametrize("dark", [0.0, 0.02, 0.5])
+@pytest.mark.parametrize(
+    "dark", [0.02, *(pytest.param(dark, marks=pytest.mark.slow) for dark in (0.0, 0.5))]
+)
 def test_the_coverage_reaches_the_confidence_level_at_any_light(bits, threshold, dark):
     sensor = jl.Sensor(
         frames=bits, threshold=threshold, dark_counts=dark, efficiency=0.8, max_intensity=20.0

@@ -123,7 +123,7 @@ def test_other_colors_and_requests_have_gray_estimates():
 @pytest.mark.parametrize(
     "parameters",
     [
-        {"bit_depth": 4, "read_noise": 0.3},
+        pytest.param({"bit_depth": 4, "read_noise": 0.3}, marks=pytest.mark.slow),
         {"gain": [0.5, 2.0] * 8},
         pytest.param({"threshold": [1, 2] * 8}, marks=pytest.mark.slow),
     ],

@@ -39,6 +39,7 @@ def covered(known, image=IMAGE):
     return float(((known.low <= image) & (image <= known.high)).mean())
 
 
+@pytest.mark.slow
 def test_a_color_has_the_trials_of_the_pixels_that_see_it():
     # Behind RGGB, green has the threshold 1, and red and blue 3, which say little in the dark.
     board = np.where(np.indices(IMAGE.shape[:2]).sum(axis=0) % 2, 1, 3)
@@ -226,6 +227,7 @@ def test_the_command_line_writes_the_intervals(run, tmp_path, options):
         np.testing.assert_array_equal(written["flags"], known.flags())
 
 
+@pytest.mark.slow
 def test_readings_have_intervals_wherever_the_color_network_takes_them():
     readings = expose(RANDOM, trials=1, bit_depth=8, gain=100.0)
     # Clear pixels have more than 1,000 equivalent trials.

@@ -97,10 +97,15 @@ def test_images_that_cannot_be_shown_are_refused():
     "options",
     [
         {"gain": [2.0, 2.0, 0.5, 0.5]},
-        {"threshold": [1, 1, 2, 2]},
-        {"threshold": 1 + np.indices((48, 40)).sum(axis=0) % 2},
-        {"read_noise": 0.2},
         {"bit_depth": 4},
+        *(
+            pytest.param(options, marks=pytest.mark.slow)
+            for options in (
+                {"threshold": [1, 1, 2, 2]},
+                {"threshold": 1 + np.indices((48, 40)).sum(axis=0) % 2},
+                {"read_noise": 0.2},
+            )
+        ),
     ],
 )
 def test_sensors_of_every_kind_are_compared(options):
@@ -115,6 +120,7 @@ def test_sensors_of_every_kind_are_compared(options):
     assert name in {text.get_text() for text in found.plot().texts}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mosaic", ["RGGB", None])
 def test_the_color_network_is_one_of_the_methods_for_colors(mosaic):
     image = jl.datasets.photograph("astronaut")[100:132, 180:212]

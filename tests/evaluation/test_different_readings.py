@@ -67,9 +67,11 @@ def test_mostly_saturated_readings_of_two_bits_are_hardly_too_dark(frames, photo
     [
         jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0]),
         jl.Sensor(frames=3, gain=[0.5, 2.0, 8.0]),
-        jl.Sensor(frames=4, gain=8.0, threshold=[1, 1, 1, 5]),
         jl.Sensor(bit_depth=2, gain=6.0),
-        jl.Sensor(frames=4, gain=4.0, bit_depth=2, read_noise=0.3),
+        pytest.param(jl.Sensor(frames=4, gain=8.0, threshold=[1, 1, 1, 5]), marks=pytest.mark.slow),
+        pytest.param(
+            jl.Sensor(frames=4, gain=4.0, bit_depth=2, read_noise=0.3), marks=pytest.mark.slow
+        ),
     ],
     ids=repr,
 )
@@ -87,7 +89,9 @@ def test_the_default_has_no_bias_for_a_few_readings(sensor):
     [
         (jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0]), "noniterative-tv"),
         (jl.Sensor(frames=2, gain=3.0, threshold=[1, 2]), "noniterative-gaussian"),
-        (jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0]), "admm-tv"),
+        pytest.param(
+            jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0]), "admm-tv", marks=pytest.mark.slow
+        ),
     ],
     ids=repr,
 )

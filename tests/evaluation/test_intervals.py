@@ -193,6 +193,7 @@ def fields(known):
     return [known.standard_error, known.low, known.high, known.flags()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mosaic", [None, "RGGB"])
 def test_the_interval_in_a_precision_is_that_of_the_estimate_in_it(mosaic):
     sensor = SENSOR.replace(mosaic=mosaic)

@@ -6,6 +6,7 @@ import pytest
 from jotlight.experiments.posterior_mean import posterior_mean_psnr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "bits", [2, *(pytest.param(bits, marks=pytest.mark.slow) for bits in (1, 9))]
 )

@@ -80,9 +80,8 @@ def test_few_frames_are_aligned(frames):
     assert rms_error(found, scene, 1) < 0.3
 
 
-@pytest.mark.parametrize(
-    "at", [30.5, *(pytest.param(at, marks=pytest.mark.slow) for at in (0, 12))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("at", [0, 12, 30.5])
 def test_the_reference_time_may_be_any(at):
     scene, bits, _ = aligned("shake")
     found = jl.align(bits, at=at)

@@ -67,9 +67,9 @@ def test_whole_shifts_give_the_sums_of_shifted_frames_bit_for_bit(step):
 @pytest.mark.parametrize(
     ("motion", "at", "upsample"),
     [
-        ("shake", None, 1),
         ("shake", 20.5, 2),
-        ("fast", None, 2),
+        pytest.param("shake", None, 1, marks=pytest.mark.slow),
+        pytest.param("fast", None, 2, marks=pytest.mark.slow),
         pytest.param("layers", None, 1, marks=pytest.mark.slow),
         pytest.param("sheet", None, 1, marks=pytest.mark.slow),
     ],

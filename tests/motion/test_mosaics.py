@@ -232,6 +232,7 @@ def test_what_cannot_be_merged_is_refused():
         jl.align(stack, jl.Sensor(frames=32, oversampling=2, mosaic="RGGB"))
 
 
+@pytest.mark.slow
 def test_counts_behind_a_mosaic_have_the_motion_of_their_bits():
     scene, bits = small()
     counts = bits.to_array().reshape(FRAMES // 2, 2, *SIZE).sum(axis=1).astype(np.uint8)

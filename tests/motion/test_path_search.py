@@ -147,7 +147,8 @@ def test_pixels_whose_bits_disagree_are_unknown_but_dead_ones_are_not():
     assert unknown_along(Paths([_still(nothing, 32)], labels)) == 0
 
 
-@pytest.mark.parametrize("is_reversed", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.slow
+@pytest.mark.parametrize("is_reversed", [False, True])
 def test_wrong_outlines_of_slow_segments_are_replaced(is_reversed):
     """A large object hides its background everywhere, so the bits do not show that it is wrong."""
     size, velocities = (48, 64), ((0, 0), (0, 1))

@@ -28,8 +28,8 @@ BRACKETS = [
     jl.Sensor(frames=FRAMES, read_noise=0.3),  # one exposure
     jl.Sensor(frames=FRAMES, gain=np.tile([0.2, 2.0], FRAMES // 2), bit_depth=3, read_noise=0.2),
 ]
-FAST = SENSORS[0], BRACKETS[0]
-"""Sensors whose moving scenes the fast tests show."""
+FAST = BRACKETS[0]
+"""The sensor whose moving scene the fast tests show."""
 
 
 def scene_of(sensor, motion="shake", shape=SHAPE, color=False):
@@ -89,7 +89,7 @@ def test_the_counts_of_a_bracket_are_sums_over_cycles(sensor):
 
 
 @pytest.mark.parametrize("sensor", [*SENSORS, *BRACKETS], ids=repr)
-@pytest.mark.parametrize("intensity", [0.05, 0.6])
+@pytest.mark.parametrize("intensity", [0.05, pytest.param(0.6, marks=pytest.mark.slow)])
 def test_corrected_counts_have_no_bias_and_state_their_noise(sensor, intensity):
     converted = counts_of_readings(flat(sensor, intensity), None)
     merged = converted.correct(whole(converted))
@@ -105,6 +105,7 @@ def test_corrected_counts_have_no_bias_and_state_their_noise(sensor, intensity):
     assert fraction.var() == pytest.approx(p * (1 - p) / trials.mean(), rel=0.35)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("read_noise", "error"), [(0.0, 0.08), (0.3, 0.25)])
 def test_hot_jots_make_no_bias_in_brackets(read_noise, error):
     hot = np.random.default_rng(0).random(SHAPE) < 0.02
@@ -132,7 +133,7 @@ def test_hot_jots_make_no_bias_in_brackets(read_noise, error):
 @pytest.mark.parametrize(
     "sensor",
     [
-        pytest.param(each, marks=[pytest.mark.slow] * (each not in FAST), id=repr(each))
+        pytest.param(each, marks=[pytest.mark.slow] * (each is not FAST), id=repr(each))
         for each in [*SENSORS, *BRACKETS]
     ],
 )
@@ -159,6 +160,7 @@ def test_a_frame_has_the_same_counts_whenever_it_is_read():
     np.testing.assert_array_equal(np.asarray(part.images), np.asarray(images[13:15]))
 
 
+@pytest.mark.slow
 def test_stacks_of_counts_with_such_a_sensor_are_the_same():
     readings = scene_of(SENSORS[2]).bits
     stack = CountStack(readings.to_array(), Provenance("npy", "a.npy"), sensor=SENSORS[2])
@@ -167,6 +169,7 @@ def test_stacks_of_counts_with_such_a_sensor_are_the_same():
     assert counts_of_readings(jl.Bits.from_array(np.zeros((2, 4, 8), int)), None) is None
 
 
+@pytest.mark.slow
 def test_films_and_the_film_network_take_readings():
     scene = scene_of(SENSORS[1], shape=(64, 80))
     estimates = FilmEstimates()
@@ -179,6 +182,7 @@ def test_films_and_the_film_network_take_readings():
         assert psnr(estimates.add(image), truth) > by_medium - 1
 
 
+@pytest.mark.slow
 def test_colors_have_one_motion():
     sensor = jl.Sensor(frames=32, gain=64.0, bit_depth=4)
     scene = scene_of(sensor, shape=(64, 80), color=True)
@@ -202,6 +206,7 @@ def test_what_the_motion_does_not_take(changes, message):
         jl.merge(readings)
 
 
+@pytest.mark.slow
 def test_times_of_a_bracket_are_those_of_frames():
     scene = scene_of(BRACKETS[1], shape=(64, 80))
     motion = jl.align(scene.bits)
@@ -222,7 +227,8 @@ def test_times_of_a_bracket_are_those_of_frames():
     assert psnr(jl.reconstruct(merged), scene.image(20)) > 28
 
 
-@pytest.mark.parametrize("causal", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.slow
+@pytest.mark.parametrize("causal", [False, True])
 def test_films_of_brackets_have_times_in_frames(causal):
     scene = scene_of(BRACKETS[1], shape=(64, 80))
     estimates, by_medium, by_network = FilmEstimates(), [], []
@@ -247,14 +253,12 @@ def test_a_bracket_without_a_cycle_is_refused_with_advice():
         film(BRACKETS[1].expose(np.full((32, 32), 0.5), rng=0), window=16)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sensor",
     [
         jl.Sensor(frames=48, bit_depth=3, read_noise=0.2, mosaic="RGGB"),
-        pytest.param(
-            jl.Sensor(frames=96, gain=np.tile([0.3, 2.0], 48), mosaic="RGGB"),
-            marks=pytest.mark.slow,
-        ),
+        jl.Sensor(frames=96, gain=np.tile([0.3, 2.0], 48), mosaic="RGGB"),
     ],
     ids=repr,
 )
@@ -274,6 +278,7 @@ def test_colors_of_readings_behind_a_mosaic_are_merged_and_filmed(sensor):
     assert psnr(jl.reconstruct(last.data), scene.image(last.time)) > 26
 
 
+@pytest.mark.slow
 def test_a_scene_behind_a_mosaic_that_stands_still_is_filmed_from_its_readings():
     sensor = jl.Sensor(frames=96, gain=np.tile([0.3, 2.0], 48), mosaic="RGGB")
     scene = scene_of(sensor, "static", shape=(64, 80), color=True)

@@ -111,7 +111,9 @@ def test_instruction_sets_agree_up_to_the_rounding():
         assert_near(result, results[0])
 
 
-@pytest.mark.parametrize("trials", [1, 4, 16, 64, 256])
+@pytest.mark.parametrize(
+    "trials", [16, *(pytest.param(trials, marks=pytest.mark.slow) for trials in (1, 4, 64, 256))]
+)
 def test_bfloat16_loses_hardly_any_quality(trials):
     sensor = jl.Sensor(frames=trials)
     photograph = jl.datasets.photograph("camera")

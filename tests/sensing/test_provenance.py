@@ -11,16 +11,16 @@ from jotlight.sensing.provenance import Provenance
 TURNS = list(itertools.product(range(4), (None, *FLIPS)))
 
 
-@pytest.mark.parametrize("second", TURNS)
 @pytest.mark.parametrize("first", TURNS)
-def test_successive_rotations_and_flips_are_combined(first, second):
+def test_successive_rotations_and_flips_are_combined(first):
     image = np.arange(6).reshape(2, 3)
-    provenance = Provenance("npy", "a.npy").reoriented(*first).reoriented(*second)
-    quarters, mirrored = provenance.orientation
-    expected = orient_image(orient_image(image, *first), *second)
-    kept = orient_image(image, quarters, "horizontal" if mirrored else None)
-    np.testing.assert_array_equal(kept, expected)
-    assert Provenance.from_json(provenance.to_json()) == provenance
+    for second in TURNS:
+        provenance = Provenance("npy", "a.npy").reoriented(*first).reoriented(*second)
+        quarters, mirrored = provenance.orientation
+        expected = orient_image(orient_image(image, *first), *second)
+        kept = orient_image(image, quarters, "horizontal" if mirrored else None)
+        np.testing.assert_array_equal(kept, expected)
+        assert Provenance.from_json(provenance.to_json()) == provenance
 
 
 def test_an_unknown_orientation_stays_unknown():
