@@ -8,8 +8,8 @@ bracket repeat in cycles. The first table shows the mean PSNR in dB, without a b
 by the network "medium": of all frames without alignment, along the motion that `jotlight.align`
 finds, and of the same photographs standing still, from all their bits and from the sums of cycles.
 *bias* is the relative error of the mean intensity of the merged images. *film* and *network* are
-images of causal films of half the frames, by "medium" and by the film network. *photons* is the
-mean number per pixel and frame.
+images of causal films of half the frames, by "medium" and by the film network, which does not take
+maps of thresholds. *photons* is the mean number per pixel and frame.
 
 In the second table, the intensities of the photographs rise by a factor of 1,000 from left to
 right. It shows the root mean square error of log intensity in each quarter of the width, of images
@@ -37,7 +37,9 @@ KINDS = [
     ((1.0, 8.0, 64.0), 1, 8.0, 0.0),
     ((1.0, 1.0), (1, 4), 2.0, 0.0),
     ((1.0, 1.0), 1, 0.5, 0.3),
+    ((1.0, 1.0), "checkerboard 1, 4", 2.0, 0.0),
 ]
+BOARD = np.where(np.indices(SIZE).sum(axis=0) % 2, 4, 1)
 RANGE = 1000.0
 
 
@@ -79,7 +81,7 @@ def bracket(gains, thresholds, noise: float, cycles: int) -> jl.Sensor:
     return jl.Sensor(
         frames=frames,
         gain=np.tile(gains, cycles),
-        threshold=np.resize(thresholds, frames),
+        threshold=BOARD if isinstance(thresholds, str) else np.resize(thresholds, frames),
         read_noise=noise,
     )
 
@@ -105,8 +107,9 @@ def measure(
     window = len(bits) // (2 * cycle) * cycle
     for shown in film(bits, window=window, step=window // 8 // cycle * cycle, causal=True):
         known = scene.image(shown.time)
-        by_medium = jl.reconstruct(shown.data, method=METHOD)
-        rows.append((psnr(by_medium, known), psnr(estimates.add(shown), known)))
+        by_medium = psnr(jl.reconstruct(shown.data, method=METHOD), known)
+        by_network = psnr(estimates.add(shown), known) if shown.nearest else np.nan
+        rows.append((by_medium, by_network))
     return (
         psnr(jl.reconstruct(bits, method=METHOD), truth),
         psnr(estimate, truth),

@@ -39,7 +39,6 @@ def test_info_shows_the_values(run, files):
     ("arguments", "message"),
     [
         (["film", "bracket.npy", "--window", 4], "12 frames without a repetition; jotlight.recon"),
-        (["film", "map.npy", "--window", 4], "got a threshold for each jot; jotlight.reconstruct"),
         (["reconstruct", "map.npy", "--find-hot-jots"], "find-hot-jots: expected one threshold"),
         (["view", "bracket.npy"], "expected exposures that repeat in cycles"),
     ],
@@ -49,6 +48,12 @@ def test_what_needs_one_gain_and_threshold_says_so(run, files, arguments, messag
     status, text = run(*arguments, *output)
     assert status == 1
     assert message in " ".join(text.split())
+
+
+def test_a_film_of_a_map_of_thresholds_has_the_images_of_its_windows(run, files):
+    assert run("film", "map.npy", "-o", "film.tif", "--window", 4)[0] == 0
+    expected = [jl.reconstruct(jl.open("map.npy")[start : start + 4]) for start in (0, 4, 8)]
+    np.testing.assert_allclose(jl.read_image("film.tif")[:3], expected, atol=1e-6)
 
 
 def test_brackets_are_stated_on_the_command_line(run, tmp_path, monkeypatch):

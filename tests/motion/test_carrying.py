@@ -8,7 +8,7 @@ import jotlight as jl
 from jotlight.motion.carrying import carry
 from jotlight.motion.film_image import FilmSettings
 from jotlight.motion.film_state import FilmState
-from jotlight.motion.mosaics import enlarge_motion, in_squares
+from jotlight.motion.squares import enlarge_motion, in_squares
 from moving import behind, in_memory
 
 

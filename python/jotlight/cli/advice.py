@@ -6,6 +6,7 @@ from jotlight.cli.console import caution
 from jotlight.evaluation.choice import Choice
 from jotlight.formats.capture import Capture
 from jotlight.motion.detection import THRESHOLD, motion_score
+from jotlight.motion.jot_kinds import without_kinds
 from jotlight.motion.mosaic_colors import is_mergeable
 from jotlight.motion.reading_counts import counts_of_readings
 from jotlight.networks.pretrained import CONDITIONAL_SIZE
@@ -63,7 +64,7 @@ def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int 
     for part in parts:
         converted = counts_of_readings(part, sensor)
         counts = part if converted is None else converted.counts
-        own = sensor if converted is None else converted.sensor
+        own = without_kinds(sensor if converted is None else converted.sensor)
         score = motion_score(counts, threshold=own.threshold, threads=threads)
         if score > THRESHOLD:
             way = (

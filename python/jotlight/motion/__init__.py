@@ -24,7 +24,8 @@ In reading order:
   ``film_estimates``: its images by the film network.
 - ``jots``, ``equivalent``, ``flicker``: jots that differ, and light that changes.
   ``reading_counts``, ``reading_response``: readings of several bits, and brackets, as counts.
-- ``mosaics``, ``mosaic_colors``, ``film_colors``: color filters. ``finer``: a grid of half pixels.
+- ``jot_kinds``, ``squares``, ``mosaic_colors``, ``threshold_maps``, ``film_kinds``: jots behind
+  color filters, or with different thresholds. ``finer``: a grid of half pixels.
 - ``detection``: whether a scene moves at all. ``cost``: the time and memory of an alignment.
 
 ``docs/decisions/0019-motion.md`` describes the method.

@@ -13,11 +13,12 @@ from jotlight.motion.block_edges import block_edges
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst, as_burst, refuse_pixels
 from jotlight.motion.consistency import Consistent
+from jotlight.motion.jot_kinds import frames_of_kinds
 from jotlight.motion.jots import Jots
-from jotlight.motion.mosaics import enlarge_motion, in_squares, jots_behind_mosaic, squares_side
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.path_search import find_paths
 from jotlight.motion.reading_counts import ReadingCounts, counts_for_motion
+from jotlight.motion.squares import enlarge_motion, in_squares, squares_side
 from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
 from jotlight.progress import Progress, shown_progress
@@ -113,8 +114,8 @@ def find_motion(
     """Return the motion that :func:`align` returns, and the sums along it if they are known."""
     if (converted := counts_for_motion(data, sensor)) is not None:
         return _motion_of_counts(converted, at, model, threads, progress)
-    if (colored := jots_behind_mosaic(data, sensor)) is not None:
-        return _motion_behind_mosaic(*colored, at, model, threads, progress), None
+    if (of_kinds := frames_of_kinds(data, sensor)) is not None:
+        return _motion_of_squares(*of_kinds, at, model, threads, progress), None
     burst, sensor = prepare_burst(data, sensor)
     if model != "auto" and model not in MODELS:
         raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
@@ -151,7 +152,7 @@ def _motion_of_counts(
     return motion.seen_from(at), None
 
 
-def _motion_behind_mosaic(
+def _motion_of_squares(
     data: Bits | CountStack,
     sensor: Sensor,
     at: float | None,
@@ -159,8 +160,7 @@ def _motion_behind_mosaic(
     threads: int | None,
     progress: Callable[[float], object],
 ) -> Motion:
-    """Return the motion of a scene behind a mosaic, from sums over squares of jots."""
-    require_alike_frames(sensor)
+    """Return the motion of a scene that kinds of jots show, from sums over squares of them."""
     gray = without_mosaic(sensor)
     squares, own = in_squares(data, sensor, excluded_jots(gray))
     motion, _ = find_motion(squares, own, at, model, threads, progress)

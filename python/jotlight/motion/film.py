@@ -8,10 +8,10 @@ from jotlight.checks import whole_number_in_range
 from jotlight.chunks import windows
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import prepare_burst
-from jotlight.motion.film_colors import ColorFilmState
 from jotlight.motion.film_image import FilmImage, FilmSettings
+from jotlight.motion.film_kinds import KindsFilmState
 from jotlight.motion.film_state import FilmState
-from jotlight.motion.mosaics import jots_behind_mosaic
+from jotlight.motion.jot_kinds import frames_of_kinds, has_kinds
 from jotlight.motion.reading_counts import ReadingCounts, counts_for_motion
 from jotlight.sensing.alike_frames import check_cycles
 from jotlight.sensing.bits import Bits
@@ -93,13 +93,14 @@ def film(
         check_cycles(converted.cycle, window, step)
         data, sensor = converted.counts, converted.sensor
         window, step = window // converted.cycle, None if step is None else step // converted.cycle
-    colored = jots_behind_mosaic(data, sensor)
-    if colored and converted is None and isinstance(data, CountStack):
+    of_kinds = frames_of_kinds(data, sensor)
+    if of_kinds and converted is None and isinstance(data, CountStack):
+        kinds = "a mosaic" if of_kinds[1].mosaic else "a map of thresholds"
         raise ValueError(
-            "data: expected bits or readings for the film of a sensor with a mosaic, got counts; "
+            f"data: expected bits or readings for the film of a sensor with {kinds}, got counts; "
             "jotlight.merge makes one image of them"
         )
-    sensor = prepare_burst(data, sensor)[1] if colored is None else colored[1]
+    sensor = prepare_burst(data, sensor)[1] if of_kinds is None else of_kinds[1]
     spans = windows(len(data), window, step)
     # A frame of counts has several readings.
     part = sensor.replace(frames=sensor.frames * window // len(data))
@@ -142,7 +143,7 @@ def _corrected(image: FilmImage, converted: ReadingCounts) -> FilmImage:
     )
 
 
-def begin_film(sensor: Sensor, settings: FilmSettings) -> "FilmState | ColorFilmState":
+def begin_film(sensor: Sensor, settings: FilmSettings) -> "FilmState | KindsFilmState":
     """Return the state of a film before its first image, from the sensor of a window.
 
     Raises
@@ -150,4 +151,4 @@ def begin_film(sensor: Sensor, settings: FilmSettings) -> "FilmState | ColorFilm
     ValueError
         When the settings do not fit the sensor.
     """
-    return (FilmState if sensor.mosaic is None else ColorFilmState)(sensor, settings)
+    return (KindsFilmState if has_kinds(sensor) else FilmState)(sensor, settings)

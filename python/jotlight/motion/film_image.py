@@ -42,8 +42,9 @@ class FilmImage:
     """Whether the motion is that of the image before, with new blocks at its end."""
     data: Merged | Bits | Readings = dataclasses.field(repr=False)
     """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or bits or readings
-    behind a mosaic: those of the window if the scene stands still, and those of fewer frames if no
-    motion explains it. The flags of `merged` then say nothing about the image."""
+    behind a mosaic or with a map of thresholds: those of the window if the scene stands still, and
+    those of fewer frames if no motion explains it. The flags of `merged` then say nothing about the
+    image."""
     count_nearest: Callable[[], tuple[Merged, ...]] = dataclasses.field(
         default=_no_counts, repr=False
     )
@@ -61,8 +62,8 @@ class FilmImage:
         they agree with the motion. They are followed by those of the four sixteenths next to this
         sixteenth, in the order of their distance in time; the earlier one of two with the same
         distance is first. The film network reads them besides `merged`. They stand still where
-        merging has rejected the motion. Empty for colors and for a finer grid. They are counted
-        when they are first read.
+        merging has rejected the motion. Empty for colors, for maps of thresholds, and for a finer
+        grid. They are counted when they are first read.
         """
         return self.count_nearest()
 

@@ -6,8 +6,9 @@ import numpy.typing as npt
 from jotlight.checks import whole_number_in_range
 from jotlight.motion.film import begin_film
 from jotlight.motion.film_image import KEPT_WINDOWS, FilmImage, FilmSettings
+from jotlight.motion.jot_kinds import without_kinds
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.readings import require_plain_bits, without_mosaic
+from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.sensor import Sensor, require_any_sensor
 
 _ADVICE = (
@@ -67,7 +68,7 @@ class LiveFilm:
         threads: int | None = None,
     ) -> None:
         require_any_sensor(sensor)
-        require_plain_bits(without_mosaic(sensor), _ADVICE)
+        require_plain_bits(without_kinds(sensor), _ADVICE)
         self._window = whole_number_in_range("window", window, 1, 2**31 - 1)
         self._step = whole_number_in_range("step", step, 1, window)
         settings = FilmSettings(

@@ -23,12 +23,12 @@ from jotlight.motion.consistency import Consistent, disagreement, find_consisten
 from jotlight.motion.finer import count_fine, fine_paths
 from jotlight.motion.flags import find_flags, is_unclear
 from jotlight.motion.flicker import without_saturation
+from jotlight.motion.jot_kinds import frames_of_kinds, has_kinds, join_kinds, sensors_of_kinds
 from jotlight.motion.merged_pixels import as_fine, as_merged
-from jotlight.motion.mosaic_colors import join_colors, sensors_of_colors
-from jotlight.motion.mosaics import jots_behind_mosaic
 from jotlight.motion.motion import Motion
 from jotlight.motion.reading_counts import counts_for_motion
 from jotlight.motion.still_window import count_window, find_window
+from jotlight.motion.threshold_maps import count_still
 from jotlight.motion.track import Paths, Track
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
@@ -95,8 +95,8 @@ def merge(
         Counts of pixels, which all methods and networks accept in place of bits. Behind a mosaic of
         ideal filters R, G, and B, they are color counts, (H, W, 3): along a motion, each pixel of
         the image is seen through all filters. If the scene stands still (model "none"),
-        reconstruct the bits instead. Of brackets and of readings of several bits, they are
-        equivalent counts.
+        reconstruct the bits instead. Of brackets, of maps of thresholds, and of readings of several
+        bits, they are equivalent counts.
 
     Raises
     ------
@@ -124,9 +124,9 @@ def merge(
         )
     converted = counts_for_motion(data, sensor)
     counts, own = (data, sensor) if converted is None else (converted.counts, converted.sensor)
-    colored = jots_behind_mosaic(counts, own)
-    bursts = _bursts_of_colors(*colored) if colored else [prepare_burst(counts, own)]
-    check_upsample(upsample, bursts[0][1] if colored is None else colored[1])
+    of_kinds = frames_of_kinds(counts, own)
+    bursts = _bursts_of_kinds(*of_kinds) if of_kinds else [prepare_burst(counts, own)]
+    check_upsample(upsample, bursts[0][1] if of_kinds is None else of_kinds[1])
     with shown_progress(progress, "merging") as update:
         consistent = None
         if motion is None:
@@ -139,10 +139,10 @@ def merge(
             motion, consistent = motion.seen_from(at), None
         if converted is not None:
             motion = converted.in_cycles(motion)
-        if colored is None:
+        if of_kinds is None:
             merged = _merge(*bursts[0], motion, consistent, upsample, threads)
         else:
-            merged = _merge_colors(bursts, colored[1], motion, threads)
+            merged = _merge_kinds(bursts, *of_kinds, motion, threads)
         update(1.0)
     return merged if converted is None else converted.correct(merged)
 
@@ -162,32 +162,39 @@ def _merge(
     return merge_along(paths, motion, sensor, consistent, upsample)[0]
 
 
-def _bursts_of_colors(data: Bits | CountStack, sensor: Sensor) -> list[tuple[Burst, Sensor]]:
-    """Return the frames with a sensor for each color, whose other jots are dead."""
+def _bursts_of_kinds(data: Bits | CountStack, sensor: Sensor) -> list[tuple[Burst, Sensor]]:
+    """Return the frames with a sensor for each kind of jots, whose other jots are dead."""
     height, width = jot_shape(data)[1:3]
     return [
         prepare_burst(data, own, may_repeat=True)
-        for own in sensors_of_colors(sensor, (height, width))
+        for own in sensors_of_kinds(sensor, (height, width))
     ]
 
 
-def _merge_colors(
-    bursts: list[tuple[Burst, Sensor]], sensor: Sensor, motion: Motion, threads: int | None
+def _merge_kinds(
+    bursts: list[tuple[Burst, Sensor]],
+    data: Bits | CountStack,
+    sensor: Sensor,
+    motion: Motion,
+    threads: int | None,
 ) -> Merged:
-    """Return the counts of red, green, and blue along the motion, from jots behind a mosaic.
+    """Return the counts along the motion from all kinds of jots, joined.
 
-    They are never those of a window without motion, which might differ from color to color.
+    They are never those of a window without motion, which might differ from kind to kind.
     """
     merged = []
     for burst, own in bursts:
         paths, _ = paths_at(burst, own, None, motion, threads)
         merged.append(merge_along(paths, motion, own, may_stand_still=False)[0])
+    joined = join_kinds(merged, sensor)
     if motion.model == "none":
+        if sensor.mosaic is None:
+            return count_still(data, sensor, joined, threads)
         warn(
             "the scene stands still, so each pixel was seen through one filter alone; reconstruct "
             "the bits in place of merged counts"
         )
-    return join_colors(merged, sensor)
+    return joined
 
 
 def paths_at(
@@ -233,9 +240,10 @@ def check_upsample(upsample: int, sensor: Sensor) -> None:
     """Raise ValueError unless the readings of a sensor can be merged onto a finer grid."""
     if whole_number_in_range("upsample", upsample, 1, 2) == 1:
         return
-    if sensor.mosaic is not None:
+    if has_kinds(sensor):
+        kinds = "a mosaic" if sensor.mosaic else "a map of thresholds"
         raise ValueError(
-            f"upsample: expected 1 for a sensor with a mosaic, got {upsample}; leave out "
+            f"upsample: expected 1 for a sensor with {kinds}, got {upsample}; leave out "
             "upsample= (--upsample)"
         )
     if sensor.oversampling > 1:

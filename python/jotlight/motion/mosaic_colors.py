@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.merge_readings import round_ones
-from jotlight.motion.mosaics import squares_side
+from jotlight.motion.squares import squares_side
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor

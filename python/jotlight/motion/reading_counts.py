@@ -292,7 +292,7 @@ def counts_of_readings(data: object, sensor: object) -> ReadingCounts | None:
     Raises
     ------
     ValueError
-        When thresholds differ from jot to jot, or exposures do not repeat in cycles.
+        When exposures do not repeat in cycles.
     """
     if not isinstance(data, Bits | Readings | CountStack):
         return None
@@ -301,6 +301,8 @@ def counts_of_readings(data: object, sensor: object) -> ReadingCounts | None:
         stated = carried_sensor(data) if isinstance(data, Bits) else data.sensor
     if not isinstance(stated, Sensor) or without_mosaic(stated).has_plain_bits:
         return None
+    if np.ndim(stated.threshold) == 2:
+        return None  # its jots are of several kinds
     if stated.bit_depth == 1 and not isinstance(data, Bits):
         return None
     cycle = exposure_cycle(stated)

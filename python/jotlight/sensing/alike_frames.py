@@ -9,7 +9,6 @@ from jotlight.sensing.readings import (
     S,
     frames_differ,
     readings_differ,
-    refuse_different_readings,
     require_plain_bits,
     without_mosaic,
 )
@@ -20,14 +19,13 @@ _ADVICE = "jotlight.reconstruct makes one image of all frames"
 def find_cycle(sensor: GroupedSensor) -> int | None:
     """Return the number of frames after which gains and thresholds repeat, 1 for one exposure.
 
-    Return None if thresholds differ from jot to jot, or exposures do not repeat at least once.
+    Return None if exposures do not repeat at least once.
     """
-    if np.ndim(sensor.threshold) == 2:
-        return None
     if not frames_differ(sensor):
         return 1
     frames = sensor.frames
-    exposures = np.stack([np.broadcast_to(each, frames) for each in _exposures(sensor)])
+    per_frame = [each for each in _exposures(sensor) if each.ndim < 2]
+    exposures = np.stack([np.broadcast_to(each, frames) for each in per_frame])
     kinds = np.unique(exposures, axis=1, return_inverse=True)[1].reshape(-1).tolist()
     cycle = frames - _border(kinds)
     return cycle if 2 * cycle <= frames else None
@@ -59,7 +57,7 @@ def exposure_cycle(sensor: GroupedSensor) -> int:
     Raises
     ------
     ValueError
-        When thresholds differ from jot to jot, or exposures do not repeat at least once.
+        When exposures do not repeat at least once.
 
     Examples
     --------
@@ -75,9 +73,6 @@ def exposure_cycle(sensor: GroupedSensor) -> int:
     """
     if (cycle := find_cycle(sensor)) is not None:
         return cycle
-    if np.ndim(sensor.threshold) == 2:
-        # Read noise and brackets do not matter for the motion, but the map does.
-        refuse_different_readings(sensor, _ADVICE + _first_frames(sensor))
     raise ValueError(
         "sensor: expected exposures that repeat in cycles, such as short, long, short, long, so "
         f"that each part of a scene is seen alike at all times, got {sensor.frames} frames without "

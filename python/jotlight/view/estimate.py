@@ -13,6 +13,7 @@ from jotlight.evaluation.methods import LARGE_TRIALS, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align
+from jotlight.motion.jot_kinds import frames_of_kinds
 from jotlight.motion.merge import merge
 from jotlight.motion.reading_counts import counts_for_motion
 from jotlight.sensing.channels import last_channel_axis
@@ -222,8 +223,10 @@ def alignment_reason(viewed: Viewable) -> str | None:
     sensor = viewed.sensor(number)
     if without_mosaic(sensor).has_plain_bits:
         return None
+    part = viewed.part(viewed.frames[:number])
     try:
-        counts_for_motion(viewed.part(viewed.frames[:number]), sensor)
+        if counts_for_motion(part, sensor) is None:
+            frames_of_kinds(part, sensor)
     except ValueError as error:
         return str(error)
     return None

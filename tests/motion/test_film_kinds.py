@@ -6,11 +6,11 @@ import pytest
 import jotlight as jl
 from jotlight.motion.align import excluded_jots
 from jotlight.motion.film import film
-from jotlight.motion.film_colors import FilmColors
+from jotlight.motion.film_kinds import FilmKinds
 from jotlight.motion.film_state import FilmState
 from jotlight.motion.live_film import LiveFilm
 from jotlight.motion.mosaic_colors import is_mergeable
-from jotlight.motion.mosaics import in_squares
+from jotlight.motion.squares import in_squares
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.readings import without_mosaic
 from moving import behind
@@ -111,7 +111,7 @@ def test_squares_of_windows_are_those_of_all_frames(mosaic, step):
     _, bits = small(mosaic)
     sensor = bits.sensor.replace(mask=mask, gain=bits.sensor.gain)
     bits = jl.Bits(bits.packed, SIZE[1], sensor)
-    colors = FilmColors(bits.sensor, SIZE, step, lambda: None)
+    colors = FilmKinds(bits.sensor, SIZE, step, lambda: None)
     gray = without_mosaic(bits.sensor)
     # The third window does not follow the second one, and the last one begins before it.
     for start in (0, step, step + 30, 2 * step):
@@ -130,7 +130,7 @@ def test_a_motion_that_is_lost_flags_every_pixel():
     motion = jl.align(*in_squares(part, part.sensor, None))
     found = {}
     for is_lost in (False, True):
-        colors = FilmColors(part.sensor, SIZE, STEP, lambda: None)
+        colors = FilmKinds(part.sensor, SIZE, STEP, lambda: None)
         merged, _ = colors.merge(part, motion, 0, is_lost=is_lost)
         found[is_lost] = merged.flags.mean()
     assert found[True] == 1 > found[False]

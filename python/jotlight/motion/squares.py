@@ -1,8 +1,8 @@
-"""Motion behind a color mosaic, from sums over squares of jots.
+"""Motion behind a pattern of the jots, from sums over squares of them.
 
-The filters stand still, and the scene moves over them. In sums over a period of the mosaic, their
-pattern is gone, and in sums over squares of a random mosaic, it is nearly gone. So the motion of
-the sums is that of the scene.
+The filters of a mosaic and the thresholds of a map stand still, and the scene moves over them. In
+sums over a period of the pattern, it is gone, and in sums over squares of a random pattern, it is
+nearly gone. So the motion of the sums is that of the scene.
 """
 
 import math
@@ -13,16 +13,14 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.capture import CountStack, jot_shape
-from jotlight.motion.burst import refuse_pixels
 from jotlight.motion.motion import Motion
 from jotlight.motion.tiles import TILE, tile_centers
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.frames import Frames, read_frames
 from jotlight.sensing.maps import constant_or_map
 from jotlight.sensing.mosaic import Pattern
-from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.response import detection_probability, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 
 Counts = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.uint32]
@@ -44,48 +42,36 @@ _MIN_JOTS = 0.5
 """Fraction of the jots of a square that must be good."""
 
 
-def jots_behind_mosaic(data: object, sensor: object) -> tuple[Bits | CountStack, Sensor] | None:
-    """Return bits or counts and their sensor if it has a mosaic, and None otherwise.
-
-    Raises
-    ------
-    ValueError
-        When other data have a sensor with a mosaic, or when counts are not those of jots.
-    """
-    stated = carried_sensor(data) if sensor is None and isinstance(data, Bits) else sensor
-    if not isinstance(stated, Sensor) or stated.mosaic is None:
-        return None
-    if not isinstance(data, Bits | CountStack):
-        raise ValueError(
-            f"data: expected bits or counts for a sensor with a mosaic, got {type(data).__name__}"
-        )
-    shape = jot_shape(data)
-    if len(shape) != 3:
-        raise ValueError(
-            "data: expected gray frames (T, H, W) for a sensor with a mosaic, because its pixels "
-            f"have one color each, got shape {shape}"
-        )
-    if isinstance(data, CountStack):
-        refuse_pixels(stated)
-        return data.with_trials_of(stated), stated
-    check_fits(shape, stated)
-    return data, stated
-
-
 def squares_side(sensor: Sensor) -> int:
-    """Return the side in jots of squares that hide a sensor's mosaic: its period, if it is short.
+    """Return the side in jots of squares that hide the pattern of a sensor.
+
+    It is the period of the mosaic, or of the map of thresholds, if it is short.
 
     Examples
     --------
     >>> squares_side(Sensor(mosaic="RGGB")), squares_side(Sensor(mosaic="RGB", oversampling=2))
     (2, 6)
+    >>> squares_side(Sensor(threshold=1 + np.indices((64, 64)).sum(axis=0) % 3))
+    3
     """
-    side = math.lcm(*sensor.mosaic.pattern.shape)
-    return sensor.oversampling * (side if side <= _MAX_SIDE else _USUAL_SIDE)
+    if sensor.mosaic is None:
+        thresholds = np.asarray(sensor.threshold)
+        side, unit = math.lcm(_period(thresholds), _period(thresholds.T)), 1
+    else:
+        side, unit = math.lcm(*sensor.mosaic.pattern.shape), sensor.oversampling
+    return unit * (side if side <= _MAX_SIDE else _USUAL_SIDE)
+
+
+def _period(rows: npt.NDArray[np.integer]) -> int:
+    """Return the number of rows after which an array repeats, or more than the largest side."""
+    for period in range(1, min(_MAX_SIDE, len(rows) - 1) + 1):
+        if (rows[period:] == rows[:-period]).all():
+            return period
+    return _MAX_SIDE + 1
 
 
 class JotSquares:
-    """Sums over squares of the jots of a sensor with a mosaic.
+    """Sums over squares of the jots of a sensor with a mosaic, or with a map of thresholds.
 
     Rows and columns of jots beyond the last whole square are left out.
 
@@ -119,7 +105,7 @@ class JotSquares:
         if 0 in self.size:
             raise ValueError(
                 f"data: expected {self.side} x {self.side} jots or more to find a motion behind "
-                f"this mosaic, got {size[0]} x {size[1]}"
+                f"this pattern of the jots, got {size[0]} x {size[1]}"
             )
         self._sensor, self._trials = sensor, trials
         self._good = np.ones(size, np.uint8)
@@ -176,7 +162,7 @@ def in_squares(
     data : Bits or CountStack
         T frames (T, H, W) of bits, or of counts that state their trials.
     sensor : Sensor
-        Their sensor, with a mosaic.
+        Their sensor, with a mosaic or a map of thresholds.
     excluded : ndarray of bool, shape (H, W), optional
         The jots that are not counted.
 
@@ -198,8 +184,7 @@ def in_squares(
 
 def _sensor_of_squares(sensor: Sensor, good: Pattern, frames: int, side: int) -> Sensor:
     """Return the gray sensor whose jots are squares of jots."""
-    passed = sensor.mosaic.sensitivity[sensor.mosaic.of_jots(*good.shape, sensor.oversampling)]
-    light = _mean(good * passed * np.asarray(sensor.efficiency), side)
+    light = _mean(good * _shares(sensor, good.shape) * np.asarray(sensor.efficiency), side)
     dark_counts = _mean(good * np.asarray(sensor.dark_counts), side)
     dead = _mean(good.astype(np.float64), side) < _MIN_JOTS
     usual = float(light.max()) or 1.0
@@ -212,10 +197,25 @@ def _sensor_of_squares(sensor: Sensor, good: Pattern, frames: int, side: int) ->
     return Sensor(
         frames=trials,
         gain=sensor.light_per_intensity * usual * trials,
-        threshold=sensor.threshold,
+        threshold=int(np.min(sensor.threshold)),
         max_intensity=sensor.max_intensity,
         **maps,
     )
+
+
+def _shares(sensor: Sensor, shape: tuple[int, ...]) -> Map:
+    """Return the share of the light that each jot reports, (H, W): that its filter passes.
+
+    Of jots with different thresholds, it is the share of the ones of jots with the lowest one, at
+    the light where these report as many ones as zeros.
+    """
+    if sensor.mosaic is not None:
+        filters = sensor.mosaic.of_jots(*shape, sensor.oversampling)
+        return np.asarray(sensor.mosaic.sensitivity[filters])
+    thresholds, places = np.unique(sensor.threshold, return_inverse=True)
+    rate = inverse_detection_probability(int(thresholds[0]), 0.5, 0.5)
+    ones = np.array([detection_probability(int(each), rate) for each in thresholds])
+    return np.asarray(ones[places].reshape(shape) / 0.5)
 
 
 def _mean(values: Map, side: int) -> Map:

@@ -1,4 +1,4 @@
-"""The color images of a film behind a mosaic, along the motion of sums over squares of jots."""
+"""The images of a film from jots of several kinds, along the motion of sums over squares."""
 
 import dataclasses
 from collections.abc import Callable
@@ -12,30 +12,25 @@ from jotlight.motion.block_edges import window_edges
 from jotlight.motion.film_image import FilmImage, FilmSettings
 from jotlight.motion.film_merging import FilmMerging
 from jotlight.motion.film_state import FilmState
+from jotlight.motion.jot_kinds import frames_of_kinds, join_kinds, sensors_of_kinds
 from jotlight.motion.memory import Memory
 from jotlight.motion.merge import check_upsample, paths_at
-from jotlight.motion.mosaic_colors import check_mergeable, join_colors, sensors_of_colors
-from jotlight.motion.mosaics import (
-    Counts,
-    JotSquares,
-    enlarge_motion,
-    jots_behind_mosaic,
-    trials_of_frame,
-)
+from jotlight.motion.mosaic_colors import check_mergeable
 from jotlight.motion.motion import Motion
+from jotlight.motion.squares import Counts, JotSquares, enlarge_motion, trials_of_frame
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 
-class FilmColors:
-    """The windows of a film as sums over squares, and their merged colors.
+class FilmKinds:
+    """The windows of a film as sums over squares, and the merged counts of all kinds of jots.
 
     Parameters
     ----------
     sensor : Sensor
-        The sensor of a window, with a mosaic.
+        The sensor of a window, with a mosaic or a map of thresholds.
     size : (int, int)
         H and W in jots.
     step : int
@@ -50,7 +45,7 @@ class FilmColors:
     Raises
     ------
     ValueError
-        When the bits behind the mosaic cannot be merged.
+        When the kinds of jots cannot be merged.
     """
 
     def __init__(
@@ -66,9 +61,9 @@ class FilmColors:
         self._squares = JotSquares(sensor, size, excluded_jots(without_mosaic(sensor)), trials)
         self._sums: Counts = np.zeros((0, *self._squares.size), np.uint8)
         self._first = 0
-        self._of_colors = [
+        self._of_kinds = [
             (FilmMerging(own, step, may_stand_still=False), new_memory())
-            for own in sensors_of_colors(sensor, size)
+            for own in sensors_of_kinds(sensor, size)
         ]
 
     def squares(self, data: Bits | CountStack, first: int, wanted: range) -> CountStack:
@@ -96,7 +91,7 @@ class FilmColors:
     def merge(
         self, part: Bits | CountStack, of_squares: Motion, start: int, *, is_lost: bool
     ) -> tuple[Merged, Motion]:
-        """Return the merged colors of a window, and its motion in jots.
+        """Return the merged counts of a window, and its motion in jots.
 
         Parameters
         ----------
@@ -112,38 +107,39 @@ class FilmColors:
         motion = enlarge_motion(of_squares, self._squares.side, self._size)
         edges = window_edges(len(part), self._step)
         found = []
-        for color, memory in self._of_colors:
-            burst, _ = prepare_burst(part, color.sensor, may_repeat=True)
-            paths, _ = paths_at(burst, color.sensor, None, motion, self._threads, edges)
-            found.append(color.merge(paths, motion, start, memory)[0])
-        merged = join_colors(found, self._sensor)
+        for kind, memory in self._of_kinds:
+            burst, _ = prepare_burst(part, kind.sensor, may_repeat=True)
+            paths, _ = paths_at(burst, kind.sensor, None, motion, self._threads, edges)
+            found.append(kind.merge(paths, motion, start, memory)[0])
+        merged = join_kinds(found, self._sensor)
         if is_lost:
             merged = dataclasses.replace(merged, flags=np.ones(merged.shape[:2], bool))
-            for _, memory in self._of_colors:
+            for _, memory in self._of_kinds:
                 if memory is not None:
                     memory.forget()
         return merged, motion
 
 
-class ColorFilmState:
-    """What is carried from image to image behind a mosaic."""
+class KindsFilmState:
+    """What is carried from image to image if jots are of several kinds."""
 
     def __init__(self, sensor: Sensor, settings: FilmSettings) -> None:
         check_upsample(settings.upsample, sensor)
-        check_mergeable(sensor)
+        if sensor.mosaic is not None:
+            check_mergeable(sensor)
         self.sensor, self._settings = sensor, settings
-        self._colors: FilmColors | None = None
+        self._kinds: FilmKinds | None = None
         self._of_squares: FilmState | None = None
 
     def next_image(self, data: Bits | CountStack, first: int, start: int) -> FilmImage:
         """Return the image of a window, as :meth:`FilmState.next_image`."""
         settings = self._settings
         window = data[start - first : start - first + settings.window]
-        jots_behind_mosaic(window, self.sensor)  # it refuses other data
+        frames_of_kinds(window, self.sensor)  # it refuses other data
         part = _of_sensor(window, self.sensor)
-        if self._colors is None:
+        if self._kinds is None:
             height, width = jot_shape(data)[1:3]
-            self._colors = FilmColors(
+            self._kinds = FilmKinds(
                 self.sensor,
                 (height, width),
                 settings.step,
@@ -152,13 +148,13 @@ class ColorFilmState:
                 trials_of_frame(data),
             )
         if self._of_squares is None:
-            own = self._colors.sensor_of_squares(settings.window)
+            own = self._kinds.sensor_of_squares(settings.window)
             self._of_squares = FilmState(own, dataclasses.replace(settings, memory=False))
         around = settings.more_frames(first, first + len(data), start)
-        stack = self._colors.squares(data, first, around)
+        stack = self._kinds.squares(data, first, around)
         found = self._of_squares.next_image(stack, around.start, start)
         still = found.still
-        merged, motion = self._colors.merge(part, found.motion, start, is_lost=still is not None)
+        merged, motion = self._kinds.merge(part, found.motion, start, is_lost=still is not None)
         # Film replaces counts by the readings that they stand for.
         shown: Any = merged
         if motion.model == "none":

@@ -1,4 +1,4 @@
-"""Motion behind a color mosaic: squares of jots, displacements, and merged colors."""
+"""Sums over squares of jots: their motion, displacements, and merged colors behind a mosaic."""
 
 import functools
 
@@ -8,10 +8,10 @@ import pytest
 import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.metrics import psnr
-from jotlight.motion import mosaics
+from jotlight.motion import squares
 from jotlight.motion.film import film
 from jotlight.motion.mosaic_colors import _with_neighbors, sensors_of_colors
-from jotlight.motion.mosaics import enlarge_motion, in_squares, squares_side
+from jotlight.motion.squares import enlarge_motion, in_squares, squares_side
 from jotlight.motion.tiles import tile_centers
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.mosaic import Mosaic
@@ -58,7 +58,7 @@ def test_squares_hold_the_sums_of_good_jots(mosaic, oversampling, side, monkeypa
     bits = jl.Bits.from_array(frames, sensor=sensor)
     assert squares_side(sensor) == side
     stack, own = in_squares(bits, sensor, excluded)
-    monkeypatch.setattr(mosaics, "_MAX_BYTES", 0)
+    monkeypatch.setattr(squares, "_MAX_BYTES", 0)
     lazy, _ = in_squares(bits, sensor, excluded)
     assert isinstance(lazy.images, Frames)
     np.testing.assert_array_equal(np.asarray(lazy.images), stack.images)
