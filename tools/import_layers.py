@@ -19,8 +19,8 @@ FOLDER = Path(__file__).parents[1] / "python" / "jotlight"
 ENGINE = "_engine"
 
 ORDER = (
-    "errors seeds checks parameter_names notebook bars drawing figures progress chunks interrupts "
-    "layout memory output_files temporary_names files tensors < metrics < sensing "
+    "errors seeds checks parameter_names notebook bars blur drawing figures progress chunks "
+    "interrupts layout memory output_files temporary_names files tensors < metrics < sensing "
     "< calibration formats < estimators images < datasets networks < motion training "
     "< torch plots < evaluation < dask experiments < view < cli napari < jotlight"
 )

@@ -135,9 +135,9 @@ def test_dark_counts_of_dead_jots_are_ignored(method, dead):
 
 
 @pytest.mark.parametrize("threshold", [1, 2])
-def test_hot_pixels_are_corrected_for_their_own_dark_counts(threshold):
+def test_hot_pixels_of_many_bits_are_corrected_for_their_own_dark_counts(threshold):
     rng = np.random.default_rng(2)
-    frames, light = 400, 0.7
+    frames, light = 40_000, 0.7
     dark = np.full((40, 40), 0.1)
     dark[::5, ::5] = 0.9
     rate = light + dark

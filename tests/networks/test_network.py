@@ -43,10 +43,11 @@ def test_color_channels_do_not_mix(tied):
 
 def test_a_tied_network_corrects_dark_counts_other_than_its_own():
     rng = np.random.default_rng(11)
-    network = jl.Network.initial(jl.Sensor(frames=400), sigma=0.25)
+    frames = 40_000  # so many bits need no neighbors
+    network = jl.Network.initial(jl.Sensor(frames=frames), sigma=0.25)
     dark = rng.uniform(0, 1.5, (30, 30))
-    counts = rng.binomial(400, 1 - np.exp(-0.5 - dark))
-    sensor = jl.Sensor(frames=400, dark_counts=dark)
+    counts = rng.binomial(frames, 1 - np.exp(-0.5 - dark))
+    sensor = jl.Sensor(frames=frames, dark_counts=dark)
     estimate = network.reconstruct(counts, sensor)
     np.testing.assert_allclose(estimate, jl.mle(counts, sensor), atol=0.02)
 

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.errors import warn
+from jotlight.estimators.alike_jots import alike_fractions
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.sensing.maps import constant_or_map
@@ -21,12 +22,17 @@ Counts = npt.NDArray[np.float32]
 
 
 def equivalent_counts(
-    pixels: PixelCounts, reference: Jot, trials: float | Array, threads: int | None
+    pixels: PixelCounts,
+    reference: Jot,
+    trials: float | Array,
+    threads: int | None,
+    pattern: npt.NDArray[np.integer] | None = None,
 ) -> npt.NDArray[np.float32]:
     """Return the counts of `trials` readings of reference jots that see the same intensities.
 
     Methods that combine neighboring pixels use these counts, so that dead and hot jots leave no
-    pattern.
+    pattern. Where jots differ, the counts are those of
+    :func:`jotlight.estimators.alike_jots.alike_fractions`.
 
     Parameters
     ----------
@@ -38,6 +44,8 @@ def equivalent_counts(
         K of the result, above 0: a number, or one for each image.
     threads : int, optional
         The number of threads. Default: all cores.
+    pattern : ndarray of int, shape (H, W), optional
+        The filter of each pixel of a mosaic. Default: none.
 
     Returns
     -------
@@ -60,6 +68,9 @@ def equivalent_counts(
     same = np.unique(trials)
     if pixels.uniform and len(same) == 1 and own == (same[0], *reference):
         return pixels.counts.astype(np.float32)
+    if isinstance(pixels.efficiency, np.ndarray) or isinstance(pixels.dark_counts, np.ndarray):
+        out = _counts_of_alike_jots(pixels, reference, trials, threads, pattern)
+        return inpaint_dead_pixels(_fill_silent_pixels(out, pixels), pixels.dead_pixels)
     out = np.empty(pixels.counts.shape, np.float32)
     images = len(out) if isinstance(trials, np.ndarray) else 1
     engine.equivalent_counts(
@@ -73,6 +84,28 @@ def equivalent_counts(
         threads,
     )
     return inpaint_dead_pixels(_fill_silent_pixels(out, pixels), pixels.dead_pixels)
+
+
+def _counts_of_alike_jots(
+    pixels: PixelCounts,
+    reference: Jot,
+    trials: float | Array,
+    threads: int | None,
+    pattern: npt.NDArray[np.integer] | None,
+) -> Counts:
+    """Return the counts of `trials` readings of reference jots, of the shape of the counts."""
+    stack = -1, *pixels.counts.shape[-2:]
+    counts, own, efficiency, dark_counts = (
+        np.broadcast_to(np.asarray(each), pixels.counts.shape).reshape(stack)
+        for each in (pixels.counts, pixels.trials, pixels.efficiency, pixels.dark_counts)
+    )
+    threshold = pixels.sensor.threshold
+    fractions = [
+        alike_fractions(ones, number, jots, threshold, reference, threads, pattern)
+        for ones, number, *jots in zip(counts, own, efficiency, dark_counts, strict=True)
+    ]
+    readings = np.broadcast_to(trials, len(fractions)).reshape(-1, 1, 1)
+    return np.asarray(readings * np.stack(fractions), np.float32).reshape(pixels.counts.shape)
 
 
 def _fill_silent_pixels(counts: Counts, pixels: PixelCounts) -> Counts:
@@ -90,10 +123,13 @@ def _fill_silent_pixels(counts: Counts, pixels: PixelCounts) -> Counts:
     return np.stack(filled).reshape(counts.shape)
 
 
-def equivalent_fractions(pixels: PixelCounts, threads: int | None) -> npt.NDArray[np.float32]:
+def equivalent_fractions(
+    pixels: PixelCounts, threads: int | None, pattern: npt.NDArray[np.integer] | None = None
+) -> npt.NDArray[np.float32]:
     """Return L/K that a reference jot would have in place of each pixel, of the counts' shape.
 
-    Pixels without readings have those of one reading.
+    Pixels without readings have those of one reading. `pattern` is the filter of each pixel of a
+    mosaic.
 
     Examples
     --------
@@ -104,7 +140,7 @@ def equivalent_fractions(pixels: PixelCounts, threads: int | None) -> npt.NDArra
     """
     some = np.where(pixels.trials == 0, 1.0, pixels.trials)
     alive = dataclasses.replace(pixels, trials=constant_or_map(some))
-    return equivalent_counts(alive, reference_jot(pixels.sensor), 1, threads)
+    return equivalent_counts(alive, reference_jot(pixels.sensor), 1, threads, pattern)
 
 
 def intensity_from_probability(

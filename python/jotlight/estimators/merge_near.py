@@ -1,13 +1,12 @@
 """Equivalent counts near estimates of the intensities, for methods that take counts."""
 
 import dataclasses
-from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import COLORS, brightest_mean, demosaic
-from jotlight.estimators.joint_mle import maximize, solve_expected_total
+from jotlight.estimators.joint_mle import maximize
 from jotlight.estimators.merge_readings import (
     MAX_TRIALS,
     linear_counts,
@@ -16,24 +15,25 @@ from jotlight.estimators.merge_readings import (
     min_light,
     reference_sensor,
 )
+from jotlight.estimators.neighbors import (
+    MAX_FILTERS,
+    MAX_FRACTION,
+    MIN_SHARE,
+    average_fractions,
+    common_intensity,
+    each_filter,
+    toward_own,
+    typical_spread,
+)
 from jotlight.estimators.whole_counts import carry_debts, diffuse
-from jotlight.sensing.joint_likelihood import JointLikelihood
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.merged import MAX_SILENT_TRIALS, Merged
 from jotlight.sensing.mosaic import Mosaic, Pattern
+from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import Array, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
-
-_MIN_SHARE = 1e-5
-"""Smallest intensity near which readings are merged, as a share of the largest one."""
-
-_SIGMA, _MIN_SIGMA, _MAX_SIGMA = 4.0, 1.0, 3.0
-"""Standard deviation of an average in pixels, for one reading per pixel, and its limits. For n
-readings, it is divided by √n. The noise of narrow averages of few readings biases the counts."""
-
-_MAX_FILTERS = 16
-"""With more filters, an average is wider, so that it has as many pixels of its own filter. Beyond
-this number, it grows no further."""
 
 _MAP_SIGMA = 0.4
 """Standard deviation of the filter of the counts, in pixels, for maps of thresholds.
@@ -44,17 +44,6 @@ Some of their pixels say much and their neighbors little, and denoisers take bot
 _ALIKE = 0.9
 """Fraction of the pixels with the same thresholds from which pixels count as alike. If the jots of
 each pixel have all thresholds, an average would only hide noise from denoisers and intervals."""
-
-_HALFWAY = 100.0
-"""Square of the signal-to-noise ratio of a pixel at which readings are merged halfway between the
-given and the most likely intensity. At edges, averages and estimates are far from both sides, and
-counts are linear only near the true intensity."""
-
-_POWER = 3
-"""Power of this square with which the weight of the most likely intensity rises."""
-
-_MAX_FRACTION = 1 - 1e-6
-"""Largest fraction of ones of an average."""
 
 
 def merge_near_neighbors(joint: JointLikelihood, mosaic: Mosaic | None = None) -> Merged:
@@ -79,15 +68,50 @@ def merge_near_neighbors(joint: JointLikelihood, mosaic: Mosaic | None = None) -
     >>> bool(abs(merged.ones.sum() / merged.trials.sum() - (1 - np.exp(-0.6))) < 0.02)
     True
     """
-    if joint.sensor.has_plain_bits:
+    if joint.sensor.has_plain_bits and not _jots_of_pixels_differ(joint):
         return merge_joint(joint)
     readings = float(np.mean(joint.trials))
-    sigma = min(max(_SIGMA / np.sqrt(max(readings, 1)), _MIN_SIGMA), _MAX_SIGMA)
+    sigma = typical_spread(readings)
     pattern = None if mosaic is None else mosaic.full(*joint.shape)
     near = _average(joint, sigma, pattern)
     if mosaic is not None and pattern is not None and len(np.unique(pattern)) > COLORS:
         near = _behind_filters(joint, near, mosaic, pattern)
     return merge_near(joint, near, pattern)
+
+
+def merge_different_jots(
+    images: GrayImages, sensor: Sensor, threads: int | None
+) -> tuple[GrayImages, Sensor]:
+    """Return equivalent counts of bits if the jots of a pixel differ, and their sensor.
+
+    A count does not say which of these jots reported the ones. Other data are returned as they are.
+
+    Parameters
+    ----------
+    images : GrayImages
+        Data of a sensor with plain bits.
+    sensor : Sensor
+        The sensor.
+    threads : int, optional
+        The number of threads. Default: all cores.
+
+    Examples
+    --------
+    >>> from jotlight.sensing.pixel_counts import gray_images
+    >>> efficiency = np.where(np.indices((4, 4))[1] % 2, 1.0, 0.2)
+    >>> sensor = Sensor(oversampling=2, frames=8, gain=64.0, efficiency=efficiency)
+    >>> images = gray_images(sensor.expose(np.full((2, 2), 0.5), rng=0))
+    >>> merge_different_jots(images, sensor, None)[0].data[0].shape
+    (2, 2)
+    """
+    are_bits = all(isinstance(each, Bits) for each in images.data)
+    if not are_bits or sensor.oversampling == 1 or not sensor.maps():
+        return images, sensor
+    joints = [joint_likelihood(each, sensor, threads) for each in images.data]
+    if not _jots_of_pixels_differ(joints[0]):
+        return images, sensor
+    merged = [merge_near_neighbors(joint) for joint in joints]
+    return GrayImages(merged, images.layout), reference_sensor(sensor)
 
 
 def _behind_filters(joint: JointLikelihood, near: Array, mosaic: Mosaic, pattern: Pattern) -> Array:
@@ -98,7 +122,7 @@ def _behind_filters(joint: JointLikelihood, near: Array, mosaic: Mosaic, pattern
     sensitivity = mosaic.sensitivity[pattern]
     values = near / sensitivity
     bright = brightest_mean(values, pattern) * sensitivity
-    known = joint.information(np.maximum(bright, _MIN_SHARE * joint.sensor.max_intensity))
+    known = joint.information(np.maximum(bright, MIN_SHARE * joint.sensor.max_intensity))
     weights = np.where(joint.trials > 0, known * sensitivity**2, 0.0)
     plain = dataclasses.replace(mosaic, white_balance=np.ones(COLORS))
     colors = demosaic(values, plain, "differences", weights)
@@ -113,10 +137,10 @@ def _average(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> 
     near them are averaged.
     """
     if np.ndim(joint.sensor.threshold) < 2:
-        return _expecting_sums(joint, spread, pattern)
+        return common_intensity(joint, spread, pattern)
     kinds = _kinds_of_pixels(joint, pattern)
-    if kinds.max() < _MAX_FILTERS:
-        ones, trials = _real_counts(joint, _expecting_sums(joint, spread, kinds))[:2]
+    if kinds.max() < MAX_FILTERS:
+        ones, trials = _real_counts(joint, common_intensity(joint, spread, kinds))[:2]
     else:
         merged = merge_joint(joint)
         ones, trials = merged.ones.astype(np.float64), np.broadcast_to(merged.trials, joint.shape)
@@ -127,7 +151,7 @@ def _intensity(fraction: Array, sensor: Sensor) -> Array:
     """Return the intensity at which equivalent counts have a fraction of ones, (H, W)."""
     reference = reference_sensor(sensor)
     efficiency, dark_counts = _jots_of_counts(sensor, reference)
-    one = np.clip(fraction, 0, _MAX_FRACTION)
+    one = np.clip(fraction, 0, MAX_FRACTION)
     rate = inverse_detection_probability(1, one, 1 - one) - dark_counts
     slope = np.maximum(efficiency, 1e-9) * reference.light_per_intensity
     return np.asarray(np.maximum(rate, 0) / slope)
@@ -150,67 +174,16 @@ def _kinds_of_pixels(joint: JointLikelihood, pattern: Pattern | None) -> Pattern
     return np.asarray(kinds.reshape(joint.shape))
 
 
+def _jots_of_pixels_differ(joint: JointLikelihood) -> bool:
+    """Return whether the jots of one pixel differ in their efficiency or their dark counts."""
+    return any(term.side > 1 for term in joint.terms)
+
+
 def _thresholds_of_pixels_differ(joint: JointLikelihood) -> bool:
     if np.ndim(joint.sensor.threshold) < 2:
         return False
     kinds = _kinds_of_pixels(joint, None)
     return bool(np.bincount(kinds.ravel()).max() < _ALIKE * kinds.size)
-
-
-def _expecting_sums(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> Array:
-    """Return the intensity at which the sum of the readings around each pixel is expected, (H, W).
-
-    It is not too dark where most, but not all, readings are saturated. If all readings of an
-    average are, it is the intensity at which their sum is expected to be 0.5 lower. If all are 0,
-    it is the intensity at which their sum is expected to be 0.5.
-    """
-    from scipy.ndimage import gaussian_filter
-
-    fraction = np.zeros(joint.shape)
-    for own in _of_each_filter(pattern, joint.shape):
-        sigma = _own_sigma(spread, own)
-        total, largest = (
-            gaussian_filter(np.where(own, part, 0.0), sigma)
-            for part in (joint.total, joint.max_total)
-        )
-        half = 0.5 / (4 * np.pi * sigma**2)
-        inside = np.minimum(np.maximum(total, half), largest - half)
-        fraction = np.where(own, inside / np.maximum(largest, 1e-9), fraction)
-    return solve_expected_total(joint, np.clip(fraction, 0, 1) * joint.max_total)
-
-
-def average_fractions(
-    ones: npt.NDArray[np.number],
-    trials: Array,
-    spread: float = 1.0,
-    pattern: npt.NDArray[np.integer] | None = None,
-) -> Array:
-    """Return the fraction of ones of each pixel and its neighbors with the same filter, (H, W).
-
-    Parameters
-    ----------
-    ones, trials : ndarray of shape (H, W)
-        Gray counts. They may be real numbers.
-    spread : float
-        Standard deviation of an average in pixels if all have the same filter.
-    pattern : ndarray of int, shape (H, W), optional
-        The filter of each pixel. Default: all have the same one.
-    """
-    from scipy.ndimage import gaussian_filter
-
-    fraction = np.zeros(ones.shape)
-    for own in _of_each_filter(pattern, ones.shape):
-        sigma = _own_sigma(spread, own)
-        total, number = (
-            gaussian_filter(np.where(own, part, 0.0), sigma) for part in (ones, trials)
-        )
-        fraction = np.where(own, total / np.maximum(number, 1e-9), fraction)
-    return np.asarray(np.clip(fraction, 0, _MAX_FRACTION))
-
-
-def _own_sigma(spread: float, own: npt.NDArray[np.bool_]) -> float:
-    """Return the standard deviation of an average that has as many pixels of a filter as of all."""
-    return float(spread / np.sqrt(max(own.mean(), 1 / _MAX_FILTERS)))
 
 
 def merge_near(
@@ -257,7 +230,7 @@ def merge_near(
 
     near, differ = intensity.astype(np.float64), _thresholds_of_pixels_differ(joint)
     if not differ:  # counts of a map of thresholds are averaged, so their intensities stay
-        least = _MIN_SHARE * joint.sensor.max_intensity
+        least = MIN_SHARE * joint.sensor.max_intensity
         near = toward_own(near, maximize(joint), joint.information(np.maximum(near, least)))
     ones, trials, rate = _real_counts(joint, near)
     reference = reference_sensor(joint.sensor)
@@ -270,32 +243,11 @@ def merge_near(
     trials = np.minimum(trials, MAX_TRIALS)
     ones = np.minimum(ones, MAX_TRIALS)
     whole, zeros = np.zeros(ones.shape), np.zeros(ones.shape)
-    for own in _of_each_filter(pattern, ones.shape):
+    for own in each_filter(pattern, ones.shape):
         whole += diffuse(np.where(own, ones, 0.0), own & (trials > 0))
         zeros += carry_debts(np.where(own, trials - whole, 0.0))
     trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, MAX_SILENT_TRIALS))
     return Merged(whole.astype(np.int32), trials, reference, dark_counts, efficiency)
-
-
-def toward_own(near: Array, own: Array, information: Array) -> Array:
-    """Return intensities between given ones and those of the pixels themselves, (H, W).
-
-    Parameters
-    ----------
-    near, own : ndarray of float64, shape (H, W)
-        The given intensities, and the most likely ones.
-    information : ndarray of float64, shape (H, W)
-        The Fisher information of the readings of each pixel.
-
-    Examples
-    --------
-    >>> near, own = np.full((1, 3), 1.0), np.full((1, 3), 1.2)
-    >>> toward_own(near, own, np.array([[1.0, 100.0, 10_000.0]])).round(3).tolist()
-    [[1.0, 1.1, 1.2]]
-    """
-    # The power keeps the noise of pixels with a low ratio out: it would bias saturated readings.
-    ratio = (information * near**2 / _HALFWAY) ** _POWER
-    return np.asarray(near + ratio / (ratio + 1) * (own - near))
 
 
 def _real_counts(
@@ -304,7 +256,7 @@ def _real_counts(
     """Return the ones and the trials near intensities, and the rates of a trial there, (H, W)."""
     reference, largest = reference_sensor(joint.sensor), joint.sensor.max_intensity
     efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
-    least = np.maximum(_MIN_SHARE * largest, min_light(joint))
+    least = np.maximum(MIN_SHARE * largest, min_light(joint))
     near = np.clip(intensity.astype(np.float64), least, largest)
     slope = efficiency * reference.light_per_intensity
     rate = np.asarray(slope * near + dark_counts)
@@ -312,13 +264,3 @@ def _real_counts(
     gradient = np.where(is_known, joint.gradient_and_curvature(near)[0], 0.0)
     information = np.where(is_known, joint.information(near), 0.0)
     return *linear_counts(gradient, information, slope, rate, rate), rate
-
-
-def _of_each_filter(
-    pattern: npt.NDArray[np.integer] | None, shape: tuple[int, ...]
-) -> Iterator[npt.NDArray[np.bool_]]:
-    """Yield the pixels (H, W) of each filter."""
-    if pattern is None:
-        yield np.ones(shape, bool)
-    else:
-        yield from (pattern == each for each in np.unique(pattern))

@@ -13,7 +13,7 @@ from jotlight.estimators.inverse_response import (
     intensity_from_probability,
     warn_about_smooth_kernel,
 )
-from jotlight.estimators.merge_near import merge_near_neighbors
+from jotlight.estimators.merge_near import merge_different_jots, merge_near_neighbors
 from jotlight.estimators.trial_levels import count_local_trials, interpolate_levels
 from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.joint_likelihood import joint_likelihood
@@ -139,6 +139,7 @@ def _denoise_counts(
     images: GrayImages, sensor: Sensor, denoise: Denoise, inverse: str, threads: int | None
 ) -> Estimate:
     """Return the estimates of bits or counts, (N, H, W)."""
+    images, sensor = merge_different_jots(images, sensor, threads)
     pixels = images.count(sensor, threads)
     own_trials = count_local_trials(pixels)
     largest = np.ceil([np.max(each) for each in own_trials])

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from jotlight.blur import blur
 from jotlight.estimators.merge_near import merge_near, merge_near_neighbors
 from jotlight.estimators.merge_readings import merge_joint, reference_sensor
 from jotlight.evaluation.methods import LARGE_METHOD, find_method
-from jotlight.images.blur import blur
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained_conditional

@@ -1,9 +1,8 @@
-"""Images: reading, writing, filtering, and tone curves for a display.
+"""Images: reading, writing, and tone curves for a display.
 
 - `io`: read photographs, write estimates.
 - `sets`: read many images from a folder or an array.
 - `color`: color to gray.
-- `blur`: the Gaussian filter.
 - `tone`: curves from intensities to a display.
 - `saving`: images and films of any kind of number in files.
 - `image_stack`: several named images in one file.

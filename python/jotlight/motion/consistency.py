@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.images.blur import blur
+from jotlight.blur import blur
 from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums, estimate_probability
 from jotlight.motion.flicker import at_brightness, min_change, without_saturation

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.images.blur import blur
+from jotlight.blur import blur
 from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.scoring import make_template

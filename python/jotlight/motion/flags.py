@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.images.blur import blur
+from jotlight.blur import blur
 from jotlight.motion.consistency import Consistent, Image
 
 _MAX_DISAGREEMENT, _UNCLEAR_DISAGREEMENT = 1.3, 1.2

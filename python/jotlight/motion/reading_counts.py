@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.merge_near import average_fractions, toward_own
 from jotlight.estimators.merge_readings import linear_counts, noise_floor, reference_sensor
+from jotlight.estimators.neighbors import average_fractions, toward_own
 from jotlight.estimators.whole_counts import diffuse
 from jotlight.formats.capture import CountStack
 from jotlight.motion.motion import Motion

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.blur import blur
 from jotlight.estimators.trial_levels import fill_from_nearest
-from jotlight.images.blur import blur
 from jotlight.motion.blocks import Counts, Sums
 from jotlight.motion.equivalent import MIN_PROBABILITY, equivalent_sums
 from jotlight.motion.regularize import Equations

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.merge_near import average_fractions, merge_near_neighbors, toward_own
+from jotlight.estimators.merge_near import merge_near_neighbors
 from jotlight.estimators.merge_readings import linear_counts, reference_sensor
+from jotlight.estimators.neighbors import average_fractions, toward_own
 from jotlight.estimators.whole_counts import diffuse
 from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits
@@ -125,9 +126,7 @@ def count_still(
 def _flags(merged: Sequence[Merged]) -> npt.NDArray[np.bool_]:
     """Return whether most thresholds that have seen a pixel flag it, or none has seen it."""
     has_seen = [np.broadcast_to(np.asarray(each.trials) > 0, each.shape) for each in merged]
-    flagged = [
-        np.asarray(each.flags) & seen for each, seen in zip(merged, has_seen, strict=True)
-    ]
+    flagged = [np.asarray(each.flags) & seen for each, seen in zip(merged, has_seen, strict=True)]
     number = np.sum(has_seen, axis=0)
     return np.asarray((2 * np.sum(flagged, axis=0) > number) | (number == 0))
 

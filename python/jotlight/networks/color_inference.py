@@ -148,8 +148,8 @@ def _with_range(sensor: Sensor) -> Sensor:
 
 def _seen_through(mosaic: Mosaic, counted: PixelCounts, threads: int | None) -> list[Filtered]:
     """Return what the pixels behind each filter of a mosaic saw."""
-    fraction, weight = equivalent_fractions(counted, threads), _weights(counted)
-    places = mosaic.full(*fraction.shape)
+    places, weight = mosaic.full(*counted.counts.shape), _weights(counted)
+    fraction = equivalent_fractions(counted, threads, places)
     return [
         Filtered(transmission, fraction, weight * (places == index))
         for index, transmission in enumerate(mosaic.transmission)

@@ -13,6 +13,7 @@ from jotlight.checks import check_threads
 from jotlight.chunks import frame_chunks
 from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
 from jotlight.estimators.inverse_response import equivalent_counts
+from jotlight.estimators.merge_near import merge_different_jots
 from jotlight.estimators.trial_levels import LocalTrials, count_local_trials
 from jotlight.networks.engine_backed import sensor_model
 from jotlight.networks.layer import Layer
@@ -78,6 +79,8 @@ def run(
     check_threads(threads)
     if not network.tied:
         return _run_untied(network, images, sensor, output, threads)
+    if network.trials_range is not None:
+        images, sensor = merge_different_jots(images, sensor, threads)
     model, places = sensor_model(sensor), list(output.images)
     bits = _bits_alike(images, sensor)
     if bits is not None:

@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from jotlight import _engine as engine
-from jotlight.images.blur import blur
+from jotlight.blur import blur
 
 
 @pytest.mark.parametrize("level", engine.cpu_levels())

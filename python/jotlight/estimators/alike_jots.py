@@ -1,0 +1,148 @@
+"""What jots of one kind would report, in place of jots with different efficiency or dark counts."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.blur import blur
+from jotlight.estimators.neighbors import (
+    STEPS,
+    each_filter,
+    own_sigma,
+    toward_own,
+    typical_spread,
+)
+from jotlight.estimators.whole_counts import carry_debts
+from jotlight.sensing.reference import Jot
+from jotlight.sensing.response import (
+    Array,
+    detection_density,
+    detection_probability,
+    inverse_detection_probability,
+    silence_probability,
+)
+
+_MIN_LIGHT = 1e-6
+"""Smallest light of a jot near which ones are linear."""
+
+_MIN_VARIANCE = 1e-12
+"""Smallest variance of a bit by which others are divided."""
+
+
+def alike_fractions(
+    ones: npt.NDArray[np.number],
+    trials: Array,
+    jots: tuple[Array, Array],
+    threshold: int,
+    reference: Jot,
+    threads: int | None,
+    pattern: npt.NDArray[np.integer] | None = None,
+) -> Array:
+    """Return the fractions of ones that reference jots would report, in [0, 1], (H, W).
+
+    With the light s that a pixel and its neighbors have in common, the fraction f of a pixel
+    becomes ``p + (f - p_k) √[p (1 - p)] / √[p_k (1 - p_k)]``. A one has the probabilities p_k and p
+    at the jots of the pixel and at the reference jot, near s. So a fraction has no bias, and as
+    much noise as that of the reference jot. Where the jots say less about the light than the
+    reference jot, as hot jots do, the result stays closer to the neighbors. At a high
+    signal-to-noise ratio, s is the most likely light of the pixel itself, and the result p.
+
+    Results below 0 or above 1 are subtracted from the next pixels of the row.
+
+    Parameters
+    ----------
+    ones, trials : ndarray of shape (H, W)
+        The counts. Pixels of 0 trials get the fractions of their neighbors.
+    jots : (ndarray, ndarray), each of shape (H, W)
+        η and d of each pixel.
+    threshold : int
+        q.
+    reference : (float, float)
+        η and d of the reference jot.
+    threads : int, optional
+        The number of threads. Default: all cores.
+    pattern : ndarray of int, shape (H, W), optional
+        The filter of each pixel of a mosaic. Only neighbors with the same one are combined.
+        Default: all pixels have the same one.
+
+    Examples
+    --------
+    >>> dark = np.where(np.arange(64) % 2, 0.05, 0.2) * np.ones((64, 1))
+    >>> p = 1 - np.exp(-0.1 - dark)
+    >>> ones = np.random.default_rng(0).binomial(4, p)
+    >>> jots = np.ones((64, 64)), dark
+    >>> found = alike_fractions(ones, np.full((64, 64), 4.0), jots, 1, (1.0, 0.1), None)
+    >>> bool(abs(found.mean() - (1 - np.exp(-0.2))) < 0.01)
+    True
+    """
+    fraction = np.divide(ones, trials, out=np.zeros(ones.shape), where=trials > 0)
+    result = np.zeros(ones.shape)
+    spread = typical_spread(float(np.mean(trials)))
+    for own in each_filter(pattern, ones.shape):
+        weights = np.where(own, trials, 0.0)
+        light = _common_light(fraction, weights, jots, threshold, own_sigma(spread, own), threads)
+        light = _toward_own(light, fraction, trials, jots, threshold)
+        expected, variance = _bit(jots[0] * light + jots[1], threshold)
+        p, reference_variance = _bit(reference[0] * light + reference[1], threshold)
+        excess = np.where(trials > 0, fraction - expected, 0.0)
+        alike = p + excess * np.sqrt(reference_variance / variance)
+        paid = carry_debts(np.where(own, alike, 0.0))
+        paid = 1 - carry_debts(np.where(own, 1 - paid, 0.0))
+        result = np.where(own, paid, result)
+    return np.clip(result, 0, 1)
+
+
+def _common_light(
+    fraction: Array,
+    weights: Array,
+    jots: tuple[Array, Array],
+    threshold: int,
+    sigma: float,
+    threads: int | None,
+) -> Array:
+    """Return the most likely light of each pixel and its neighbors, (H, W).
+
+    The likelihood of a neighborhood is that of its pixels with Gaussian weights of a standard
+    deviation. It is maximized by Fisher scoring.
+    """
+    efficiency, dark_counts = jots
+
+    def sums(*parts: Array) -> Sequence[Array]:
+        return [*blur(np.stack(parts), sigma, threads).astype(np.float64)]
+
+    total, ones, gain, dark = sums(
+        weights, weights * fraction, weights * efficiency, weights * dark_counts
+    )
+    total = np.maximum(total, _MIN_VARIANCE)
+    p = np.clip(ones / total, _MIN_LIGHT, 1 - _MIN_LIGHT)
+    rate = inverse_detection_probability(threshold, p, 1 - p)
+    light = np.maximum((total * rate - dark) / np.maximum(gain, _MIN_VARIANCE), _MIN_LIGHT)
+    for _ in range(STEPS):
+        rate = efficiency * light + dark_counts
+        expected, variance = _bit(rate, threshold)
+        slope = efficiency * detection_density(threshold, rate)
+        score = weights * slope / variance
+        gradient, information = sums(score * (fraction - expected), score * slope)
+        light = np.maximum(light + gradient / np.maximum(information, _MIN_VARIANCE), _MIN_LIGHT)
+    return light
+
+
+def _toward_own(
+    light: Array, fraction: Array, trials: Array, jots: tuple[Array, Array], threshold: int
+) -> Array:
+    """Return light between that of neighborhoods and the most likely one of each pixel, (H, W)."""
+    efficiency, dark_counts = jots
+    rate = efficiency * light + dark_counts
+    _, variance = _bit(rate, threshold)
+    information = trials * (efficiency * detection_density(threshold, rate)) ** 2 / variance
+    # A saturated pixel has no most likely light.
+    p = np.minimum(fraction, 1 - 0.5 / np.maximum(trials, 1))
+    own = inverse_detection_probability(threshold, p, 1 - p) - dark_counts
+    return toward_own(light, np.maximum(own / efficiency, _MIN_LIGHT), information)
+
+
+def _bit(rate: Array, threshold: int) -> tuple[Array, Array]:
+    """Return the probability of a one, and the variance of a bit."""
+    one = detection_probability(threshold, rate)
+    return one, np.maximum(one * silence_probability(threshold, rate), _MIN_VARIANCE)

@@ -1,0 +1,164 @@
+"""Intensities that the readings of a pixel and of its neighbors have in common."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.estimators.joint_mle import solve_expected_total
+from jotlight.estimators.merge_readings import min_light
+from jotlight.sensing.joint_likelihood import JointLikelihood
+from jotlight.sensing.mosaic import Pattern
+from jotlight.sensing.response import Array
+
+_SIGMA, _MIN_SIGMA, _MAX_SIGMA = 4.0, 1.0, 3.0
+"""Standard deviation of an average in pixels, for one reading per pixel, and its limits. For n
+readings, it is divided by √n. The noise of narrow averages of few readings biases the counts."""
+
+MAX_FILTERS = 16
+"""With more filters, an average is wider, so that it has as many pixels of its own filter. Beyond
+this number, it grows no further."""
+
+MIN_SHARE = 1e-5
+"""Smallest intensity near which readings are linear, as a share of the largest one."""
+
+STEPS = 3
+"""Number of steps toward the most likely light of a neighborhood. More change nothing visible."""
+
+MAX_FRACTION = 1 - 1e-6
+"""Largest fraction of ones of an average."""
+
+
+_HALFWAY = 100.0
+"""Square of the signal-to-noise ratio of a pixel at which readings are merged halfway between the
+given and the most likely intensity. At edges, averages and estimates are far from both sides, and
+counts are linear only near the true intensity."""
+
+_POWER = 3
+"""Power of this square with which the weight of the most likely intensity rises."""
+
+
+def typical_spread(readings: float) -> float:
+    """Return the standard deviation of an average in pixels, for a number of readings of a pixel.
+
+    Examples
+    --------
+    >>> [typical_spread(readings) for readings in (1, 4, 100)]
+    [3.0, 2.0, 1.0]
+    """
+    return float(min(max(_SIGMA / np.sqrt(max(readings, 1)), _MIN_SIGMA), _MAX_SIGMA))
+
+
+def common_intensity(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> Array:
+    """Return the intensity at which the sum of the readings around each pixel is expected, (H, W).
+
+    It is not too dark where most, but not all, readings are saturated. If all readings of an
+    average are, it is the intensity at which their sum is expected to be 0.5 lower. If all are 0,
+    it is the intensity at which their sum is expected to be 0.5.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    fraction = np.zeros(joint.shape)
+    for own in each_filter(pattern, joint.shape):
+        sigma = own_sigma(spread, own)
+        total, largest = (
+            gaussian_filter(np.where(own, part, 0.0), sigma)
+            for part in (joint.total, joint.max_total)
+        )
+        half = 0.5 / (4 * np.pi * sigma**2)
+        inside = np.minimum(np.maximum(total, half), largest - half)
+        fraction = np.where(own, inside / np.maximum(largest, 1e-9), fraction)
+    near = solve_expected_total(joint, np.clip(fraction, 0, 1) * joint.max_total)
+    if np.ndim(joint.sensor.efficiency) == np.ndim(joint.sensor.dark_counts) == 0:
+        return near
+    light = near
+    for own in each_filter(pattern, joint.shape):
+        light = np.where(own, _most_likely(joint, near, own, own_sigma(spread, own)), light)
+    return light
+
+
+def _most_likely(
+    joint: JointLikelihood, start: Array, own: npt.NDArray[np.bool_], sigma: float
+) -> Array:
+    """Return the most likely intensity of each pixel and its neighbors, whose jots differ, (H, W).
+
+    The likelihood of a neighborhood has Gaussian weights, and is maximized by Fisher scoring. Only
+    the pixels of one filter are in it.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    def average(values: Array) -> Array:
+        return np.asarray(gaussian_filter(np.where(own, values, 0.0), sigma))
+
+    least = np.maximum(MIN_SHARE * joint.sensor.max_intensity, min_light(joint))
+    light = np.maximum(average(start) / np.maximum(average(np.ones(joint.shape)), 1e-9), least)
+    for _ in range(STEPS):
+        gradient, information = joint.gradient_and_curvature(light)[0], joint.information(light)
+        step = average(gradient) / np.maximum(average(information), 1e-12)
+        light = np.clip(light + step, least, joint.sensor.max_intensity)
+    return light
+
+
+def average_fractions(
+    ones: npt.NDArray[np.number],
+    trials: Array,
+    spread: float = 1.0,
+    pattern: npt.NDArray[np.integer] | None = None,
+) -> Array:
+    """Return the fraction of ones of each pixel and its neighbors with the same filter, (H, W).
+
+    Parameters
+    ----------
+    ones, trials : ndarray of shape (H, W)
+        Gray counts. They may be real numbers.
+    spread : float
+        Standard deviation of an average in pixels if all have the same filter.
+    pattern : ndarray of int, shape (H, W), optional
+        The filter of each pixel. Default: all have the same one.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    fraction = np.zeros(ones.shape)
+    for own in each_filter(pattern, ones.shape):
+        sigma = own_sigma(spread, own)
+        total, number = (
+            gaussian_filter(np.where(own, part, 0.0), sigma) for part in (ones, trials)
+        )
+        fraction = np.where(own, total / np.maximum(number, 1e-9), fraction)
+    return np.asarray(np.clip(fraction, 0, MAX_FRACTION))
+
+
+def own_sigma(spread: float, own: npt.NDArray[np.bool_]) -> float:
+    """Return the standard deviation of an average that has as many pixels of a filter as of all."""
+    return float(spread / np.sqrt(max(own.mean(), 1 / MAX_FILTERS)))
+
+
+def each_filter(
+    pattern: npt.NDArray[np.integer] | None, shape: tuple[int, ...]
+) -> Iterator[npt.NDArray[np.bool_]]:
+    """Yield the pixels (H, W) of each filter."""
+    if pattern is None:
+        yield np.ones(shape, bool)
+    else:
+        yield from (pattern == each for each in np.unique(pattern))
+
+
+def toward_own(near: Array, own: Array, information: Array) -> Array:
+    """Return intensities between given ones and those of the pixels themselves, (H, W).
+
+    Parameters
+    ----------
+    near, own : ndarray of float64, shape (H, W)
+        The given intensities, and the most likely ones.
+    information : ndarray of float64, shape (H, W)
+        The Fisher information of the readings of each pixel.
+
+    Examples
+    --------
+    >>> near, own = np.full((1, 3), 1.0), np.full((1, 3), 1.2)
+    >>> toward_own(near, own, np.array([[1.0, 100.0, 10_000.0]])).round(3).tolist()
+    [[1.0, 1.1, 1.2]]
+    """
+    # The power keeps the noise of pixels with a low ratio out: it would bias saturated readings.
+    ratio = (information * near**2 / _HALFWAY) ** _POWER
+    return np.asarray(near + ratio / (ratio + 1) * (own - near))
