@@ -236,7 +236,7 @@ def local_information(problem: Problem, light_of_ones: Array) -> Array:
     problem : Problem
         The data and their operator.
     light_of_ones : ndarray of float64
-        The light of the cells at the constant intensity 1.
+        The light of the cells at the constant intensity 1, before the efficiency.
 
     Returns
     -------
@@ -274,7 +274,7 @@ def local_information(problem: Problem, light_of_ones: Array) -> Array:
         same = mean_bits == bits
         table = bits * one_bit.information(rates)
         information[same] = np.interp(fraction[same], fractions, table)
-    information *= light_of_ones.mean() ** 2
+    information *= np.mean(likelihood.efficiency * light_of_ones) ** 2
     return information if problem.is_stack else information[0]
 
 

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Collection
 from typing import Any
 
+from jotlight.estimators.typical_trials import typical_trials
 from jotlight.evaluation.color_data import takes_sensor
 from jotlight.evaluation.held_out import smooth_kernel_reason
 from jotlight.evaluation.methods import (
@@ -118,6 +119,7 @@ def choose_method(
     network: AnyNetwork | None = None,
     is_range_known: bool = True,
     is_color: bool = False,
+    trials: float | None = None,
 ) -> Choice:
     """Return the method for some data: the requested one, or the best one for the sensor.
 
@@ -136,6 +138,8 @@ def choose_method(
         rises to the saturation of the bits, if the method allows it.
     is_color : bool
         Whether the data are colors that the caller can estimate by the color network.
+    trials : float, optional
+        About how many trials the counts of a pixel have. Default: those of the sensor.
 
     Returns
     -------
@@ -152,11 +156,12 @@ def choose_method(
     if network is not None:
         method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
     else:
-        is_large = sensor.trials > LARGE_TRIALS and sensor.kernel == "box"
+        trials = typical_trials(sensor) if trials is None else trials
+        is_large = trials > LARGE_TRIALS and sensor.kernel == "box"
         default = COLOR_NETWORK if is_color and takes_sensor(sensor) else DEFAULT_METHOD
         method = requested or (LARGE_METHOD if is_large else default)
         if requested is None:
-            kind = "colors" if method == COLOR_NETWORK else f"{sensor.trials:,} trials per pixel"
+            kind = "colors" if method == COLOR_NETWORK else f"{trials:,.0f} trials per pixel"
             reason = f"recommended for {kind}"
         quality = None if method == COLOR_NETWORK else METHODS[method].quality
         # K-conditioned networks serve any S. Networks for one K were trained for S = 1.

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
+from jotlight.estimators.typical_trials import typical_trials
 from jotlight.evaluation.channels import (
     reconstruct_channels,
     run_color_network,
@@ -38,6 +39,7 @@ from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
     LARGE_METHOD,
+    LARGE_TRIALS,
     METHODS,
 )
 from jotlight.evaluation.mosaics import EstimatePlanes, reconstruct_mosaic
@@ -288,11 +290,15 @@ def _by_method(
     if requested is None and any(is_finer(each) for each in images.data):
         requested = DEFAULT_METHOD
     start = time.perf_counter()
-    are_equivalent = not takes_readings(requested, sensor)
+    are_equivalent, trials = not takes_readings(requested, sensor), typical_trials(sensor)
     if are_equivalent:
-        images, sensor = with_one_response(images, sensor, network or requested, threads)
+        is_large = requested is None and trials > LARGE_TRIALS
+        by = network or (LARGE_METHOD if is_large else requested)
+        images, sensor = with_one_response(images, sensor, by, threads)
     is_color = not request.fallback and takes_channels(images)
-    choice = choose_method(sensor, requested=requested, network=network, is_color=is_color)
+    choice = choose_method(
+        sensor, requested=requested, network=network, is_color=is_color, trials=trials
+    )
     choice.check_precision(precision, fallback=request.fallback)
     history, shares = None, None
     if request.fallback or choice.method == LARGE_METHOD:

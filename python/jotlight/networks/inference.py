@@ -12,16 +12,22 @@ import jotlight._engine as engine
 from jotlight.checks import check_threads
 from jotlight.chunks import frame_chunks
 from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
-from jotlight.estimators.inverse_response import equivalent_counts
+from jotlight.estimators.inverse_response import (
+    equivalent_counts,
+    equivalent_fractions,
+    intensity_from_probability,
+)
 from jotlight.estimators.merge_near import merge_different_jots
 from jotlight.estimators.trial_levels import LocalTrials, count_local_trials
+from jotlight.networks.dim_scenes import DIM, denoise_dim
 from jotlight.networks.engine_backed import sensor_model
 from jotlight.networks.layer import Layer
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.output_images import OutputImages
-from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages, PixelCounts
+from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages, PixelCounts, gray_images
 from jotlight.sensing.reference import Jot, reference_jot
+from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import check_any_valid
 
@@ -79,8 +85,22 @@ def run(
     check_threads(threads)
     if not network.tied:
         return _run_untied(network, images, sensor, output, threads)
-    if network.trials_range is not None:
-        images, sensor = merge_different_jots(images, sensor, threads)
+    if network.trials_range is None:
+        return _run_tied(network, images, sensor, output, threads)
+    images, sensor = merge_different_jots(images, sensor, threads)
+    _run_tied(network, images, sensor, output, threads)
+    _improve_dim(network, images, sensor, output, threads)
+    return output.images
+
+
+def _run_tied(
+    network: GrayNetwork,
+    images: GrayImages,
+    sensor: Sensor,
+    output: OutputImages,
+    threads: int | None,
+) -> Image:
+    """Return the intensities of a network that takes counts."""
     model, places = sensor_model(sensor), list(output.images)
     bits = _bits_alike(images, sensor)
     if bits is not None:
@@ -100,6 +120,33 @@ def run(
         network.engine_network.counts(pixels.counts, trials, jot, model, places, threads)
         return output.images
     return _run_different(network, pixels, output, threads)
+
+
+def _improve_dim(
+    network: GrayNetwork,
+    images: GrayImages,
+    sensor: Sensor,
+    output: OutputImages,
+    threads: int | None,
+) -> None:
+    """Replace the intensities of dim scenes by those of combined trials."""
+    for place, data in zip(output.images, images.data, strict=True):
+        if not _may_be_dim(place, sensor):
+            continue
+        pixels = _with_typical_sensor(gray_images(data).count(sensor, threads))
+        fraction = equivalent_fractions(pixels, threads)[0]
+        (trials,) = count_local_trials(pixels)
+        found = denoise_dim(network, fraction, trials, threads=threads)
+        if found is not None:
+            probability = np.clip(found, 0, 1)
+            place[:] = intensity_from_probability(probability, pixels.sensor, threads)
+
+
+def _may_be_dim(image: Image, sensor: Sensor) -> bool:
+    """Return whether an estimate is so dark that its scene may be dim."""
+    efficiency, dark_counts = reference_jot(sensor)
+    rate = efficiency * sensor.light_per_intensity * float(np.median(image)) + dark_counts
+    return bool(detection_probability(sensor.threshold, rate) < DIM)
 
 
 def _with_typical_sensor(pixels: PixelCounts) -> PixelCounts:
