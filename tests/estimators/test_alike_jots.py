@@ -28,12 +28,12 @@ def photograph():
 @pytest.mark.parametrize("trials", [2, 16, 300])
 def test_fractions_have_the_mean_and_the_variance_of_the_reference_jot(threshold, light, trials):
     rng = np.random.default_rng(1)
-    efficiency, dark = rng.uniform(0.3, 1, (256, 256)), rng.gamma(1, 0.1, (256, 256))
+    efficiency, dark = rng.uniform(0.3, 1, (1, 256, 256)), rng.gamma(1, 0.1, (1, 256, 256))
     own = detection_probability(threshold, efficiency * light + dark)
     reference = 0.6, 0.08
     p = detection_probability(threshold, reference[0] * light + reference[1])
     ones = rng.binomial(trials, own)
-    number = np.full((256, 256), float(trials))
+    number = np.full(ones.shape, float(trials))
     found = alike_fractions(ones, number, (efficiency, dark), threshold, reference, None)
     assert found.min() >= 0
     assert found.max() <= 1

@@ -2,10 +2,11 @@
 
 In reading order:
 
-* closed form: ``mle``, ``inverse_response`` (equation 5), ``inpaint`` (dead pixels);
+* closed form: ``mle``, ``inverse_response`` (equation 5), ``inpaint`` (dead pixels),
+  ``alike_jots`` (jots that differ);
 * readings that differ, or of several bits: ``joint_mle``, ``merge_readings`` (equivalent counts at
-  the maximum) and ``merge_near`` (near an estimate) with ``whole_counts``, ``typical_trials`` (how
-  many trials these have), ``generalized_anscombe``;
+  the maximum) and ``merge_near`` (near an estimate) with ``neighbors`` (averages) and
+  ``whole_counts``, ``typical_trials`` (how many trials these have), ``generalized_anscombe``;
 * variance stabilization: ``vst`` (equations 6 and 7), ``denoise``, ``trial_levels`` (pixels with
   different numbers of trials), ``noniterative``;
 * iterative methods: ``problem`` (equation 4), ``convergence``, ``mle_iterative``, ``tv``, ``admm``

@@ -39,7 +39,7 @@ def alike_fractions(
     threads: int | None,
     pattern: npt.NDArray[np.integer] | None = None,
 ) -> Array:
-    """Return the fractions of ones that reference jots would report, in [0, 1], (H, W).
+    """Return the fractions of ones that reference jots would report, in [0, 1], (N, H, W).
 
     With the light s that a pixel and its neighbors have in common, the fraction f of a pixel
     becomes ``p + (f - p_k) √[p (1 - p)] / √[p_k (1 - p_k)]``. A one has the probabilities p_k and p
@@ -52,9 +52,9 @@ def alike_fractions(
 
     Parameters
     ----------
-    ones, trials : ndarray of shape (H, W)
+    ones, trials : ndarray of shape (N, H, W)
         The counts. Pixels of 0 trials get the fractions of their neighbors.
-    jots : (ndarray, ndarray), each of shape (H, W)
+    jots : (ndarray, ndarray), each of shape (N, H, W)
         η and d of each pixel.
     threshold : int
         q.
@@ -68,18 +68,45 @@ def alike_fractions(
 
     Examples
     --------
-    >>> dark = np.where(np.arange(64) % 2, 0.05, 0.2) * np.ones((64, 1))
+    >>> dark = np.where(np.arange(64) % 2, 0.05, 0.2) * np.ones((1, 64, 1))
     >>> p = 1 - np.exp(-0.1 - dark)
     >>> ones = np.random.default_rng(0).binomial(4, p)
-    >>> jots = np.ones((64, 64)), dark
-    >>> found = alike_fractions(ones, np.full((64, 64), 4.0), jots, 1, (1.0, 0.1), None)
+    >>> jots = np.ones(dark.shape), dark
+    >>> found = alike_fractions(ones, np.full(dark.shape, 4.0), jots, 1, (1.0, 0.1), None)
     >>> bool(abs(found.mean() - (1 - np.exp(-0.2))) < 0.01)
     True
     """
+    spreads = np.array([typical_spread(float(each.mean())) for each in trials])
+    result = np.zeros(ones.shape)
+    for spread in np.unique(spreads):
+        same = spreads == spread
+        result[same] = _alike_fractions(
+            ones[same],
+            trials[same],
+            (jots[0][same], jots[1][same]),
+            threshold,
+            reference,
+            float(spread),
+            pattern,
+            threads,
+        )
+    return result
+
+
+def _alike_fractions(
+    ones: npt.NDArray[np.number],
+    trials: Array,
+    jots: tuple[Array, Array],
+    threshold: int,
+    reference: Jot,
+    spread: float,
+    pattern: npt.NDArray[np.integer] | None,
+    threads: int | None,
+) -> Array:
+    """Return :func:`alike_fractions` with averages of a spread, for one kind of filter."""
     fraction = np.divide(ones, trials, out=np.zeros(ones.shape), where=trials > 0)
     result = np.zeros(ones.shape)
-    spread = typical_spread(float(np.mean(trials)))
-    for own in each_filter(pattern, ones.shape):
+    for own in each_filter(pattern, ones.shape[1:]):
         weights = np.where(own, trials, 0.0)
         light = _common_light(fraction, weights, jots, threshold, own_sigma(spread, own), threads)
         light = _toward_own(light, fraction, trials, jots, threshold)
@@ -101,7 +128,7 @@ def _common_light(
     sigma: float,
     threads: int | None,
 ) -> Array:
-    """Return the most likely light of each pixel and its neighbors, (H, W).
+    """Return the most likely light of each pixel and its neighbors, (N, H, W).
 
     The likelihood of a neighborhood is that of its pixels with Gaussian weights of a standard
     deviation. It is maximized by Fisher scoring.
@@ -109,7 +136,8 @@ def _common_light(
     efficiency, dark_counts = jots
 
     def sums(*parts: Array) -> Sequence[Array]:
-        return [*blur(np.stack(parts), sigma, threads).astype(np.float64)]
+        stacked = np.concatenate(parts)
+        return [*blur(stacked, sigma, threads).astype(np.float64).reshape(-1, *fraction.shape)]
 
     total, ones, gain, dark = sums(
         weights, weights * fraction, weights * efficiency, weights * dark_counts
@@ -131,7 +159,7 @@ def _common_light(
 def _toward_own(
     light: Array, fraction: Array, trials: Array, jots: tuple[Array, Array], threshold: int
 ) -> Array:
-    """Return light between that of neighborhoods and the most likely one of each pixel, (H, W)."""
+    """Return light between that of neighborhoods and the most likely one of each pixel."""
     efficiency, dark_counts = jots
     rate = efficiency * light + dark_counts
     _, variance = _bit(rate, threshold)

@@ -100,12 +100,10 @@ def _counts_of_alike_jots(
         for each in (pixels.counts, pixels.trials, pixels.efficiency, pixels.dark_counts)
     )
     threshold = pixels.sensor.threshold
-    fractions = [
-        alike_fractions(ones, number, jots, threshold, reference, threads, pattern)
-        for ones, number, *jots in zip(counts, own, efficiency, dark_counts, strict=True)
-    ]
+    jots = efficiency, dark_counts
+    fractions = alike_fractions(counts, own, jots, threshold, reference, threads, pattern)
     readings = np.broadcast_to(trials, len(fractions)).reshape(-1, 1, 1)
-    return np.asarray(readings * np.stack(fractions), np.float32).reshape(pixels.counts.shape)
+    return np.asarray(readings * fractions, np.float32).reshape(pixels.counts.shape)
 
 
 def _fill_silent_pixels(counts: Counts, pixels: PixelCounts) -> Counts:

@@ -28,6 +28,7 @@ from jotlight.estimators.neighbors import (
 from jotlight.estimators.whole_counts import carry_debts, diffuse
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
+from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import MAX_SILENT_TRIALS, Merged
 from jotlight.sensing.mosaic import Mosaic, Pattern
 from jotlight.sensing.pixel_counts import GrayImages
@@ -104,12 +105,13 @@ def merge_different_jots(
     >>> merge_different_jots(images, sensor, None)[0].data[0].shape
     (2, 2)
     """
-    are_bits = all(isinstance(each, Bits) for each in images.data)
-    if not are_bits or sensor.oversampling == 1 or not sensor.maps():
+    differ = any(
+        pixel_means(value, sensor.mask, sensor.oversampling)[1]
+        for value in (sensor.efficiency, sensor.dark_counts)
+    )
+    if not differ or not all(isinstance(each, Bits) for each in images.data):
         return images, sensor
-    joints = [joint_likelihood(each, sensor, threads) for each in images.data]
-    if not _jots_of_pixels_differ(joints[0]):
-        return images, sensor
+    joints = (joint_likelihood(each, sensor, threads) for each in images.data)
     merged = [merge_near_neighbors(joint) for joint in joints]
     return GrayImages(merged, images.layout), reference_sensor(sensor)
 

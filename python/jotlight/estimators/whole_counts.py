@@ -41,6 +41,6 @@ def carry_debts(values: Array) -> Array:
     >>> carry_debts(np.array([[1.0, -0.75, 0.5, 0.5]]))
     array([[1.  , 0.  , 0.  , 0.25]])
     """
-    sums = np.cumsum(values, axis=1)
-    paid = np.maximum(np.maximum.accumulate(sums, axis=1), 0)
-    return np.diff(paid, axis=1, prepend=0.0)
+    sums = np.cumsum(values, axis=-1)
+    paid = np.maximum(np.maximum.accumulate(sums, axis=-1), 0)
+    return np.diff(paid, axis=-1, prepend=0.0)

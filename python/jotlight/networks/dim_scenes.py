@@ -5,11 +5,16 @@ times as large: in both cases, the number of ones is nearly a Poisson number. Ne
 for brighter scenes, and hardly any probability that they return is below 1e-4.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import LocalTrials
 from jotlight.networks.trials_map import ConditionalNetwork, denoise_fractions
+from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.response import detection_probability
+from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
 
@@ -31,7 +36,7 @@ _FULL = 0.5
 _MARGIN = 8
 """Distance in pixels at which those of other pixels are not combined, either."""
 
-DIM = 1 / (_ROOM * _MIN_FACTOR)
+_DIM = 1 / (_ROOM * _MIN_FACTOR)
 """Fraction of ones of the brightest pixels below which trials may be combined."""
 
 
@@ -57,40 +62,80 @@ def combined_trials(fraction: Image, trials: LocalTrials) -> float:
     return factor if factor >= _MIN_FACTOR else 1.0
 
 
+def may_be_dim(image: Image, sensor: Sensor) -> bool:
+    """Return whether an estimate is so dark that trials may be combined.
+
+    Examples
+    --------
+    >>> image = np.full((4, 4), 0.5, np.float32)
+    >>> may_be_dim(image, Sensor()), may_be_dim(image, Sensor(frames=64, gain=2.0))
+    (False, True)
+    """
+    efficiency, dark_counts = reference_jot(sensor)
+    bright = float(np.quantile(image, _NEARLY_ALL))
+    rate = efficiency * sensor.light_per_intensity * bright + dark_counts
+    return bool(detection_probability(sensor.threshold, rate) < _DIM)
+
+
+def combine(
+    fraction: Image, trials: LocalTrials
+) -> tuple[Image, LocalTrials, np.float32, npt.NDArray[np.bool_]] | None:
+    """Return the fractions and the numbers of combined trials, c, and where they are not used.
+
+    It is None if the trials are not combined. The parameters are those of :func:`combined_trials`.
+    """
+    if (factor := combined_trials(fraction, trials)) == 1:
+        return None
+    number: LocalTrials
+    if isinstance(trials, int):
+        number = max(round(trials / factor), _MIN_TRIALS)
+        factor = trials / number
+    else:
+        number = np.maximum(trials / np.float32(factor), 1)
+    scaled = fraction * np.float32(factor)
+    full = scaled > _FULL
+    if full.any():
+        from scipy.ndimage import maximum_filter
+
+        full = maximum_filter(full, 2 * _MARGIN + 1)
+    return np.minimum(scaled, 1), number, np.float32(factor), full
+
+
 def denoise_dim(
     network: ConditionalNetwork,
-    fraction: Image,
-    trials: LocalTrials,
+    fractions: Image,
+    trials: Sequence[LocalTrials],
     *,
     threads: int | None = None,
-) -> Image | None:
-    """Return the probability of a one at each pixel of a dim scene, (H, W), or None for others.
+) -> list[Image | None]:
+    """Return the probabilities of a one in dim scenes, (H, W), and None for other ones.
 
     Parameters
     ----------
     network : Network
         A K-conditioned network.
-    fraction : ndarray of float32, shape (H, W)
+    fractions : ndarray of float32, shape (N, H, W)
         Fractions of ones.
-    trials : int or ndarray of float32, shape (H, W)
-        The local number of trials, of each pixel if it is an array.
+    trials : sequence of int or ndarray of float32, shape (H, W)
+        The local number of trials of each image.
     threads : int, optional
         Number of threads. Default: all.
     """
-    if (factor := combined_trials(fraction, trials)) == 1:
-        return None
-    if isinstance(trials, int):
-        number: LocalTrials = max(round(trials / factor), _MIN_TRIALS)
-        factor = trials / number
-    else:
-        number = np.maximum(trials / np.float32(factor), 1)
-    scaled = fraction * np.float32(factor)
-    combined = np.minimum(scaled, 1)[None]
-    found = denoise_fractions(network, combined, [number], threads=threads)[0] / np.float32(factor)
-    full = scaled > _FULL
-    if not full.any():
+    combined = [combine(*each) for each in zip(fractions, trials, strict=True)]
+    dim = [index for index, each in enumerate(combined) if each is not None]
+    found: list[Image | None] = [None] * len(combined)
+    if not dim:
         return found
-    from scipy.ndimage import maximum_filter
-
-    plain = denoise_fractions(network, fraction[None], [trials], threads=threads)[0]
-    return np.asarray(np.where(maximum_filter(full, 2 * _MARGIN + 1), plain, found))
+    parts = [part for part in combined if part is not None]
+    numbers = [number for _, number, _, _ in parts]
+    scaled = denoise_fractions(
+        network, np.stack([part[0] for part in parts]), numbers, threads=threads
+    )
+    for index, image, (_, _, factor, full) in zip(dim, scaled, parts, strict=True):
+        image /= factor
+        if full.any():
+            own = fractions[index : index + 1]
+            plain = denoise_fractions(network, own, [trials[index]], threads=threads)[0]
+            image = np.where(full, plain, image)
+        found[index] = image
+    return found

@@ -19,15 +19,14 @@ from jotlight.estimators.inverse_response import (
 )
 from jotlight.estimators.merge_near import merge_different_jots
 from jotlight.estimators.trial_levels import LocalTrials, count_local_trials
-from jotlight.networks.dim_scenes import DIM, denoise_dim
+from jotlight.networks.dim_scenes import denoise_dim, may_be_dim
 from jotlight.networks.engine_backed import sensor_model
 from jotlight.networks.layer import Layer
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.output_images import OutputImages
-from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages, PixelCounts, gray_images
+from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages, PixelCounts
 from jotlight.sensing.reference import Jot, reference_jot
-from jotlight.sensing.response import detection_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import check_any_valid
 
@@ -130,23 +129,16 @@ def _improve_dim(
     threads: int | None,
 ) -> None:
     """Replace the intensities of dim scenes by those of combined trials."""
-    for place, data in zip(output.images, images.data, strict=True):
-        if not _may_be_dim(place, sensor):
-            continue
-        pixels = _with_typical_sensor(gray_images(data).count(sensor, threads))
-        fraction = equivalent_fractions(pixels, threads)[0]
-        (trials,) = count_local_trials(pixels)
-        found = denoise_dim(network, fraction, trials, threads=threads)
-        if found is not None:
-            probability = np.clip(found, 0, 1)
-            place[:] = intensity_from_probability(probability, pixels.sensor, threads)
-
-
-def _may_be_dim(image: Image, sensor: Sensor) -> bool:
-    """Return whether an estimate is so dark that its scene may be dim."""
-    efficiency, dark_counts = reference_jot(sensor)
-    rate = efficiency * sensor.light_per_intensity * float(np.median(image)) + dark_counts
-    return bool(detection_probability(sensor.threshold, rate) < DIM)
+    dim = [index for index, each in enumerate(output.images) if may_be_dim(each, sensor)]
+    if not dim:
+        return
+    pixels = _with_typical_sensor(images.count(sensor, threads)).select(dim)
+    fractions, trials = equivalent_fractions(pixels, threads), count_local_trials(pixels)
+    found = denoise_dim(network, fractions, trials, threads=threads)
+    for index, probability in zip(dim, found, strict=True):
+        if probability is not None:
+            one = np.clip(probability, 0, 1)
+            output.images[index][:] = intensity_from_probability(one, pixels.sensor, threads)
 
 
 def _with_typical_sensor(pixels: PixelCounts) -> PixelCounts:

@@ -3,10 +3,12 @@
 import math
 from collections.abc import Callable
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from jotlight._engine import BRIGHT, RATIO_OF_PASS
+from jotlight.networks.dim_scenes import combine, may_be_dim
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import detection_density, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
@@ -165,6 +167,44 @@ def probability_of(
         lowered = base + (denoised - base) / gain
         estimate = torch.sin(lowered.clamp(0, math.pi / 2)) ** 2
     return estimate
+
+
+def improve_dim(
+    network: Callable[[Tensor, int], Tensor],
+    intensity: Tensor,
+    counts: Tensor,
+    sensor: Sensor,
+    trials_range: tuple[int, int],
+) -> Tensor:
+    """Return the intensities (N, 1, H, W) with those of combined trials for dim scenes.
+
+    They are those of :func:`jotlight.networks.dim_scenes.denoise_dim`.
+
+    Parameters
+    ----------
+    network : callable
+        ``network(counts, K)`` returns P(b = 1) for K in the range.
+    intensity, counts : Tensor, shape (N, 1, H, W)
+        The intensities without combination, and L.
+    sensor : Sensor
+        The sensor, without maps of its jots.
+    trials_range : (int, int)
+        Smallest and largest K of the network.
+    """
+    images = list(intensity)
+    for index, (image, ones) in enumerate(zip(intensity, counts, strict=True)):
+        if not may_be_dim(image.cpu().numpy(), sensor):
+            continue
+        fraction = (ones[0].cpu().numpy() / np.float32(sensor.trials)).astype(np.float32)
+        found = combine(fraction, sensor.trials)
+        if found is None:
+            continue
+        combined, trials, factor, full = found
+        scaled = torch.from_numpy(combined * np.float32(trials)).to(intensity)[None, None]
+        probability = probability_of(network, scaled, int(trials), trials_range)[0]
+        dim = intensity_from_probability(probability / float(factor), sensor)
+        images[index] = torch.where(torch.from_numpy(full).to(image.device), image, dim)
+    return torch.stack(images)
 
 
 def _angle(probability: Tensor) -> Tensor:

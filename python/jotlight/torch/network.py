@@ -23,6 +23,7 @@ from jotlight.sensing.sensor import Sensor
 from jotlight.torch.data_checks import check_values, shape_advice
 from jotlight.torch.estimates import (
     equivalent_counts,
+    improve_dim,
     intensity_from_complement,
     intensity_from_probability,
     is_bright,
@@ -112,6 +113,9 @@ class Network(nn.Module):
     def forward(self, data: Tensor, sensor: Sensor | None = None) -> Tensor:
         """Return intensities in [0, S], shape (N, 1, H, W), as the engine's network does.
 
+        In dim scenes, the engine's network sees several trials as one. So does this one where no
+        gradients are recorded, but not under torch.compile.
+
         Parameters
         ----------
         data : Tensor
@@ -136,15 +140,24 @@ class Network(nn.Module):
         """
         sensor = self._sensor_of(data, sensor)
         if self._trials_range is not None:
-            if str(len(self.filters) - 1) in self.coefficients and is_bright(sensor):
-                zeros = sensor.trials - data
-                zeros = probability_of(self._run_zeros, zeros, sensor.trials, self._trials_range)
-                return intensity_from_complement(zeros, sensor)
-            probability = probability_of(self.run_layers, data, sensor.trials, self._trials_range)
-            return intensity_from_probability(probability, sensor)
+            found = self._estimate(data, sensor)
+            # Training passes no errors through the choice of combined trials.
+            if torch.is_grad_enabled() or torch.compiler.is_compiling():
+                return found
+            return improve_dim(self.run_layers, found, data, sensor, self._trials_range)
         if reference_jot(sensor)[1] != self._dark_counts:
             data = equivalent_counts(data, sensor, self._dark_counts)
         return self.run_layers(data).clamp(0, sensor.max_intensity)
+
+    def _estimate(self, data: Tensor, sensor: Sensor) -> Tensor:
+        """Return the intensities of a K-conditioned network, without combined trials."""
+        assert self._trials_range, "a K-conditioned network"
+        if str(len(self.filters) - 1) in self.coefficients and is_bright(sensor):
+            zeros = sensor.trials - data
+            zeros = probability_of(self._run_zeros, zeros, sensor.trials, self._trials_range)
+            return intensity_from_complement(zeros, sensor)
+        probability = probability_of(self.run_layers, data, sensor.trials, self._trials_range)
+        return intensity_from_probability(probability, sensor)
 
     def run_layers(self, data: Tensor, trials: int | None = None) -> Tensor:
         """Return the output of the last layer, shape (N, 1, H, W).
