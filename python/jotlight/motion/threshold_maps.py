@@ -125,9 +125,7 @@ def count_still(
 def _flags(merged: Sequence[Merged]) -> npt.NDArray[np.bool_]:
     """Return whether most thresholds that have seen a pixel flag it, or none has seen it."""
     has_seen = [np.broadcast_to(np.asarray(each.trials) > 0, each.shape) for each in merged]
-    flagged = [
-        np.asarray(each.flags) & seen for each, seen in zip(merged, has_seen, strict=True)
-    ]
+    flagged = [np.asarray(each.flags) & seen for each, seen in zip(merged, has_seen, strict=True)]
     number = np.sum(has_seen, axis=0)
     return np.asarray((2 * np.sum(flagged, axis=0) > number) | (number == 0))
 
