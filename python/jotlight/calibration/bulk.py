@@ -106,7 +106,7 @@ class Bulk:
 
         Examples
         --------
-        >>> round(float(np.exp(Bulk(4, 0.2, 1e-9).log_mass(3, 4))), 6)  # 4 (0.8) 0.2 ** 3 + 0.2 ** 4
+        >>> round(float(np.exp(Bulk(4, 0.2, 1e-9).log_mass(3, 4))), 6)  # four ones, or three
         0.0272
         """
         counts = self._grid(low, top)
