@@ -12,9 +12,9 @@ from jotlight.sensing.counting import check_mask
 from jotlight.sensing.frames import Frames, read_frames
 
 BLOCKS = 16
-"""Number of blocks of frames whose counts are compared, for many frames.
+"""Number of blocks of frames whose counts are compared, from 256 frames on.
 
-Blocks have whole frames. So there may be up to 19 of them, for example for 79 frames.
+Blocks have whole frames. So there are up to 19 of them for fewer frames, for example for 79.
 """
 
 _MIN_FRAMES = 8
@@ -60,8 +60,8 @@ def steadiness(
     Parameters
     ----------
     bits : Bits, shape (T, H, W)
-        At least 8 frames. They are divided into 2 to 19 blocks of equal length, 16 for many frames;
-        the remaining frames are ignored.
+        At least 8 frames. They are divided into up to 19 blocks of equal length, and from 256
+        frames on into 16; the remaining frames are ignored.
     mask : ndarray of bool, shape (H, W), optional
         True marks jots to ignore.
     threads : int, optional
