@@ -113,7 +113,16 @@ def test_counts_of_color_need_their_axis_and_stacks_are_refused(shape, message):
         ({"trials": 0}, ValueError, "trials: expected at least 1"),
         ({"trials": 9, "false_positive_rate": 0.5}, ValueError, r"a number in \(0, 0.01\]"),
         ({"trials": 9, "false_positive_rate": "0"}, ValueError, r"in \(0, 0.01\], got '0'"),
-        ({"trials": 9, "mask": np.zeros((3, 4), bool)}, ValueError, r"mask: expected shape"),
+        (
+            {"trials": 9, "mask": np.zeros((3, 4), bool)},
+            ValueError,
+            r"mask: expected bool of shape",
+        ),
+        (
+            {"trials": 9, "mask": np.zeros((4, 5), int)},
+            ValueError,
+            r"mask: expected bool of shape \(\d+, \d+\), got int",
+        ),
     ],
 )
 def test_bad_input_is_refused(options, error, message):

@@ -124,3 +124,28 @@ def test_truncated_and_flipped_files_are_refused_or_read(calibration, tmp_path):
             assert "a.safetensors" in str(error)  # noqa: PT017
     with pytest.raises(FileNotFoundError, match="there is no file"):
         jl.Calibration.load(tmp_path / "none.safetensors")
+
+
+def test_a_dark_capture_leaves_what_else_is_stated_about_the_jots(calibration):
+    dark = jl.calibrate(calibration.dark_ones, frames=4000)
+    assert dark.mask[3, 4]
+    mask = np.zeros(dark.shape, bool)
+    mask[10, 20] = True
+    efficiency = np.random.default_rng(2).uniform(0.5, 1, dark.shape).astype(np.float32)
+    stated = jl.Sensor(frames=4, gain=2.0, mask=mask, efficiency=efficiency, dark_counts=0.5)
+    applied = dark.applied_to(stated)
+    np.testing.assert_array_equal(applied.efficiency, efficiency)
+    np.testing.assert_array_equal(applied.mask, dark.mask | mask)
+    np.testing.assert_array_equal(applied.dark_counts, dark.dark_counts)
+    assert applied.gain == 2.0
+    assert dark.applied_to(jl.Sensor(frames=4, efficiency=0.3)).efficiency == 0.3
+    # Changes, and a response that was measured, replace what is stated.
+    assert dark.applied_to(stated, efficiency=0.25, mask=None) == stated.replace(
+        dark_counts=dark.dark_counts, efficiency=0.25, mask=None
+    )
+    np.testing.assert_array_equal(calibration.applied_to(stated).efficiency, calibration.efficiency)
+
+
+def test_a_mask_of_another_shape_is_refused(calibration):
+    with pytest.raises(ValueError, match=r"expected a mask of the shape of the calibration \(32"):
+        calibration.applied_to(jl.Sensor(mask=np.zeros((1, 40), bool)))

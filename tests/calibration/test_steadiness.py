@@ -8,6 +8,7 @@ from scipy.stats import binom, norm
 
 import jotlight as jl
 from jotlight.calibration import steadiness
+from jotlight.calibration.steadiness import block_frames
 from jotlight.sensing.frames import Frames
 
 
@@ -84,3 +85,16 @@ def test_frames_in_files_are_looked_at_in_constant_memory():
     parts = steadiness(jl.Bits(Frames((128, *block.shape[1:]), read)))
     assert same.correlation == parts.correlation
     np.testing.assert_array_equal(same.map, parts.map)
+
+
+@pytest.mark.parametrize("mask", [np.zeros((6, 8), np.int64), np.zeros((8, 6), bool)])
+def test_a_mask_of_another_type_or_shape_is_refused(mask):
+    bits = jl.Bits.from_array(np.random.default_rng(0).random((40, 6, 8)) < 0.3)
+    with pytest.raises(ValueError, match=r"mask: expected bool of shape \(6, 8\), got"):
+        steadiness(bits, mask)
+
+
+@pytest.mark.parametrize("frames", [8, 76, 79, 1000])
+def test_the_number_of_blocks_is_as_documented(frames):
+    assert 2 <= frames // block_frames(frames) <= 19
+    assert {79: 19, 1000: 16}.get(frames, 0) in (0, frames // block_frames(frames))

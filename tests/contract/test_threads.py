@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+import jotlight._engine as engine
+from jotlight.estimators.trial_levels import count_local_trials, local_trials
 from jotlight.estimators.vst import anscombe
+from jotlight.estimators.whole_counts import diffuse
+from jotlight.motion.depth import Gain
 from jotlight.motion.film import film
+from jotlight.networks.pretrained import pretrained_conditional
+from jotlight.networks.trials_map import denoise_map
+from jotlight.sensing.pixel_counts import PixelCounts
 
 SENSOR = jl.Sensor(frames=32)
 SEVERAL = jl.Sensor(frames=4, bit_depth=4)
@@ -65,3 +72,45 @@ def test_a_wrong_number_of_threads_is_refused(call):
 @pytest.mark.parametrize("call", [CALLS["Sensor.expose"], CALLS["mle"], CALLS["reconstruct"]])
 def test_numbers_of_threads_may_be_those_of_numpy(call, threads):
     assert call(threads).shape[-2:] == IMAGE.shape
+
+
+EFFICIENCY = np.random.default_rng(0).uniform(0.5, 1, IMAGE.shape).astype(np.float32)
+UNEQUAL = SENSOR.replace(efficiency=EFFICIENCY)
+MAP = np.random.default_rng(1).uniform(4, 8, (1, 8, 9))
+NATS = np.random.default_rng(2).normal(0, 1, (16, 16)).astype(np.float32)
+
+ENGINE_CALLS = {
+    "admm_tv, total_variation": CALLS["admm_tv"],
+    "admm_tv, likelihood_information": CALLS["admm_tv"],
+    "merge, blur": CALLS["merge"],
+    "merge of unequal jots, blur": lambda threads: jl.merge(
+        jl.Bits(BITS.packed, BITS.width, UNEQUAL), threads=threads
+    ),
+    "causal film, disagreement": lambda threads: list(
+        film(BITS, window=16, step=4, causal=True, threads=threads)
+    ),
+    "gain of an object, blur": lambda threads: Gain(NATS, NATS**0, threads).pixels(),
+    "local_trials, local_trials": lambda threads: local_trials(MAP[0], threads=threads),
+    "count_local_trials, local_trials": lambda threads: count_local_trials(
+        PixelCounts(jl.Sensor(), np.ones(MAP.shape, np.int32), MAP, 1.0, 0.0, False),
+        threads=threads,
+    ),
+    "denoise_map, local_trials": lambda threads: denoise_map(
+        pretrained_conditional(SENSOR, "small"), MAP[0] / 3, MAP[0], threads=threads
+    ),
+    "diffuse, diffuse": lambda threads: diffuse(MAP[0], MAP[0] > 0, threads=threads),
+}
+
+
+@pytest.mark.parametrize("name", ENGINE_CALLS)
+def test_the_number_of_threads_reaches_the_engine(monkeypatch, name):
+    function, found = name.split(", ")[1], []
+    run = getattr(engine, function)
+
+    def noting(*arguments):
+        found.append(arguments[-1])
+        return run(*arguments)
+
+    monkeypatch.setattr(engine, function, noting)
+    ENGINE_CALLS[name](1)
+    assert set(found) == {1}

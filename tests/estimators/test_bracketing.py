@@ -160,3 +160,10 @@ def test_bad_arguments_are_refused_with_advice(error, options, message):
 def test_an_snr_that_no_intensity_reaches_is_refused():
     with pytest.raises(ValueError, match=r"snr: expected at most 14\.9 dB"):
         intensity_range(SINGLE, 30.0)
+
+
+@pytest.mark.parametrize("efficiency", [0.3, 1e-5])
+def test_the_range_of_intensities_moves_with_the_efficiency(efficiency):
+    expected = intensity_range(jl.Sensor(frames=48), 9.0)
+    found = intensity_range(jl.Sensor(frames=48, efficiency=efficiency), 9.0)
+    np.testing.assert_allclose(found, np.divide(expected, efficiency), rtol=1e-3)

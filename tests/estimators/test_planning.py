@@ -3,6 +3,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.estimators import planning
+from jotlight.estimators.bracketing import snr_bound
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.response import detection_probability
 
@@ -130,3 +131,20 @@ def test_estimates_are_clipped_to_the_maximum_intensity():
 def test_invalid_arguments_are_refused(light, options, message):
     with pytest.raises(ValueError, match=message):
         jl.plan(jl.Sensor(), light, **options)
+
+
+def test_the_optimal_light_of_jots_that_detect_little_is_high():
+    plan = jl.plan(jl.Sensor(efficiency=0.005), 50.0, frames=[16])
+    assert plan.optimal_light == pytest.approx(1.5936 / 0.005, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    "options", [{"bit_depth": 8}, {"bit_depth": 12}, {"bit_depth": 4, "efficiency": 0.01}], ids=str
+)
+def test_the_optimal_light_of_several_bits_is_near_saturation(options):
+    sensor = jl.Sensor(**options)
+    found = jl.plan(sensor, 1.0, frames=[1]).optimal_light
+    highest = sensor.max_reading / sensor.efficiency
+    assert 0.7 * highest < found < highest
+    light = np.linspace(0.5, 2, 5001) * highest
+    assert found == pytest.approx(light[np.argmax(snr_bound(sensor, light))], rel=3e-3)

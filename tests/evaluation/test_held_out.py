@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.evaluation import held_out as held_out_module
 from jotlight.evaluation.choice import choose_method
 from jotlight.evaluation.held_out import held_out
 from jotlight.evaluation.methods import LARGE_METHOD, LARGE_TRIALS, METHODS
@@ -60,3 +61,11 @@ def test_a_smooth_kernel_is_refused():
     with pytest.raises(ValueError, match="sensor: expected the box kernel for a blend"):
         held_out(sensor.expose(np.ones((4, 4)), rng=0))
     assert choose_method(sensor).method == "network-medium"
+
+
+def test_small_weights_that_are_left_out_do_not_darken_the_image(monkeypatch):
+    weights = np.float32([0.0009, 0.0009, 0.9982])[:, None, None, None] * np.ones((1, 24, 24))
+    monkeypatch.setattr(held_out_module, "_choose_weights", lambda *_: weights)
+    counts = np.random.default_rng(3).binomial(3000, 0.2, (24, 24))
+    sensor = jl.Sensor(frames=3000)
+    np.testing.assert_allclose(held_out(counts, sensor), jl.mle(counts, sensor), rtol=1e-6)

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.evaluation import reconstruct as reconstruct_module
+from jotlight.evaluation import uncertainty as uncertainty_module
 from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 
@@ -261,3 +263,26 @@ def test_a_largest_intensity_that_clips_most_pixels_is_reported():
         jl.reconstruct(bits, sensor)
     jl.reconstruct(bits)
     jl.reconstruct(sensor.expose(np.full((16, 16), 0.9), rng=0))
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "mle"}], ids=str)
+def test_clipping_behind_a_mosaic_is_reported(options):
+    sensor = jl.Sensor(frames=64, mosaic="RGGB", max_intensity=9.0)
+    bits = sensor.expose(np.full((16, 16, 3), 2.0), rng=0)
+    with pytest.warns(jl.JotlightWarning, match=r"100% .* intensity, 1, .*max_intensity=4\.85"):
+        jl.reconstruct(bits, sensor.replace(max_intensity=1.0), **options)
+    jl.reconstruct(bits, **options)
+
+
+@pytest.mark.parametrize("run", [jl.reconstruct, jl.uncertainty])
+@pytest.mark.parametrize("units", ["lux", "photons-per-second"])
+def test_wrong_units_are_refused_before_the_work_behind_a_mosaic(monkeypatch, run, units):
+    bits = jl.Sensor(frames=64, mosaic="RGGB").expose(np.full((16, 16, 3), 0.5), rng=0)
+
+    def fail(*_args, **_options):
+        raise AssertionError("the reconstruction began")
+
+    monkeypatch.setattr(reconstruct_module, "_of_mosaic", fail)
+    monkeypatch.setattr(uncertainty_module, "mosaic_uncertainty", fail)
+    with pytest.raises(ValueError, match="units: "):
+        run(bits, units=units)

@@ -15,6 +15,7 @@ from jotlight.motion.film import film
 from jotlight.motion.live_film import LiveFilm
 from jotlight.motion.merge import as_paths
 from jotlight.motion.scoring import FAST
+from jotlight.sensing import periodic_rates
 from jotlight.sensing.provenance import Provenance
 from moving import blocks_of
 
@@ -205,6 +206,24 @@ def test_other_frames_of_a_live_film_are_refused():
         live.add(jl.Bits.from_array(np.zeros((4, 16, 15), bool)))
     with pytest.raises(TypeError, match=r"frames: expected jotlight\.Bits"):
         live.add(np.zeros((4, 16, 16)))
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_a_live_film_tests_the_periods_of_its_jots_once(monkeypatch, known):
+    _, bits = moving("shake", 64, (128, 128))
+    bits = jl.Bits(bits.packed, bits.width, bits.sensor)
+    bits.tested_for_periods = known
+    tested, find = [], periodic_rates.find_periodic_rates
+
+    def counted(counts):
+        tested.append(counts.shape)
+        return find(counts)
+
+    monkeypatch.setattr(periodic_rates, "find_periodic_rates", counted)
+    live = LiveFilm(bits.sensor, window=32, step=8)
+    images = [image for start in range(0, 64, 8) for image in live.add(bits[start : start + 8])]
+    assert len(images) == 5
+    assert len(tested) == (0 if known else 1)
 
 
 @pytest.mark.slow

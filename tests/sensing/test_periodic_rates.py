@@ -161,3 +161,10 @@ def test_readings_of_several_bits_are_tested():
     assert find_periodic_rates(readings).period == 2
     with pytest.warns(jl.errors.PeriodicRatesWarning, match="as in RGGB or BGGR"):
         jl.mle(readings)
+
+
+def test_progress_is_reported_for_readings():
+    readings = jl.Sensor(frames=6, bit_depth=4).expose(np.full((8, 8), 1.0), rng=0)
+    fractions = []
+    find_periodic_rates(readings, progress=fractions.append)
+    assert fractions[-1] == 1.0

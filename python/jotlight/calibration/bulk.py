@@ -23,7 +23,14 @@ If the histogram increases up to this count, the likelihood has no maximum at a 
 """
 
 _MAX_TERMS = 1 << 16
-"""Maximum number of terms in a sum of probabilities. Longer sums use every n-th term, times n."""
+"""Maximum number of counts whose probabilities are all computed."""
+
+_NEAR = 2048
+"""Distance, in counts, from the mode and from both ends up to which all counts are used.
+
+Of longer ranges, counts at a larger distance x are used in steps of about x / 2048. Relative to the
+width of a peak, the steps are short wherever its probability is not negligible.
+"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,10 +70,21 @@ class Bulk:
         return np.asarray(log_binomial + betaln(k + a, n - k + b) - betaln(a, b))
 
     def threshold(self, false_positive_rate: float) -> int:
-        """Return the smallest count whose exact tail probability is at most the rate, or N + 1."""
+        """Return the smallest count whose tail probability is at most the rate, or N + 1.
+
+        Examples
+        --------
+        >>> Bulk(10**6, 1e-6, 1e-9).threshold(1e-4)  # 1 count on average
+        7
+        """
         counts, tail = self._tail_probabilities()
-        above = counts[tail <= false_positive_rate]
-        return int(above[0]) if len(above) else self.frames + 1
+        place = int(np.argmax(np.append(tail, 0.0) <= false_positive_rate))
+        first = counts[place - 1] if place > 0 else 0
+        stop, rest = (counts[place], tail[place]) if place < len(counts) else (self.frames + 1, 0.0)
+        between = np.arange(first, stop)
+        tails = rest + np.cumsum(np.exp(self.log_probability(between))[::-1])[::-1]
+        reached = np.append(tails, rest) <= false_positive_rate
+        return int(np.append(between, stop)[np.argmax(reached)])
 
     def tail_probability(self, ones: int) -> float:
         """Return the probability that an ordinary jot has this count or a larger one.
@@ -77,14 +95,60 @@ class Bulk:
         0.0016
         """
         counts, tail = self._tail_probabilities()
-        return float(np.append(tail, 0.0)[np.searchsorted(counts, ones)])
+        place = np.searchsorted(counts, ones)
+        if place == len(counts):
+            return 0.0
+        between = np.arange(max(ones, 0), counts[place])
+        return float(tail[place] + np.exp(self.log_probability(between)).sum())
+
+    def log_mass(self, low: int, top: int) -> float:
+        """Return the logarithm of the probability of the counts from `low` to `top`.
+
+        Examples
+        --------
+        >>> round(float(np.exp(Bulk(4, 0.2, 1e-9).log_mass(3, 4))), 6)  # four ones, or three
+        0.0272
+        """
+        counts = self._grid(low, top)
+        logarithms = self.log_probability(counts)
+        highest = logarithms.max()
+        return float(highest + np.log(_sums(counts, np.exp(logarithms - highest)).sum()))
 
     def _tail_probabilities(self) -> tuple[npt.NDArray[np.int64], Array]:
         """Return counts, and for each the probability of this count or a larger one."""
-        counts, step = _grid(0, self.frames)
-        probabilities = step * np.exp(self.log_probability(counts))
+        counts = self._grid(0, self.frames)
+        sums = _sums(counts, np.exp(self.log_probability(counts)))
         # Summing from the smallest terms keeps small tails exact.
-        return counts, np.cumsum(probabilities[::-1])[::-1]
+        return counts, np.cumsum(sums[::-1])[::-1]
+
+    def _grid(self, low: int, top: int) -> npt.NDArray[np.int64]:
+        """Return counts from `low` to `top`: all of them, or of many those that matter."""
+        if top - low < _MAX_TERMS:
+            return np.arange(low, top + 1, dtype=np.int64)
+        a, b = self.mean / self.spread, (1 - self.mean) / self.spread
+        # Without a mode inside, the most likely counts are the ends.
+        has_mode = a > 1 and b > 1
+        mode = (self.frames * (a - 1) + 1 - b) / (a + b - 2) if has_mode else low
+        middle = int(np.clip(mode, low, top))
+        number = int(np.ceil(_NEAR * np.log((top - low) / _NEAR))) + 1
+        far = np.geomspace(_NEAR, top - low, number).astype(np.int64)
+        distances = np.concatenate([np.arange(_NEAR), far])
+        places = [low + distances, top - distances, middle - distances, middle + distances]
+        counts = np.unique(np.concatenate(places))
+        return counts[(counts >= low) & (counts <= top)]
+
+
+def _sums(counts: npt.NDArray[np.int64], probabilities: Array) -> Array:
+    """Return the sums from each count to the one before the next. Those between are interpolated.
+
+    Examples
+    --------
+    >>> _sums(np.array([0, 1, 5]), np.array([1.0, 9.0, 5.0])).tolist()  # 1, 9 + 8 + 7 + 6, 5
+    [1.0, 30.0, 5.0]
+    """
+    steps = np.diff(counts, append=counts[-1] + 1)
+    following = np.append(probabilities[1:], 0.0)
+    return np.asarray((steps + 1) / 2 * probabilities + (steps - 1) / 2 * following)
 
 
 def fit_bulk(counts: npt.NDArray[np.integer], frames: int) -> Bulk:
@@ -111,13 +175,11 @@ def fit_bulk(counts: npt.NDArray[np.integer], frames: int) -> Bulk:
     (True, True)
     """
     from scipy.optimize import minimize
-    from scipy.special import logsumexp
 
     cut = max(int(np.quantile(counts, _MAX_QUANTILE, method="higher")), _MIN_CUT)
     cut = min(cut, frames)
     low = min(int(np.quantile(counts, _MIN_QUANTILE, method="lower")), max(cut - _MIN_CUT, 0))
     values, occurrences = np.unique(counts[(counts >= low) & (counts <= cut)], return_counts=True)
-    grid, step = _grid(low, cut)
     min_spread, max_mean = 1e-3 / frames, min(_MAX_MEAN * (cut + 1) / frames, 1 - 1e-9)
 
     def bulk_at(point: Array) -> Bulk:
@@ -130,7 +192,7 @@ def fit_bulk(counts: npt.NDArray[np.integer], frames: int) -> Bulk:
 
     def cost(point: Array) -> float:
         bulk = bulk_at(point)
-        log_range = logsumexp(bulk.log_probability(grid)) + np.log(step)
+        log_range = bulk.log_mass(low, cut)
         return -float(occurrences @ bulk.log_probability(values) - occurrences.sum() * log_range)
 
     mean = (float(np.average(values, weights=occurrences)) + 0.1) / (frames + 0.2)
@@ -147,9 +209,3 @@ def fit_bulk(counts: npt.NDArray[np.integer], frames: int) -> Bulk:
         for start in starts
     ]
     return bulk_at(min(fits, key=lambda fit: fit.fun).x)
-
-
-def _grid(low: int, top: int) -> tuple[npt.NDArray[np.int64], int]:
-    """Return every n-th count from `low` to `top`, and n."""
-    step = 1 + (top - low) // _MAX_TERMS
-    return np.arange(low, top + 1, step, dtype=np.int64), step

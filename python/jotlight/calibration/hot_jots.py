@@ -10,6 +10,7 @@ from jotlight.interrupts import interruptible
 from jotlight.layout import image_channels
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
+from jotlight.sensing.counting import check_mask
 from jotlight.sensing.readings import require_plain_bits
 from jotlight.sensing.response import detection_probability, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
@@ -130,8 +131,7 @@ def find_hot_jots(
         raise ValueError(f"counts: expected at most {number} trials, got {counts.max()}")
     channels = image_channels("counts", counts, channel_axis)
     size = channels.shape[1:]
-    if mask is not None and mask.shape != size:
-        raise ValueError(f"mask: expected shape {size}, got {mask.shape}")
+    check_mask(mask, size)
     valid = np.ones(size, bool) if mask is None else ~mask
     hot = np.zeros(size, bool)
     for channel in channels:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from jotlight.calibration.bulk import Bulk
 from jotlight.calibration.fields import CalibrationFields
@@ -85,22 +86,33 @@ class Calibration(CalibrationFields):
     def applied_to(self, sensor: Sensor, **changes: Any) -> Sensor:
         """Return the sensor with these maps, and with a gain that refers to the median jot.
 
+        A jot is masked if the sensor or the calibration masks it. Without a flat capture, the
+        sensor keeps its efficiency. The changes replace both.
+
         Raises
         ------
         ValueError
             If the sensor contradicts the maps.
         """
         # Dark counts are detections, not bits, so they hold for any threshold.
-        maps: dict[str, Any] = {"dark_counts": self.dark_counts}
-        maps["mask"] = self.mask if self.mask.any() else None
+        maps: dict[str, Any] = {"dark_counts": self.dark_counts, "mask": self._joined(sensor.mask)}
         if self.efficiency is not None:
             maps["efficiency"] = self.efficiency
-        scalars = {name: value for name, value in changes.items() if name not in maps}
-        replaced = {name: value for name, value in changes.items() if name in maps}
-        plain = sensor.replace(dark_counts=0.0, efficiency=1.0, mask=None, **scalars)
-        if "gain" not in changes and "efficiency" not in changes and plain.gain is not None:
-            plain = plain.replace(gain=plain.gain * self.scale)
-        return plain.replace(**{**maps, **replaced})
+        applied = sensor.replace(**{**maps, **changes})
+        if "gain" in changes or "efficiency" in changes:
+            return applied
+        return applied.replace(gain=applied.gain * self.scale)
+
+    def _joined(self, mask: npt.NDArray[np.bool_] | None) -> npt.NDArray[np.bool_] | None:
+        """Return the mask of jots that this calibration or another mask contains, or None."""
+        if mask is None:
+            return self.mask if self.mask.any() else None
+        if mask.shape != self.shape:
+            raise ValueError(
+                f"sensor: expected a mask of the shape of the calibration {self.shape}, got "
+                f"{mask.shape}"
+            )
+        return self.mask | mask
 
     def check_capture(self, shape: tuple[int, ...], provenance: Provenance | None = None) -> None:
         """Raise ValueError unless a capture has the same size and orientation."""

@@ -8,10 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.counting import check_mask
 from jotlight.sensing.frames import Frames, read_frames
 
 BLOCKS = 16
-"""Number of blocks of frames whose counts are compared."""
+"""Number of blocks of frames whose counts are compared, from 256 frames on.
+
+Blocks have whole frames. So there are up to 19 of them for fewer frames, for example for 79.
+"""
 
 _MIN_FRAMES = 8
 
@@ -56,8 +60,8 @@ def steadiness(
     Parameters
     ----------
     bits : Bits, shape (T, H, W)
-        At least 8 frames. They are divided into up to 16 blocks of equal length; the remaining
-        frames are ignored.
+        At least 8 frames. They are divided into up to 19 blocks of equal length, and from 256
+        frames on into 16; the remaining frames are ignored.
     mask : ndarray of bool, shape (H, W), optional
         True marks jots to ignore.
     threads : int, optional
@@ -69,6 +73,11 @@ def steadiness(
     -------
     Steadiness or None
         None for fewer than 8 frames, or if the bits of no jot change.
+
+    Raises
+    ------
+    ValueError
+        When the mask is not bool, or has another shape.
 
     Notes
     -----
@@ -87,6 +96,7 @@ def steadiness(
     >>> round(steadiness(Bits.from_array(twice)).correlation, 1)
     0.5
     """
+    check_mask(mask, bits.shape[1:])
     size = block_frames(len(bits))
     if size is None:
         return None
@@ -144,6 +154,7 @@ def steadiness_of_blocks(
             (excess, variance, scale), _correlation(number, each, size), strict=True
         ):
             total += part
+    check_mask(mask, ones.shape)
     good = np.ones(ones.shape, bool) if mask is None else ~mask
     map_, spread = _homogeneity(ones, squares, blocks, size)
     if not (spread[good] > 0).any() or not (variance[good] > 0).any():

@@ -263,7 +263,7 @@ def _minimize(
                 term.select(unfinished)
         if monitor.number % BALANCE_INTERVAL == 0:
             exponent = _balance(terms, primal, dual, exponent)
-    objectives = total_variations(results, norm, weight)
+    objectives = total_variations(results, norm, weight, threads)
     objectives -= _finite_log_likelihoods(problem, results, _MIN_LIGHT * data.max_light)
     monitor.finish(objectives, weight)
     return results

@@ -203,8 +203,10 @@ def intensity_range(sensor: Sensor, snr: float) -> tuple[float, float]:
     >>> round(float(20 * np.log10(high / low)), 1)  # dB
     28.9
     """
-    lights = [group.sensor.light_per_intensity for group in sensor.groups()]
-    highest = float(np.max(sensor.threshold) * sensor.max_reading) * 1e4 / min(lights)
+    groups = [group.sensor for group in sensor.groups()]
+    lights = [group.light_per_intensity for group in groups]
+    rates = [group.light_per_intensity * reference_jot(group)[0] for group in groups]
+    highest = float(np.max(sensor.threshold) - 1 + sensor.max_reading) * 1e4 / min(rates)
     lowest = 1e-6 / max(lights)
     number = int(np.ceil(np.log10(highest / lowest) * _GRID))
     grid = np.geomspace(lowest, highest, number)

@@ -64,7 +64,7 @@ class MotionPlan:
     speed: float
     """Pixels per frame."""
     size: tuple[int, int]
-    """Rows and columns of the sensor in jots. The scene moves along the shorter side."""
+    """Rows and columns of the image in pixels. The scene moves along the shorter side."""
     frames: npt.NDArray[np.int64]
     """The numbers of frames, (M,)."""
     summed: Array
@@ -133,7 +133,7 @@ def plan_motion(
     speed : float
         v in pixels per frame, 0 or more.
     size : (int, int)
-        H and W in jots.
+        H and W in pixels.
     frames : ndarray of int, shape (M,)
         The numbers of frames.
     scene : SceneModel, optional

@@ -106,11 +106,7 @@ class Plan:
     def _repr_html_(self) -> str:
         facts = {**self._facts(), "best light": f"{self.optimal_light:.3g}"}
         places = sorted({0, len(self.light) // 2, len(self.light) - 1})
-        titles = [
-            "frames",
-            "PSNR, dB",
-            *(f"SNR at {self.light[place]:.3g}, dB" for place in places),
-        ]
+        titles = ["frames", "PSNR, dB", *(f"SNR at {self.light[i]:.3g}, dB" for i in places)]
         rows = [
             (f"{frames:,}", f"{psnr:.1f}", *(f"{snr[place]:.1f}" for place in places))
             for frames, psnr, snr in zip(self.frames, self.psnr, self.snr, strict=True)
@@ -201,17 +197,19 @@ def plan(
     errors = [pixel.bias_and_mse(int(number), levels) for number in numbers]
     information = [pixel.information(levels) * number * pixel.jots for number in numbers]
     required = None if target_psnr is None else scene.required_frames(target_psnr, max_frames)
-    grid = np.geomspace(1e-4, 1e2, 6001) * sensor.threshold
+    scale = (sensor.threshold - 1 + sensor.max_reading) / pixel.efficiency
+    grid = np.geomspace(1e-4, 1e2, 6001) * scale
+    saturation = [pixel.saturation_light(int(number), _SATURATED_FRACTION) for number in numbers]
+    with np.errstate(divide="ignore"):  # where all readings are the largest
+        bound = 1 / np.sqrt(information)
     return Plan(
         light=levels,
         frames=numbers,
         bias=np.array([bias for bias, _ in errors]),
         rmse=np.sqrt([mse for _, mse in errors]),
-        cramer_rao_bound=1 / np.sqrt(information),
+        cramer_rao_bound=bound,
         psnr=np.array([scene.psnr(int(number)) for number in numbers]),
-        saturation_light=np.array(
-            [pixel.saturation_light(int(number), _SATURATED_FRACTION) for number in numbers]
-        ),
+        saturation_light=np.array(saturation),
         optimal_light=float(grid[np.argmax(grid**2 * pixel.information(grid))]),
         target_psnr=target_psnr,
         required_frames=required,
@@ -281,10 +279,11 @@ class _Scene:
     def information(self) -> float:
         """The information of a frame about the intensity of a pixel, if the maximum light is 1.
 
-        It is the inverse of the mean variance.
+        It is the inverse of the mean variance, and above 0.
         """
         of_frame = self._pixel.information(self._levels) * self._pixel.jots * self._max_light**2
-        return float(1 / (self._weights @ (1 / of_frame)))
+        with np.errstate(divide="ignore"):
+            return max(float(1 / (self._weights @ (1 / of_frame))), 1e-300)
 
     def psnr(self, frames: int) -> float:
         """Return the PSNR in dB of the estimate from a number of frames."""
@@ -347,4 +346,5 @@ def _binomial_weights(bits: int, probability: float) -> tuple[Array, Array]:
 
 
 def _decibels(ratio: npt.ArrayLike) -> Array:
-    return np.asarray(20 * np.log10(np.asarray(ratio, np.float64)))
+    with np.errstate(divide="ignore"):
+        return np.asarray(20 * np.log10(np.asarray(ratio, np.float64)))

@@ -54,7 +54,7 @@ def level_weights(trials: npt.NDArray[np.floating]) -> list[tuple[int, Image]]:
     return engine.level_weights([np.asarray(trials, np.float32)])[0]
 
 
-def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
+def local_trials(trials: npt.NDArray[np.floating], threads: int | None = None) -> LocalTrials:
     """Return the number of trials that states the noise around each pixel.
 
     The noise of a fraction of ones is inversely proportional to its trials. A denoiser weighs a
@@ -67,6 +67,8 @@ def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
     ----------
     trials : ndarray, shape (H, W)
         The number of trials of each pixel, above 0.
+    threads : int, optional
+        The number of threads. Default: all.
 
     Examples
     --------
@@ -76,13 +78,20 @@ def local_trials(trials: npt.NDArray[np.floating]) -> LocalTrials:
     >>> local_trials(trials)[0, [0, 44, 45, 89]].round(1)
     array([ 4. ,  5.9,  7. , 16. ], dtype=float32)
     """
-    return engine.local_trials([np.asarray(trials, np.float64)], None)[0]
+    return engine.local_trials([np.asarray(trials, np.float64)], threads)[0]
 
 
-def count_local_trials(pixels: PixelCounts) -> list[LocalTrials]:
+def count_local_trials(pixels: PixelCounts, threads: int | None = None) -> list[LocalTrials]:
     """Return :func:`local_trials` of each image of pixel counts (N, H, W).
 
     Dead pixels, and those that say nothing, get those of the nearest other one.
+
+    Parameters
+    ----------
+    pixels : PixelCounts
+        The counts.
+    threads : int, optional
+        The number of threads. Default: all.
 
     Raises
     ------
@@ -101,7 +110,7 @@ def count_local_trials(pixels: PixelCounts) -> list[LocalTrials]:
     check_any_valid(pixels.trials)
     number = len(pixels.counts)
     if not isinstance(pixels.trials, np.ndarray):
-        return [local_trials(np.full((1, 1), pixels.trials))] * number
+        return [local_trials(np.full((1, 1), pixels.trials), threads)] * number
     # The images of a sensor with a mask share one map.
     is_shared = pixels.trials.strides[0] == 0
     maps = pixels.trials[:1] if is_shared else pixels.trials
@@ -110,7 +119,7 @@ def count_local_trials(pixels: PixelCounts) -> list[LocalTrials]:
         known = trials > MAX_SILENT_TRIALS
         known = known if known.any() else trials > 0
         filled.append(fill_from_nearest(trials, known).astype(np.float64))
-    local = engine.local_trials(filled, None)
+    local = engine.local_trials(filled, threads)
     return local * number if is_shared else local
 
 

@@ -64,7 +64,9 @@ def total_variation(
     return float(total_variations(values[None], check_norm(norm), weights)[0])
 
 
-def total_variations(images: Array, norm: str, weight: float | Array) -> Array:
+def total_variations(
+    images: Array, norm: str, weight: float | Array, threads: int | None = None
+) -> Array:
     """Return the weighted total variation of each image of a stack, (N,).
 
     Parameters
@@ -75,6 +77,8 @@ def total_variations(images: Array, norm: str, weight: float | Array) -> Array:
         As for :func:`total_variation`.
     weight : float or ndarray of float64
         A number, or one for each pixel of each image.
+    threads : int, optional
+        The number of threads. Default: all.
 
     Examples
     --------
@@ -82,8 +86,8 @@ def total_variations(images: Array, norm: str, weight: float | Array) -> Array:
     [1.0, 0.0]
     """
     rows = images.shape[1:] if images.ndim == 3 else (1, *images.shape[1:])
-    planes = differences(rows).forward(images.reshape(-1, *rows))
-    return np.array(engine.total_variation(planes, flatten(weight), norm == "isotropic", None))
+    planes = differences(rows, threads=threads).forward(images.reshape(-1, *rows))
+    return np.array(engine.total_variation(planes, flatten(weight), norm == "isotropic", threads))
 
 
 def shrink(
@@ -265,7 +269,9 @@ def local_information(problem: Problem, light_of_ones: Array) -> Array:
     fraction = np.where(valid > 0, ones / np.where(valid > 0, valid, 1), overall)
     # The information is a smooth function of the fraction alone, so a table suffices.
     fractions = np.linspace(0, 1, _TABLE_SIZE)
-    one_bit = Likelihood(np.zeros(_TABLE_SIZE, np.int32), 1, threshold=likelihood.threshold)
+    threshold, threads = likelihood.threshold, likelihood.threads
+    none = np.zeros(_TABLE_SIZE, np.int32)
+    one_bit = Likelihood(none, 1, threshold=threshold, threads=threads)
     mean_bits = total / fraction[0].size
     information = np.empty(fraction.shape)
     for bits in np.unique(mean_bits):

@@ -7,7 +7,7 @@ import jotlight._engine as engine
 from jotlight.sensing.response import Array
 
 
-def diffuse(values: Array, is_known: npt.NDArray[np.bool_]) -> Array:
+def diffuse(values: Array, is_known: npt.NDArray[np.bool_], threads: int | None = None) -> Array:
     """Return whole numbers from 0 instead of real ones, with about the same sum along each row.
 
     The error of a pixel is added to the next pixel of its row. So the mean of a region stays right
@@ -21,6 +21,8 @@ def diffuse(values: Array, is_known: npt.NDArray[np.bool_]) -> Array:
         The numbers.
     is_known : ndarray of bool, shape (H, W)
         Where the result may be above 0.
+    threads : int, optional
+        The number of threads. Default: all.
 
     Examples
     --------
@@ -29,7 +31,7 @@ def diffuse(values: Array, is_known: npt.NDArray[np.bool_]) -> Array:
            [0, 1, 0, 0, 0, 1, 0, 0]])
     """
     whole = np.empty(values.shape)
-    engine.diffuse(values, is_known, whole, None)
+    engine.diffuse(values, is_known, whole, threads)
     return whole
 
 

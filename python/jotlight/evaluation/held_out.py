@@ -164,10 +164,10 @@ def blend(
     ]
     estimates, shares = [], []
     for part in images.parts(sensor):
-        weights = _choose_weights(methods, part, sensor, threads)
+        weights = _used_weights(_choose_weights(methods, part, sensor, threads))
         total = np.zeros(weights.shape[1:], np.float32)
         for weight, method in zip(weights, methods, strict=True):
-            places = np.flatnonzero(weight.max(axis=(1, 2)) >= _MIN_WEIGHT)
+            places = np.flatnonzero(weight.any(axis=(1, 2)))
             if len(places):
                 total[places] += weight[places] * method(part.select(places.tolist()))
         estimates.append(np.clip(total, 0, np.float32(sensor.max_intensity)))
@@ -222,6 +222,20 @@ def _choose_weights(
         for one, bits, own in zip(each, held_out, lights, strict=True)
     ]
     return np.stack(weights, axis=1)
+
+
+def _used_weights(weights: Estimate) -> Estimate:
+    """Return weights (M, N, H, W) without methods of small weight, with the sum 1 at each pixel.
+
+    A method is left out of an image if its weight is small at all pixels.
+
+    Examples
+    --------
+    >>> _used_weights(np.float32([0.0005, 0.3995, 0.6]).reshape(3, 1, 1, 1)).ravel().round(4)
+    array([0.    , 0.3997, 0.6003], dtype=float32)
+    """
+    used = weights * (weights.max(axis=(2, 3), keepdims=True) >= _MIN_WEIGHT)
+    return np.asarray(used / used.sum(axis=0), np.float32)
 
 
 def _first(value: float | Array) -> float | Array:

@@ -212,10 +212,11 @@ def reconstruct(
     request = Request(method, quality, demosaicing, precision, fallback, options, threads)
     declared = carried_sensor(data) if sensor is None else sensor
     if isinstance(declared, Sensor) and declared.mosaic is not None:
+        scale = np.float32(unit_scale(declared, units))
         colors, info = _of_mosaic(
             request, data, declared, trials=trials, channel_axis=channel_axis, out=out
         )
-        colors *= np.float32(unit_scale(declared, units))
+        colors *= scale
         return (colors, info) if return_info else colors
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     check_demosaicing(demosaicing, sensor)
@@ -251,7 +252,10 @@ def _of_mosaic(request: Request, data: Data, sensor: Sensor, **arrays: Any) -> t
         run = noting_planes(method, partial(reconstruct, **of_planes))
         estimate = partial(run, return_info=True)
     settings = {"precision": request.precision, "threads": request.threads, **arrays}
-    return reconstruct_mosaic(data, sensor, estimate, demosaicing=demosaicing, **settings)
+    colors, info = reconstruct_mosaic(data, sensor, estimate, demosaicing=demosaicing, **settings)
+    if estimate is None or isinstance(estimate, ColorNetwork):  # other planes warn by themselves
+        warn_about_clipping(colors, sensor)
+    return colors, info
 
 
 def _by_function(

@@ -162,6 +162,7 @@ def uncertainty(
     stated = carried_sensor(data) if sensor is None else sensor
     if isinstance(stated, Sensor) and stated.mosaic is not None:
         is_default = request.is_default and takes_mosaic(data, trials)
+        scale = unit_scale(stated, units)
 
         def colors() -> npt.ArrayLike:
             if estimate is not None:
@@ -179,7 +180,7 @@ def uncertainty(
             channel_axis=channel_axis,
             threads=threads,
         )
-        return found.scaled(unit_scale(stated, units))
+        return found.scaled(scale)
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     check_demosaicing(demosaicing, sensor)
     scale = unit_scale(sensor, units)

@@ -88,8 +88,9 @@ def align(
 
     Notes
     -----
-    The memory does not depend on the number of frames. The method is described in
-    docs/decisions/0019-motion.md.
+    The memory depends on the number of blocks of frames: it grows with the square root of the
+    number of frames from 1,024 frames on. :func:`jotlight.motion.cost.motion_cost` estimates it.
+    The method is described in docs/decisions/0019-motion.md.
 
     Examples
     --------

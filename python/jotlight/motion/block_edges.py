@@ -33,9 +33,10 @@ def block_edges(frames: int) -> npt.NDArray[np.intp]:
 def window_edges(frames: int, step: int) -> npt.NDArray[np.intp]:
     """Return the first frame of each block of a window, and the number of its frames, (n + 1,).
 
-    Blocks have 16 frames, but there are 16 blocks or more. From 512 frames on, there are as many as
-    those of :func:`block_edges`. If the step from one window to the next has a block or more, it
-    has a whole number of blocks, so that successive windows share blocks.
+    Blocks have about 16 frames, but there are about 16 blocks or more. From 512 frames on, there
+    are about as many as those of :func:`block_edges`. If the step from one window to the next has
+    about a block or more, it has a whole number of blocks, so that successive windows share blocks.
+    So blocks may be up to half longer, and there are 13 of them in the first example.
 
     Examples
     --------

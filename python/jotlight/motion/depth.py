@@ -100,6 +100,8 @@ class Gain:
     """The gain at each pixel in nats, (H, W)."""
     known: Image
     """Fraction of the bits for which it is known what would be there, (H, W)."""
+    threads: int | None = None
+    """Number of threads. Default: all."""
 
     def net(self, pixels: Mask) -> float:
         """Return the gain of pixels in nats, without the cost of their outline."""
@@ -115,7 +117,7 @@ class Gain:
         Where object and background are smooth, the gain is about 0. So a pixel must gain more than
         a fraction of what the clear pixels of the object gain.
         """
-        clear = np.maximum(blur(self.nats, _SPREAD), 0)
+        clear = np.maximum(blur(self.nats, _SPREAD, self.threads), 0)
         clear *= clear > clear.max() / 2 if before is None else before
         usual = float((clear**2).sum()) / max(float(clear.sum()), 1e-9)
         needed = np.float32(_SHARE * usual) * self.known
@@ -190,7 +192,7 @@ class ComparedBits:
             _add_gain(self.paths, segment, block, self.sums[segment][index], templates, total)
         nats, known, trials = total
         share = np.where(trials > 0, known / np.maximum(trials, np.float32(1e-6)), 1)
-        return Gain(nats, np.asarray(share, np.float32))
+        return Gain(nats, np.asarray(share, np.float32), self.paths.blocks.threads)
 
 
 def _compared(paths: Paths) -> range:

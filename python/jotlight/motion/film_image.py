@@ -117,7 +117,7 @@ class FilmSettings:
         has_memory = remembers(
             self.memory, self.window, self.step, causal=self.causal, upsample=self.upsample
         )
-        return Memory(self.window) if has_memory else None
+        return Memory(self.window, self.threads) if has_memory else None
 
     def more_frames(self, first: int, stop: int, start: int) -> range:
         """Return the numbers of up to four windows of frames, of those from `first` to `stop`.

@@ -45,7 +45,9 @@ Others leave the view at some times, so flicker changes their brightness by anot
 """
 
 
-def is_unclear(consistent: Consistent, disagreements: Image, model: str) -> bool:
+def is_unclear(
+    consistent: Consistent, disagreements: Image, model: str, threads: int | None = None
+) -> bool:
     """Return whether the model does not explain the scene well.
 
     This is so if each tile has its own motion. It is also so if there is one motion, but bits are
@@ -56,7 +58,7 @@ def is_unclear(consistent: Consistent, disagreements: Image, model: str) -> bool
     trials = consistent.total.trials / np.maximum(consistent.accepted, 1e-3)
     in_view = trials >= _IN_VIEW * trials.max()
     weights = in_view.astype(np.float32)
-    both = blur(np.stack([weights * (1 - consistent.accepted), weights]), _SPREAD)
+    both = blur(np.stack([weights * (1 - consistent.accepted), weights]), _SPREAD, threads)
     rejected = (both[0] / np.maximum(both[1], np.float32(1e-3)))[in_view]
     largest = float(np.quantile(rejected, 0.99))
     is_local = largest > max(_MAX_REJECTED, _CONCENTRATION * float(rejected.mean()))

@@ -84,6 +84,8 @@ class LiveFilm:
         self._kept = np.zeros((0, 0, 0), np.uint8)
         """The latest frames, with room for further ones."""
         self._filled, self._width, self._seen = 0, 0, 0
+        self._is_tested = False
+        """Whether the rates of the jots have been tested for periods."""
 
     def add(self, frames: Bits) -> list[FilmImage]:
         """Return the images that are complete with some further frames, usually none or one.
@@ -118,8 +120,10 @@ class LiveFilm:
             if len(part) == missing:
                 first = max(0, self._filled - KEPT_WINDOWS * self._window)
                 bits = Bits(self._kept[first : self._filled], self._width)
+                bits.tested_for_periods = self._is_tested or frames.tested_for_periods
                 before = self._seen - len(bits)
                 images.append(self._state.next_image(bits, before, self._seen - self._window))
+                self._is_tested = True  # the first image tests its frames
         return images
 
     def _keep(self, part: npt.NDArray[np.uint8]) -> None:

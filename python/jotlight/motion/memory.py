@@ -81,10 +81,12 @@ class Memory:
     ----------
     window : int
         Number of frames of a window.
+    threads : int, optional
+        Number of threads. Default: all.
     """
 
-    def __init__(self, window: int) -> None:
-        self._window = window
+    def __init__(self, window: int, threads: int | None = None) -> None:
+        self._window, self._threads = window, threads
         self._sums: list[Sums] = []
         """The sums of each channel, as the last image shows their scene points."""
         self._labels: npt.NDArray[np.uint8] = np.zeros((0, 0), np.uint8)
@@ -120,7 +122,7 @@ class Memory:
         own = functools.reduce(operator.add, [each.real() for each in sums])
         old = functools.reduce(operator.add, recalled)
         limit = _MAX_IF_STILL if motion.model == "none" else _MAX_DISAGREEMENT
-        agrees = trusted & (disagreement(own, old) < limit)
+        agrees = trusted & (disagreement(own, old, self._threads) < limit)
         if several:
             agrees &= _same_segments(_nearest(self._labels, places), motion.labels)
         agrees = _without_margin(agrees)

@@ -291,7 +291,7 @@ def merge_along(
         sums = [count_window(each, window) for each in of_channels]
         accepted, flags = np.full_like(accepted, len(window) / len(burst)), np.ones_like(flags)
     else:
-        if is_unclear(consistent, disagreements, motion.model):
+        if is_unclear(consistent, disagreements, motion.model, threads):
             flags = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
         sums = _count(of_channels, consistent, upsample)
         if recall is not None:

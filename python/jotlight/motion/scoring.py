@@ -79,7 +79,7 @@ def make_template(sums: Sums, threads: int | None, network: str = FAST) -> Templ
     # Most pixels have about the same number of trials.
     trials = int(np.clip(sums.trials.sum() / max(known, 1), 1, MAX_TRIALS))
     if jots_differ:
-        fraction = _supplement(fraction, sums, np.float32(trials))
+        fraction = _supplement(fraction, sums, np.float32(trials), threads)
     probability = template_network(network).denoise_probability(fraction, trials, threads=threads)
     if sums.trials.max() > MAX_TRIALS:
         excess = np.maximum(sums.trials - MAX_TRIALS, 0).astype(np.float32)
@@ -103,13 +103,13 @@ def fraction_of_ones(sums: Sums) -> tuple[Image, int]:
     return fill_from_nearest(fraction, known), int(known.sum())
 
 
-def _supplement(fraction: Image, sums: Sums, trials: np.float32) -> Image:
+def _supplement(fraction: Image, sums: Sums, trials: np.float32, threads: int | None) -> Image:
     """Return fractions of ones in which the neighbors supplement pixels with fewer trials.
 
     Where jots with little efficiency or many dark counts have seen a pixel, its equivalent number
     of trials is small, and its fraction of ones has more noise than the network expects.
     """
-    ones, number = (blur(each, _BLUR) for each in (sums.ones, sums.trials))
+    ones, number = (blur(each, _BLUR, threads) for each in (sums.ones, sums.trials))
     near = ones / np.maximum(number, np.float32(1e-3))
     own = np.minimum(sums.trials / trials, np.float32(1))
     return np.asarray(near + own * (fraction - near), np.float32)

@@ -234,7 +234,7 @@ def estimate_light(squares: Squares, prior: Prior, enlarged: Light) -> Light:
         The light of the coarse image, enlarged: the first estimate.
     """
     trials = np.maximum(spread_squares(squares.trials), _MIN_TRIALS)
-    local, light = local_trials(trials), enlarged
+    local, light = local_trials(trials, prior.threads), enlarged
     for step, factor in enumerate(np.geomspace(_FIRST, _LAST, _STEPS)):
         k = np.asarray(np.maximum(factor * local, 1), np.float32)
         precision = _PRIOR * k * prior.information(light)

@@ -48,7 +48,7 @@ def denoise_map(
     if not known.any():
         return np.full(ones.shape, 0.5, np.float32)
     fraction = fill_from_nearest(ones / np.where(known, trials, 1), known)
-    local = local_trials(fill_from_nearest(trials, known))
+    local = local_trials(fill_from_nearest(trials, known), threads)
     return denoise_fractions(network, fraction[None], [local], threads=threads)[0]
 
 

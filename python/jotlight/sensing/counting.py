@@ -154,6 +154,20 @@ def _check(
             f"bits: expected less than 2**31 trials per pixel, got {frames} frames of "
             f"{oversampling} x {oversampling} jots; count parts of the frames: bits[a:b]"
         )
+    check_mask(mask, jots)
+
+
+def check_mask(mask: npt.NDArray[np.bool_] | None, jots: tuple[int, ...]) -> None:
+    """Raise ValueError unless a mask is None, or has a bool for each jot.
+
+    Examples
+    --------
+    >>> check_mask(np.zeros((2, 3), bool), (2, 3))
+    >>> check_mask(np.zeros((2, 3), int), (2, 3))
+    Traceback (most recent call last):
+      ...
+    ValueError: mask: expected bool of shape (2, 3), got int64 of shape (2, 3)
+    """
     if mask is not None and (mask.dtype != np.bool_ or mask.shape != jots):
         raise ValueError(
             f"mask: expected bool of shape {jots}, got {mask.dtype} of shape {mask.shape}"

@@ -99,6 +99,11 @@ class Likelihood:
         check_threads(threads)
         self._threads = threads
 
+    @property
+    def threads(self) -> int | None:
+        """The number of threads, or None for all."""
+        return self._threads
+
     def value(self, light: npt.ArrayLike) -> float:
         """Return ℓ(s) in nats, summed over all cells.
 

@@ -174,7 +174,7 @@ def find_periodic_rates(
             return None
         counts: npt.NDArray[np.integer]
         if isinstance(data, Readings):
-            counts = data.sum()
+            counts = data.sum(progress=progress)
         else:
             counts = data.counts(1, threads=threads, progress=progress)
     else:

@@ -49,7 +49,8 @@ class PixelCounts:
     efficiency: float | npt.NDArray[np.float64]
     """η of each pixel: a number or a map, with the mean over its jots where they differ."""
     dark_counts: float | npt.NDArray[np.float64]
-    """d of each pixel: a number or a map, with the mean over its jots where they differ."""
+    """d of each pixel: a number or a map. Where its jots differ, it is -log mean exp(-d) for q = 1,
+    which keeps the mean count, and otherwise their mean."""
     varies_within_pixels: bool
     """Whether any pixel has jots that differ in efficiency or dark counts."""
 
