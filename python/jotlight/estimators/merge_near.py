@@ -246,7 +246,7 @@ def merge_near(
     ones = np.minimum(ones, MAX_TRIALS)
     whole, zeros = np.zeros(ones.shape), np.zeros(ones.shape)
     for own in each_filter(pattern, ones.shape):
-        whole += diffuse(np.where(own, ones, 0.0), own & (trials > 0))
+        whole += diffuse(np.where(own, ones, 0.0), own & (trials > 0), joint.threads)
         zeros += carry_debts(np.where(own, trials - whole, 0.0))
     trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, MAX_SILENT_TRIALS))
     return Merged(whole.astype(np.int32), trials, reference, dark_counts, efficiency)

@@ -141,7 +141,7 @@ def _denoise_counts(
     """Return the estimates of bits or counts, (N, H, W)."""
     images, sensor = merge_different_jots(images, sensor, threads)
     pixels = images.count(sensor, threads)
-    own_trials = count_local_trials(pixels)
+    own_trials = count_local_trials(pixels, threads)
     largest = np.ceil([np.max(each) for each in own_trials])
     counts = equivalent_counts(pixels, reference_jot(sensor), largest, threads)
 

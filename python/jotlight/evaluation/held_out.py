@@ -54,6 +54,9 @@ _MIN_REGION = 4096
 _BLUR = 2.0
 """Standard deviation of the Gaussian that smooths the brightness, in pixels."""
 
+_DIM_FLOOR = 0.1
+"""Largest floor of the light, as a fraction of its mean."""
+
 _DARK = 1e-3
 """Fraction of the mean light below which all pixels count as equally dark."""
 
@@ -251,8 +254,10 @@ def _weights_of_image(
 ) -> Estimate:
     """Return the weights of one image, (M, H, W), from its held-out bits."""
     brightness = _brightness(lights)
-    # Where an estimate is 0, a one among the held-out bits must not exclude a method.
+    # Where an estimate is 0, a one among the held-out bits must not exclude a method. In a dim
+    # scene, half a one would be more than the light.
     floor = 0.5 / max(float(np.mean(pixels.trials)), 1.0)
+    floor = min(floor, max(_DIM_FLOOR * float(lights.mean()), np.finfo(np.float64).tiny))
     cells: list[Any] = [ones, trials, pixels.efficiency, pixels.dark_counts]
     weights, places = [], []
     for region in _split_by_brightness(brightness):

@@ -133,7 +133,7 @@ def _improve_dim(
     if not dim:
         return
     pixels = _with_typical_sensor(images.count(sensor, threads)).select(dim)
-    fractions, trials = equivalent_fractions(pixels, threads), count_local_trials(pixels)
+    fractions, trials = equivalent_fractions(pixels, threads), count_local_trials(pixels, threads)
     found = denoise_dim(network, fractions, trials, threads=threads)
     for index, probability in zip(dim, found, strict=True):
         if probability is not None:
@@ -165,7 +165,7 @@ def _run_different(
     reference = reference_jot(sensor)[0], reference_jot(network.sensor)[1]
     smallest = largest = sensor.trials
     if network.trials_range is not None:
-        trials, reference = count_local_trials(pixels), reference_jot(sensor)
+        trials, reference = count_local_trials(pixels, threads), reference_jot(sensor)
         smallest, largest = network.trials_range
     # The network takes counts of its own K, and fractions of ones where it runs at several K.
     of = [each if isinstance(each, int) and smallest <= each <= largest else 1 for each in trials]
