@@ -105,16 +105,21 @@ class ReadingCounts:
     @cached_property
     def sensor(self) -> Sensor:
         """A sensor of all counts, whose bits show the scene about alike on average."""
-        gain, threshold = np.sum(self.stated.gain), np.unique(self.stated.threshold)
-        frames = len(self.counts) * self.cycle
+        threshold, frames = np.unique(self.stated.threshold), len(self.counts) * self.cycle
         return self.stated.replace(
             frames=frames * self.trials,
-            gain=float(gain) * frames / len(self.readings),
+            gain=self._mean_gain * frames,
             threshold=int(threshold[0]) if len(threshold) == 1 else 1,
             bit_depth=1,
             read_noise=0.0,
             dark_counts=self.stated.dark_counts / self.trials,
         )
+
+    @cached_property
+    def _mean_gain(self) -> float:
+        """The mean gain of a frame of a cycle. An incomplete cycle at the end does not count."""
+        gain = np.asarray(self.stated.gain)
+        return float(gain[: self.cycle].mean() if gain.ndim else gain / len(self.readings))
 
     @cached_property
     def counts(self) -> CountStack:
@@ -242,7 +247,7 @@ class ReadingCounts:
         slope = np.maximum(slope, 1e-9)
         weight = readings * slope / np.maximum(variance, 1e-12)
         # A jot of the reference sensor gets this light, in units of that of a frame.
-        share = reference.light_per_intensity * len(self.readings) / np.sum(self.stated.gain)
+        share = reference.light_per_intensity / self._mean_gain
         floor = noise_floor(gray, reference, dark)
         rate = np.maximum(share * light + floor, 1e-9)
         gradient, information = weight * (fraction - mean), weight * slope
