@@ -52,6 +52,10 @@ _SEED = 2027
 """Seed of the rounding, so that each frame has the same counts whenever it is read."""
 
 
+class ReadingStack(CountStack):
+    """Counts of readings. The threshold of their sensor is nominal: their ones do not follow it."""
+
+
 @dataclasses.dataclass(frozen=True)
 class ReadingCounts:
     """Readings of several bits, or of a bracket of exposures, as counts of single bits.
@@ -122,14 +126,14 @@ class ReadingCounts:
         return float(gain[: self.cycle].mean() if gain.ndim else gain / len(self.readings))
 
     @cached_property
-    def counts(self) -> CountStack:
+    def counts(self) -> ReadingStack:
         """The number of ones of each cycle, as a stack that computes them when they are read."""
         trials = self.cycle * self.trials
         number = len(self.readings) // self.cycle
         dtype = np.min_scalar_type(trials)
         frames = Frames((number, *self.readings.shape[1:]), self._read, dtype)
         provenance = self.readings.provenance or Provenance("readings", "readings")
-        return CountStack(frames, provenance, trials)
+        return ReadingStack(frames, provenance, trials)
 
     @cached_property
     def _ones(self) -> Array:
