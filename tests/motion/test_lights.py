@@ -137,19 +137,31 @@ def test_factors_are_finite_for_all_ratios(ratio):
     assert without_saturation(nothing, nothing, lights=(lights, lights))[0] is nothing
 
 
-@pytest.mark.parametrize(("threshold", "most"), [(1, 0.03), (3, 0.06), (6, 0.12)])
-def test_still_scenes_whose_light_changes_are_not_flagged(threshold, most):
+def merge_brighter_half(threshold, **maps):
+    """Return the merged counts of a still scene whose second half is 1.5 times as bright."""
     photo = jl.datasets.photograph("camera")[100:228, 150:310].astype(float)
-    sensor = jl.Sensor(frames=128, gain=128 * 1.5 * threshold, threshold=threshold)
+    sensor = jl.Sensor(frames=128, gain=128 * 1.5 * threshold, threshold=threshold, **maps)
     halves = [
         sensor.replace(gain=factor * sensor.gain).expose(photo / photo.max(), rng=seed).packed
         for seed, factor in enumerate((1.0, 1.5))
     ]
     bits = jl.Bits(np.concatenate(halves), photo.shape[1])
     both = sensor.replace(frames=256, gain=2.5 * sensor.gain)
-    merged = jl.merge(bits, both, motion=jl.align(bits, both, model="none"))
+    return jl.merge(bits, both, motion=jl.align(bits, both, model="none"))
+
+
+@pytest.mark.parametrize(("threshold", "most"), [(1, 0.03), (3, 0.06), (6, 0.12)])
+def test_still_scenes_whose_light_changes_are_not_flagged(threshold, most):
+    merged = merge_brighter_half(threshold)
     assert merged.flags.mean() < most
     assert merged.acceptance.mean() > 0.985
+
+
+def test_nearly_all_bits_of_jots_that_differ_are_accepted():
+    rng = np.random.default_rng(0)
+    efficiency, dark_counts = rng.uniform(0.6, 1, (128, 160)), rng.uniform(0, 0.4, (128, 160))
+    merged = merge_brighter_half(6, efficiency=efficiency, dark_counts=dark_counts)
+    assert merged.acceptance.mean() > 0.95
 
 
 def test_counts_of_readings_do_not_follow_the_threshold_of_their_sensor():

@@ -83,16 +83,30 @@ def without_saturation(
 
     Only the sums with fewer ones are changed, to those that the light of the others predicts. The
     numbers are rounded, so nothing changes where the pixels are far from saturation. If jots need
-    several photons, `lights` are those of both sums.
+    several photons, `lights` are those of both sums. Of jots that differ, the sums then become
+    equivalent counts.
     """
     ratio = engine.relative_brightness(
         first.ones, first.trials, second.ones, second.trials, threads
     )
     if not _is_change(ratio, _MIN_CHANGE_OF_HALF):
         return first, second
+    if lights is not None:
+        first, second = _of_reference_jot(first), _of_reference_jot(second)
+        ratio = engine.relative_brightness(
+            first.ones, first.trials, second.ones, second.trials, threads
+        )
     if ratio > 1:
         return first, _proportional(second, first, ratio, lights and lights[::-1])
     return _proportional(first, second, 1 / ratio, lights), second
+
+
+def _of_reference_jot(sums: Sums) -> Sums:
+    """Return equivalent counts, because the ones of other jots follow other powers of the light."""
+    if sums.jots is None:
+        return sums.real()
+    sums = equivalent_sums(sums)
+    return dataclasses.replace(sums, ones=np.clip(sums.ones, 0, sums.trials))
 
 
 def _proportional(
