@@ -71,6 +71,22 @@ def test_other_thresholds_are_served(threshold):
     assert motion_score(bits, threshold=threshold) > THRESHOLD
 
 
+@pytest.mark.parametrize(
+    ("threshold", "change"), [(2, 0.5), (3, 0.5), (6, 0.1), (6, 0.2), (6, 0.5)]
+)
+def test_flicker_behind_thresholds_above_1_is_not_motion(threshold, change):
+    """A cell with more contrast flickers more than another one with the same counts."""
+    frames, rng = 200, np.random.default_rng(6)
+    lights = 1 + change * np.sin(np.arange(frames) * 2 * np.pi / 77)
+    rate = 1.5 * threshold * PHOTO / PHOTO.max()
+    photons = rng.poisson(lights[:, None, None] * rate)
+    assert abs(motion_score(jl.Bits.from_array(photons >= threshold), threshold=threshold)) < 4
+    moved = np.stack([np.roll(rate, time // 20, axis=1) for time in range(frames)])
+    photons = rng.poisson(lights[:, None, None] * moved)
+    bits = jl.Bits.from_array(photons >= threshold)
+    assert motion_score(bits, threshold=threshold) > THRESHOLD
+
+
 @pytest.mark.slow
 def test_counts_and_colors_are_detected_as_bits_are():
     scene = jl.datasets.moving(

@@ -105,6 +105,21 @@ def test_corrected_counts_have_no_bias_and_state_their_noise(sensor, intensity):
     assert fraction.var() == pytest.approx(p * (1 - p) / trials.mean(), rel=0.35)
 
 
+@pytest.mark.parametrize("frames", [48, 49, 50])
+def test_an_incomplete_cycle_at_the_end_makes_no_bias(frames):
+    """Its frames are not counted, so the light of a frame is that of whole cycles alone."""
+    sensor = jl.Sensor(frames=frames, gain=np.resize([0.1, 0.1, 2.0], frames))
+    intensity = 0.6
+    converted = counts_of_readings(flat(sensor, intensity), None)
+    assert len(converted.counts) == 16
+    merged = converted.correct(whole(converted))
+    # The mean gain of a whole cycle is 2.2 / 3.
+    assert converted.sensor.light_per_intensity == pytest.approx(2.2 / 3)
+    rate = -np.log1p(-merged.ones.sum() / np.sum(merged.trials))
+    # A standard error of the mean is 0.2 %.
+    assert rate / merged.sensor.light_per_intensity == pytest.approx(intensity, rel=0.01)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("read_noise", "error"), [(0.0, 0.08), (0.3, 0.25)])
 def test_hot_jots_make_no_bias_in_brackets(read_noise, error):

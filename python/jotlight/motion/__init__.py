@@ -22,7 +22,7 @@ In reading order:
 - ``film``, ``live_film``, ``film_image``: an image of each window of frames. ``film_state``,
   ``film_merging``, ``carrying``, ``memory``: what a film carries from image to image.
   ``film_estimates``: its images by the film network.
-- ``jots``, ``equivalent``, ``flicker``: jots that differ, and light that changes.
+- ``jots``, ``equivalent``, ``flicker``, ``lights``: jots that differ, and light that changes.
   ``reading_counts``, ``reading_response``: readings of several bits, and brackets, as counts.
 - ``jot_kinds``, ``squares``, ``mosaic_colors``, ``threshold_maps``, ``film_kinds``: jots behind
   color filters, or with different thresholds. ``finer``: a grid of half pixels.

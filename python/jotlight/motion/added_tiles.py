@@ -60,7 +60,7 @@ def is_unexplained(paths: Paths, consistent: Consistent) -> bool:
     if max(abs(track.nodes).max() for track in paths.tracks) < _MIN_MOTION:
         return False
     threads = paths.blocks.threads
-    halves = without_saturation(consistent.before, consistent.after, threads)
+    halves = without_saturation(consistent.before, consistent.after, threads, consistent.lights)
     flags = find_flags(consistent, disagreement(*halves, threads), paths.labels)
     limit = _MAX_FLAGGED if len(paths.tracks) == 1 else _MAX_FLAGGED_OUTLINES
     return bool(flags.mean() > limit)

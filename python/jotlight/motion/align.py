@@ -1,5 +1,6 @@
 """Alignment: the motion of a scene, estimated from its bits."""
 
+import dataclasses
 from collections.abc import Callable, Sized
 
 import numpy as np
@@ -17,7 +18,7 @@ from jotlight.motion.jot_kinds import frames_of_kinds
 from jotlight.motion.jots import Jots
 from jotlight.motion.motion import MODELS, Motion
 from jotlight.motion.path_search import find_paths
-from jotlight.motion.reading_counts import ReadingCounts, counts_for_motion
+from jotlight.motion.reading_counts import ReadingCounts, ReadingStack, counts_for_motion
 from jotlight.motion.squares import enlarge_motion, in_squares, squares_side
 from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
@@ -198,6 +199,8 @@ def prepare_burst(
     burst = as_burst(data)
     if sensor is None:
         sensor = Sensor(frames=burst.trials // burst.channels * len(burst))
+    if not isinstance(data, ReadingStack):
+        burst = dataclasses.replace(burst, threshold=sensor.threshold)
     if isinstance(data, Bits):
         check_fits(data.shape, sensor)
     sensor.check_map_shapes(*burst.size)

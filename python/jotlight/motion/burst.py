@@ -47,6 +47,9 @@ class Burst:
     """A function of the first frame, the end, and a channel or None. It returns their planes."""
     is_in_memory: bool = False
     """Whether reading all frames takes no more time than reading some."""
+    threshold: int = 1
+    """q: the number of photons that make a jot report 1. A change of the light changes the ones
+    as it does for this q."""
 
     def __len__(self) -> int:
         return self.frames

@@ -13,7 +13,8 @@ import jotlight._engine as engine
 from jotlight.blur import blur
 from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums, estimate_probability
-from jotlight.motion.flicker import at_brightness, min_change, without_saturation
+from jotlight.motion.flicker import at_brightness, change_of_light, min_change, without_saturation
+from jotlight.motion.lights import BlockLights, Lights
 from jotlight.motion.scoring import (
     FAST,
     PRECISE,
@@ -39,6 +40,9 @@ Dim scenes exceed 3.5 by chance in some pixels of most images.
 
 _FIRST_RING = 2
 """Number of blocks in the middle, which are not tested."""
+
+_ROUNDS_OF_LIGHT = 3
+"""Rounds in which the light of the first blocks is found: each uses that of the others."""
 
 _SPREAD = 8.0
 """Standard deviation of the filter that averages the disagreement, in pixels."""
@@ -125,6 +129,8 @@ class Consistent:
     """Fraction of the trials along the motion that was accepted, (H, W)."""
     masks: npt.NDArray[np.uint8]
     """The pixels that were accepted, packed, (n, H, ceil(W / 8))."""
+    lights: tuple[Lights, Lights] | None = None
+    """The light of the frames before and after the reference time, if jots need several photons."""
 
     @functools.cached_property
     def total(self) -> Sums:
@@ -175,26 +181,53 @@ def find_consistent(
         sums = paths.sums(block)
         available += sums.trials
         sides[int(is_after[block])] += sums
-    start = _FIRST_RING
+    start, lights = _FIRST_RING, _first_lights(paths, order[:_FIRST_RING])
     while start < len(order):
         ring = order[start : 2 * start]
         nearer = sides[0] + sides[1]
         is_last = 2 * start >= len(order)
         template = make_template(nearer, threads, network if is_last else FAST)
+        if lights is not None:
+            known = _find_lights(lights, paths, template, order[:start], ring)
+            template = dataclasses.replace(template, lights=known)
         for side in (0, 1):
             blocks = [block for block in ring if is_after[block] == side]
             total = Sums.zeros(size)
             tested = _with_neighbors(paths, blocks, is_after == bool(side))
             while several := list(itertools.islice(tested, _BLOCKS_AT_ONCE)):
                 add_agreeing(total, several, template, max_chi_squared, masks, available)
-            test = disagreement(*without_saturation(nearer, total, threads), threads)
+            both = None if lights is None else (lights.of(order[:start]), lights.of(blocks))
+            test = disagreement(*without_saturation(nearer, total, threads, both), threads)
             agrees = np.empty_like(masks[0])
             sides[side].add_accepted(total, test, max_disagreement, agrees, threads)
             masks[blocks] &= agrees
         start *= 2
     trials = sides[0].trials + sides[1].trials
     share = np.asarray(trials / np.maximum(available, 1), np.float32)
-    return Consistent(sides[0], sides[1], share, masks)
+    both = None
+    if lights is not None:
+        both = lights.of(np.flatnonzero(~is_after)), lights.of(np.flatnonzero(is_after))
+    return Consistent(sides[0], sides[1], share, masks, both)
+
+
+def _first_lights(paths: Counted, blocks: list[int]) -> BlockLights | None:
+    """Return the light of the first blocks, or None if a single photon makes a jot report 1."""
+    threshold = paths.blocks.burst.threshold
+    if threshold == 1:
+        return None
+    return BlockLights(threshold, np.diff(paths.blocks.edges).tolist(), blocks)
+
+
+def _find_lights(
+    lights: BlockLights, paths: Counted, template: Template, nearer: list[int], ring: list[int]
+) -> Lights:
+    """Find the light of the blocks of a ring, and return that of the template of nearer ones."""
+    rounds = _ROUNDS_OF_LIGHT if len(nearer) == _FIRST_RING else 1
+    # A template of more blocks also shows the light of the nearer ones better.
+    for blocks in [*[nearer] * rounds, ring]:
+        known = dataclasses.replace(template, lights=lights.of(nearer))
+        lights.factors |= {each: change_of_light(known, paths.sums(each)) for each in blocks}
+    return lights.of(nearer)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

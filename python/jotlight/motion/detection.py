@@ -2,7 +2,9 @@
 
 If a scene moves, light moves from jots to their neighbors, so the counts of neighbors change
 together. Afterpulsing and hot jots change the counts of single jots only. Where the light flickers,
-the counts of all neighbors change in proportion to their light, so this part is removed first.
+the counts of all neighbors change in proportion to their light, so this part is removed first. If
+several photons make a one, the change also depends on the pattern within a cell, so all that
+follows the brightness of the whole image is removed.
 """
 
 import numpy as np
@@ -37,6 +39,10 @@ _NEIGHBORS = (0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0)
 _WINDOW = 11
 """Width of the squares, in cells, in which the brightness may change without motion."""
 
+_MIN_FLICKER = 0.05
+"""Smallest change of the logarithm of the light at which the course of a flicker is removed, for
+thresholds above 1. It takes up to half of the score of moving scenes."""
+
 
 def motion_score(
     data: Bits | CountStack,
@@ -47,7 +53,8 @@ def motion_score(
     """Return how strongly neighbors change together, in standard deviations.
 
     A score above :data:`THRESHOLD` means that the scene moves. The score does not depend on the
-    brightness if all light flickers alike, on afterpulsing, or on hot jots.
+    brightness if all light flickers alike, on afterpulsing, or on hot jots. Two frames with a
+    threshold above 1 are an exception: their flicker may look like motion.
 
     Parameters
     ----------
@@ -135,9 +142,26 @@ def _deviations(counts: npt.NDArray[np.int64], trials: int, threshold: int) -> A
     curvature = curvature - _share(curvature, effect) * effect
     deviations = deviations - _share(deviations, effect) * effect
     deviations = deviations - _share(deviations, curvature) * curvature
+    if threshold > 1:
+        deviations = _without_course(deviations, fractions.mean(axis=(1, 2)), threshold)
     deviations = deviations * np.sqrt(trials / (usual * (1 - usual)))
     # Where nothing changes, the deviations are rounding errors.
     return np.where(abs(deviations) > 1e-6, deviations, 0.0)
+
+
+def _without_course(deviations: Array, brightness: Array, threshold: int) -> Array:
+    """Return deviations (n, h, w) without the parts of cells that are constant or follow the light.
+
+    The brightness (n,) is that of the whole image. A cell whose pixels differ much changes more or
+    less than others of the same count, but at the same times.
+    """
+    course = np.log(inverse_detection_probability(threshold, brightness, 1 - brightness))
+    if np.ptp(course) < _MIN_FLICKER or len(course) < 3:
+        return deviations
+    course -= course.mean()
+    deviations = deviations - deviations.mean(axis=0)
+    follows = np.tensordot(course, deviations, axes=1) / (course @ course)
+    return np.asarray(deviations - course[:, None, None] * follows)
 
 
 def _share(values: Array, part: Array) -> Array:

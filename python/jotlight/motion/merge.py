@@ -274,7 +274,7 @@ def merge_along(
     if consistent is None:
         consistent = find_consistent(paths, is_still=motion.model == "none")
     accepted, threads = consistent.accepted, paths.blocks.threads
-    halves = without_saturation(consistent.before, consistent.after, threads)
+    halves = without_saturation(consistent.before, consistent.after, threads, consistent.lights)
     disagreements = disagreement(*halves, threads)
     flags = find_flags(consistent, disagreements, motion.labels)
     of_channels = each_channel(paths)

@@ -1,6 +1,5 @@
 """Sums over jots along a motion as the merged counts of pixels."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy.typing as npt
 
 from jotlight.motion.blocks import Sums
 from jotlight.motion.finer import double
+from jotlight.motion.jots import SeenJots
 from jotlight.motion.motion import Motion
 from jotlight.motion.posterior import posterior_error
 from jotlight.sensing.channels import stack_channels
@@ -44,7 +44,6 @@ def as_pixels(channels: list[Sums], sensor: Sensor, **maps: Any) -> Merged:
     """Return sums over jots as the counts of pixels, with further maps of :class:`Merged`."""
     side, color = sensor.oversampling, len(channels) > 1
     efficiency, dark_counts = _seen_jots(channels[0], sensor, side)
-    efficiency = np.minimum(efficiency, 1)  # means of numbers up to 1, but for rounding errors
     return Merged(
         stack_channels([_sum_pixels(each.ones, side) for each in channels], color=color),
         stack_channels(
@@ -82,14 +81,18 @@ def as_fine(
     )
 
 
-def _seen_jots(sums: Sums, sensor: Sensor, side: int) -> Iterator[float | Map]:
-    """Yield the efficiency and the dark counts behind each pixel of side x side jots.
+def _seen_jots(sums: Sums, sensor: Sensor, side: int) -> tuple[float | Map, float | Map]:
+    """Return the efficiency and the dark counts behind each pixel of side x side jots.
 
     They are maps of means over the bits, or those of the reference jot if all jots are alike.
     """
-    means = (None, None) if sums.jots is None else sums.jots.mean(sums.trials)
-    for usual, values in zip(reference_jot(sensor), means, strict=True):
-        yield usual if values is None else _mean_of_pixels(values, sums.trials, side)
+    if sums.jots is None:
+        return reference_jot(sensor)
+    # For q = 1, the mean of the dark counts is no plain mean, so that of all jots is computed once.
+    of_pixels = np.stack([_sum_pixels(each, side) for each in sums.jots.sums])
+    seen = SeenJots(sums.jots.jots, of_pixels)
+    efficiency, dark_counts = seen.mean(_sum_pixels(sums.trials, side)).astype(np.float64)
+    return np.minimum(efficiency, 1), dark_counts  # rounding errors may exceed 1
 
 
 def _sum_pixels(values: npt.NDArray[Any], side: int) -> npt.NDArray[Any]:

@@ -52,6 +52,10 @@ _SEED = 2027
 """Seed of the rounding, so that each frame has the same counts whenever it is read."""
 
 
+class ReadingStack(CountStack):
+    """Counts of readings. The threshold of their sensor is nominal: their ones do not follow it."""
+
+
 @dataclasses.dataclass(frozen=True)
 class ReadingCounts:
     """Readings of several bits, or of a bracket of exposures, as counts of single bits.
@@ -105,11 +109,10 @@ class ReadingCounts:
     @cached_property
     def sensor(self) -> Sensor:
         """A sensor of all counts, whose bits show the scene about alike on average."""
-        gain, threshold = np.sum(self.stated.gain), np.unique(self.stated.threshold)
-        frames = len(self.counts) * self.cycle
+        threshold, frames = np.unique(self.stated.threshold), len(self.counts) * self.cycle
         return self.stated.replace(
             frames=frames * self.trials,
-            gain=float(gain) * frames / len(self.readings),
+            gain=self._mean_gain * frames,
             threshold=int(threshold[0]) if len(threshold) == 1 else 1,
             bit_depth=1,
             read_noise=0.0,
@@ -117,14 +120,20 @@ class ReadingCounts:
         )
 
     @cached_property
-    def counts(self) -> CountStack:
+    def _mean_gain(self) -> float:
+        """The mean gain of a frame of a cycle. An incomplete cycle at the end does not count."""
+        gain = np.asarray(self.stated.gain)
+        return float(gain[: self.cycle].mean() if gain.ndim else gain / len(self.readings))
+
+    @cached_property
+    def counts(self) -> ReadingStack:
         """The number of ones of each cycle, as a stack that computes them when they are read."""
         trials = self.cycle * self.trials
         number = len(self.readings) // self.cycle
         dtype = np.min_scalar_type(trials)
         frames = Frames((number, *self.readings.shape[1:]), self._read, dtype)
         provenance = self.readings.provenance or Provenance("readings", "readings")
-        return CountStack(frames, provenance, trials)
+        return ReadingStack(frames, provenance, trials)
 
     @cached_property
     def _ones(self) -> Array:
@@ -242,7 +251,7 @@ class ReadingCounts:
         slope = np.maximum(slope, 1e-9)
         weight = readings * slope / np.maximum(variance, 1e-12)
         # A jot of the reference sensor gets this light, in units of that of a frame.
-        share = reference.light_per_intensity * len(self.readings) / np.sum(self.stated.gain)
+        share = reference.light_per_intensity / self._mean_gain
         floor = noise_floor(gray, reference, dark)
         rate = np.maximum(share * light + floor, 1e-9)
         gradient, information = weight * (fraction - mean), weight * slope

@@ -11,6 +11,7 @@ from jotlight.blur import blur
 from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.motion.blocks import Counts, Sums
 from jotlight.motion.equivalent import MIN_PROBABILITY, equivalent_sums
+from jotlight.motion.lights import Lights
 from jotlight.motion.regularize import Equations
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_TRIALS, TEMPLATES
@@ -39,11 +40,14 @@ class Template:
         D_R.
     threads : int, optional
         Number of threads of the functions that use the template.
+    lights : Lights, optional
+        The light of the frames behind the template, if jots need several photons.
     """
 
     probability: Image
     trials: Counts
     threads: int | None = None
+    lights: Lights | None = None
     _filtered: dict[float, engine.FilteredTemplate] = dataclasses.field(
         default_factory=dict, init=False, repr=False, compare=False
     )

@@ -37,7 +37,9 @@ class Merged:
         The sensor of the data, with one gain and one threshold. Its K is the nominal number of
         trials; its mask has no effect.
     dark_counts : float or array_like of shape (H, W), optional
-        d: the mean of the dark counts over the bits behind each pixel. Default: the sensor's.
+        d: the dark counts of the bits behind each pixel. For threshold 1, it is -log of the mean of
+        exp(-d) over them, with which as many are 1. For others, it is the mean. Default: the
+        sensor's.
     efficiency : float or array_like of shape (H, W), optional
         η: the mean of the efficiency over the bits behind each pixel. Default: the sensor's.
     acceptance : array_like of shape (H, W), optional
@@ -152,7 +154,7 @@ class Merged:
         if varies:
             raise ValueError(
                 f"{name}: expected the mean of each pixel, because its jots differ; pass a map of "
-                f"shape {shape} with the mean over the bits behind each pixel"
+                f"shape {shape} with {_mean_over_bits(name, sensor)} behind each pixel"
             )
         return mean
 
@@ -188,6 +190,13 @@ def refuse_finer_grid(merged: Merged) -> None:
             "integrate over 2 x 2 pixels; take a K-conditioned network such as "
             "jotlight.pretrained(merged.sensor), or merge with upsample=1"
         )
+
+
+def _mean_over_bits(name: str, sensor: Sensor) -> str:
+    """Return which mean over the bits a map of a parameter holds."""
+    if name == "dark_counts" and sensor.threshold == 1:
+        return "-log of the mean of exp(-d) over the bits"
+    return "the mean over the bits"
 
 
 def _checked_map(
