@@ -1,0 +1,77 @@
+"""Dim scenes: several trials as one. Total variation and the true image are the oracles."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.metrics import psnr
+from jotlight.networks.dim_scenes import combine, combined_trials, may_be_dim
+
+
+def photograph():
+    return jl.datasets.photograph("camera")[60:252:2, 160:352:2].astype(float)
+
+
+@pytest.mark.parametrize(
+    ("frames", "photons"),
+    [(256, 0.002), (256, 0.01), (1000, 0.002), pytest.param(4000, 1e-4, marks=pytest.mark.slow)],
+)
+@pytest.mark.parametrize("quality", ["small", "medium"])
+def test_dim_scenes_have_no_bias_and_are_better_than_total_variation(frames, photons, quality):
+    image, sensor = photograph(), jl.Sensor(frames=frames, gain=frames * photons)
+    bits = sensor.expose(image, rng=1)
+    found = jl.reconstruct(bits, quality=quality)
+    assert found.mean() == pytest.approx(image.mean(), rel=0.06)
+    assert psnr(found, image) > psnr(jl.reconstruct(bits, method="admm-tv"), image) + 0.3
+
+
+@pytest.mark.parametrize("max_intensity", [1.0, 10.0, 1000.0])
+def test_the_largest_intensity_does_not_change_a_dim_image(max_intensity):
+    image = 0.1 * photograph()
+    sensor = jl.Sensor(frames=4, bit_depth=8, max_intensity=max_intensity)
+    found = jl.reconstruct(sensor.expose(image, rng=0))
+    assert found.mean() == pytest.approx(image.mean(), rel=0.05)
+
+
+def test_a_few_bright_pixels_keep_their_intensity():
+    image = np.full((64, 64), 0.002)
+    image[20:24, 30:34] = 0.9
+    sensor = jl.Sensor(frames=400)
+    found = jl.reconstruct(sensor.expose(image, rng=0))
+    assert found[21:23, 31:33].mean() == pytest.approx(0.9, rel=0.2)
+    dark = np.ones(image.shape, bool)
+    dark[8:36, 18:46] = False
+    assert found[dark].mean() == pytest.approx(0.002, rel=0.2)
+
+
+def test_each_image_of_a_stack_is_that_of_itself():
+    sensor = jl.Sensor(frames=256)
+    images = np.stack([photograph() * scale for scale in (0.004, 1.0, 0.02)])
+    stack = np.stack([sensor.expose(each, rng=1).counts() for each in images])
+    found = jl.reconstruct(stack, sensor)
+    for one, counts in zip(found, stack, strict=True):
+        np.testing.assert_array_equal(one, jl.reconstruct(counts, sensor))
+
+
+def test_bright_scenes_keep_their_trials():
+    rng = np.random.default_rng(0)
+    fraction = (rng.binomial(256, 0.2, (32, 32)) / 256).astype(np.float32)
+    assert combined_trials(fraction, 256) == 1
+    assert combine(fraction, 256) is None
+    assert not may_be_dim(np.full((8, 8), 0.5, np.float32), jl.Sensor())
+
+
+def test_combined_trials_are_those_of_every_pixel():
+    rng = np.random.default_rng(0)
+    trials = rng.uniform(200, 400, (32, 32)).astype(np.float32)
+    fraction = (rng.binomial(300, 0.004, (32, 32)) / 300).astype(np.float32)
+    combined, number, factor, full = combine(fraction, trials)
+    np.testing.assert_allclose(number * factor, trials, rtol=1e-6)
+    np.testing.assert_allclose(combined, fraction * factor, rtol=1e-6)
+    assert not full.any()
+
+
+def test_bits_of_a_scene_without_light_are_black():
+    for frames in (64, 1000):
+        found = jl.reconstruct(np.zeros((16, 16), int), jl.Sensor(frames=frames))
+        assert found.max() < 0.01
