@@ -43,7 +43,7 @@ def test_color_channels_do_not_mix(tied):
 
 def test_a_tied_network_corrects_dark_counts_other_than_its_own():
     rng = np.random.default_rng(11)
-    frames = 40_000  # so many bits need no neighbors
+    frames = 40_000  # with fewer, neighbors would have a part in the counts
     network = jl.Network.initial(jl.Sensor(frames=frames), sigma=0.25)
     dark = rng.uniform(0, 1.5, (30, 30))
     counts = rng.binomial(frames, 1 - np.exp(-0.5 - dark))
