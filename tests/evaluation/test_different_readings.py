@@ -169,7 +169,7 @@ def test_other_methods_run_on_equivalent_counts(method, merge):
 
 def test_a_network_for_one_number_of_trials_refuses_and_says_what_to_do(captured):
     network = jl.Network.initial(jl.Sensor(frames=16))
-    with pytest.raises(ValueError, match=r"sensor: .*pass jotlight.merge_readings\(bits\)"):
+    with pytest.raises(ValueError, match=r"sensor: .*pass the data to jotlight.reconstruct"):
         jl.reconstruct(captured[1], method=network)
 
 

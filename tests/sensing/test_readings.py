@@ -276,7 +276,7 @@ OTHER_ADVICE = {
 def test_code_for_one_gain_and_threshold_refuses_others_and_says_what_to_do(name):
     sensor = SENSORS[0]
     bits = sensor.expose(image(sensor), rng=0)
-    advice = OTHER_ADVICE.get(name, r"pass jotlight\.merge_readings\(bits\)")
+    advice = OTHER_ADVICE.get(name, r"pass the data to jotlight\.reconstruct")
     message = f"sensor: expected .*one gain and (one )?threshold.*; {advice}"
     with pytest.raises(ValueError, match=message):
         USES[name](sensor, bits)

@@ -122,8 +122,7 @@ def denoise_readings(
     if not joint.uniform:
         raise ValueError(
             "sensor: expected pixels that are alike, but the mask, the efficiency, or the dark "
-            "counts differ; jotlight.merge_readings(data) makes counts that "
-            "jotlight.noniterative accepts"
+            "counts differ"
         )
     trials, term = int(joint.trials.flat[0]), joint.terms[0]
     rate = _rate_of_totals(joint, joint.total[None], trials, denoise, inverse, threads)[0]

@@ -96,7 +96,7 @@ def noniterative(
 
     Readings of several bits have the generalized Anscombe transform and its exact inverse
     (:mod:`jotlight.estimators.generalized_anscombe`). If at least 15 % of them are the largest
-    one, they become counts near averages instead
+    one, or if pixels differ, they become counts near averages instead
     (:func:`jotlight.estimators.merge_near.merge_near_neighbors`).
 
     The engine computes all images of a stack together. The denoisers are functions of libraries,
@@ -126,7 +126,7 @@ def noniterative(
     refuse_different_readings(sensor)
     for place, one in zip(output.images, images.data, strict=True):
         joint = joint_likelihood(one, sensor, threads)
-        if joint.uniform and is_saturated(joint):
+        if not joint.uniform or is_saturated(joint):
             merged = merge_near_neighbors(joint)
             counts = gray_images(merged)
             place[:] = _denoise_counts(counts, merged.sensor, run, inverse, threads)[0]

@@ -256,9 +256,8 @@ def has_plain_bits(sensor: GroupedSensor) -> bool:
 
 
 COUNTS_ADVICE = (
-    "pass jotlight.merge_readings(bits), counts of one gain and threshold with the same "
-    "information; jotlight.mle takes such bits directly, and so do jotlight.reconstruct and "
-    'jotlight.uncertainty with "mle" or a network'
+    "pass the data to jotlight.reconstruct or jotlight.uncertainty, which take them with every "
+    "method, or to jotlight.mle"
 )
 """What to do with readings that a method of counts does not take."""
 
