@@ -345,15 +345,3 @@ def test_frames_stated_by_counts_are_used_and_contradictions_refused(run, captur
         status, output = run("calibrate", *arguments, *destination)
         assert status == 1
         assert expected in output
-
-
-@pytest.mark.parametrize("names", [("r.npy",), ("dark.npy", "r.npy")])
-@pytest.mark.parametrize("options", [(), ("--frames", 600)])
-def test_readings_of_several_bits_are_refused(run, captures, names, options):
-    sensor = jl.Sensor(frames=8, gain=16.0, bit_depth=4)
-    jl.save(sensor.expose(np.full(SHAPE, 0.1), 1), "r.npy")
-    status, output = run("calibrate", *names, "-o", "c.safetensors", *options)
-    assert status == 1
-    assert "a calibration is for single bits, but the capture has readings of 4 bits" in output
-    assert "--frames" not in output
-    assert not (captures / "c.safetensors").exists()
