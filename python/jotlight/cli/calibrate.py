@@ -36,8 +36,12 @@ class CalibrationOptions:
         Parameter(help="Number of frames that flat counts are out of. Default: --frames."),
     ] = None
     threshold: Annotated[
-        int, Parameter(alias="-q", help="q: number of photons that make a jot report 1.")
-    ] = 1
+        int | None,
+        Parameter(
+            alias="-q",
+            help="q: number of photons that make a jot report 1. Default: that of the file, or 1.",
+        ),
+    ] = None
     false_positive_rate: Annotated[
         float,
         Parameter(
