@@ -234,4 +234,5 @@ def test_a_film_for_display_is_described_by_the_record_beside_it(run, tmp_path, 
     (tmp_path / name).write_bytes(b"another film")
     assert "origin unknown: film.mp4.json is the record of another file" in lines_of(run, name)
     (tmp_path / "film.mp4.json").unlink()
-    assert lines_of(run, name) == ["kind film", "origin unknown: there is no film.mp4.json beside it"]
+    missing = "origin unknown: there is no film.mp4.json beside it"
+    assert lines_of(run, name) == ["kind film", missing]

@@ -109,7 +109,9 @@ def plan(
         size=(max(1, height // planned.oversampling), max(1, width // planned.oversampling)),
     )
     out.print(_table(predicted, options.frame_rate))
-    report(*_explanation(predicted, planned, options.frame_rate), _motion_line(last, (height, width)))
+    report(
+        *_explanation(predicted, planned, options.frame_rate), _motion_line(last, (height, width))
+    )
     if predicted.motion is not None:
         report(*_motion_lines(predicted.motion))
     if options.plot is not None:

@@ -49,7 +49,7 @@ def save_image(
     ----------
     path : path
         The ending chooses the format: `.png` and `.jpg` for display; `.tif` and `.exr` (float32)
-        and `.npy` for numbers, which are never clipped.
+        and `.npy` (the type of the image) for numbers, which are never clipped.
     image : array_like, shape (H, W), (H, W, 1), or (H, W, 3)
         Intensities, counts, or one frame of bits.
     white : float, optional
