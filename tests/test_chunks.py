@@ -1,7 +1,11 @@
 """The windows of a film."""
 
+from functools import partial
+
+import numpy as np
 import pytest
 
+import jotlight as jl
 from jotlight.chunks import windows
 
 
@@ -12,3 +16,18 @@ def test_windows_are_whole_and_in_order():
     for wrong in ((0, 1), (22, 1), (4, 0)):
         with pytest.raises(ValueError, match="expected 1"):
             windows(21, *wrong)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((2.0,), "window: expected a whole number of frames, got 2.0"),
+        (("2",), "window: expected a whole number of frames, got '2'"),
+        ((np.int64(2), 1.5), "step: expected a whole number of frames, got 1.5"),
+    ],
+)
+def test_windows_of_a_fraction_of_frames_are_refused(arguments, message):
+    bits = jl.Bits.from_array(np.zeros((4, 2, 2), bool))
+    for call in (partial(windows, 21), bits.windows):
+        with pytest.raises(TypeError, match=message):
+            call(*arguments)

@@ -1,6 +1,6 @@
 """The command line, for ``python -m jotlight``."""
 
-from jotlight.cli.app import main
+from jotlight.cli.entry import main
 
 if __name__ == "__main__":
     main()

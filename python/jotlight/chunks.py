@@ -55,6 +55,8 @@ def windows(frames: int, window: int, step: int | None = None) -> list[slice]:
 
     Raises
     ------
+    TypeError
+        If a number is no whole number.
     ValueError
         If the window is longer than the capture, or a number is below 1.
 
@@ -63,6 +65,9 @@ def windows(frames: int, window: int, step: int | None = None) -> list[slice]:
     >>> [(w.start, w.stop) for w in windows(10, 4, 3)]
     [(0, 4), (3, 7), (6, 10)]
     """
+    for name, value in (("window", window), ("step", window if step is None else step)):
+        if not hasattr(value, "__index__"):
+            raise TypeError(f"{name}: expected a whole number of frames, got {value!r:.80}")
     if not 1 <= window <= frames:
         raise ValueError(f"window: expected 1 to the capture's {frames} frames, got {window}")
     step = window if step is None else step

@@ -5,6 +5,7 @@ import pytest
 
 import jotlight as jl
 
+lazy = jl.dask.calibrate
 CHECKERBOARD = 1 + np.indices((16, 16)).sum(axis=0) % 2
 DARK = np.zeros((16, 16))
 
@@ -12,7 +13,6 @@ DARK = np.zeros((16, 16))
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"threshold": 2}, r"threshold 1, got bits of threshold 2; state threshold=2"),
         ({"threshold": [1, 3] * 32}, "got several values of threshold; capture frames of one"),
         ({"threshold": CHECKERBOARD}, "got several values of threshold"),
         ({"gain": [1.0, 8.0] * 32}, "got several values of gain"),
@@ -29,7 +29,25 @@ def test_bits_of_another_sensor_are_refused(name, options, message):
             calibrate(**captures)
 
 
-def test_the_advised_threshold_is_taken():
+@pytest.mark.parametrize("calibrate", [jl.calibrate, lambda *a, **b: lazy(*a, **b).compute()])
+@pytest.mark.parametrize("options", [{}, {"threshold": 2}])
+def test_the_threshold_of_the_bits_is_taken(calibrate, options):
     sensor = jl.Sensor(frames=512, threshold=2, dark_counts=0.8)
-    found = jl.calibrate(sensor.expose(DARK, rng=0), threshold=2)
+    dark, flat = (sensor.expose(np.full((16, 16), value), rng=0) for value in (0.0, 2.0))
+    found = calibrate(dark, flat, **options)
+    assert found.threshold == 2
     assert np.median(found.dark_counts) == pytest.approx(0.8, rel=0.1)
+    plain = jl.Bits(dark.packed, dark.width)
+    assert calibrate(plain, flat, **options).threshold == 2
+    assert jl.calibrate(plain).threshold == 1
+
+
+@pytest.mark.parametrize("calibrate", [jl.calibrate, lazy])
+def test_other_thresholds_are_refused(calibrate):
+    dark, flat = (
+        jl.Sensor(frames=64, threshold=q, dark_counts=0.1).expose(DARK, rng=0) for q in (2, 3)
+    )
+    with pytest.raises(ValueError, match=r"^dark: expected .* 1, got .* 2; state threshold=2 "):
+        calibrate(dark, threshold=1)
+    with pytest.raises(ValueError, match=r"^flat: .* 2, as those of dark, got bits of threshold 3"):
+        calibrate(dark, flat)

@@ -214,3 +214,25 @@ def test_a_motion_is_described_and_drawn(run, tmp_path):
     lines = [" ".join(line.split()) for line in output.splitlines()]
     assert lines[:3] == ["kind motion", "model affine", "size 16 x 16 jots"]
     assert (tmp_path / "m.png").exists()
+
+
+@pytest.mark.parametrize("name", ["film.mp4", "film"])
+def test_a_film_for_display_is_described_by_the_record_beside_it(run, tmp_path, name):
+    if name == "film.mp4":
+        pytest.importorskip("imageio_ffmpeg")
+    jl.save(jl.Sensor(frames=8).expose(np.full((6, 16), 0.5), rng=0), tmp_path / "b.npy")
+    assert run("film", "b.npy", "-o", name, "--window", 4, "--method", "mle")[0] == 0
+    lines = lines_of(run, name)
+    assert lines[0] == "kind film"
+    assert {"capture b.npy", "window 4", "method mle", "curve gamma"} <= set(lines)
+    if name == "film":
+        assert "shape 2 images of 6 x 16" in lines
+        assert "kind counts" in lines_of(run, name, "--counts")
+        (tmp_path / "film.film.json").unlink()
+        assert "kind counts" in lines_of(run, name)
+        return
+    (tmp_path / name).write_bytes(b"another film")
+    assert "origin unknown: film.mp4.json is the record of another file" in lines_of(run, name)
+    (tmp_path / "film.mp4.json").unlink()
+    missing = "origin unknown: there is no film.mp4.json beside it"
+    assert lines_of(run, name) == ["kind film", missing]

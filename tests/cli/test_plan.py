@@ -108,6 +108,8 @@ def test_the_frames_that_help_at_a_speed_are_printed(run):
         (["1:2", "--frame-rate", 0], "frame-rate"),
         (["1:2", "--plot", "a.txt"], "ends in .png"),
         (["1:2", "--frames", 0], "frames: expected"),
+        (["1:2", "--gain", 3], "gain: has no effect, because the light is in photons per jot"),
+        (["1:2", "--gain", "4,1", "--frames", 2], "jotlight.plan_brackets finds exposures that"),
     ],
 )
 def test_invalid_arguments_get_one_line_that_names_the_cause(run, arguments, expected):
@@ -121,3 +123,28 @@ def test_an_exposure_time_is_refused_with_the_option_to_use(run):
     status, output = run("plan", "1", "--exposure-time", 1e-5)
     assert status == 1
     assert "--frame-rate" in output
+
+
+def test_a_gain_changes_what_a_maximum_intensity_means(run):
+    arguments = ["plan", "0.5:2", "--frames", 8, "--max-intensity", 3]
+    plans = [run(*arguments, "--gain", gain) for gain in (8, 2)]
+    assert [status for status, _ in plans] == [0, 0]
+    assert plans[0] != plans[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ([], ("A bit carries most", "have every bit at 1.")),
+        (["--read-noise", 0.2], ("A bit carries most", "have every bit at 1.")),
+        (
+            ["--bit-depth", 4],
+            ("A reading carries most", "have every reading at 15, the largest number."),
+        ),
+    ],
+)
+def test_the_last_lines_name_bits_or_readings(run, options, expected):
+    status, output = run("plan", "0.1:1", "--frames", 4, *options)
+    assert status == 0
+    for text in expected:
+        assert text in output

@@ -109,3 +109,30 @@ def test_plans_take_bits_and_read_noise(run):
     status, text = run("plan", "0.1:2", "-t", 4, "--bit-depth", 3, "--read-noise", 0.3)
     assert status == 0
     assert "PSNR" in text
+
+
+@pytest.mark.parametrize("names", [("r.npy",), ("b.npy", "r.npy")])
+@pytest.mark.parametrize("options", [(), ("--frames", 8)])
+def test_calibrations_refuse_readings_and_propose_no_frames(run, photo, tmp_path, names, options):
+    run("simulate", photo, "-o", "r.npy", *OPTIONS)
+    run("simulate", photo, "-o", "b.npy", "-k", 1, "-t", 8)
+    status, text = run("calibrate", *names, "-o", "c.safetensors", *options)
+    assert status == 1
+    assert "a calibration is for single bits, but the capture has readings of 4 bits" in text
+    assert "--frames" not in text
+    assert not (tmp_path / "c.safetensors").exists()
+
+
+@pytest.mark.parametrize("name", ["r.npy", "r.tif"])
+@pytest.mark.parametrize("command", [("info",), ("reconstruct", "-o", "e.npy")])
+def test_files_of_readings_are_not_read_as_counts(run, photo, name, command):
+    run("simulate", photo, "-o", "r.npy", *OPTIONS)
+    run("convert", "r.npy", "-o", "r.tif")
+    status, text = run(command[0], name, *command[1:], "--counts")
+    assert status == 1
+    assert f"counts: {name} states readings of 4 bits, not counts; leave out --counts\n" in text
+    status, text = run(command[0], name, *command[1:], "--counts-scale", 15, "--trials", 4)
+    assert status == 1
+    assert "leave out --counts-scale\n" in text
+    status, text = run("reconstruct", name, "-o", "e.npy", "--counts", "--bit-depth", 4)
+    assert status == 0

@@ -152,3 +152,41 @@ def test_a_terminated_command_leaves_no_files(tmp_path):
         child.terminate()
         assert child.wait(timeout=20) == 143
     assert file_names(tmp_path) == ["large.npy"]
+
+
+IMPORTING = """
+import importlib.abc, os, signal, sys
+class Stop(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == "jotlight.cli.app":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Stop())
+sys.argv = ["jotlight", "--version"]
+signal.signal(signal.SIGINT, {handler})
+from jotlight.cli.entry import main
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("handler", "status", "expected"),
+    [("signal.default_int_handler", 130, "error: stopped\n"), ("signal.SIG_IGN", 0, "")],
+)
+def test_ctrl_c_during_the_imports_ends_the_command_in_one_line(handler, status, expected):
+    code = IMPORTING.replace("{handler}", handler)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (status, expected)
+    assert done.stdout.startswith("jotlight ") == (status == 0)
+
+
+def test_ctrl_c_raises_again_after_the_imports():
+    code = """
+import signal, sys
+import jotlight.cli.app as app
+from jotlight.cli.entry import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+app.app = lambda *arguments, **options: signal.raise_signal(signal.SIGINT)
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "error: stopped\n")

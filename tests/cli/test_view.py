@@ -43,6 +43,8 @@ def capture(tmp_path):
         (["capture.npy", "--gain", "8,1", "--frames", "40"], "such as --frame-range 0:20"),
         (["capture.npy", "--port", "70000"], "port: expected 0 to 65535"),
         (["capture.npy", "--host", "no.such.host.invalid"], "no address of this machine"),
+        (["capture.npy", "--shape", "16x24"], "shape: is for a capture that grows; add --follow"),
+        (["capture.npy", "--history", "9"], "history: is for a capture that grows; add --follow"),
         (["capture.npy", "--follow", "--rotate", "90"], "--rotate is for complete captures"),
         (["capture.npy", "--follow", "--counts"], "--counts is for complete captures"),
         (["capture.npy", "--follow", "--bit-depth", "4"], "--bit-depth above 1 is for complete"),

@@ -135,6 +135,19 @@ def test_bits_without_a_sensor_are_refused(bits):
         jl.dask.reconstruct(bits.to_dask(), window=16)
 
 
+@pytest.mark.parametrize("has_sensor", [True, False])
+def test_readings_of_several_bits_are_refused(has_sensor):
+    sensor = jl.Sensor(frames=8, bit_depth=4)
+    readings = sensor.expose(np.full((8, 8), 0.5), rng=0)
+    message = r"^x: expected jotlight.Bits, .* got readings of several bits, which jotlight.dask"
+    with pytest.raises(TypeError, match=message):
+        jl.dask.reconstruct(readings, sensor if has_sensor else None, window=4)
+    with pytest.raises(TypeError, match=message):
+        jl.dask.count(readings, window=4)
+    with pytest.raises(TypeError, match=message):
+        jl.dask.calibrate(readings)
+
+
 def test_masks_of_jots_need_pixels_of_one_jot():
     mask = np.zeros((8, 8), bool)
     mask[0, 0] = True

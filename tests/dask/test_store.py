@@ -125,6 +125,17 @@ def test_equal_process_ids_do_not_share_a_temporary_folder(tmp_path, monkeypatch
     assert len(set(names)) == 2
 
 
+@pytest.mark.parametrize("reason", [KeyboardInterrupt, SystemExit, ValueError])
+def test_a_stop_while_the_array_is_created_leaves_nothing(tmp_path, monkeypatch, reason):
+    def stop(*args, **options):
+        raise reason
+
+    monkeypatch.setattr("jotlight.dask.store.write_file", stop)
+    with pytest.raises(reason):
+        store_at(tmp_path / "v.zarr").create()
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_finishing_twice_is_harmless(tmp_path):
     store = store_at(tmp_path / "v.zarr")
     fill(store)

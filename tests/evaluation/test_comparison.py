@@ -55,6 +55,12 @@ def test_the_figure_shows_the_image_the_bits_and_all_estimates():
     np.testing.assert_allclose(images[0], IMAGE)
 
 
+def test_the_recommended_method_is_named_so():
+    found = jl.compare(["mle", None], IMAGE, SENSOR)
+    assert found.results[1].method == "recommended"
+    assert str(found).splitlines()[2].startswith("recommended ")
+
+
 def test_all_methods_are_the_default():
     small = IMAGE[:16, :16]
     found = jl.compare(None, small, SENSOR)

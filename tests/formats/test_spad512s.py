@@ -74,3 +74,20 @@ def test_an_impossible_position_in_a_sparse_file_is_refused(tmp_path):
     (tmp_path / "a.bin").write_bytes(words.tobytes())
     with pytest.raises(ValueError, match=r"got 300000 at byte 8"):
         jl.open(tmp_path / "a.bin", format="spad512s-sparse")
+
+
+@pytest.mark.parametrize("name", ENCODE)
+@pytest.mark.parametrize("path", ["a.bin", "folder"])
+@pytest.mark.parametrize("share", [0.1, 0.0])
+def test_what_is_written_is_detected(name, path, share, tmp_path):
+    array = random_frames((2, *FULL), share=share)
+    jl.save(jl.Bits.from_array(array), tmp_path / path, format=name)
+    bits = jl.open(tmp_path / path)
+    assert bits.provenance.format == name
+    np.testing.assert_array_equal(bits.to_array(), array)
+
+
+@pytest.mark.parametrize("name", ENCODE)
+def test_a_wrong_frame_size_names_the_format(name, tmp_path):
+    with pytest.raises(ValueError, match=rf"^{name}: expected frames of 512 x 512 jots, got 4 x 8"):
+        jl.save(jl.Bits.from_array(np.zeros((4, 8), bool)), tmp_path / "a.bin", format=name)

@@ -144,3 +144,13 @@ def test_wrong_images_are_refused_and_nothing_is_written(tmp_path, image, option
     with pytest.raises(ValueError, match=r"ends in \.png"):
         jl.save_image(tmp_path / "a.gif", np.ones((2, 2)))
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", [bool, np.float32, np.float64])
+@pytest.mark.parametrize("shape", [(9, 7), (9, 7, 3)])
+def test_an_array_of_numbers_keeps_its_type_and_is_read_back(tmp_path, kind, shape):
+    image = (RANDOM.random(shape) < 0.5).astype(kind)
+    jl.save_image(tmp_path / "a.npy", image)
+    assert np.load(tmp_path / "a.npy").dtype == kind
+    np.testing.assert_array_equal(jl.read_image(tmp_path / "a.npy"), image)
+    assert jl.read_image(tmp_path / "a.npy", gray=True).shape == (9, 7)

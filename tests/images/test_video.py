@@ -169,12 +169,30 @@ def test_the_levels_of_a_gray_gif_are_exact(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "fps", "message"),
-    [("a.gif", 51, "up to 50 images"), ("a.gif", 0, "above 0"), ("a.mp4", 1e5, "above 0")],
+    [
+        ("a.gif", 51, "up to 50 images"),
+        ("a.gif", 0.001, "fps: expected 0.01 to 10000 images per second, got 0.001"),
+        ("a.mp4", 1e-8, "expected 0.01 to 10000 images per second, got 1e-08"),
+        ("a.mp4", 99999, "expected 0.01 to 10000 images per second, got 99999"),
+        ("a.npy", 10, "fps: is for .mp4 and .gif; .*a.npy has no place for 10 images per second"),
+        ("a.tif", 10, "fps: is for .mp4 and .gif; "),
+        ("a", 10, "fps: is for .mp4 and .gif; "),
+    ],
 )
 def test_a_wrong_rate_is_refused(tmp_path, name, fps, message):
     with pytest.raises(ValueError, match=message), video_writer(tmp_path / name, fps=fps):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("name", "fps"), [("a.gif", 0.01), ("a.mp4", 0.01), ("a.mp4", 10_000)])
+def test_the_ends_of_the_range_are_written(tmp_path, name, fps):
+    if name == "a.mp4":
+        pytest.importorskip("imageio_ffmpeg")
+    with video_writer(tmp_path / name, fps=fps) as add:
+        for value in (0.2, 0.8):
+            add(np.full((16, 16), value, np.float32))
+    assert (tmp_path / name).stat().st_size > 100
 
 
 @pytest.mark.filterwarnings("ignore::jotlight.PeriodicRatesWarning")

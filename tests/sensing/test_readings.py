@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import re
 
 import mpmath
 import numpy as np
@@ -280,3 +281,11 @@ def test_code_for_one_gain_and_threshold_refuses_others_and_says_what_to_do(name
     message = f"sensor: expected .*one gain and (one )?threshold.*; {advice}"
     with pytest.raises(ValueError, match=message):
         USES[name](sensor, bits)
+
+
+@pytest.mark.parametrize("frames", [[0, 1], 3, None])
+def test_frames_are_selected_by_a_slice(frames):
+    message = rf"frames: expected a slice, such as slice\(0, 16\), got {re.escape(repr(frames))}"
+    for sensor in (jl.Sensor(frames=4), jl.Sensor(frames=4, gain=[1.0, 2.0, 1.0, 2.0])):
+        with pytest.raises(TypeError, match=message):
+            sensor.select_frames(frames)

@@ -7,24 +7,49 @@ from jotlight.sensing.readings import readings_differ
 from jotlight.sensing.sensor import Sensor
 
 
-def check_captured_sensor(name: str, data: object, threshold: int) -> None:
-    """Raise ValueError unless the sensor that bits carry has the threshold of a calibration.
+def captured_threshold(threshold: int | None, **captures: object) -> int:
+    """Return the threshold of a calibration: the stated one, or that of the sensor of the bits.
 
-    All bits must have one gain and one threshold, and no read noise. Of other data, and of bits
-    without a sensor, nothing is known.
+    All bits must have one gain and this threshold, and no read noise. Of other data, and of bits
+    without a sensor, nothing is known, and the default is 1.
+
+    Raises
+    ------
+    ValueError
+        When the bits of a capture are of another kind.
 
     Examples
     --------
     >>> bits = Sensor(frames=4, threshold=2).expose(np.zeros((8, 8)), rng=0)
-    >>> check_captured_sensor("dark", bits, 2)
-    >>> check_captured_sensor("dark", bits, 1)
+    >>> captured_threshold(None, dark=bits, flat=None)
+    2
+    >>> captured_threshold(1, dark=bits)
     Traceback (most recent call last):
       ...
     ValueError: dark: expected bits of threshold 1, got bits of threshold 2; state threshold=2 ...
     """
+    found = {name: _threshold_of(name, data) for name, data in captures.items()}
+    known = {name: value for name, value in found.items() if value is not None}
+    stated = next(iter(known.values()), 1) if threshold is None else threshold
+    for name, value in known.items():
+        if value != stated and threshold is None:
+            raise ValueError(
+                f"{name}: expected bits of threshold {stated}, as those of {next(iter(known))}, "
+                f"got bits of threshold {value}; capture both with one threshold"
+            )
+        if value != stated:
+            raise ValueError(
+                f"{name}: expected bits of threshold {stated}, got bits of threshold {value}; "
+                f"state threshold={value} (--threshold {value}), or leave it out"
+            )
+    return stated
+
+
+def _threshold_of(name: str, data: object) -> int | None:
+    """Return the threshold of the sensor that bits carry, or None if nothing is known."""
     sensor = data.sensor if isinstance(data, Bits) else None
     if not isinstance(sensor, Sensor):
-        return
+        return None
     if readings_differ(sensor):
         names = [each for each in ("gain", "threshold") if np.ndim(getattr(sensor, each))]
         raise ValueError(
@@ -37,9 +62,4 @@ def check_captured_sensor(name: str, data: object, threshold: int) -> None:
             "calibration would take for dark counts; state measured dark counts in "
             "Sensor(dark_counts=…) (--dark-counts)"
         )
-    if sensor.threshold != threshold:
-        raise ValueError(
-            f"{name}: expected bits of threshold {threshold}, got bits of threshold "
-            f"{sensor.threshold}; state threshold={sensor.threshold} (--threshold "
-            f"{sensor.threshold})"
-        )
+    return int(sensor.threshold)

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.calibration.bulk import fit_bulk
-from jotlight.calibration.captured_sensor import check_captured_sensor
+from jotlight.calibration.captured_sensor import captured_threshold
 from jotlight.calibration.flat import measure_response
 from jotlight.calibration.hot_jots import check_false_positive_rate
 from jotlight.calibration.rates import detections
@@ -37,7 +37,7 @@ def calibrate(
     *,
     frames: int | None = None,
     flat_frames: int | None = None,
-    threshold: int = 1,
+    threshold: int | None = None,
     false_positive_rate: float = 1e-4,
     max_dark: float = MAX_DARK,
     provenance: dict[str, Provenance] | None = None,
@@ -56,8 +56,9 @@ def calibrate(
         capture. About half of the bits should be ones.
     frames, flat_frames : int, optional
         N: the number of frames of counts. Bits do not need it. Default of `flat_frames`: `frames`.
-    threshold : int
-        q: the number of photons that make a jot report 1.
+    threshold : int, optional
+        q: the number of photons that make a jot report 1. Default: that of the sensor that the
+        bits carry, or 1.
     false_positive_rate : float
         Maximum fraction of ordinary jots that are called hot, and maximum fraction that are called
         dead. Counts are integers, so the actual rate of hot jots is lower:
@@ -113,8 +114,7 @@ def calibrate(
     Sensor(frames=16, dark_counts=<64 x 64 map>, mask=<64 x 64 map>)
     """
     check_limits(false_positive_rate, max_dark)
-    check_captured_sensor("dark", dark, threshold)
-    check_captured_sensor("flat", flat, threshold)
+    threshold = captured_threshold(threshold, dark=dark, flat=flat)
     if mosaic is not None and flat is None:
         raise ValueError("mosaic: is for a flat capture, and there is none; leave it out")
     known = _provenance(dark=dark, flat=flat) if provenance is None else dict(provenance)

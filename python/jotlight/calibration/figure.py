@@ -37,7 +37,10 @@ def page(calibration: CalibrationFields) -> "Figure":
     else:
         _response(axes[1, 0], axes[1, 1], calibration, calibration.efficiency * calibration.scale)
     _steadiness(axes[1, 2], "dark", calibration.dark_steadiness)
-    _steadiness(axes[1, 3], "flat", calibration.flat_steadiness)
+    if calibration.efficiency is None:
+        draw_absence(axes[1, 3], "no flat capture,\nso no test of its change over time")
+    else:
+        _steadiness(axes[1, 3], "flat", calibration.flat_steadiness)
     return figure
 
 

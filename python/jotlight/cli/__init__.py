@@ -2,7 +2,7 @@
 
 In reading order:
 
-- ``app``: all commands, the translation of errors into exit codes, and the entry point.
+- ``entry``: the entry point. ``app``: all commands, and the translation of errors into exit codes.
 - One module per command: ``demo``, ``compare``, ``simulate``, ``reconstruct``, ``film``,
   ``calibrate``, ``train``, ``fine_tune``, ``evaluate``, ``reproduce``, ``plan``, ``info``,
   ``convert``, ``gather``, ``view``.

@@ -1,4 +1,4 @@
-"""All commands, the translation of errors into exit codes, and the entry point."""
+"""All commands, and the translation of errors into exit codes."""
 
 import sys
 import warnings

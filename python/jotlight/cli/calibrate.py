@@ -36,8 +36,12 @@ class CalibrationOptions:
         Parameter(help="Number of frames that flat counts are out of. Default: --frames."),
     ] = None
     threshold: Annotated[
-        int, Parameter(alias="-q", help="q: number of photons that make a jot report 1.")
-    ] = 1
+        int | None,
+        Parameter(
+            alias="-q",
+            help="q: number of photons that make a jot report 1. Default: that of the file, or 1.",
+        ),
+    ] = None
     false_positive_rate: Annotated[
         float,
         Parameter(
@@ -91,11 +95,11 @@ def calibrate(
     file.
     """
     _check_outputs([path for path in (dark, flat) if path is not None], output, plot)
-    captures = [capture.open(dark)]
+    captures = [_open(capture, dark)]
     flat_frames = None
     if flat is not None:
         flat_options = dataclasses.replace(capture, key=flat_key or capture.key)
-        captures.append(flat_options.open(flat))
+        captures.append(_open(flat_options, flat))
     _refuse_frames_of_bits(captures, options)
     dark_frames = _stated_frames(captures[0], dark, "--frames", options.frames)
     if flat is not None:
@@ -112,6 +116,24 @@ def calibrate(
 
     report(*(f"{name}: {value}" for name, value in facts(calibration)))
     report(f"{output}: for jotlight reconstruct --calibration")
+
+
+def _open(options: CaptureOptions, path: Path) -> Capture:
+    """Return the bits or the counts of a capture.
+
+    Raises
+    ------
+    ValueError
+        When it has readings of several bits, whose sum is no count of ones.
+    """
+    opened = options.open(path)
+    if isinstance(opened, CountStack) and opened.sensor is not None:
+        raise ValueError(
+            f"{path}: expected bits, or counts of ones, because a calibration is for single bits, "
+            f"but the capture has readings of {opened.sensor.bit_depth} bits; `jotlight "
+            "reconstruct` takes measured --dark-counts, --efficiency, and --mask for them"
+        )
+    return opened
 
 
 def _estimate(

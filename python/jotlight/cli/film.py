@@ -33,7 +33,7 @@ from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.images.io import check_depth
 from jotlight.images.tone import Tone
-from jotlight.images.video import check_fps, is_floats, video_writer
+from jotlight.images.video import DEFAULT_FPS, check_fps, is_floats, video_writer
 from jotlight.motion.film import film as merge_windows
 from jotlight.motion.film_estimates import FilmEstimates
 from jotlight.motion.film_image import FilmImage
@@ -79,8 +79,8 @@ class FilmOptions(OutputOptions):
         ),
     ] = None
     fps: Annotated[
-        float, Parameter(group=FILM_PANEL, help="Images per second of a .mp4 or .gif.")
-    ] = 25.0
+        float, Parameter(group=FILM_PANEL, help="Images per second of a .mp4 or .gif, from 0.01.")
+    ] = DEFAULT_FPS
 
     def check(self) -> None:
         """Raise ValueError or OSError for options that do not suit a film."""

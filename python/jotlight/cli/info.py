@@ -15,7 +15,7 @@ from jotlight.cli.capture_facts import bits_facts, notes, readings_facts
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.console import out, progress, with_options_only
 from jotlight.cli.jot_checks import jot_remarks
-from jotlight.cli.origins import origin_facts, verify_video, video_facts
+from jotlight.cli.origins import film_facts, origin_facts, verify_video, video_facts
 from jotlight.files import check_outputs
 from jotlight.formats import open_capture
 from jotlight.formats.archives import describe_npz_arrays, read_npz_label
@@ -143,14 +143,20 @@ def _facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
         return _network_facts(file, load_network(file))
     if file.is_dir() and (video := video_facts(file)):
         return video
+    if not _has_capture_options(capture) and (film := film_facts(file)):
+        return film
     return [*_content_facts(file, capture), *origin_facts(file)]
+
+
+def _has_capture_options(capture: CaptureOptions) -> bool:
+    """Return whether there is an option that only captures have, so that a file is a capture."""
+    return dataclasses.replace(capture, isolate=True) != CaptureOptions()
 
 
 def _content_facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
     """Return the rows about the content of a capture or an image."""
     ending = file.suffix.lower()
-    # With an option that only captures have, the file is a capture.
-    if dataclasses.replace(capture, isolate=True) == CaptureOptions() and file.is_file():
+    if not _has_capture_options(capture) and file.is_file():
         if ending == ".npz" and read_npz_label(file) is None:
             arrays = describe_npz_arrays(file)
             if len(arrays) > 1 or not _may_be_capture(*next(iter(arrays.values()))):

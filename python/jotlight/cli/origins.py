@@ -10,7 +10,7 @@ from jotlight.dask.jobs import conversion_record
 from jotlight.dask.records import read_json, read_record
 from jotlight.dask.store import PART, open_finished, open_unfinished
 from jotlight.formats.checksums import file_checksum
-from jotlight.images.io import read_note
+from jotlight.images.io import read_image, read_note
 from jotlight.sensing.mosaic import Mosaic
 
 _NOTED = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
@@ -38,6 +38,23 @@ def video_facts(path: Path) -> Facts:
     store.check_files()
     kind = "counts of windows" if store.dtype == "int32" else "video"
     return [("kind", kind), _images(store.shape), *_record_facts(read_record(path))]
+
+
+def film_facts(path: Path) -> Facts:
+    """Return the rows about a film for display: a .mp4, or a folder of .png with its record.
+
+    There are none for other paths.
+    """
+    if path.suffix.lower() == ".mp4" and path.is_file():
+        record = record_path(path)
+        unknown = [("origin", f"unknown: there is no {record.name} beside it")]
+        return [("kind", "film"), *(origin_facts(path) or unknown)]
+    images = sorted(path.glob("*.png")) if path.is_dir() else []
+    content = (_read_record(record_path(path)) or {}).get("origin") if images else None
+    if not isinstance(content, dict) or "window" not in content:
+        return []
+    shape = _images((len(images), *read_image(images[0]).shape))
+    return [("kind", "film"), shape, *origin_facts(path)]
 
 
 def _is_finished(path: Path) -> bool:

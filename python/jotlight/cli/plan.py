@@ -59,6 +59,12 @@ class PlanOptions:
             raise ValueError(f"frame-rate: expected frames per second above 0, got {rate}")
         if sensor.exposure_time is not None:
             raise ValueError("exposure-time: for light per second, state --frame-rate instead")
+        gain = sensor.gain
+        # jotlight.plan refuses several gains. One changes only what --max-intensity means.
+        if gain is not None and "," not in gain and sensor.max_intensity is None:
+            raise ValueError(
+                "gain: has no effect, because the light is in photons per jot; leave it out"
+            )
         if self.plot is not None:
             from jotlight.plots import check_figure
 
@@ -103,7 +109,9 @@ def plan(
         size=(max(1, height // planned.oversampling), max(1, width // planned.oversampling)),
     )
     out.print(_table(predicted, options.frame_rate))
-    report(*_explanation(predicted, options.frame_rate), _motion_line(last, (height, width)))
+    report(
+        *_explanation(predicted, planned, options.frame_rate), _motion_line(last, (height, width))
+    )
     if predicted.motion is not None:
         report(*_motion_lines(predicted.motion))
     if options.plot is not None:
@@ -217,13 +225,14 @@ def _table(predicted: Plan, frame_rate: float | None) -> Table:
     return table
 
 
-def _explanation(predicted: Plan, frame_rate: float | None) -> list[str]:
+def _explanation(predicted: Plan, sensor: Sensor, frame_rate: float | None) -> list[str]:
     unit = "photons per jot and " + ("frame" if frame_rate is None else "second")
-    scale = frame_rate or 1
+    scale, largest = frame_rate or 1, 2**sensor.bit_depth - 1
+    noun, rest = ("bit", "") if largest == 1 else ("reading", ", the largest number")
     lines = [
-        f"In dB, light in {unit}. A bit carries most information at "
+        f"In dB, light in {unit}. A {noun} carries most information at "
         f"{predicted.optimal_light * scale:.3g}. At the light in the column 'saturates', 1 % of "
-        "the pixels have every bit at 1.",
+        f"the pixels have every {noun} at {largest}{rest}.",
         "The table is for maximum likelihood, pixel by pixel. Methods that use neighboring pixels "
         "need fewer frames. How many depends on the scene.",
     ]

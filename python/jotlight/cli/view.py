@@ -104,6 +104,7 @@ def view(
     if follow.follow:
         viewed = _follow(Path(data), follow, capture, sensor)
     else:
+        _refuse_live_options(follow)
         viewed = _open(data, capture, sensor)
     if not is_loopback(server.host):
         caution("host", f"other machines can reach the page on {server.host}, without encryption")
@@ -117,6 +118,13 @@ def view(
         report("ended")
     finally:
         viewed.close()
+
+
+def _refuse_live_options(follow: FollowOptions) -> None:
+    """Raise ValueError for an option that only a capture that grows has."""
+    for name in ("shape", "history"):
+        if getattr(follow, name) != getattr(FollowOptions(), name):
+            raise ValueError(f"{name}: is for a capture that grows; add --follow, or leave it out")
 
 
 def _open(path: str, capture: CaptureOptions, sensor: CapturedSensorOptions) -> Viewed:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.captured_sensor import check_captured_sensor
+from jotlight.calibration.captured_sensor import captured_threshold
 from jotlight.calibration.estimate import (
     MAX_DARK,
     JotSums,
@@ -77,7 +77,7 @@ def calibrate(
     dark: "Bits | dask.array.Array",
     flat: "Bits | dask.array.Array | None" = None,
     *,
-    threshold: int = 1,
+    threshold: int | None = None,
     false_positive_rate: float = 1e-4,
     max_dark: float = MAX_DARK,
     mosaic: object = None,
@@ -124,8 +124,7 @@ def calibrate(
     if mosaic is not None and flat is None:
         raise ValueError("mosaic: is for a flat capture, and there is none; leave it out")
     captures = {"dark": dark, "flat": flat}
-    for name, each in captures.items():
-        check_captured_sensor(name, each, threshold)
+    threshold = captured_threshold(threshold, **captures)
     known = {
         name: each.provenance
         for name, each in captures.items()

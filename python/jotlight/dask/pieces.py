@@ -17,6 +17,7 @@ from jotlight.dask.chunk_counting import PART_BYTES, count_pieces, image_shape
 from jotlight.dask.spans import Spans
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.lazy import FrameSource, files_of, import_dask_array
+from jotlight.sensing.photon_readings import Readings
 
 if TYPE_CHECKING:
     import dask.array
@@ -175,7 +176,7 @@ def width_in_jots(x: "Bits | dask.array.Array", width: int | None) -> int:
     """
     if isinstance(x, Bits):
         return x.width if width is None else width
-    _check_packed_array(x)
+    check_packed_array(x)
     if width is None:
         most = 8 * x.shape[2]
         raise TypeError(
@@ -186,8 +187,13 @@ def width_in_jots(x: "Bits | dask.array.Array", width: int | None) -> int:
     return width
 
 
-def _check_packed_array(x: Any) -> None:
+def check_packed_array(x: Any) -> None:
     """Raise TypeError or ValueError unless `x` is a lazy array of packed bits, in whole frames."""
+    if isinstance(x, Readings):
+        raise TypeError(
+            "x: expected jotlight.Bits, or a dask array of packed bits in uint8, got readings of "
+            "several bits, which jotlight.dask does not take; jotlight.reconstruct takes them"
+        )
     array = import_dask_array()
     if not isinstance(x, array.Array) or x.dtype != np.uint8:
         kind = getattr(x, "dtype", type(x).__name__)

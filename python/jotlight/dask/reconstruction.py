@@ -7,7 +7,7 @@ import numpy as np
 
 from jotlight.dask.counting import sum_pieces
 from jotlight.dask.estimator import choose_estimator
-from jotlight.dask.pieces import Pieces
+from jotlight.dask.pieces import Pieces, check_packed_array
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.sensor import Sensor, require_sensor
@@ -96,7 +96,9 @@ def reconstruct(
     >>> reconstruct(bits, window=16).shape
     (4, 16, 16, 3)
     """
-    if sensor is None and isinstance(x, Bits):
+    if not isinstance(x, Bits):
+        check_packed_array(x)
+    elif sensor is None:
         sensor = x.sensor  # type: ignore[assignment]
     if sensor is None:
         raise TypeError(

@@ -159,11 +159,11 @@ class VideoStore:
             with explained_failure(self.path, temporary):
                 self._create_in(temporary)
             temporary.rename(self.part)
-        except OSError:
+        except BaseException as reason:  # also Ctrl-C, because nothing else removes the folder
             shutil.rmtree(temporary, ignore_errors=True)
-            if not self.is_complete() and not self.part.exists():
+            was_faster = isinstance(reason, OSError) and (self.is_complete() or self.part.exists())
+            if not was_faster:  # another process, with the same run
                 raise
-            # another process was faster, with the same run
 
     def _create_in(self, temporary: Path) -> None:
         """Create the array, and the files that describe it, in a new folder."""

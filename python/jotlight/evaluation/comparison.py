@@ -193,7 +193,9 @@ def _named_methods(methods: object, sensor: Sensor, *, is_color: bool) -> dict[s
 
 
 def _name_of(method: object) -> str:
-    """Return the name of a function, or the type of another object."""
+    """Return the name of a function, or the type of another object; None is the recommended one."""
+    if method is None:
+        return "recommended"
     return str(getattr(method, "__name__", type(method).__name__))
 
 

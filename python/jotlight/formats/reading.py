@@ -301,6 +301,11 @@ def _open_once(
             "bits" if counts else "counts; unpacked=True (--unpacked) reads each number as a bit"
         )
         raise ValueError(f"counts: {path} ({entry.name}) holds {content}")
+    if counts and not readings and isinstance(capture, CountStack) and capture.sensor is not None:
+        raise ValueError(
+            f"counts: {path} states readings of {capture.sensor.bit_depth} bits, not counts; leave "
+            f"out {'counts_scale= (--counts-scale)' if means else 'counts=True (--counts)'}"
+        )
     if width is not None:
         actual = capture.images.shape[2] if isinstance(capture, CountStack) else capture.width
         if width != actual:

@@ -176,14 +176,14 @@ def _index_sparse(
 
 
 def _write(bits: Bits, path: Path, *, sparse: bool) -> None:
-    check_frame_size(bits, (_SIDE, _SIDE), "spad512s")
+    check_frame_size(bits, (_SIDE, _SIDE), (SPAD512S_SPARSE if sparse else SPAD512S).name)
     write_raw(
         bits,
         path,
         _encode_sparse if sparse else _encode_dense,
         frames_per_file=FRAMES_PER_FILE,
         file_name="RAW{:05d}.bin".format,
-        trailer=b"" if sparse else _TRAILER,
+        trailer=_TRAILER,
     )
 
 

@@ -39,12 +39,18 @@ def choose_output_format(path: Path, name: str | None = None) -> str:
         for each, writer in WRITERS.items()
         if extension in writer.extensions or (writer.folder and extension == "")
     ]
+    if not candidates:
+        known = dict.fromkeys(each for writer in WRITERS.values() for each in writer.extensions)
+        raise ValueError(
+            f"{path}: no capture has a name that ends in {extension}; choose one that ends in "
+            f"{', '.join(known)}, or in nothing for a new folder"
+        )
     if name is None and len(candidates) == 1:
         return candidates[0]
     if name is None:
         raise ValueError(
             f"{path}: this name implies no single format; pass format= (--to): "
-            f"{', '.join(candidates or WRITERS)}"
+            f"{', '.join(candidates)}"
         )
     if name not in candidates:
         writer = WRITERS[name]

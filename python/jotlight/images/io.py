@@ -50,7 +50,7 @@ def read_image(
         PNG, JPEG, any other format that Pillow reads, TIFF, OpenEXR, or `.npy`.
     white : float, optional
         The level that becomes intensity 1. Default: the full scale of 8-bit photographs and of
-        16-bit PNG, and 1 for floats. Other integers require `white`: their scale is unknown.
+        16-bit PNG, and 1 for floats and bool. Other integers require `white`.
     gray : bool
         Whether to convert color to gray (:func:`jotlight.images.color.luma`).
 
@@ -87,9 +87,9 @@ def read_image(
         array, scale = read_exr(path), None
     else:
         array, scale = _read_with_pillow(path)
-    if array.dtype.kind not in "iuf":
+    if array.dtype.kind not in "biuf":
         raise ValueError(f"{path}: expected numbers, got {array.dtype}")
-    if array.dtype.kind == "f":
+    if array.dtype.kind in "bf":
         scale = 1.0
     if white is not None:
         scale = positive_number("white", white)

@@ -15,7 +15,7 @@ from jotlight.files import atomic_write
 from jotlight.formats.capture import CountStack
 from jotlight.images.io import DISPLAYED, image_writer
 from jotlight.images.tone import PERCENTILE, Tone
-from jotlight.images.video import is_floats, video_writer
+from jotlight.images.video import DEFAULT_FPS, is_floats, video_writer
 from jotlight.layout import looks_like_color
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
@@ -49,7 +49,7 @@ def save_image(
     ----------
     path : path
         The ending chooses the format: `.png` and `.jpg` for display; `.tif` and `.exr` (float32)
-        and `.npy` for numbers, which are never clipped.
+        and `.npy` (the type of the image) for numbers, which are never clipped.
     image : array_like, shape (H, W), (H, W, 1), or (H, W, 3)
         Intensities, counts, or one frame of bits.
     white : float, optional
@@ -113,7 +113,7 @@ def save_film(
     path: str | os.PathLike[str],
     images: Iterable[npt.ArrayLike],
     *,
-    fps: float = 25.0,
+    fps: float = DEFAULT_FPS,
     white: float | None = None,
     depth: int = 8,
     progress: Progress = None,

@@ -24,6 +24,12 @@ AddImage = Callable[[npt.NDArray[np.float32]], None]
 FLOATS = (".npy", ".tif", ".tiff")
 """Endings of videos that keep floats."""
 
+DEFAULT_FPS = 25.0
+"""Images per second of a film."""
+
+_FPS_RANGE = 0.01, 10_000
+"""Images per second of a film. Files have no place for longer or much shorter times."""
+
 _MAX_TIFF = 1 << 31
 """Bytes of images up to which a TIFF is not a BigTIFF, which fewer programs read."""
 
@@ -55,12 +61,24 @@ def is_floats(path: Path) -> bool:
 def check_fps(path: Path, fps: float) -> None:
     """Raise ValueError unless a video with this name may have a number of images per second.
 
+    A video that is no animation may only have the default.
+
     Examples
     --------
-    >>> check_fps(Path("a.gif"), 25.0)
+    >>> check_fps(Path("a.gif"), 10.0)
+    >>> check_fps(Path("a.tif"), 10.0)
+    Traceback (most recent call last):
+      ...
+    ValueError: fps: is for .mp4 and .gif; a.tif has no place for 10 images per second; leave it ...
     """
-    if not 0 < real_number(fps) < 1e4:
-        raise ValueError(f"fps: expected images per second above 0, got {shown(fps)}")
+    low, high = _FPS_RANGE
+    if not low <= real_number(fps) <= high:
+        raise ValueError(f"fps: expected {low} to {high} images per second, got {shown(fps)}")
+    if path.suffix.lower() not in (".mp4", ".gif") and fps != DEFAULT_FPS:
+        raise ValueError(
+            f"fps: is for .mp4 and .gif; {path} has no place for {fps:g} images per second; leave "
+            "it out"
+        )
     if path.suffix.lower() == ".gif" and fps > MAX_FPS:
         raise ValueError(
             f"fps: expected up to {MAX_FPS} images per second for a .gif, because viewers show "
@@ -74,7 +92,7 @@ def video_writer(
     number: int | None = None,
     *,
     tone: Tone | None = None,
-    fps: float = 25.0,
+    fps: float = DEFAULT_FPS,
     depth: int = 8,
 ) -> Iterator[AddImage]:
     """Yield a function that adds the next image to a video, which is written atomically.
@@ -92,7 +110,7 @@ def video_writer(
     tone : Tone, optional
         The curve from intensities to the display, for all images. Default: linear, 1 is white.
     fps : float
-        Images per second of a `.mp4` or `.gif`.
+        Images per second of a `.mp4` (0.01 to 10,000) or `.gif` (0.01 to 50).
     depth : {8, 16}
         Bits of a `.png`.
 

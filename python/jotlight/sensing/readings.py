@@ -7,7 +7,7 @@ from typing import Any, Generic, Protocol, TypeGuard, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range, whole_number_in_range
+from jotlight.checks import number_in_range, shown, whole_number_in_range
 from jotlight.errors import warn
 from jotlight.sensing.maps import LIMITS, MAX_THRESHOLD, checked_threshold_map
 
@@ -215,6 +215,8 @@ def group_readings(sensor: S) -> list[ReadingGroup[S]]:
 
 def select_frames(sensor: S, frames: slice) -> S:
     """Return the sensor of some of the frames, each of which keeps its gain and threshold."""
+    if not isinstance(frames, slice):
+        raise TypeError(f"frames: expected a slice, such as slice(0, 16), got {shown(frames)}")
     number = len(range(sensor.frames)[frames])
     if not readings_differ(sensor):
         return sensor.replace(frames=number)
