@@ -194,7 +194,9 @@ def test_ambiguous_read_noise_is_stated():
 
 def test_what_needs_single_bits_says_so():
     readings = several_bits().expose(IMAGE, rng=0)
-    with pytest.raises(ValueError, match=r"got readings of 3 bits; pass the data to jotlight\.reconstruct"):
+    with pytest.raises(
+        ValueError, match=r"got readings of 3 bits; pass the data to jotlight\.reconstruct"
+    ):
         jl.admm_tv(readings)
     with pytest.raises(ValueError, match="reading_probability"):
         several_bits().probability(IMAGE)

@@ -139,7 +139,8 @@ def choose_method(
     is_color : bool
         Whether the data are colors that the caller can estimate by the color network.
     trials : float, optional
-        About how many trials the counts of a pixel have. Default: those of the sensor.
+        What :func:`trials_of` returns for the sensor of the data, if this one is that of
+        equivalent counts. Default: the same for this sensor.
 
     Returns
     -------
@@ -156,7 +157,7 @@ def choose_method(
     if network is not None:
         method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
     else:
-        trials = typical_trials(sensor) if trials is None else trials
+        trials = trials_of(sensor) if trials is None else trials
         is_large = trials > LARGE_TRIALS and sensor.kernel == "box"
         default = COLOR_NETWORK if is_color and takes_sensor(sensor) else DEFAULT_METHOD
         method = requested or (LARGE_METHOD if is_large else default)
@@ -187,6 +188,18 @@ def choose_method(
         reason,
         tuple(notes),
     )
+
+
+def trials_of(sensor: Sensor) -> float:
+    """Return about how many trials a pixel has: its readings, or more if these have several bits.
+
+    Examples
+    --------
+    >>> trials_of(Sensor(frames=16)), round(trials_of(Sensor(frames=64, gain=64.0, bit_depth=3)))
+    (16.0, 271)
+    """
+    # In a bracket for a wide range of light, typical light has fewer trials than readings.
+    return max(float(sensor.trials), typical_trials(sensor))
 
 
 def check_fallback(

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
-from jotlight.estimators.typical_trials import typical_trials
 from jotlight.evaluation.channels import (
     reconstruct_channels,
     run_color_network,
@@ -23,6 +22,7 @@ from jotlight.evaluation.choice import (
     check_precision_of,
     choose_method,
     named_method,
+    trials_of,
 )
 from jotlight.evaluation.clipping import warn_about_clipping
 from jotlight.evaluation.color_data import (
@@ -294,7 +294,7 @@ def _by_method(
     if requested is None and any(is_finer(each) for each in images.data):
         requested = DEFAULT_METHOD
     start = time.perf_counter()
-    are_equivalent, trials = not takes_readings(requested, sensor), typical_trials(sensor)
+    are_equivalent, trials = not takes_readings(requested, sensor), trials_of(sensor)
     if are_equivalent:
         is_large = requested is None and trials > LARGE_TRIALS
         by = network or (LARGE_METHOD if is_large else requested)
