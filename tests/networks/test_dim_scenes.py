@@ -58,7 +58,7 @@ def test_bright_scenes_keep_their_trials():
     fraction = (rng.binomial(256, 0.2, (32, 32)) / 256).astype(np.float32)
     assert combined_trials(fraction, 256) == 1
     assert combine(fraction, 256) is None
-    assert not may_be_dim(np.full((8, 8), 0.5, np.float32), jl.Sensor())
+    assert not may_be_dim(np.full((8, 8), 0.5, np.float32), jl.Sensor(), 16)
 
 
 def test_combined_trials_are_those_of_every_pixel():

@@ -5,6 +5,7 @@ times as large: in both cases, the number of ones is nearly a Poisson number. Ne
 for brighter scenes, and hardly any probability that they return is below 1e-4.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -36,6 +37,10 @@ _FULL = 0.5
 _MARGIN = 8
 """Distance in pixels at which those of other pixels are not combined, either."""
 
+_NOISE = 1.0
+"""Number of standard deviations by which the fractions of some of the brightest pixels exceed their
+estimate, at least."""
+
 _DIM = 1 / (_ROOM * _MIN_FACTOR)
 """Fraction of ones of the brightest pixels below which trials may be combined."""
 
@@ -62,19 +67,36 @@ def combined_trials(fraction: Image, trials: LocalTrials) -> float:
     return factor if factor >= _MIN_FACTOR else 1.0
 
 
-def may_be_dim(image: Image, sensor: Sensor) -> bool:
+def may_be_dim(image: Image, sensor: Sensor, trials: float) -> bool:
     """Return whether an estimate is so dark that trials may be combined.
+
+    Parameters
+    ----------
+    image : ndarray of float32, shape (H, W)
+        The estimate.
+    sensor : Sensor
+        The sensor.
+    trials : float
+        The number of trials of a pixel, or infinity if pixels have different ones.
 
     Examples
     --------
     >>> image = np.full((4, 4), 0.5, np.float32)
-    >>> may_be_dim(image, Sensor()), may_be_dim(image, Sensor(frames=64, gain=2.0))
+    >>> may_be_dim(image, Sensor(), 16), may_be_dim(image, Sensor(frames=64, gain=2.0), 64)
     (False, True)
     """
+    if trials < _MIN_FACTOR * _MIN_TRIALS:
+        return False
     efficiency, dark_counts = reference_jot(sensor)
-    bright = float(np.quantile(image, _NEARLY_ALL))
-    rate = efficiency * sensor.light_per_intensity * bright + dark_counts
-    return bool(detection_probability(sensor.threshold, rate) < _DIM)
+
+    def is_dim(intensity: float) -> bool:
+        rate = efficiency * sensor.light_per_intensity * intensity + dark_counts
+        p = float(detection_probability(sensor.threshold, rate))
+        # The fractions of nearly all pixels are below a limit that is above p by this noise.
+        return p + _NOISE * math.sqrt(p * (1 - p) / trials) < _DIM
+
+    # The mean takes less time, and most scenes are too bright.
+    return is_dim(float(image.mean())) and is_dim(float(np.quantile(image, _NEARLY_ALL)))
 
 
 def combine(

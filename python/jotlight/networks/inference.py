@@ -24,6 +24,7 @@ from jotlight.networks.engine_backed import sensor_model
 from jotlight.networks.layer import Layer
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.output_images import OutputImages
 from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages, PixelCounts
 from jotlight.sensing.reference import Jot, reference_jot
@@ -129,7 +130,8 @@ def _improve_dim(
     threads: int | None,
 ) -> None:
     """Replace the intensities of dim scenes by those of combined trials."""
-    dim = [index for index, each in enumerate(output.images) if may_be_dim(each, sensor)]
+    number = math.inf if isinstance(images.data[0], Merged) else sensor.trials
+    dim = [index for index, each in enumerate(output.images) if may_be_dim(each, sensor, number)]
     if not dim:
         return
     pixels = _with_typical_sensor(images.count(sensor, threads)).select(dim)

@@ -193,7 +193,7 @@ def improve_dim(
     """
     images = list(intensity)
     for index, (image, ones) in enumerate(zip(intensity, counts, strict=True)):
-        if not may_be_dim(image.cpu().numpy(), sensor):
+        if not may_be_dim(image.cpu().numpy(), sensor, sensor.trials):
             continue
         fraction = (ones[0].cpu().numpy() / np.float32(sensor.trials)).astype(np.float32)
         found = combine(fraction, sensor.trials)
