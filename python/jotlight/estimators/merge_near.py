@@ -265,4 +265,6 @@ def _real_counts(
     is_known = joint.trials > 0
     gradient = np.where(is_known, joint.gradient_and_curvature(near)[0], 0.0)
     information = np.where(is_known, joint.information(near), 0.0)
-    return *linear_counts(gradient, information, slope, rate, rate), rate
+    with np.errstate(over="ignore"):  # where some jots of a pixel are far from saturated
+        ones, trials = linear_counts(gradient, information, slope, rate, rate)
+    return ones, trials, rate

@@ -23,6 +23,9 @@ from jotlight.sensing.sensor import Sensor
 MAX_TRIALS = 2.0**30
 """Maximum number of equivalent trials. Counts are 32-bit integers."""
 
+_SATURATED = 700.0
+"""Rate of a jot above which the information of its bits is 0 in double precision."""
+
 MAX_RATE = 0.25
 """Light of a jot of the reference sensor at the largest intensity, or at the light that saturates
 half of the readings, for readings of several bits. With so little light, the number of trials
@@ -289,7 +292,7 @@ def linear_counts(
     """
     one = -np.expm1(-rate)
     # p' = slope * (1 - p), so p (1 - p) / p' = one / slope.
-    trials = information * np.expm1(rate_of_information) / slope**2
+    trials = information * np.expm1(np.minimum(rate_of_information, _SATURATED)) / slope**2
     return trials * one + gradient * one / slope, trials
 
 
