@@ -159,8 +159,9 @@ def test_jots_that_differ_and_larger_pixels_are_read():
         own = (part.trials > 0) & (part.ones < part.trials) & (light < 0.99)
         deviation = z - planes[8] - np.pi / 4
         plane = 2 * index if index < 3 else 6 + index
-        # Counts of alike jots are those of each pixel, but for pixels of few trials.
-        assert (abs(planes[plane][own] - deviation[own]) < 2e-3).mean() > 0.85
+        # Counts of alike jots differ a little from those of each pixel if these have few trials.
+        assert np.median(abs(planes[plane][own] - deviation[own])) < 5e-3
+        assert np.corrcoef(planes[plane][own], deviation[own])[0, 1] > 0.97
         if index < 3:
             share = np.minimum(np.sqrt(part.trials / trials), 1.5)
             np.testing.assert_allclose(planes[2 * index + 1], share, rtol=1e-5)
