@@ -97,3 +97,23 @@ def test_brackets_of_jots_that_differ_have_no_bias(name, method):
     found = jl.reconstruct(sensor.expose(image, rng=1), method=method)
     # Total variation makes images of alike jots 4 % too dark, too.
     assert found.mean() == pytest.approx(image.mean(), rel=0.08)
+
+
+@pytest.mark.parametrize("method", ["network-small", "noniterative-tv"])
+def test_a_jot_that_contradicts_its_dark_counts_leaves_its_row_alone(method):
+    stated = np.full((64, 64), 0.01)
+    stated[30, 5] = 5.0
+    bits = jl.Sensor(frames=256, dark_counts=0.01).expose(np.full((64, 64), 0.5), rng=0)
+    sensor = bits.sensor.replace(dark_counts=stated)
+    found = jl.reconstruct(jl.Bits(bits.packed, bits.width, sensor), method=method)
+    assert found[30, 12:].mean() == pytest.approx(0.5, rel=0.06)
+
+
+@pytest.mark.filterwarnings("ignore:.*no valid bit")
+def test_dead_pixels_pay_no_debts():
+    rng = np.random.default_rng(0)
+    mask = rng.random((128, 128)) < 0.3
+    dark = rng.uniform(0, 0.05, mask.shape)
+    sensor = jl.Sensor(frames=4, gain=4 * 0.05, dark_counts=dark, mask=mask)
+    found = jl.reconstruct(sensor.expose(np.full(mask.shape, 0.5), rng=0), quality="small")
+    assert found.mean() == pytest.approx(0.5, rel=0.06)

@@ -75,3 +75,16 @@ def test_bits_of_a_scene_without_light_are_black():
     for frames in (64, 1000):
         found = jl.reconstruct(np.zeros((16, 16), int), jl.Sensor(frames=frames))
         assert found.max() < 0.01
+
+
+@pytest.mark.filterwarnings("ignore:.*no valid bit")
+@pytest.mark.parametrize("dark_counts", [0.0, "map"])
+def test_dead_pixels_are_no_darkness(dark_counts):
+    rng = np.random.default_rng(0)
+    mask = rng.random((64, 64)) < 0.1
+    mask[20:24, 30:34] = True
+    dark = rng.uniform(0, 0.01, mask.shape) if dark_counts == "map" else dark_counts
+    sensor = jl.Sensor(frames=256, gain=2.56, mask=mask, dark_counts=dark)
+    found = jl.reconstruct(sensor.expose(np.full(mask.shape, 0.5), rng=0))
+    assert found[~mask].mean() == pytest.approx(0.5, rel=0.08)
+    assert found[20:24, 30:34].mean() == pytest.approx(0.5, rel=0.2)

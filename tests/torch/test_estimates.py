@@ -97,3 +97,17 @@ def test_reconstruct_takes_a_module():
     module = jl.torch.Network(network)
     np.testing.assert_array_equal(jl.reconstruct(bits, method=module), network.reconstruct(bits))
     assert jl.compare({"mine": module}, np.full((32, 32), 0.5), sensor).results[0].psnr > 20
+
+
+@pytest.mark.filterwarnings("ignore:There is a performance drop")
+def test_dim_scenes_are_estimated_in_every_mode_without_gradients():
+    sensor = jl.Sensor(frames=256, gain=2.56)
+    counts = torch.from_numpy(sensor.expose(IMAGE, rng=0).counts()).float()[None, None]
+    network = Network(jl.pretrained(sensor))
+    with torch.no_grad():
+        expected = network(counts)
+        assert network(counts[:0]).shape == (0, 1, *IMAGE.shape)
+        with torch.autocast("cpu", dtype=torch.bfloat16):
+            assert torch.isfinite(network(counts)).all()
+        mapped = torch.func.vmap(network)(counts[None])
+    assert mapped.shape == (1, *expected.shape)

@@ -26,8 +26,17 @@ from jotlight.sensing.response import (
 _MIN_LIGHT = 1e-6
 """Smallest light of a jot near which ones are linear."""
 
-_MIN_VARIANCE = 1e-12
-"""Smallest variance of a bit by which others are divided."""
+_MIN_PROBABILITY = 1e-6
+"""Smallest probability of a one or a zero from which the light of a neighborhood is guessed."""
+
+_TINY = 1e-12
+"""Smallest variance of a bit, and other divisors."""
+
+_MAX_NOISE = 4.0
+"""Number of standard deviations, and of ones, by which a result may differ from its neighborhood.
+
+A jot whose bits contradict its efficiency or its dark counts would change the rest of its row.
+"""
 
 
 def alike_fractions(
@@ -48,7 +57,8 @@ def alike_fractions(
     reference jot, as hot jots do, the result stays closer to the neighbors. At a high
     signal-to-noise ratio, s is the most likely light of the pixel itself, and the result p.
 
-    Results below 0 or above 1 are subtracted from the next pixels of the row.
+    What a result has below 0 or above 1 is carried to the next pixels of its row, so that the sum
+    of the row stays.
 
     Parameters
     ----------
@@ -112,11 +122,15 @@ def _alike_fractions(
         light = _toward_own(light, fraction, trials, jots, threshold)
         expected, variance = _bit(jots[0] * light + jots[1], threshold)
         p, reference_variance = _bit(reference[0] * light + reference[1], threshold)
-        excess = np.where(trials > 0, fraction - expected, 0.0)
-        alike = p + excess * np.sqrt(reference_variance / variance)
-        paid = carry_debts(np.where(own, alike, 0.0))
-        paid = 1 - carry_debts(np.where(own, 1 - paid, 0.0))
-        result = np.where(own, paid, result)
+        number = np.maximum(trials, 1)
+        limit = _MAX_NOISE * (np.sqrt(reference_variance / number) + 1 / number)
+        excess = (fraction - expected) * np.sqrt(reference_variance / variance)
+        alike = p + np.clip(excess, -limit, limit)
+        # Pixels without trials are filled later, so they pay no debts.
+        known = own & (trials > 0)
+        paid = carry_debts(np.where(known, alike, 0.0))
+        paid = 1 - carry_debts(np.where(known, 1 - paid, 0.0))
+        result = np.where(known, paid, np.where(own, p, result))
     return np.clip(result, 0, 1)
 
 
@@ -142,17 +156,17 @@ def _common_light(
     total, ones, gain, dark = sums(
         weights, weights * fraction, weights * efficiency, weights * dark_counts
     )
-    total = np.maximum(total, _MIN_VARIANCE)
-    p = np.clip(ones / total, _MIN_LIGHT, 1 - _MIN_LIGHT)
+    total = np.maximum(total, _TINY)
+    p = np.clip(ones / total, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
     rate = inverse_detection_probability(threshold, p, 1 - p)
-    light = np.maximum((total * rate - dark) / np.maximum(gain, _MIN_VARIANCE), _MIN_LIGHT)
+    light = np.maximum((total * rate - dark) / np.maximum(gain, _TINY), _MIN_LIGHT)
     for _ in range(STEPS):
         rate = efficiency * light + dark_counts
         expected, variance = _bit(rate, threshold)
         slope = efficiency * detection_density(threshold, rate)
         score = weights * slope / variance
         gradient, information = sums(score * (fraction - expected), score * slope)
-        light = np.maximum(light + gradient / np.maximum(information, _MIN_VARIANCE), _MIN_LIGHT)
+        light = np.maximum(light + gradient / np.maximum(information, _TINY), _MIN_LIGHT)
     return light
 
 
@@ -173,4 +187,4 @@ def _toward_own(
 def _bit(rate: Array, threshold: int) -> tuple[Array, Array]:
     """Return the probability of a one, and the variance of a bit."""
     one = detection_probability(threshold, rate)
-    return one, np.maximum(one * silence_probability(threshold, rate), _MIN_VARIANCE)
+    return one, np.maximum(one * silence_probability(threshold, rate), _TINY)

@@ -126,7 +126,8 @@ def equivalent_fractions(
 ) -> npt.NDArray[np.float32]:
     """Return L/K that a reference jot would have in place of each pixel, of the counts' shape.
 
-    Pixels without readings have those of one reading. `pattern` is the filter of each pixel of a
+    Pixels without readings count as one reading that is 0. The caller must fill them, or give them
+    no weight. `pattern` is the filter of each pixel of a
     mosaic.
 
     Examples

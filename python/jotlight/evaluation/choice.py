@@ -158,9 +158,8 @@ def choose_method(
         method, quality, has_fixed_range = OWN_NETWORK, None, network.trials_range is None
     else:
         trials = trials_of(sensor) if trials is None else trials
-        is_large = trials > LARGE_TRIALS and sensor.kernel == "box"
         default = COLOR_NETWORK if is_color and takes_sensor(sensor) else DEFAULT_METHOD
-        method = requested or (LARGE_METHOD if is_large else default)
+        method = requested or (LARGE_METHOD if takes_blend(sensor, trials) else default)
         if requested is None:
             kind = "colors" if method == COLOR_NETWORK else f"{trials:,.0f} trials per pixel"
             reason = f"recommended for {kind}"
@@ -200,6 +199,11 @@ def trials_of(sensor: Sensor) -> float:
     """
     # In a bracket for a wide range of light, typical light has fewer trials than readings.
     return max(float(sensor.trials), typical_trials(sensor))
+
+
+def takes_blend(sensor: Sensor, trials: float) -> bool:
+    """Return whether the blend on held-out bits is recommended for a number of trials per pixel."""
+    return trials > LARGE_TRIALS and sensor.kernel == "box"
 
 
 def check_fallback(

@@ -22,6 +22,7 @@ from jotlight.evaluation.choice import (
     check_precision_of,
     choose_method,
     named_method,
+    takes_blend,
     trials_of,
 )
 from jotlight.evaluation.clipping import warn_about_clipping
@@ -39,7 +40,6 @@ from jotlight.evaluation.info import Info
 from jotlight.evaluation.methods import (
     DEFAULT_METHOD,
     LARGE_METHOD,
-    LARGE_TRIALS,
     METHODS,
 )
 from jotlight.evaluation.mosaics import EstimatePlanes, reconstruct_mosaic
@@ -296,8 +296,8 @@ def _by_method(
     start = time.perf_counter()
     are_equivalent, trials = not takes_readings(requested, sensor), trials_of(sensor)
     if are_equivalent:
-        is_large = requested is None and trials > LARGE_TRIALS
-        by = network or (LARGE_METHOD if is_large else requested)
+        is_blend = requested is None and takes_blend(sensor, trials)
+        by = network or (LARGE_METHOD if is_blend else requested)
         images, sensor = with_one_response(images, sensor, by, threads)
     is_color = not request.fallback and takes_channels(images)
     choice = choose_method(

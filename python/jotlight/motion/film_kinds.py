@@ -111,7 +111,7 @@ class FilmKinds:
             burst, _ = prepare_burst(part, kind.sensor, may_repeat=True)
             paths, _ = paths_at(burst, kind.sensor, None, motion, self._threads, edges)
             found.append(kind.merge(paths, motion, start, memory)[0])
-        merged = join_kinds(found, self._sensor)
+        merged = join_kinds(found, self._sensor, self._threads)
         if is_lost:
             merged = dataclasses.replace(merged, flags=np.ones(merged.shape[:2], bool))
             for _, memory in self._of_kinds:

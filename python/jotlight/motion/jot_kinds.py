@@ -99,7 +99,7 @@ def sensors_of_kinds(sensor: Sensor, size: tuple[int, int]) -> list[Sensor]:
     return sensors_of_colors(sensor, size)
 
 
-def join_kinds(merged: Sequence[Merged], sensor: Sensor) -> Merged:
+def join_kinds(merged: Sequence[Merged], sensor: Sensor, threads: int | None = None) -> Merged:
     """Return the merged counts of all kinds as those of a color or gray image.
 
     Parameters
@@ -108,5 +108,9 @@ def join_kinds(merged: Sequence[Merged], sensor: Sensor) -> Merged:
         The counts of each kind.
     sensor : Sensor
         The sensor.
+    threads : int, optional
+        Number of threads. Default: all.
     """
-    return (join_thresholds if sensor.mosaic is None else join_colors)(merged, sensor)
+    if sensor.mosaic is None:
+        return join_thresholds(merged, sensor, threads)
+    return join_colors(merged, sensor)

@@ -186,7 +186,7 @@ def _merge_kinds(
     for burst, own in bursts:
         paths, _ = paths_at(burst, own, None, motion, threads)
         merged.append(merge_along(paths, motion, own, may_stand_still=False)[0])
-    joined = join_kinds(merged, sensor)
+    joined = join_kinds(merged, sensor, threads)
     if motion.model == "none":
         if sensor.mosaic is None:
             return count_still(data, sensor, joined, threads)

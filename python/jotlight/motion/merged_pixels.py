@@ -84,11 +84,12 @@ def as_fine(
 def _seen_jots(sums: Sums, sensor: Sensor, side: int) -> tuple[float | Map, float | Map]:
     """Return the efficiency and the dark counts behind each pixel of side x side jots.
 
-    They are maps of means over the bits, or those of the reference jot if all jots are alike.
+    They are maps of what :class:`Merged` states, or numbers if all jots are alike.
     """
     if sums.jots is None:
         return reference_jot(sensor)
-    # For q = 1, the mean of the dark counts is no plain mean, so that of all jots is computed once.
+    # For q = 1, not the dark counts are averaged but exp(-d), so all jots of a pixel are averaged
+    # at once.
     of_pixels = np.stack([_sum_pixels(each, side) for each in sums.jots.sums])
     seen = SeenJots(sums.jots.jots, of_pixels)
     efficiency, dark_counts = seen.mean(_sum_pixels(sums.trials, side)).astype(np.float64)

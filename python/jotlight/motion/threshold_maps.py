@@ -48,7 +48,7 @@ def sensors_of_thresholds(sensor: Sensor) -> list[Sensor]:
     ]
 
 
-def join_thresholds(merged: Sequence[Merged], sensor: Sensor) -> Merged:
+def join_thresholds(merged: Sequence[Merged], sensor: Sensor, threads: int | None = None) -> Merged:
     """Return the merged counts of jots with different thresholds as equivalent counts.
 
     The likelihood of a pixel is the product of those of all thresholds. Equivalent counts have the
@@ -63,6 +63,8 @@ def join_thresholds(merged: Sequence[Merged], sensor: Sensor) -> Merged:
         The counts of each threshold.
     sensor : Sensor
         The sensor, with a map of thresholds.
+    threads : int, optional
+        Number of threads. Default: all.
     """
     shape = merged[0].shape
 
@@ -81,7 +83,7 @@ def join_thresholds(merged: Sequence[Merged], sensor: Sensor) -> Merged:
     rate = np.maximum(slope * light + dark_counts, _MIN_RATE)
     ones, trials = linear_counts(gradient, information, slope, rate, rate)
     is_known = information > 0
-    whole = diffuse(np.where(is_known, ones, 0.0), is_known)
+    whole = diffuse(np.where(is_known, ones, 0.0), is_known, threads)
     return Merged(
         whole.astype(np.int32),
         np.maximum(np.where(is_known, trials, 0.0), whole),

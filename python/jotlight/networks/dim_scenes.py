@@ -7,6 +7,7 @@ for brighter scenes, and hardly any probability that they return is below 1e-4.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +24,7 @@ _MIN_TRIALS = 16
 """Smallest number of trials that remains."""
 
 _ROOM = 4.0
-"""How many times as many trials as ones remain, at least, in nearly all pixels."""
+"""Smallest ratio of combined trials to ones, which nearly all pixels keep."""
 
 _NEARLY_ALL = 0.999
 """Fraction of the pixels for which there is this room."""
@@ -35,17 +36,17 @@ _FULL = 0.5
 """Fraction of ones of combined trials above which the trials of a pixel are not combined."""
 
 _MARGIN = 8
-"""Distance in pixels at which those of other pixels are not combined, either."""
+"""Trials of pixels this near to such a pixel, in pixels, are not combined, either."""
 
 _NOISE = 1.0
-"""Number of standard deviations by which the fractions of some of the brightest pixels exceed their
-estimate, at least."""
+"""The brightest fractions are assumed to exceed the estimate by this number of standard
+deviations."""
 
 _DIM = 1 / (_ROOM * _MIN_FACTOR)
 """Fraction of ones of the brightest pixels below which trials may be combined."""
 
 
-def combined_trials(fraction: Image, trials: LocalTrials) -> float:
+def combined_trials(fraction: Image, trials: LocalTrials, smallest: int = 1) -> float:
     """Return c, the number of trials per combined trial, or 1 for scenes that are not dim.
 
     Parameters
@@ -54,6 +55,8 @@ def combined_trials(fraction: Image, trials: LocalTrials) -> float:
         Fractions of ones.
     trials : int or ndarray of float32, shape (H, W)
         The local number of trials.
+    smallest : int
+        The smallest K of the network.
 
     Examples
     --------
@@ -63,7 +66,7 @@ def combined_trials(fraction: Image, trials: LocalTrials) -> float:
     """
     bright = float(np.quantile(fraction, _NEARLY_ALL))
     typical = float(np.median(trials))
-    factor = min(typical / _MIN_TRIALS, 1 / max(_ROOM * bright, 1 / typical))
+    factor = min(typical / max(_MIN_TRIALS, smallest), 1 / max(_ROOM * bright, 1 / typical))
     return factor if factor >= _MIN_FACTOR else 1.0
 
 
@@ -99,18 +102,29 @@ def may_be_dim(image: Image, sensor: Sensor, trials: float) -> bool:
     return is_dim(float(image.mean())) and is_dim(float(np.quantile(image, _NEARLY_ALL)))
 
 
-def combine(
-    fraction: Image, trials: LocalTrials
-) -> tuple[Image, LocalTrials, np.float32, npt.NDArray[np.bool_]] | None:
-    """Return the fractions and the numbers of combined trials, c, and where they are not used.
+class Combined(NamedTuple):
+    """The trials of a dim scene, several of which are one."""
 
-    It is None if the trials are not combined. The parameters are those of :func:`combined_trials`.
+    fraction: Image
+    """Fractions of ones, (H, W)."""
+    trials: LocalTrials
+    """Their number, for the whole image or for each pixel."""
+    factor: np.float32
+    """c: the number of trials per combined trial."""
+    full: npt.NDArray[np.bool_]
+    """The pixels (H, W) that are too bright for combined trials."""
+
+
+def combine(fraction: Image, trials: LocalTrials, smallest: int = 1) -> Combined | None:
+    """Return the combined trials of an image, or None for a scene that is not dim.
+
+    The parameters are those of :func:`combined_trials`.
     """
-    if (factor := combined_trials(fraction, trials)) == 1:
+    if (factor := combined_trials(fraction, trials, smallest)) == 1:
         return None
     number: LocalTrials
     if isinstance(trials, int):
-        number = max(round(trials / factor), _MIN_TRIALS)
+        number = max(round(trials / factor), _MIN_TRIALS, smallest)
         factor = trials / number
     else:
         number = np.maximum(trials / np.float32(factor), 1)
@@ -120,17 +134,20 @@ def combine(
         from scipy.ndimage import maximum_filter
 
         full = maximum_filter(full, 2 * _MARGIN + 1)
-    return np.minimum(scaled, 1), number, np.float32(factor), full
+    return Combined(np.minimum(scaled, 1), number, np.float32(factor), full)
 
 
 def denoise_dim(
     network: ConditionalNetwork,
     fractions: Image,
     trials: Sequence[LocalTrials],
+    smallest: int = 1,
     *,
     threads: int | None = None,
-) -> list[Image | None]:
-    """Return the probabilities of a one in dim scenes, (H, W), and None for other ones.
+) -> list[tuple[Image, npt.NDArray[np.bool_]] | None]:
+    """Return the probabilities of a one in dim scenes, and where they hold, (H, W) each.
+
+    It is None for other scenes.
 
     Parameters
     ----------
@@ -140,24 +157,15 @@ def denoise_dim(
         Fractions of ones.
     trials : sequence of int or ndarray of float32, shape (H, W)
         The local number of trials of each image.
+    smallest : int
+        The smallest K of the network.
     threads : int, optional
         Number of threads. Default: all.
     """
-    combined = [combine(*each) for each in zip(fractions, trials, strict=True)]
-    dim = [index for index, each in enumerate(combined) if each is not None]
-    found: list[Image | None] = [None] * len(combined)
+    each = [combine(*image, smallest) for image in zip(fractions, trials, strict=True)]
+    dim = [part for part in each if part is not None]
     if not dim:
-        return found
-    parts = [part for part in combined if part is not None]
-    numbers = [number for _, number, _, _ in parts]
-    scaled = denoise_fractions(
-        network, np.stack([part[0] for part in parts]), numbers, threads=threads
-    )
-    for index, image, (_, _, factor, full) in zip(dim, scaled, parts, strict=True):
-        image /= factor
-        if full.any():
-            own = fractions[index : index + 1]
-            plain = denoise_fractions(network, own, [trials[index]], threads=threads)[0]
-            image = np.where(full, plain, image)
-        found[index] = image
-    return found
+        return [None] * len(each)
+    scaled = np.stack([part.fraction for part in dim])
+    found = iter(denoise_fractions(network, scaled, [part.trials for part in dim], threads=threads))
+    return [None if part is None else (next(found) / part.factor, ~part.full) for part in each]

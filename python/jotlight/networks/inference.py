@@ -11,14 +11,15 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.checks import check_threads
 from jotlight.chunks import frame_chunks
+from jotlight.errors import hide_warnings
 from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
 from jotlight.estimators.inverse_response import (
     equivalent_counts,
-    equivalent_fractions,
     intensity_from_probability,
 )
 from jotlight.estimators.merge_near import merge_different_jots
 from jotlight.estimators.trial_levels import LocalTrials, count_local_trials
+from jotlight.layout import Layout
 from jotlight.networks.dim_scenes import denoise_dim, may_be_dim
 from jotlight.networks.engine_backed import sensor_model
 from jotlight.networks.layer import Layer
@@ -134,13 +135,18 @@ def _improve_dim(
     dim = [index for index, each in enumerate(output.images) if may_be_dim(each, sensor, number)]
     if not dim:
         return
-    pixels = _with_typical_sensor(images.count(sensor, threads)).select(dim)
-    fractions, trials = equivalent_fractions(pixels, threads), count_local_trials(pixels, threads)
-    found = denoise_dim(network, fractions, trials, threads=threads)
-    for index, probability in zip(dim, found, strict=True):
-        if probability is not None:
-            one = np.clip(probability, 0, 1)
-            output.images[index][:] = intensity_from_probability(one, pixels.sensor, threads)
+    part = GrayImages([images.data[index] for index in dim], Layout((len(dim),)))
+    pixels = _with_typical_sensor(part.count(sensor, threads))
+    with hide_warnings():  # the first estimate has warned
+        fractions = equivalent_counts(pixels, reference_jot(pixels.sensor), 1, threads)
+    trials = count_local_trials(pixels, threads)
+    smallest, _ = cast(tuple[int, int], network.trials_range)
+    found = denoise_dim(network, fractions, trials, smallest, threads=threads)
+    for index, result in zip(dim, found, strict=True):
+        if result is not None:
+            probability, holds = np.clip(result[0], 0, 1), result[1]
+            intensity = intensity_from_probability(probability, pixels.sensor, threads)
+            np.copyto(output.images[index], intensity, where=holds)
 
 
 def _with_typical_sensor(pixels: PixelCounts) -> PixelCounts:

@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor
 
@@ -66,7 +68,7 @@ def intensity_from_probability(probability: Tensor, sensor: Sensor) -> Tensor:
 def intensity_from_complement(complement: Tensor, sensor: Sensor) -> Tensor:
     """Return the intensity in [0, S] at which bits are 0 with the given probability, for q = 1.
 
-    It is that of :func:`jotlight.estimators.inverse_response.intensity_from_complement`, and
+    It is :func:`intensity_from_probability` of 1 - P(b = 0), without rounding errors near 1, and
     differentiable.
 
     Parameters
@@ -191,20 +193,28 @@ def improve_dim(
     trials_range : (int, int)
         Smallest and largest K of the network.
     """
+    try:
+        estimates, fractions = _values(intensity), _values(counts) / np.float32(sensor.trials)
+    except RuntimeError:  # the transforms of torch.func hide the values
+        return intensity
     images = list(intensity)
-    for index, (image, ones) in enumerate(zip(intensity, counts, strict=True)):
-        if not may_be_dim(image.cpu().numpy(), sensor, sensor.trials):
+    for index, (image, (fraction,)) in enumerate(zip(estimates, fractions, strict=True)):
+        if not may_be_dim(image, sensor, sensor.trials):
             continue
-        fraction = (ones[0].cpu().numpy() / np.float32(sensor.trials)).astype(np.float32)
-        found = combine(fraction, sensor.trials)
+        found = combine(fraction, sensor.trials, trials_range[0])
         if found is None:
             continue
-        combined, trials, factor, full = found
-        scaled = torch.from_numpy(combined * np.float32(trials)).to(intensity)[None, None]
-        probability = probability_of(network, scaled, int(trials), trials_range)[0]
-        dim = intensity_from_probability(probability / float(factor), sensor)
-        images[index] = torch.where(torch.from_numpy(full).to(image.device), image, dim)
-    return torch.stack(images)
+        trials = cast(int, found.trials)
+        scaled = torch.from_numpy(found.fraction * np.float32(trials)).to(intensity)[None, None]
+        probability = probability_of(network, scaled, trials, trials_range)[0]
+        dim = intensity_from_probability(probability / float(found.factor), sensor)
+        full = torch.from_numpy(found.full).to(intensity.device)
+        images[index] = torch.where(full, images[index], dim.to(intensity))
+    return torch.stack(images) if images else intensity
+
+
+def _values(images: Tensor) -> npt.NDArray[np.float32]:
+    return np.asarray(images.float().cpu().numpy(), np.float32)
 
 
 def _angle(probability: Tensor) -> Tensor:
