@@ -14,7 +14,7 @@ from jotlight.images.io import read_image
 
 SETTINGS = {
     "gaussian": (jl.denoise.gaussian, "sigma", (1.0, 1.2, 1.4, 1.5, 1.6, 1.8)),
-    "tv": (jl.denoise.tv, "weight", (0.4, 0.5, 0.6, 0.7, 0.8)),
+    "tv": (jl.denoise.tv, "weight", (0.4, 0.45, 0.5, 0.6, 0.7)),
     "nlm": (jl.denoise.nlm, "strength", (0.5, 0.6, 0.7, 0.8, 0.9)),
 }
 

@@ -69,7 +69,7 @@ def gaussian(image: Float32Image, sigma: float = 1.5) -> Float32Image:
 
 
 @_of_each_image
-def tv(image: Float32Image, weight: float = 0.5) -> Float32Image:
+def tv(image: Float32Image, weight: float = 0.45) -> Float32Image:
     """Return the image denoised by total variation, with Chambolle's method (scikit-image).
 
     Parameters
