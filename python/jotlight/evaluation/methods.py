@@ -73,16 +73,6 @@ def _deconvolution_reason(sensor: Sensor) -> str | None:
     )
 
 
-def _anscombe_reason(sensor: Sensor) -> str | None:
-    """Return why no transform stabilizes the noise of the readings of a sensor, or None."""
-    if sensor.has_plain_bits or sensor.readings_differ or not sensor.maps():
-        return None
-    return (
-        f"expected jots that are alike for readings that are no plain bits, got a map of "
-        f"{', '.join(sensor.maps())}"
-    )
-
-
 @dataclasses.dataclass(frozen=True)
 class Method:
     """A reconstruction method."""
@@ -134,7 +124,6 @@ def _noniterative(title: str, denoiser: str, required_package: str | None = None
         run,
         frozenset({"inverse"}),
         required_package=required_package,
-        unsupported_reason=_anscombe_reason,
     )
 
 
