@@ -8,6 +8,7 @@ import jotlight as jl
 from jotlight.calibration import Bulk
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frames", "mean"),
     [(1000, 0.01), (10**6, 1e-6), (10**6, 1e-4), (10**6, 0.3), (10**8, 0.5), (10**9, 1e-9)],

@@ -22,6 +22,7 @@ def simulated(sensor, light, frames, max_light, rng, number=40_000):
     return error.mean(), (error**2).mean(), np.array(deviations) / np.sqrt(number)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("light", "frames", "max_intensity"),
     # From 2056 frames on, some probabilities of totals are not computed.

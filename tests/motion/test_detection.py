@@ -71,6 +71,7 @@ def test_other_thresholds_are_served(threshold):
     assert motion_score(bits, threshold=threshold) > THRESHOLD
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("threshold", "change"), [(2, 0.5), (3, 0.5), (6, 0.1), (6, 0.2), (6, 0.5)]
 )

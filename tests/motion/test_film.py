@@ -208,6 +208,7 @@ def test_other_frames_of_a_live_film_are_refused():
         live.add(np.zeros((4, 16, 16)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", [False, True])
 def test_a_live_film_tests_the_periods_of_its_jots_once(monkeypatch, known):
     _, bits = moving("shake", 64, (128, 128))

@@ -150,6 +150,7 @@ def merge_brighter_half(threshold, **maps):
     return jl.merge(bits, both, motion=jl.align(bits, both, model="none"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("threshold", "most"), [(1, 0.03), (3, 0.06), (6, 0.12)])
 def test_still_scenes_whose_light_changes_are_not_flagged(threshold, most):
     merged = merge_brighter_half(threshold)
@@ -157,6 +158,7 @@ def test_still_scenes_whose_light_changes_are_not_flagged(threshold, most):
     assert merged.acceptance.mean() > 0.985
 
 
+@pytest.mark.slow
 def test_nearly_all_bits_of_jots_that_differ_are_accepted():
     rng = np.random.default_rng(0)
     efficiency, dark_counts = rng.uniform(0.6, 1, (128, 160)), rng.uniform(0, 0.4, (128, 160))
