@@ -117,3 +117,14 @@ def test_dead_pixels_pay_no_debts():
     sensor = jl.Sensor(frames=4, gain=4 * 0.05, dark_counts=dark, mask=mask)
     found = jl.reconstruct(sensor.expose(np.full(mask.shape, 0.5), rng=0), quality="small")
     assert found.mean() == pytest.approx(0.5, rel=0.06)
+
+
+@pytest.mark.parametrize("method", ["network-small", "noniterative-gaussian"])
+@pytest.mark.parametrize("side", [1, 2])
+def test_each_image_of_a_stack_is_that_of_itself(method, side):
+    efficiency = np.random.default_rng(0).uniform(0.2, 1, (32 * side, 40 * side))
+    sensor = jl.Sensor(oversampling=side, frames=8, efficiency=efficiency)
+    images = [np.full((32, 40), light) for light in (0.1, 0.7)]
+    stack = [sensor.expose(image, rng=1) for image in images]
+    for found, bits in zip(jl.reconstruct(stack, method=method), stack, strict=True):
+        np.testing.assert_array_equal(found, jl.reconstruct(bits, method=method))
