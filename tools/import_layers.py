@@ -98,7 +98,7 @@ def read_imports(folder: Path = FOLDER) -> Imports:
     found: dict[Import, None] = {}
     for module, path in paths.items():
         package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-        for node in ast.walk(ast.parse(path.read_text(), str(path))):
+        for node in _statements(ast.parse(path.read_text(), str(path))):
             if isinstance(node, ast.Import | ast.ImportFrom):
                 targets = _targets(node, package, frozenset(paths))
                 found |= {Import(module, node.lineno, target): None for target in targets}
@@ -140,6 +140,14 @@ def _module_name(path: Path, folder: Path) -> str:
     """Return the dotted name of a module's file."""
     parts = path.relative_to(folder.parent).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield the statements in a statement. Expressions are left out: they import nothing."""
+    for block in ("body", "orelse", "finalbody", "handlers", "cases"):
+        for child in getattr(node, block, ()):
+            yield child
+            yield from _statements(child)
 
 
 def _targets(

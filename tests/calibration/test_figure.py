@@ -6,8 +6,15 @@ import pytest
 import jotlight as jl
 
 
-@pytest.mark.parametrize("are_bits", [True, False])
-@pytest.mark.parametrize("has_flat", [True, False])
+@pytest.mark.parametrize(
+    ("are_bits", "has_flat"),
+    [
+        (True, False),
+        (False, True),
+        pytest.param(True, True, marks=pytest.mark.slow),
+        pytest.param(False, False, marks=pytest.mark.slow),
+    ],
+)
 def test_panels_without_data_name_what_is_missing(are_bits, has_flat):
     pytest.importorskip("matplotlib")
     sensor = jl.Sensor(frames=256, dark_counts=0.05)

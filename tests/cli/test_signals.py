@@ -170,7 +170,10 @@ main()
 
 @pytest.mark.parametrize(
     ("handler", "status", "expected"),
-    [("signal.default_int_handler", 130, "error: stopped\n"), ("signal.SIG_IGN", 0, "")],
+    [
+        ("signal.default_int_handler", 130, "error: stopped\n"),
+        pytest.param("signal.SIG_IGN", 0, "", marks=pytest.mark.slow),
+    ],
 )
 def test_ctrl_c_during_the_imports_ends_the_command_in_one_line(handler, status, expected):
     code = IMPORTING.replace("{handler}", handler)

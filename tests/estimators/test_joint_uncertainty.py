@@ -90,6 +90,7 @@ def test_pixels_with_different_readings_keep_the_coverage():
     assert (result.low[1, 0], result.high[1, 0]) == (0, 2000)
 
 
+@pytest.mark.slow
 def test_more_readings_than_the_exact_distribution_takes_keep_the_coverage():
     sensor = jl.Sensor(frames=300, gain=np.repeat([0.1, 1.0, 10.0], 100), max_intensity=200.0)
     result = jl.uncertainty(all_totals(sensor), method="mle")
@@ -184,7 +185,13 @@ WITH_MAPS = {
 @pytest.mark.parametrize(
     "level", [0.99, *(pytest.param(level, marks=pytest.mark.slow) for level in (0.9, 0.9999))]
 )
-@pytest.mark.parametrize("name", WITH_MAPS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name == "many kinds of bits" else ())
+        for name in WITH_MAPS
+    ],
+)
 def test_the_coverage_reaches_the_confidence_level_with_masks_and_maps(name, level):
     sensor = WITH_MAPS[name]
     data = readings_of_all_totals(sensor)

@@ -9,7 +9,7 @@ from jotlight.datasets import photograph
 SCENE = photograph("astronaut")[60:140, 180:260].astype(np.float64)
 
 
-@pytest.mark.parametrize("frames", [1, 8])
+@pytest.mark.parametrize("frames", [1, pytest.param(8, marks=pytest.mark.slow)])
 def test_the_intervals_of_the_color_network_are_its_own(frames):
     sensor = jl.Sensor(frames=frames)
     bits = sensor.expose(SCENE, rng=0, channel_axis=-1)
@@ -27,6 +27,7 @@ def test_the_intervals_of_the_color_network_are_its_own(frames):
     assert width < 0.95 * of_medium < of_other
 
 
+@pytest.mark.slow
 def test_each_image_of_a_stack_has_the_intervals_of_its_own():
     sensor = jl.Sensor(frames=8)
     counts = np.stack(

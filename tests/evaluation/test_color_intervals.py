@@ -103,6 +103,7 @@ def test_the_known_estimate_is_the_center():
     np.testing.assert_array_equal(again.low, known.low)
 
 
+@pytest.mark.slow
 def test_the_densities_are_those_of_least_squares():
     densities = pixels_of(expose("RGGB")).densities
     np.testing.assert_allclose(densities, [0.25, 0.5, 0.25])

@@ -223,11 +223,16 @@ def test_a_png_of_a_folder_is_read_with_its_frame(tmp_path):
     ("name", "write", "options"),
     [
         ("plain.h5", write_contiguous_hdf5, {}),
-        ("plain.h5", write_contiguous_hdf5, {"isolate": True}),
-        ("zip.tif", write_compressed_tiff, {}),
-        ("old.mat", write_matlab, {"counts": True}),
-        ("cube.zarr", write_zarr, {}),
         ("stored.npz", write_npz, {"key": "first"}),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in [
+                ("plain.h5", write_contiguous_hdf5, {"isolate": True}),
+                ("zip.tif", write_compressed_tiff, {}),
+                ("old.mat", write_matlab, {"counts": True}),
+                ("cube.zarr", write_zarr, {}),
+            ]
+        ),
     ],
 )
 def test_a_server_that_fails_later_is_not_taken_for_damage(tmp_path, name, write, options):

@@ -44,6 +44,13 @@ def burst(motion="static", frames=96, photons=0.3, shape=(48, 64), **options):
     return scene, jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.sensor)
 
 
+@pytest.fixture(scope="module")
+def shaken():
+    """Return bits of a shaking camera, and the images of their film."""
+    _, bits = burst("shake")
+    return bits, list(film(bits, window=64, step=16, causal=True))
+
+
 @pytest.mark.parametrize("side", [1, 2])
 def test_displaced_images_are_those_of_a_loop(side):
     rng = np.random.default_rng(side)
@@ -81,9 +88,8 @@ def test_the_nearest_counts_are_those_of_the_nearest_frames(causal, quarter, six
             np.testing.assert_array_equal(part.trials, np.full(part.shape, float(length)))
 
 
-def test_where_the_motion_is_rejected_counts_and_last_image_stand_still():
-    _, bits = burst("shake")
-    images = list(film(bits, window=64, step=16, causal=True))
+def test_where_the_motion_is_rejected_counts_and_last_image_stand_still(shaken):
+    bits, images = shaken
     window, motion = bits[16:80], images[1].motion
     data, sensor = prepare_burst(window, None)
     paths = as_paths(motion, as_blocks(data, np.arange(0, 65, 4), sensor, None))
@@ -100,9 +106,8 @@ def test_where_the_motion_is_rejected_counts_and_last_image_stand_still():
     np.testing.assert_allclose(planes[6] + planes[8] + np.pi / 4, z, atol=1e-4)
 
 
-def test_each_image_reads_the_one_before():
-    _, bits = burst("shake")
-    images = list(film(bits, window=64, step=16, causal=True))
+def test_each_image_reads_the_one_before(shaken):
+    bits, images = shaken
     estimates = FilmEstimates(INITIAL)
     first = estimates.add(images[0])
     planes, trials = estimates.planes_of(images[1])
@@ -167,9 +172,8 @@ def test_jots_that_differ_and_larger_pixels_are_read():
             np.testing.assert_allclose(planes[2 * index + 1], share, rtol=1e-5)
 
 
-def test_another_film_does_not_read_the_last_image_of_the_first():
-    _, bits = burst("shake")
-    images = list(film(bits, window=64, step=16, causal=True))
+def test_another_film_does_not_read_the_last_image_of_the_first(shaken):
+    _, images = shaken
     estimates = FilmEstimates(RANDOM)
     for image in images:
         estimates.add(image)
@@ -206,8 +210,8 @@ def test_the_shipped_network_is_better_where_motion_is_unknown():
     assert found > merged + 0.2
 
 
-def test_colors_finer_grids_and_smooth_kernels_are_refused():
-    _, bits = burst("shake")
+def test_colors_finer_grids_and_smooth_kernels_are_refused(shaken):
+    bits, _ = shaken
     estimates = FilmEstimates(INITIAL)
     mosaic = jl.Sensor(frames=64, mosaic="RGGB")
     colored = mosaic.expose(np.full((32, 32, 3), 0.5), rng=0, channel_axis=-1)

@@ -173,6 +173,7 @@ def test_windows_that_do_not_overlap_remember_nothing():
         assert max(image.merged.trials.max() for image in images) <= 16
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.9, pytest.param(1.1, marks=pytest.mark.slow)])
 def test_a_change_of_brightness_ends_the_memory(factor):
     scene, bright = recorded("static", 64)

@@ -106,6 +106,7 @@ def test_the_motion_that_explains_the_bits_is_better_unless_merging_rejected_it(
     assert not rejected.explains_more(wrong)
 
 
+@pytest.mark.slow
 def test_a_motion_is_carried_although_all_pixels_are_flagged(monkeypatch):
     """It is lost only where the sums of a window without motion predict the bits better."""
     monkeypatch.setattr(film_state, "_MAX_FLAGGED", 1.0)  # no motion in more frames

@@ -115,6 +115,7 @@ def test_long_bursts_are_aligned_with_a_part_of_their_frames(monkeypatch):
     assert found.consistent.total.trials.max() > 64
 
 
+@pytest.mark.slow
 def test_noise_stands_still():
     rng = np.random.default_rng(0)
     for density in (0.01, 0.5):

@@ -34,6 +34,7 @@ def test_the_strongest_segment_has_the_velocity_of_the_camera():
     np.testing.assert_allclose(segments[0].velocity.mean(axis=(1, 2)), speed, atol=0.1)
 
 
+@pytest.mark.slow
 def test_halves_that_move_differently_are_two_segments():
     velocities = (0.4, 0.3), (-0.3, 0.5)
     bits = two_halves(velocities, 48)

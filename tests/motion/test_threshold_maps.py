@@ -71,7 +71,7 @@ def test_other_motions_and_light_are_served(motion, gain):
     assert quality(jl.merge(bits), truth) > quality(bits, truth) + 3
 
 
-@pytest.mark.parametrize("motion", ["shake", "static"])
+@pytest.mark.parametrize("motion", ["shake", pytest.param("static", marks=pytest.mark.slow)])
 def test_merging_alone_is_merging_along_what_align_returns(motion):
     _, bits = scene_of(motion)
     merged, expected = jl.merge(bits), jl.merge(bits, motion=jl.align(bits))
@@ -79,6 +79,7 @@ def test_merging_alone_is_merging_along_what_align_returns(motion):
         np.testing.assert_array_equal(getattr(merged, name), getattr(expected, name))
 
 
+@pytest.mark.slow
 def test_merged_counts_of_a_still_scene_are_about_as_good_as_its_bits(recwarn):
     scene, bits = scene_of("static")
     merged, truth = jl.merge(bits), scene.image(0)

@@ -29,6 +29,7 @@ def test_planes_and_truth_are_cut_and_turned_alike():
     assert len(seen) == 8  # all symmetries of a square
 
 
+@pytest.mark.slow
 def test_the_patches_of_a_step_have_similar_numbers_of_trials():
     source = FilmPatches([numbered(float(trials)) for trials in range(400, 0, -1)])
     assert source.max_side == 12
