@@ -1,9 +1,12 @@
-"""Functions of libraries that run in a thread, so that Ctrl-C works."""
+"""Libraries during which Ctrl-C works, and libraries that it does not interrupt."""
+
+import signal
+import threading
 
 import numpy as np
 import pytest
 
-from jotlight.interrupts import interruptible
+from jotlight.interrupts import hold_signals, interruptible
 
 
 def test_the_result_is_that_of_the_function():
@@ -22,3 +25,40 @@ def test_the_thread_uses_the_callers_numpy_settings():
         interruptible(np.divide)(1, zero)
     with np.errstate(all="ignore"):
         assert interruptible(np.divide)(1, zero) == np.inf
+
+
+def test_a_held_signal_is_raised_where_the_block_may_end():
+    before = signal.getsignal(signal.SIGINT)
+    steps = []
+    with pytest.raises(KeyboardInterrupt), hold_signals() as raise_held:
+        raise_held()
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        steps.append("held")
+        raise_held()
+        steps.append("not reached")
+    assert steps == ["held"]
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_held_signal_is_raised_at_the_end_of_the_block():
+    with pytest.raises(KeyboardInterrupt), hold_signals():
+        signal.raise_signal(signal.SIGINT)
+        held = True
+    assert held
+
+
+def test_other_threads_have_no_signals_to_hold():
+    errors = []
+
+    def work():
+        try:
+            with hold_signals() as raise_held:
+                raise_held()
+        except ValueError as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert errors == []

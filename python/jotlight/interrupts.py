@@ -1,10 +1,15 @@
-"""Ctrl-C while a library computes that does not react to it. The engine reacts by itself."""
+"""Ctrl-C while a library computes that does not react to it, or that breaks if it does.
 
+The engine reacts by itself.
+"""
+
+import contextlib
 import contextvars
 import functools
 import queue
+import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import ParamSpec, TypeVar
 
 P = ParamSpec("P")
@@ -46,3 +51,40 @@ def interruptible(function: Callable[P, R]) -> Callable[P, R]:
         return results.get()
 
     return run
+
+
+@contextlib.contextmanager
+def hold_signals() -> Iterator[Callable[[], None]]:
+    """Hold signals such as Ctrl-C back until the end of the block.
+
+    Yield a function that raises what a held signal raises. Call it where the block may end. Some
+    libraries crash if an exception interrupts a function that they call.
+
+    Examples
+    --------
+    >>> with hold_signals() as raise_held:
+    ...     raise_held()
+    """
+    handlers: dict[int, Callable[[int, None], object]] = {}
+    held: list[int] = []
+
+    def raise_held() -> None:
+        if held:
+            number = held[0]
+            held.clear()
+            handlers[number](number, None)
+
+    # Python handles signals in its main thread only.
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)
+            handler = None if number is None else signal.getsignal(number)
+            if number is not None and callable(handler):
+                handlers[number] = handler
+                signal.signal(number, lambda number, _: held.append(number))
+    try:
+        yield raise_held
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        raise_held()

@@ -1,18 +1,20 @@
 """HDF5 files: data sets, labels, and hostile files."""
 
 import hashlib
+import signal
 import sys
 
 import numpy as np
 import pytest
 
 import jotlight as jl
-from examples.arrays import random_frames
+from examples.arrays import random_bits, random_frames
 from examples.captures import BITS_WITH_MAPS
 from jotlight.formats.hdf5.captures import list_data_sets
 from jotlight.formats.hdf5.isolated import IsolatedLibrary
 from jotlight.formats.hdf5.library import Hdf5Library
 from jotlight.formats.verification import verify_capture
+from jotlight.output_files import OutputFile
 from reference import formats as twin
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
@@ -163,3 +165,26 @@ def test_positions_of_frames_may_be_numbers_of_numpy(tmp_path, library):
     jl.save(COUNTS[0], tmp_path / "a.h5")
     frames = next(iter(list_data_sets(tmp_path / "a.h5", library()).values())).frames
     np.testing.assert_array_equal(frames.read(np.int64(1), np.int64(3)), COUNTS[0, 1:3])
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_ctrl_c_while_the_library_writes_ends_the_command_without_a_crash(
+    tmp_path, monkeypatch, number
+):
+    pytest.importorskip("h5py")
+    writes = []
+
+    def write(self, data):
+        writes.append(len(data))
+        if len(writes) == number:
+            signal.raise_signal(signal.SIGINT)
+        return super(OutputFile, self).write(data)
+
+    monkeypatch.setattr(OutputFile, "write", write, raising=False)
+    bits = random_bits((4, 5, 16))
+    with pytest.raises(KeyboardInterrupt):
+        jl.save(bits, tmp_path / "a.h5")
+    assert list(tmp_path.iterdir()) == []
+    monkeypatch.undo()
+    jl.save(bits, tmp_path / "a.h5")
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.h5"), bits)

@@ -23,6 +23,7 @@ from jotlight.formats.labeled import ATTRIBUTE, StoredArray, bits_label, open_st
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
 from jotlight.formats.stubs import open_binary, raise_failure, remote_file
+from jotlight.interrupts import hold_signals
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_in_chunks
@@ -168,16 +169,23 @@ def _create(path: Path) -> Iterator[tuple[Any, Callable[[], None]]]:
     """Yield a new HDF5 file, and a function that raises the error of the first failed write.
 
     After a failed write, the library keeps the data, tries again when the process ends, and
-    crashes. So the file hides failed writes from the library.
+    crashes. So the file hides failed writes from the library. For the same reason, Ctrl-C waits
+    until the function is called.
     """
     with _naming_file(path):
         import h5py
     with atomic_write(path) as temporary, open_output(temporary, postpone_errors=True) as output:
-        # The formats of HDF5 1.10 have checksums for metadata, and other software reads them.
-        with h5py.File(
-            output, "w", libver=("v110", "v110"), userblock_size=_USER_BLOCK_BYTES
-        ) as file:
-            yield file, output.check
+        with hold_signals() as raise_held:
+
+            def check() -> None:
+                output.check()
+                raise_held()
+
+            # The formats of HDF5 1.10 have checksums for metadata, and other software reads them.
+            with h5py.File(
+                output, "w", libver=("v110", "v110"), userblock_size=_USER_BLOCK_BYTES
+            ) as file:
+                yield file, check
         output.flush()
         output.check()
         block = _user_block(temporary)
