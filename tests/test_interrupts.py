@@ -30,22 +30,33 @@ def test_the_thread_uses_the_callers_numpy_settings():
 def test_a_held_signal_is_raised_where_the_block_may_end():
     before = signal.getsignal(signal.SIGINT)
     steps = []
-    with pytest.raises(KeyboardInterrupt), hold_signals() as raise_held:
-        raise_held()
-        signal.raise_signal(signal.SIGINT)
-        signal.raise_signal(signal.SIGINT)
-        steps.append("held")
-        raise_held()
-        steps.append("not reached")
+
+    def work():
+        with hold_signals() as raise_held:
+            raise_held()
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)
+            steps.append("held")
+            raise_held()
+            steps.append("not reached")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
     assert steps == ["held"]
     assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_a_held_signal_is_raised_at_the_end_of_the_block():
-    with pytest.raises(KeyboardInterrupt), hold_signals():
-        signal.raise_signal(signal.SIGINT)
-        held = True
-    assert held
+    steps = []
+
+    def work():
+        with hold_signals():
+            signal.raise_signal(signal.SIGINT)
+            steps.append("held")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert steps == ["held"]
 
 
 def test_other_threads_have_no_signals_to_hold():
