@@ -10,6 +10,7 @@ import queue
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from types import FrameType
 from typing import ParamSpec, TypeVar
 
 P = ParamSpec("P")
@@ -65,7 +66,7 @@ def hold_signals() -> Iterator[Callable[[], None]]:
     >>> with hold_signals() as raise_held:
     ...     raise_held()
     """
-    handlers: dict[int, Callable[[int, None], object]] = {}
+    handlers: dict[int, Callable[[int, FrameType | None], object]] = {}
     held: list[int] = []
 
     def raise_held() -> None:
@@ -85,6 +86,6 @@ def hold_signals() -> Iterator[Callable[[], None]]:
     try:
         yield raise_held
     finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+        for number, own in handlers.items():
+            signal.signal(number, own)
         raise_held()

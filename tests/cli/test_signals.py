@@ -1,6 +1,7 @@
 """A command that is ended by a signal leaves no files."""
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import time
 import numpy as np
 import pytest
 
+import jotlight as jl
 from folders import file_names
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="sends signals")
@@ -152,6 +154,28 @@ def test_a_terminated_command_leaves_no_files(tmp_path):
         child.terminate()
         assert child.wait(timeout=20) == 143
     assert file_names(tmp_path) == ["large.npy"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [1.5, 2.5, 4.0])
+def test_ctrl_c_ends_a_command_and_its_workers_in_one_line(tmp_path, seconds):
+    pytest.importorskip("distributed")
+    sensor = jl.Sensor(frames=2000)
+    jl.save(sensor.expose(np.full((64, 64), 0.5), rng=0), tmp_path / "a.npy")
+    arguments = ["reconstruct", "a.npy", "-o", "{name}.zarr", "--window", "2", "--workers", "2"]
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
+    code += "from jotlight.cli.entry import main; main()"
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *arguments],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as child:
+        time.sleep(seconds)
+        os.killpg(child.pid, signal.SIGINT)  # as a terminal does
+        _, output = child.communicate(timeout=60)
+    assert (child.returncode, output) == (130, "error: stopped\n")
 
 
 IMPORTING = """

@@ -2,12 +2,15 @@
 
 import contextlib
 import logging
+import signal
 import threading
 from collections.abc import Iterator
+from multiprocessing import resource_tracker
 from typing import Any
 
 from jotlight._engine import __version__
 from jotlight.errors import import_extra
+from jotlight.interrupts import hold_signals
 
 _TIMEOUT = "10s"
 """Time after which a scheduler that does not answer is reported."""
@@ -70,19 +73,38 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
         "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": _KEPT_BYTES // 4,
     }
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    with (
-        dask.config.set(settings),
-        distributed.LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            dashboard_address=":0",
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        distributed.Client(cluster) as client,
-        _replaced(cluster, workers),
-    ):
+    with dask.config.set(settings), contextlib.ExitStack() as stack:
+        # A cluster that is half started could not be closed.
+        with hold_signals(), _ctrl_c_kept_from_children():
+            cluster = stack.enter_context(
+                distributed.LocalCluster(
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    dashboard_address=":0",
+                    silence_logs=logging.CRITICAL,
+                )
+            )
+        client = stack.enter_context(distributed.Client(cluster))
+        stack.enter_context(_replaced(cluster, workers))
         check_workers(client)
         yield client
+
+
+@contextlib.contextmanager
+def _ctrl_c_kept_from_children() -> Iterator[None]:
+    """Start processes to which Ctrl-C means nothing, also later from the threads of the block.
+
+    A terminal sends Ctrl-C to all processes of a command. The command ends its workers.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows, where the preload ignores it
+        yield
+        return
+    resource_tracker.ensure_running()  # which lets the signal through again in Python 3.11
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager
