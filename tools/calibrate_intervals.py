@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 import jotlight as jl
 from jotlight.evaluation.error_scale import FILE, ErrorModel, divide_bits, error_model, error_terms
-from jotlight.evaluation.intervals import TYPICAL_DEVIATION, Pixels, estimate_halves, stabilize
+from jotlight.evaluation.interval_pixels import Pixels, stabilize
+from jotlight.evaluation.intervals import TYPICAL_DEVIATION, estimate_halves
 from jotlight.sensing.pixel_counts import count_pixels
 
 TRIALS = 1, 2, 3, 4, 6, 9, 16, 25, 36, 64, 100, 256, 1024, 4096

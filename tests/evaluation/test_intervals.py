@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.special import gammainc
 
 import jotlight as jl
-from jotlight.evaluation.intervals import intensity_of, stabilize
 
 CAMERA = jl.datasets.photograph("camera")[100:196, 180:276]
 SENSOR = jl.Sensor(frames=16)
@@ -14,17 +12,6 @@ COUNTS = SENSOR.expose(CAMERA, rng=0).counts()
 
 def covered(known, image):
     return float(((known.low <= image) & (image <= known.high)).mean())
-
-
-@pytest.mark.parametrize("threshold", [1, 2, 5])
-@pytest.mark.parametrize("dark_counts", [0.0, 0.1])
-def test_z_and_the_intensity_are_inverse(threshold, dark_counts):
-    sensor = jl.Sensor(frames=4, threshold=threshold, max_intensity=20.0, gain=3.0)
-    intensity = np.linspace(0.01, 20, 50)[None]
-    z = stabilize(intensity, sensor, 0.8, dark_counts)
-    p = gammainc(threshold, 0.8 * 0.75 * intensity + dark_counts)
-    np.testing.assert_allclose(np.sin(z) ** 2, p, rtol=1e-9)
-    np.testing.assert_allclose(intensity_of(z, sensor, 0.8, dark_counts), intensity, rtol=1e-5)
 
 
 @pytest.mark.parametrize("trials", [1, pytest.param(3, marks=pytest.mark.slow), 16, 256])

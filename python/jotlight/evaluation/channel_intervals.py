@@ -10,7 +10,8 @@ from jotlight.estimators.demosaicing import COLORS
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.channels import reconstruct_channels
 from jotlight.evaluation.error_scale import Half, divide_bits, error_model
-from jotlight.evaluation.intervals import MIN_TRIALS, Pixels
+from jotlight.evaluation.interval_pixels import Pixels
+from jotlight.evaluation.intervals import MIN_TRIALS
 from jotlight.layout import Layout
 from jotlight.sensing.pixel_counts import Estimate, GrayImages
 from jotlight.sensing.sensor import Sensor
@@ -55,7 +56,7 @@ def find_channel_intervals(
     for start in range(0, len(images), COLORS):
         part = GrayImages(images.data[start : start + COLORS], Layout((COLORS,), -1))
         counted = part.count(sensor, threads)
-        each = [Pixels.of(counted, index) for index in range(COLORS)]
+        each = [Pixels.of(counted, index, threads) for index in range(COLORS)]
         halves = [divide_bits(one.ones, one.trials) for one in each]
         of_halves = _estimate_halves(each, halves, threads)
         for index, (one, own) in enumerate(zip(each, halves, strict=True)):

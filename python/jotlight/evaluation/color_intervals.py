@@ -24,7 +24,8 @@ from jotlight.evaluation.error_scale import (
     divide_bits,
     error_model,
 )
-from jotlight.evaluation.intervals import MIN_TRIALS, Pixels, intensity_of, stabilize, widen
+from jotlight.evaluation.interval_pixels import Pixels, intensity_of, stabilize
+from jotlight.evaluation.intervals import MIN_TRIALS, widen
 from jotlight.evaluation.known_estimate import read_estimate
 from jotlight.evaluation.methods import LARGE_TRIALS
 from jotlight.evaluation.mosaics import count_image

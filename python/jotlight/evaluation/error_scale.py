@@ -184,6 +184,8 @@ class HalfErrors:
     """Estimate from one half."""
     trials: Array
     """Trials of that half."""
+    slope: Array
+    """Derivative of p with respect to z."""
     squared: Array
     """Unbiased estimates of the squared error of p; they can be negative."""
     known: npt.NDArray[np.bool_]
@@ -208,14 +210,14 @@ class HalfErrors:
         )
         gain = held_out.ones * of_one + (number - held_out.ones) * of_zero
         trials = np.maximum(trained.trials, 1).astype(np.float64)
-        return cls(z, trials, squared, known, np.where(known, gain, 0.0))
+        # dp = 2 sin z cos z dz = sin 2z dz
+        return cls(z, trials, np.sin(2 * z), squared, known, np.where(known, gain, 0.0))
 
 
 def expected_squares(model: ErrorModel, half: HalfErrors) -> Array:
     """Return the squared errors of p that a model expects of the estimate from half of the bits."""
     scale = model.scale(half.z, half.trials) * model.deviations(half.z, half.trials)
-    # dp = 2 sin z cos z dz = sin 2z dz
-    return np.asarray((scale * np.sin(2 * half.z)) ** 2)
+    return np.asarray((scale * half.slope) ** 2)
 
 
 def correction(halves: Sequence[HalfErrors], of_model: Sequence[Array], z: Array) -> Array:

@@ -1,0 +1,253 @@
+"""The pixels of a gray image, the scale of the errors of their estimates, and their intervals."""
+
+import dataclasses
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.estimators.trial_levels import count_local_trials
+from jotlight.estimators.uncertainty import Uncertainty
+from jotlight.evaluation.error_scale import (
+    ErrorModel,
+    Half,
+    HalfErrors,
+    correction,
+    expected_squares,
+    is_unlikely,
+)
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.pixel_counts import Estimate, PixelCounts
+from jotlight.sensing.reference import Jot
+from jotlight.sensing.response import (
+    Array,
+    detection_density,
+    detection_probability,
+    inverse_detection_probability,
+    silence_probability,
+)
+from jotlight.sensing.sensor import Sensor
+
+_LEAST_TRIALS = 0.5
+"""Smallest number of trials for which a scale is computed."""
+
+_LEAST_LIGHT = 1e-4
+"""Smallest intensity at which jots are compared, as a fraction of the largest one."""
+
+_MAX_RATIO = 8.0
+"""Largest derivative of z at a jot with respect to z at another one.
+
+Beyond it, one of them is dark or saturated.
+"""
+
+
+def stabilize(
+    intensity: Array, sensor: Sensor, efficiency: float | Array, dark_counts: float | Array
+) -> Array:
+    """Return z = arcsin √p of the probability p that a bit is 1.
+
+    Parameters
+    ----------
+    intensity : ndarray, shape (H, W)
+        Intensities of 0 or more.
+    sensor : Sensor
+        The sensor.
+    efficiency, dark_counts : float or ndarray, shape (H, W)
+        η and d of the pixels.
+
+    Examples
+    --------
+    >>> stabilize(np.array([[0.0, np.log(2)]]), Sensor(), 1.0, 0.0).round(4)  # π/4
+    array([[0.    , 0.7854]])
+    """
+    rate = efficiency * sensor.light_per_intensity * intensity + dark_counts
+    p, rest = (
+        detection_probability(sensor.threshold, rate),
+        silence_probability(sensor.threshold, rate),
+    )
+    return np.asarray(np.arctan2(np.sqrt(p), np.sqrt(rest)))
+
+
+def intensity_of(
+    z: Array, sensor: Sensor, efficiency: float | Array, dark_counts: float | Array
+) -> Array:
+    """Return the intensity in [0, S] of z: the inverse of :func:`stabilize`."""
+    z = np.clip(z, 0, np.pi / 2)
+    rate = inverse_detection_probability(sensor.threshold, np.sin(z) ** 2, np.cos(z) ** 2)
+    intensity = (rate - dark_counts) / (efficiency * sensor.light_per_intensity)
+    return np.asarray(np.clip(intensity, 0, sensor.max_intensity))
+
+
+def slope_of(
+    intensity: Array, sensor: Sensor, efficiency: float | Array, dark_counts: float | Array
+) -> Array:
+    """Return the derivative of z with respect to the light of a jot, η c / (2 √[p (1 - p)]).
+
+    The parameters are those of :func:`stabilize`. Where a jot is saturated, it is 0.
+
+    Examples
+    --------
+    >>> z = stabilize(np.array([[0.5, 0.5001]]), Sensor(), 1.0, 0.0)
+    >>> slope = slope_of(np.array([[0.5]]), Sensor(), 1.0, 0.0)
+    >>> bool(abs((z[0, 1] - z[0, 0]) / 1e-4 - slope[0, 0]) < 1e-3)
+    True
+    """
+    rate = efficiency * sensor.light_per_intensity * intensity + dark_counts
+    variance = detection_probability(sensor.threshold, rate) * silence_probability(
+        sensor.threshold, rate
+    )
+    change = efficiency * detection_density(sensor.threshold, rate)
+    noise = 2 * np.sqrt(variance)
+    return np.asarray(np.divide(change, noise, out=np.zeros_like(noise), where=noise > 0))
+
+
+@dataclasses.dataclass(frozen=True)
+class Pixels:
+    """The pixels of a gray image, (H, W).
+
+    Errors are those of z at the *typical jot*, with the median efficiency and dark counts. At the
+    own jot of each pixel, z would have a pattern that looks like a scene full of detail.
+    """
+
+    sensor: Sensor
+    ones: npt.NDArray[np.int32]
+    trials: Array
+    efficiency: float | Array
+    dark_counts: float | Array
+    threads: int | None = None
+
+    @classmethod
+    def of(cls, pixels: PixelCounts, index: int, threads: int | None = None) -> Self:
+        """Return the pixels of one of N images."""
+        trials = np.broadcast_to(np.asarray(pixels.trials, np.float64), pixels.counts.shape)
+        efficiency, dark_counts = (
+            value[index] if isinstance(value, np.ndarray) else value
+            for value in (pixels.efficiency, pixels.dark_counts)
+        )
+        jot = efficiency, dark_counts
+        return cls(pixels.sensor, pixels.counts[index], trials[index], *jot, threads)
+
+    def merged(self, ones: npt.NDArray[Any], trials: npt.NDArray[Any]) -> Merged:
+        """Return some of the bits as data."""
+        return Merged(
+            ones.astype(np.int32),
+            trials.astype(np.float64),
+            self.sensor,
+            dark_counts=self.dark_counts,
+            efficiency=self.efficiency,
+        )
+
+    @cached_property
+    def typical_jot(self) -> Jot:
+        """η and d of the typical jot."""
+        return float(np.median(self.efficiency)), float(np.median(self.dark_counts))
+
+    @property
+    def has_alike_jots(self) -> bool:
+        """Whether the jots of all pixels are alike."""
+        return not any(isinstance(each, np.ndarray) for each in (self.efficiency, self.dark_counts))
+
+    def stabilize(self, estimate: Estimate) -> Array:
+        """Return z of an estimate, at the typical jot."""
+        return stabilize(estimate.astype(np.float64), self.sensor, *self.typical_jot)
+
+    def local_trials(self, trials: Array, slope: float | Array) -> Array:
+        """Return the trials of the typical jot that say as much as those around each pixel.
+
+        The network denoises with the trials around a pixel, so they determine its errors.
+
+        Parameters
+        ----------
+        trials : ndarray, shape (H, W)
+            Trials of the pixels.
+        slope : float or ndarray, shape (H, W)
+            :meth:`relative_slope` of the pixels.
+        """
+        equivalent = trials * np.square(slope)
+        if np.ptp(equivalent) == 0:
+            return np.maximum(equivalent, _LEAST_TRIALS)
+        counted = PixelCounts(self.sensor, self.ones[None], equivalent[None], 1.0, 0.0, False)
+        (local,) = count_local_trials(counted, self.threads)
+        return np.maximum(np.broadcast_to(np.float64(local), trials.shape), _LEAST_TRIALS)
+
+    def relative_slope(self, estimate: Estimate) -> float | Array:
+        """Return the derivative of z at a pixel's own jot with respect to z at the typical jot.
+
+        It is an array (H, W), or 1.0 if all jots are alike. Its square is the ratio of what a trial
+        of both jots says about the light.
+        """
+        if self.has_alike_jots:
+            return 1.0
+        light = np.maximum(estimate.astype(np.float64), _LEAST_LIGHT * self.sensor.max_intensity)
+        own, typical = (
+            slope_of(light, self.sensor, *jot)
+            for jot in ((self.efficiency, self.dark_counts), self.typical_jot)
+        )
+        # Without light, both are 0.
+        ratio = np.divide(own, typical, out=np.ones_like(own), where=typical > 0)
+        return np.clip(ratio, 1 / _MAX_RATIO, _MAX_RATIO)
+
+    def errors(self, halves: Sequence[Half], estimates: Sequence[Estimate]) -> list[HalfErrors]:
+        """Return the errors of the estimates from each half, if there are any."""
+        pairs = (halves, halves[::-1])
+        found = []
+        for estimate, pair in zip(estimates, pairs[: len(estimates)], strict=True):
+            own = stabilize(
+                estimate.astype(np.float64), self.sensor, self.efficiency, self.dark_counts
+            )
+            measured, slope = HalfErrors.measure(own, *pair), self.relative_slope(estimate)
+            found.append(
+                dataclasses.replace(
+                    measured,
+                    z=self.stabilize(estimate),
+                    trials=self.local_trials(pair[0].trials.astype(np.float64), slope),
+                    slope=measured.slope * slope,
+                )
+            )
+        return found
+
+    def scale(self, known: Estimate, errors: list[HalfErrors], model: ErrorModel) -> Array:
+        """Return the scale of the errors of a network's estimate, with those from the halves."""
+        z, trials = (
+            self.stabilize(known),
+            self.local_trials(self.trials, self.relative_slope(known)),
+        )
+        scale = model.scale(z, trials)
+        if not errors:
+            return scale
+        return scale * correction(errors, [expected_squares(model, half) for half in errors], z)
+
+    def uncertainty(
+        self,
+        estimate: Estimate,
+        scale: Array,
+        errors: list[HalfErrors],
+        confidence_level: float,
+        model: ErrorModel,
+    ) -> Uncertainty:
+        """Return the uncertainty (1, H, W) of an estimate whose errors have a scale."""
+        z, trials = (
+            self.stabilize(estimate),
+            self.local_trials(self.trials, self.relative_slope(estimate)),
+        )
+
+        def intensity(z: Array) -> Array:
+            return intensity_of(z, self.sensor, *self.typical_jot)
+
+        low, high = model.quantiles(z, trials, (1 - confidence_level) / 2)
+        deviation = scale * model.deviations(z, trials)
+        low, high = intensity(z + low * scale), intensity(z + high * scale)
+        dead = self.trials == 0
+        error = (intensity(z + deviation) - intensity(z - deviation)) / 2
+        return Uncertainty(
+            standard_error=error.astype(np.float32)[None],
+            low=np.minimum(low, estimate).astype(np.float32)[None],
+            high=np.maximum(high, estimate).astype(np.float32)[None],
+            unlit=((low <= 0) & ~dead)[None],
+            saturated=((self.ones == self.trials) & ~dead)[None],
+            dead=dead[None],
+            unlikely=(is_unlikely(errors) if errors else np.zeros_like(dead))[None],
+            confidence_level=confidence_level,
+        )
