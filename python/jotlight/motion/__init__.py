@@ -19,9 +19,11 @@ In reading order:
 - ``merge``: the counts of all bits along a motion; ``merged_pixels`` adds up their jots.
   ``consistency``, ``flags``, ``still_window``: which bits agree, which pixels not to trust, and
   when a window without motion is better.
-- ``film``, ``live_film``, ``film_image``: an image of each window of frames. ``film_state``,
-  ``film_merging``, ``carrying``, ``memory``: what a film carries from image to image.
-  ``film_estimates``: its images by the film network.
+- ``film``, ``live_film``, ``film_image``: an image of each window of frames. ``film_settings``,
+  ``film_frames``: how it is made, and of which frames. ``film_state``: what a film carries from
+  image to image. ``film_candidates``: an image along each of several motions. ``film_schedule``:
+  when its motion is estimated again. ``film_merging``, ``carrying``, ``memory``: the steps of an
+  image. ``film_estimates``: the images by the film network.
 - ``jots``, ``equivalent``, ``flicker``, ``lights``: jots that differ, and light that changes.
   ``reading_counts``, ``reading_response``: readings of several bits, and brackets, as counts.
 - ``jot_kinds``, ``squares``, ``mosaic_colors``, ``threshold_maps``, ``film_kinds``: jots behind

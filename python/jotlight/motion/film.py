@@ -8,8 +8,10 @@ from jotlight.checks import whole_number_in_range
 from jotlight.chunks import windows
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import prepare_burst
-from jotlight.motion.film_image import FilmImage, FilmSettings
+from jotlight.motion.film_frames import FilmFrames
+from jotlight.motion.film_image import FilmImage
 from jotlight.motion.film_kinds import KindsFilmState
+from jotlight.motion.film_settings import FilmSettings
 from jotlight.motion.film_state import FilmState
 from jotlight.motion.jot_kinds import frames_of_kinds, has_kinds
 from jotlight.motion.reading_counts import ReadingCounts, counts_for_motion
@@ -115,7 +117,8 @@ def film(
     )
     state = begin_film(part, settings)
     frames: Any = data
-    images = (state.next_image(frames, 0, span.start) for span in spans)
+    known = FilmFrames(frames, 0)
+    images = (state.next_image(known, span.start) for span in spans)
     return images if converted is None else (_corrected(image, converted) for image in images)
 
 
