@@ -12,7 +12,7 @@ In reading order:
   of a scene. ``velocity_scores``: the correlations behind it.
 - ``scoring``, ``affine``, ``tiles``, ``regularize``, ``deformation``: displacements of blocks, from
   a template. ``smoothing``, ``affine_curve``, ``shrinkage``: their curves in time. ``track``: what
-  is known while they are estimated.
+  is known while they are estimated. ``kept_sums``: the sums of blocks meanwhile.
 - ``outlines``, ``short_outlines``, ``depth``: which pixels follow which motion, and what is in
   front. ``added_tiles``: tiles that move by themselves. ``likelihood_gain``: how much better a
   motion is than none.

@@ -11,13 +11,14 @@ from jotlight.motion.affine import follow_segment, improve_inside, improve_toget
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
+from jotlight.motion.kept_sums import keeps_sums
 from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.objects import PARAMETERS, add_objects, more_likely
 from jotlight.motion.outlines import choose_labels
 from jotlight.motion.scoring import make_blurred_template
 from jotlight.motion.segments import Segment, energy_of, find_segments
 from jotlight.motion.tiles import mean_tiles, tile_counts
-from jotlight.motion.track import Paths, Track, keeps_sums
+from jotlight.motion.track import Paths, Track
 
 Array = npt.NDArray[np.float64]
 
