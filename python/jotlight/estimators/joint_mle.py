@@ -9,7 +9,7 @@ from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.pixel_counts import Estimate, GrayImages
 from jotlight.sensing.reference import reference_jot
-from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.response import Array, intensity_at_probability
 from jotlight.sensing.sensor import Sensor
 
 
@@ -97,9 +97,9 @@ def _start(joint: JointLikelihood, offset: float) -> Array:
             unsaturated = 1 - pool(cells.total) / np.maximum(cells.max_reading * trials, 1)
             information = trials * efficiency * term.light * unsaturated / (own + offset)
         else:
-            fraction = (pool(term.total) + 0.5) / (trials + 1)
-            rate = inverse_detection_probability(cells.threshold, fraction, 1 - fraction)
-            own = np.clip((rate - dark_counts) / (efficiency * term.light), 1e-9 * highest, highest)
+            p, slope = (pool(term.total) + 0.5) / (trials + 1), efficiency * term.light
+            own = intensity_at_probability(cells.threshold, p, 1 - p, slope, dark_counts)
+            own = np.clip(own, 1e-9 * highest, highest)
             light = term.light * own if are_pixels else term.spread(own)
             information = term.light**2 * pool(cells.information(light))
         weight = np.minimum(information * (own + offset) ** 2, trials) + 1e-9 * trials
