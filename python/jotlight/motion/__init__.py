@@ -17,8 +17,8 @@ In reading order:
   front. ``added_tiles``: tiles that move by themselves. ``likelihood_gain``: how much better a
   motion is than none.
 - ``merge``: the counts of all bits along a motion; ``merged_pixels`` adds up their jots.
-  ``consistency``, ``flags``, ``still_window``: which bits agree, which pixels not to trust, and
-  when a window without motion is better.
+  ``consistency``, ``disagreement``, ``flags``, ``still_window``: which bits agree, and how much;
+  which pixels not to trust; and when a window without motion is better.
 - ``film``, ``live_film``, ``film_image``: an image of each window of frames. ``film_settings``,
   ``film_frames``: how it is made, and of which frames. ``film_state``: what a film carries from
   image to image. ``film_candidates``: an image along each of several motions. ``film_schedule``:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.motion.affine_curve import smooth_affine
 from jotlight.motion.blocks import Blocks, Sums
-from jotlight.motion.consistency import chi_squared
+from jotlight.motion.disagreement import chi_squared
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.regularize import Equations, fit_affine
 from jotlight.motion.scoring import FAST, PRECISE, Template, make_template, normal_equations

@@ -75,7 +75,7 @@ class FilmSchedule:
         self._images += 1
 
     def _may_show_outlines(self, around: range, motion: Motion) -> bool:
-        """Return whether there are so many more frames that they may show other outlines.
+        """Return whether the frames around a window have grown enough to show other outlines.
 
         The first windows of a causal film have shown the parts of a scene too briefly.
         """

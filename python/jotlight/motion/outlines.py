@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.blocks import Sums
-from jotlight.motion.consistency import chi_squared
+from jotlight.motion.disagreement import chi_squared
 from jotlight.motion.scoring import make_template
 from jotlight.motion.track import Track, from_center
 
