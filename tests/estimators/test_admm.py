@@ -4,7 +4,7 @@ from scipy.optimize import minimize_scalar
 
 import jotlight as jl
 import jotlight._engine as engine
-from jotlight.estimators import admm
+from jotlight.estimators import admm_splitting
 from jotlight.images.io import read_image
 from reference import iterative
 from reference.iterative import scene
@@ -193,7 +193,7 @@ def test_the_choice_of_the_penalties_does_not_change_the_estimate(kernel, name, 
     bits = sensor.expose(scene(16, 16), rng=8)
     options = {"weight": 5.0, "tol": 1e-4, "max_iter": 2000}
     expected, usual, _ = run(bits, sensor, **options)
-    monkeypatch.setattr(admm, name, value)
+    monkeypatch.setattr(admm_splitting, name, value)
     estimate, other, _ = run(bits, sensor, **options)
     assert other.objective == pytest.approx(usual.objective, rel=2e-5)
     np.testing.assert_allclose(estimate, expected, atol=1e-2)

@@ -251,3 +251,18 @@ def test_a_start_without_light_ends_at_the_same_estimate(threshold, dark):
 def test_an_unknown_solver_is_refused():
     with pytest.raises(ValueError, match="one of newton, gradient, got 'secant'"):
         jl.mle_iterative([[1]], jl.Sensor(), solver="secant")
+
+
+def test_images_that_no_step_improves_end_with_their_start(monkeypatch):
+    monkeypatch.setattr("jotlight.estimators.mle_iterative._MAX_HALVINGS", 0)
+    sensor = jl.Sensor(oversampling=2, frames=6, kernel="quadratic")
+    light = np.random.default_rng(0).random((16, 20))
+    stack = [sensor.expose(image, rng=1) for image in (light, 0 * light)]
+    start = np.full((2, 16, 20), 0.4)
+    with pytest.warns(jl.JotlightWarning, match="rounding hides the progress of any step"):
+        found, (of_light, of_darkness) = jl.mle_iterative(stack, start=start, return_history=True)
+    assert not of_light.converged
+    assert np.median(found[0]) == np.float32(0.4)
+    # Dark images have the estimate 0 from the beginning.
+    assert of_darkness.converged
+    assert (found[1] == 0).all()

@@ -8,7 +8,7 @@ import pytest
 import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.motion import burst as module
-from jotlight.motion import track
+from jotlight.motion import kept_sums
 from jotlight.motion.burst import as_burst
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Provenance
@@ -124,7 +124,7 @@ def test_frames_are_read_when_they_are_needed():
 @pytest.mark.filterwarnings("ignore:the motion does not explain the scene")
 def test_long_bursts_take_no_more_memory_than_short_ones(monkeypatch):
     monkeypatch.setattr(module, "_BYTES_AT_ONCE", 1 << 16)
-    monkeypatch.setattr(track, "_MAX_KEPT_BYTES", 0)
+    monkeypatch.setattr(kept_sums, "_MAX_KEPT_BYTES", 0)
     rng = np.random.default_rng(1)
     texture = rng.random((60, 60)) < 0.5
     shifts = *range(16), *range(16, 0, -1)

@@ -6,10 +6,10 @@ import pytest
 
 import jotlight as jl
 from jotlight.motion.carrying import carry
-from jotlight.motion.film_image import FilmSettings
-from jotlight.motion.film_state import FilmState
+from jotlight.motion.film_candidates import Candidates
+from jotlight.motion.film_merging import FilmMerging
 from jotlight.motion.squares import enlarge_motion, in_squares
-from moving import behind, in_memory
+from moving import behind, film_settings, in_memory
 
 
 @pytest.mark.slow
@@ -43,10 +43,9 @@ def test_the_end_of_a_window_moves_as_its_own_bits_show():
     part = bits[start : start + window]
     frames, _ = in_squares(bits[: start + window], bits.sensor, None)
     squares, sensor = in_squares(part, part.sensor, None)
-    settings = FilmSettings(
-        window=window, step=16, model="affine", causal=True, memory=False, upsample=1, threads=None
-    )
-    found = FilmState(sensor, settings)._of_more_frames(frames, 0, squares, start)
+    settings = film_settings(window, model="affine", memory=False)
+    candidates = Candidates(squares, start, None, FilmMerging(sensor, settings.step), settings)
+    found = candidates.of_more_frames(frames, 0)
     truth = scene.image(start + window - 1)
 
     def quality(motion):

@@ -1,4 +1,4 @@
-"""χ² of blocks: the engine against its twin, and blocks that agree or not."""
+"""Blocks that agree with the others or not: the engine against its twin, and simulated scenes."""
 
 import dataclasses
 
@@ -6,45 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from scipy.ndimage import gaussian_filter, shift
 
 import jotlight as jl
-from jotlight import _engine as engine
 from jotlight.motion import consistency
+from jotlight.motion import disagreement as disagreement_module
 from jotlight.motion.blocks import Sums
-from jotlight.motion.consistency import (
-    ComparedBlock,
-    add_agreeing,
-    chi_squared,
-    disagreement,
-    find_consistent,
-)
+from jotlight.motion.consistency import ComparedBlock, add_agreeing, find_consistent
 from jotlight.motion.path_search import _still
 from jotlight.motion.scoring import Template
 from jotlight.motion.track import Paths
 from moving import blocks_of, random_counts
 from reference import motion as reference
-
-
-def random_case(seed, size, trials, threads=None):
-    """Return sums and a template of random counts; a part of the pixels has no trials."""
-    rng = np.random.default_rng(seed)
-    sums = Sums.zeros(size)
-    sums.ones, sums.trials = random_counts(rng, size, trials)
-    probability = rng.uniform(0.01, 0.99, size).astype(np.float32)
-    return sums, Template(probability, rng.integers(0, 50, size, np.int32), threads)
-
-
-@settings(max_examples=60)
-@given(
-    st.integers(0, 2**32),
-    st.tuples(st.integers(1, 80), st.integers(1, 100)),
-    st.sampled_from([0, 1, 8, 128]),
-)
-def test_chi_squared_is_that_of_the_twin(seed, size, trials):
-    sums, template = random_case(seed, size, trials)
-    expected = reference.chi_squared(sums.ones, sums.trials, template.probability, template.trials)
-    np.testing.assert_allclose(chi_squared(sums, template), expected, rtol=1e-4)
 
 
 @pytest.mark.parametrize("light", [1e-4, 8.0])
@@ -57,46 +29,17 @@ def test_bits_of_dim_and_of_saturated_scenes_agree(light):
     assert find_consistent(still).accepted.mean() > 0.999
 
 
-def test_many_trials_do_not_show_small_errors():
-    """More trials than 512 count as 512 with the same fraction of ones."""
-    size, rng = (60, 70), np.random.default_rng(3)
-    probability = rng.uniform(0.1, 0.9, size).astype(np.float32)
-    template = Template(probability, np.full(size, 10**6, np.int32))
-    shifted = np.clip(probability + rng.normal(0, 0.02, size), 0, 1)
-
-    def sums_of(trials):
-        sums = Sums.zeros(size)
-        sums.trials[:], sums.ones[:] = trials, np.rint(trials * shifted)
-        return sums
-
-    few, many = sums_of(512), sums_of(512 * 1000)
-    np.testing.assert_allclose(
-        chi_squared(many, template), chi_squared(few, template), rtol=0.2, atol=0.05
-    )
-    np.testing.assert_allclose(disagreement(many, few), disagreement(few, few), atol=0.01)
-    raw = reference.chi_squared(many.ones, many.trials, template.probability, template.trials)
-    assert raw.mean() > 100
-    assert chi_squared(many, template).mean() < 2.5
-
-
-def test_the_shift_that_rounding_causes_is_no_disagreement():
-    size, rng, trials = (96, 96), np.random.default_rng(4), 400
-    image = gaussian_filter(rng.normal(size=size), 2.5, mode="wrap")
-    probability = 0.4 + 0.3 * np.tanh(image / image.std())
-    template = Template(probability.astype(np.float32), np.full(size, 10**6, np.int32))
-    rounded = shift(probability, (-0.4, 0.3), order=5, mode="grid-wrap")
+def random_sums(seed, size, trials):
+    """Return sums of random counts; a part of the pixels has no trials."""
     sums = Sums.zeros(size)
-    sums.trials[:], sums.ones[:], sums.frames = trials, rng.binomial(trials, rounded), trials
-    inner = np.s_[8:-8, 8:-8]
-    assert chi_squared(sums, template)[inner].mean() > 3
-    sums.remainders[:] = trials * np.float32([0.4, -0.3])[:, None]
-    assert chi_squared(sums, template)[inner].mean() < 1.4
+    sums.ones, sums.trials = random_counts(np.random.default_rng(seed), size, trials)
+    return sums
 
 
 def agreeing_case(seed, size, light=1.0, threads=None):
     """Return three neighboring blocks, and a template that is brighter by a factor."""
     rng = np.random.default_rng(seed)
-    blocks = [random_case(seed + index, size, 9)[0] for index in range(3)]
+    blocks = [random_sums(seed + index, size, 9) for index in range(3)]
     probability = np.clip(light * 0.4 + rng.normal(0, 0.1, size), 0.01, 0.99).astype(np.float32)
     template = Template(probability, rng.integers(0, 50, size, np.int32), threads)
     near = [(blocks[:2], 0), (blocks, 1), (blocks[1:], 1)]
@@ -141,60 +84,11 @@ def test_the_engine_accepts_the_counts_that_single_steps_accept(light, monkeypat
         again = accept(*agreeing_case(5, size, light, threads), size)
         for one, other in zip(alone, again, strict=True):
             np.testing.assert_array_equal(one, other)
-    monkeypatch.setattr(consistency, "_FEW_TRIALS", 0)
+    for module in (consistency, disagreement_module):
+        monkeypatch.setattr(module, "FEW_TRIALS", 0)
     for one, other in zip(alone, accept(*agreeing_case(5, size, light), size), strict=True):
         np.testing.assert_array_equal(one, other)
     assert 0 < alone[1].sum() < alone[3].sum() - alone[3].size
-
-
-@pytest.mark.parametrize("level", engine.cpu_levels())
-@pytest.mark.parametrize("size", [(1, 1), (3, 200), (97, 61)])
-def test_any_number_of_threads_gives_the_same_chi_squared(level, size):
-    engine.choose_cpu_level(level)
-    try:
-        one, *others = (chi_squared(*random_case(1, size, 9, threads)) for threads in (1, 2, 3))
-    finally:
-        engine.choose_cpu_level(None)
-    for other in others:
-        np.testing.assert_array_equal(one, other)
-
-
-def test_chi_squared_of_counts_that_agree_is_about_1():
-    rng = np.random.default_rng(2)
-    size, sums = (200, 200), Sums.zeros((200, 200))
-    probability = rng.uniform(0.1, 0.9, size)
-    sums.trials[:] = 20
-    sums.ones[:] = rng.binomial(20, probability)
-    template = Template(probability.astype(np.float32), np.full(size, 10**6, np.int32))
-    found = chi_squared(sums, template)
-    assert found.mean() == pytest.approx(1, abs=0.05)
-    sums.ones[80:120, 80:120] = rng.binomial(20, 1 - probability[80:120, 80:120])
-    changed = chi_squared(sums, template)
-    assert changed[90:110, 90:110].min() > 2.5
-    # The changed part has a slightly different mean, which counts as the brightness of the block.
-    np.testing.assert_allclose(changed[:70], found[:70], rtol=0.1, atol=0.01)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"ones": np.zeros((5, 7), np.int32)}, "numbers of ones: expected \\(5, 8\\)"),
-        ({"ones": np.full((5, 8), 3, np.int32)}, "expected 0 to that of trials"),
-        ({"p": np.full((5, 8), np.nan, np.float32)}, "numbers above 0 and below 1"),
-        ({"of_template": np.ones((5, 9), np.int32)}, "trials of the template"),
-        ({"out": np.zeros((4, 8), np.float32)}, "output: expected \\(5, 8\\)"),
-    ],
-)
-def test_arguments_that_do_not_fit_are_refused(changes, message):
-    arguments = {
-        "ones": np.zeros((5, 8), np.int32),
-        "trials": np.full((5, 8), 2, np.int32),
-        "p": np.full((5, 8), 0.5, np.float32),
-        "of_template": np.ones((5, 8), np.int32),
-        "out": np.zeros((5, 8), np.float32),
-    }
-    with pytest.raises(ValueError, match=message):
-        engine.chi_squared(*{**arguments, **changes}.values(), None)
 
 
 def hidden_scene(rng, channels=()):

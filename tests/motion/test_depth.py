@@ -16,7 +16,7 @@ from jotlight.motion.depth import (
 )
 from jotlight.motion.scoring import make_template
 from jotlight.motion.tiles import tile_counts
-from jotlight.motion.track import Paths, Track
+from jotlight.motion.track import Paths, Track, from_center
 from moving import blocks_of, occluded, record
 
 SIZE = 40, 56
@@ -69,7 +69,7 @@ def test_hidden_pixels_are_not_counted():
 def test_each_pixel_has_bits_near_the_reference_time():
     paths, _ = scene_of(2)
     paths.labels[18, 20] = 0  # a hole that the object hides before and after
-    central = [paths.sums(int(block)).trials for block in paths.tracks[0].from_center()[:2]]
+    central = [paths.sums(int(block)).trials for block in from_center(paths)[:2]]
     assert np.sum(central, axis=0).min() >= 1
     assert paths.sums(13).trials[18, 20] == 0
 

@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter, shift
 
 import jotlight as jl
 from jotlight.motion.blocks import Sums
-from jotlight.motion.consistency import chi_squared, disagreement
+from jotlight.motion.disagreement import chi_squared, disagreement
 from jotlight.motion.equivalent import (
     equivalent_sums,
     estimate_probability,

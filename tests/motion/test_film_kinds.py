@@ -6,14 +6,15 @@ import pytest
 import jotlight as jl
 from jotlight.motion.align import excluded_jots
 from jotlight.motion.film import film
+from jotlight.motion.film_candidates import Candidates
+from jotlight.motion.film_frames import FilmFrames
 from jotlight.motion.film_kinds import FilmKinds
-from jotlight.motion.film_state import FilmState
 from jotlight.motion.live_film import LiveFilm
 from jotlight.motion.mosaic_colors import is_mergeable
 from jotlight.motion.squares import in_squares
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.readings import without_mosaic
-from moving import behind
+from moving import behind, film_settings
 
 FRAMES, SIZE = 96, (64, 80)
 WINDOW, STEP = 64, 16
@@ -111,13 +112,13 @@ def test_squares_of_windows_are_those_of_all_frames(mosaic, step):
     _, bits = small(mosaic)
     sensor = bits.sensor.replace(mask=mask, gain=bits.sensor.gain)
     bits = jl.Bits(bits.packed, SIZE[1], sensor)
-    colors = FilmKinds(bits.sensor, SIZE, step, lambda: None)
+    colors = FilmKinds(bits.sensor, SIZE, film_settings(32, step, memory=False))
     gray = without_mosaic(bits.sensor)
     # The third window does not follow the second one, and the last one begins before it.
     for start in (0, step, step + 30, 2 * step):
         stop = min(start + 32, FRAMES)
         first = max(0, start - 3)
-        stack = colors.squares(bits[first:], first, range(start, stop))
+        stack = colors.squares(FilmFrames(bits[first:], first), range(start, stop))
         expected, own = in_squares(bits[start:stop], bits.sensor, excluded_jots(gray))
         np.testing.assert_array_equal(stack.images, expected.images)
         assert colors.sensor_of_squares(stop - start) == own
@@ -130,7 +131,7 @@ def test_a_motion_that_is_lost_flags_every_pixel():
     motion = jl.align(*in_squares(part, part.sensor, None))
     found = {}
     for is_lost in (False, True):
-        colors = FilmKinds(part.sensor, SIZE, STEP, lambda: None)
+        colors = FilmKinds(part.sensor, SIZE, film_settings(WINDOW, STEP, memory=False))
         merged, _ = colors.merge(part, motion, 0, is_lost=is_lost)
         found[is_lost] = merged.flags.mean()
     assert found[True] == 1 > found[False]
@@ -184,14 +185,14 @@ def test_where_no_motion_explains_the_scene_the_bits_of_fewer_frames_are_shown(
 @pytest.mark.slow
 def test_color_films_look_at_more_frames(monkeypatch):
     _, bits = small(motion="layers")
-    lengths, found = [], FilmState._of_more_frames
+    lengths, found = [], Candidates.of_more_frames
 
     def counted(self, frames, *arguments):
         lengths.append(len(frames))
         return found(self, frames, *arguments)
 
-    monkeypatch.setattr(FilmState, "_of_more_frames", counted)
-    monkeypatch.setattr("jotlight.motion.film_state._MAX_FLAGGED", -1.0)
+    monkeypatch.setattr(Candidates, "of_more_frames", counted)
+    monkeypatch.setattr("jotlight.motion.film_schedule._MAX_FLAGGED", -1.0)
     list(film(bits, window=32, step=32))
     assert lengths[0] == 32 + 48
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion import consistency, film_state
+from jotlight.motion import consistency
 from jotlight.motion import memory as memory_module
 from jotlight.motion.film import film
+from jotlight.motion.film_candidates import Candidate
 from jotlight.motion.live_film import LiveFilm
 from moving import in_memory
 
@@ -52,7 +53,7 @@ def test_a_rejected_image_is_not_remembered_twice(monkeypatch):
     # Carried images are lost, so all are aligned afresh.
     for name, of_carried, of_fresh in (("accepted", 0.5, 1.0), ("flagged", 0.2, 0.1)):
         shown = property(lambda self, a=of_carried, b=of_fresh: a if self.image.is_carried else b)
-        monkeypatch.setattr(film_state._Candidate, name, shown)
+        monkeypatch.setattr(Candidate, name, shown)
     found = list(film(bits, window=32, step=8, causal=True))
     assert not any(image.is_carried for image in found[1:])
     for image, other in zip(found, expected, strict=True):

@@ -5,7 +5,8 @@ import pytest
 
 from jotlight.motion import flags as motion_flags
 from jotlight.motion.blocks import Sums
-from jotlight.motion.consistency import Consistent, disagreement
+from jotlight.motion.consistency import Consistent
+from jotlight.motion.disagreement import disagreement
 
 SIZE = 192, 256
 NOWHERE = np.zeros(SIZE, np.uint8)

@@ -7,7 +7,7 @@ import pytest
 
 from jotlight import _engine as engine
 from jotlight.motion.blocks import Sums
-from jotlight.motion.consistency import chi_squared, disagreement
+from jotlight.motion.disagreement import chi_squared, disagreement
 from jotlight.motion.flicker import at_brightness, light_factor, without_saturation
 from jotlight.motion.scoring import Template
 

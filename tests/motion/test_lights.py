@@ -9,7 +9,7 @@ from scipy.stats import poisson
 import jotlight as jl
 from jotlight.motion.align import prepare_burst
 from jotlight.motion.blocks import Sums
-from jotlight.motion.consistency import chi_squared, disagreement
+from jotlight.motion.disagreement import chi_squared, disagreement
 from jotlight.motion.flicker import (
     at_brightness,
     change_of_light,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion import track as module
+from jotlight.motion import kept_sums
 from jotlight.motion.tiles import tile_counts
-from jotlight.motion.track import Paths, Track
+from jotlight.motion.track import Paths, Track, from_center
 from moving import blocks_of
 from reference.motion import interpolate_tiles, shifted_counts
 
@@ -109,16 +109,6 @@ def test_exact_tracks_count_along_their_own_displacements(change, step):
             np.testing.assert_array_equal(getattr(exact.sums(block), name), expected)
 
 
-def test_tracks_with_other_known_blocks_are_never_the_same():
-    """A block whose neighbors are not known may move alike, but is interpolated in another way."""
-    track, _ = random_track(6)
-    track.nodes[:] = 0.5
-    curve = track._curve(3)
-    other = dataclasses.replace(curve, fields=curve.fields[:2], times=curve.times[:2])
-    assert curve.distance(curve) == 0
-    assert 0 < other.distance(curve) < 1e-9
-
-
 def test_each_pixel_counts_along_its_own_track():
     (one, _), (other, _) = random_track(6), random_track(6)
     other.nodes = other.nodes[::-1].copy()
@@ -150,7 +140,7 @@ def test_a_part_of_the_pixels_is_counted_along_the_same_motion():
 def test_blocks_are_ordered_by_their_distance_from_the_reference(reference, expected):
     track, _ = random_track(6)
     track.reference = reference
-    assert track.from_center().tolist() == expected
+    assert from_center(track).tolist() == expected
 
 
 def test_counted_blocks_are_kept_until_their_displacements_change(monkeypatch):
@@ -163,7 +153,7 @@ def test_counted_blocks_are_kept_until_their_displacements_change(monkeypatch):
     fresh = Track(track.blocks, 12, track.nodes, track.known, track.information)
     np.testing.assert_array_equal(changed.ones, fresh.sums(2).ones)
     np.testing.assert_array_equal(changed.remainders, fresh.sums(2).remainders)
-    monkeypatch.setattr(module, "_MAX_KEPT_BYTES", 0)
+    monkeypatch.setattr(kept_sums, "_MAX_KEPT_BYTES", 0)
     assert fresh.sums(3) is not fresh.sums(3)
 
 

@@ -1,4 +1,4 @@
-"""The engine's P(q, s) and its inverse against exact arithmetic and SciPy."""
+"""P(q, s) and its inverse, above all those of the engine, against exact arithmetic and SciPy."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ from mpmath import mp
 from scipy.special import gammaincinv
 
 from jotlight._engine import detection_probability, inverse_detection_probability
+from jotlight.sensing import response
 
 THRESHOLDS = [1, 2, 3, 5, 20, 100]
 RATES = [*np.geomspace(1e-12, 1e4, 49), 0.999, 1.0, 1.001, 19.999, 20.0, 20.001, 100.0]
@@ -75,3 +76,16 @@ def test_the_inverse_of_0_and_1_is_0_and_infinity(threshold):
 def test_a_threshold_of_0_is_refused(function):
     with pytest.raises(ValueError, match="threshold: expected 1 to 65535 photons, got 0"):
         function(0, 0.5)
+
+
+@pytest.mark.parametrize("threshold", [1, 2, 5])
+@pytest.mark.parametrize("slope", [0.4, np.array([0.1, 1.0, 3.0])])
+def test_the_intensity_of_a_probability_is_that_of_the_rate(threshold, slope):
+    intensity = np.array([0.0, 0.3, 2.0])
+    rate = slope * intensity + 0.2
+    p = response.detection_probability(threshold, rate)
+    zero = response.silence_probability(threshold, rate)
+    found = response.intensity_at_probability(threshold, p, zero, slope, 0.2)
+    np.testing.assert_allclose(found, intensity, rtol=1e-9, atol=1e-9)
+    dark = response.intensity_at_probability(threshold, 0 * p, 1, slope, 0.2)
+    np.testing.assert_allclose(dark, np.broadcast_to(-0.2 / slope, dark.shape))

@@ -133,6 +133,21 @@ def paths_of(blocks, shifts, reference):
     return Paths([track], np.zeros(blocks.size, np.uint8))
 
 
+def film_settings(window, step=None, *, causal=True, model="auto", memory=None):
+    """Return the settings of a film, with four images per window by default."""
+    from jotlight.motion.film_settings import FilmSettings
+
+    return FilmSettings(
+        window=window,
+        step=window // 4 if step is None else step,
+        model=model,
+        causal=causal,
+        memory=memory,
+        upsample=1,
+        threads=None,
+    )
+
+
 @functools.cache
 def behind(mosaic="RGGB", motion="shake", frames=96, shape=(96, 112), rng=4):
     """Return a moving color scene behind a mosaic, and its bits."""

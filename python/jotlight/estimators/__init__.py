@@ -10,7 +10,7 @@ In reading order:
 * variance stabilization: ``vst`` (equations 6 and 7), ``denoise``, ``trial_levels`` (pixels with
   different numbers of trials), ``noniterative``;
 * iterative methods: ``problem`` (equation 4), ``convergence``, ``mle_iterative``, ``tv``, ``admm``
-  with ``admm_terms`` and ``linear_solver``, ``descent``;
+  with ``admm_splitting``, ``admm_terms``, and ``linear_solver``, ``descent``;
 * smooth kernels and mosaics: ``deconvolution``, ``demosaicing``;
 * quality of an estimate: ``uncertainty`` with ``light_inversion``, ``joint_uncertainty`` with
   ``pixel_kinds``, ``brightness``;

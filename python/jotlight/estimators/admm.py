@@ -1,54 +1,26 @@
 """Maximum likelihood with total variation, by ADMM: the paper's reference [7]."""
 
-import functools
-from collections.abc import Iterable
 from typing import Literal, overload
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.admm_terms import BoxTerm, DataTerm, SplittingTerm, VariationTerm
+from jotlight.estimators.admm_splitting import BALANCE, Splitting
 from jotlight.estimators.convergence import (
     ConvergenceMonitor,
     IterationCallback,
     check_stopping_rule,
 )
-from jotlight.estimators.linear_solver import NormalEquations
 from jotlight.estimators.problem import ConvergenceHistories, Inputs, solve_images
 from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variations
 from jotlight.sensing.likelihood import Problem
-from jotlight.sensing.operators import Scaling
 from jotlight.sensing.pixel_counts import Data, Estimate
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
-from jotlight.sensing.stacks import dots, each_image, image_means, select
-
-INITIAL_PENALTY = 6.0
-"""The initial penalty of the differences, in units of the weight over the mean intensity."""
-
-_JOT_PENALTY = 3.0
-"""The initial penalty of the light in units of the information, where the cells are jots."""
-
-BALANCE_INTERVAL = 10
-"""Iterations between two adjustments of the penalties."""
-
-_BALANCE = 0.1
-"""The weight of the dual residual: the run ends at a primal one of tol and a dual one of 10 tol."""
-
-_BALANCE_DAMPING = 0.8
-"""The factor by which each adjustment of the penalties weakens the next, so that they end."""
-
-_DARK = 1e-3
-"""The minimum intensity that the primal residual is relative to, as a fraction of S."""
-
-_MIN_FORCE = 0.1
-"""The minimum force that the dual residual is relative to, as a fraction of the stiffness."""
+from jotlight.sensing.stacks import select
 
 _MIN_LIGHT = 1e-6
 """The light that replaces a light of 0 where a bit is 1, as a fraction of the maximum light."""
-
-_CG_TOLERANCE = 1e-6
-"""The relative residual of the linear step, unless 0.01 `tol` is smaller."""
 
 
 # All but data and sensor are keyword-only and documented, so eleven parameters read well.
@@ -219,92 +191,25 @@ def _minimize(
     threads: int | None,
 ) -> Array:
     """Return the images of a stack. The monitor records their histories."""
-    operator, max_intensity = problem.operator, problem.max_intensity
-    level = problem.constant_estimates()
-    image = start
-    if image is None:
-        image = np.empty((len(level), *operator.input_shape))
-        image[:] = each_image(level, image)
-    equations = NormalEquations(operator, min(_CG_TOLERANCE, 0.01 * monitor.tol), threads)
-    information = _mean_information(problem, level)
-    stiffness = information * equations.gain**2
-    # The information approximates the stiffness of the likelihood, which scales the penalties.
-    mean_weight = image_means(weight) if isinstance(weight, np.ndarray) else weight
-    smoothness = np.maximum(INITIAL_PENALTY * mean_weight / level, 1e-2 * stiffness)
-    variation = VariationTerm(weight, norm, smoothness, image, threads)
-    if isinstance(operator, Scaling):
-        data = DataTerm(problem, information, equations.gain, image)
-        terms: list[SplittingTerm] = [data, variation]
-    else:
-        data = DataTerm(problem, _JOT_PENALTY * information, equations.gain, image)
-        terms = [data, variation, BoxTerm(max_intensity, 0.1 * stiffness, image)]
-
-    results, exponent = np.empty(image.shape), np.ones(len(image))
-    monitor.begin(len(image))
+    splitting = Splitting(problem, weight, norm, start, monitor.tol, threads)
+    results = np.empty((len(problem.likelihood.ones), *problem.operator.input_shape))
+    monitor.begin(len(results))
     while True:
-        right = _sum(term.right_hand_side() for term in terms)
-        image = equations.solve(right, [term.penalty for term in terms], image)
-        primal, dual = _update(terms, image, _DARK * max_intensity, _MIN_FORCE * stiffness)
-        if isinstance(operator, Scaling):
-            estimate = np.clip(data.x / operator.factor, 0, max_intensity)
-        else:
-            estimate = terms[-1].x
-        active = monitor.active
+        primal, dual = splitting.step()
+        estimate, active = splitting.estimates(), monitor.active
         residuals = {"primal": primal, "dual": dual}
-        unfinished = monitor.update(estimate, residuals, {"dual": 1 / _BALANCE})
+        unfinished = monitor.update(estimate, residuals, {"dual": 1 / BALANCE})
         if not unfinished.all():
             results[active[~unfinished]] = estimate[~unfinished]
             if not unfinished.any():
                 break
-            image, stiffness, exponent, primal, dual = (
-                select(each, unfinished) for each in (image, stiffness, exponent, primal, dual)
-            )
-            for term in terms:
-                term.select(unfinished)
-        if monitor.number % BALANCE_INTERVAL == 0:
-            exponent = _balance(terms, primal, dual, exponent)
+            splitting.select(unfinished)
+            primal, dual = select(primal, unfinished), select(dual, unfinished)
+        splitting.balance(monitor.number, primal, dual)
     objectives = total_variations(results, norm, weight, threads)
-    objectives -= _finite_log_likelihoods(problem, results, _MIN_LIGHT * data.max_light)
+    objectives -= _finite_log_likelihoods(problem, results, _MIN_LIGHT * splitting.max_light)
     monitor.finish(objectives, weight)
     return results
-
-
-def _mean_information(problem: Problem, level: Array) -> Array:
-    """Return the mean Fisher information of a cell about its light, at constant intensities."""
-    light_of_ones = problem.operator.forward(np.ones(problem.operator.input_shape))
-    light = each_image(level, problem.likelihood.ones) * light_of_ones
-    information = image_means(problem.likelihood.information(light))
-    # Near saturation the information vanishes, so it is bounded from below.
-    trials = np.broadcast_to(problem.likelihood.trials, light.shape)
-    return np.maximum(information, 1e-9 * image_means(trials) / image_means(light) ** 2)
-
-
-def _update(
-    terms: list[SplittingTerm], image: Array, dark: float, min_force: Array
-) -> tuple[Array, Array]:
-    """Update all terms and return the relative primal and dual residuals of each image.
-
-    The intensity `dark` bounds the denominator of the primal residual from below. The stiffness
-    `min_force` bounds that of the dual residual.
-    """
-    distances, changes = zip(*(term.update(image) for term in terms), strict=True)
-    size, change = dots(image, image), _sum(changes)
-    primal = _relative(_sum(distances), size + image[0].size * dark**2)
-    # Without a prior the multipliers vanish, and the stiffness of the likelihood is the scale.
-    forces = _sum(term.squared_force() for term in terms) + min_force**2 * size
-    return primal, _relative(dots(change, change), forces)
-
-
-def _balance(terms: list[SplittingTerm], primal: Array, dual: Array, exponent: Array) -> Array:
-    """Adjust the penalties where one residual is much larger, and return the next exponent."""
-    known = (primal > 0) & (dual > 0)
-    factor = np.sqrt(np.where(known, primal, 1) / np.where(known, _BALANCE * dual, 1))
-    unbalanced = known & ~((factor > 0.5) & (factor < 2))
-    if unbalanced.any():
-        change = np.where(unbalanced, np.clip(factor, 0.25, 4.0) ** exponent, 1.0)
-        for term in terms:
-            term.rescale(change)
-    return np.where(unbalanced, exponent * _BALANCE_DAMPING, exponent)
 
 
 def _finite_log_likelihoods(problem: Problem, images: Array, min_light: float) -> Array:
@@ -316,13 +221,3 @@ def _finite_log_likelihoods(problem: Problem, images: Array, min_light: float) -
     return np.where(
         np.isfinite(values), values, problem.likelihood.values(np.maximum(light, min_light))
     )
-
-
-def _relative(norm_squared: Array, scale_squared: Array) -> Array:
-    known = scale_squared > 0
-    ratio = np.sqrt(norm_squared / np.where(known, scale_squared, 1))
-    return np.where(known, ratio, norm_squared > 0)
-
-
-def _sum(arrays: Iterable[Array]) -> Array:
-    return functools.reduce(np.add, arrays)

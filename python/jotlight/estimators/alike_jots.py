@@ -1,14 +1,15 @@
 """What jots of one kind would report, in place of jots with different efficiency or dark counts."""
 
-from collections.abc import Sequence
+import dataclasses
+import functools
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.blur import blur
 from jotlight.estimators.neighbors import (
-    STEPS,
     each_filter,
+    fisher_scoring,
     own_sigma,
     toward_own,
     typical_spread,
@@ -19,6 +20,7 @@ from jotlight.sensing.response import (
     Array,
     detection_density,
     detection_probability,
+    intensity_at_probability,
     inverse_detection_probability,
     silence_probability,
 )
@@ -39,14 +41,45 @@ A jot whose bits contradict its efficiency or its dark counts would change the r
 """
 
 
+@dataclasses.dataclass(frozen=True)
+class JotCounts:
+    """Counts of pixels whose jots differ. Each map has the shape (N, H, W)."""
+
+    ones: npt.NDArray[np.number]
+    trials: Array
+    efficiency: Array
+    """η of the jots of each pixel."""
+    dark_counts: Array
+    """d."""
+    threshold: int
+    """q."""
+
+    @functools.cached_property
+    def fraction(self) -> Array:
+        """The fraction of ones, 0 without trials."""
+        none = np.zeros(self.ones.shape)
+        return np.asarray(np.divide(self.ones, self.trials, out=none, where=self.trials > 0))
+
+    def __getitem__(self, images: npt.NDArray[np.bool_]) -> "JotCounts":
+        """Return the counts of some of the N images."""
+        return dataclasses.replace(
+            self,
+            ones=self.ones[images],
+            trials=self.trials[images],
+            efficiency=self.efficiency[images],
+            dark_counts=self.dark_counts[images],
+        )
+
+    def rate(self, light: Array) -> Array:
+        """Return η s + d."""
+        return self.efficiency * light + self.dark_counts
+
+
 def alike_fractions(
-    ones: npt.NDArray[np.number],
-    trials: Array,
-    jots: tuple[Array, Array],
-    threshold: int,
+    counts: JotCounts,
     reference: Jot,
-    threads: int | None,
     pattern: npt.NDArray[np.integer] | None = None,
+    threads: int | None = None,
 ) -> Array:
     """Return the fractions of ones that reference jots would report, in [0, 1], (N, H, W).
 
@@ -62,96 +95,85 @@ def alike_fractions(
 
     Parameters
     ----------
-    ones, trials : ndarray of shape (N, H, W)
+    counts : JotCounts
         The counts. Pixels of 0 trials get the fractions of their neighbors.
-    jots : (ndarray, ndarray), each of shape (N, H, W)
-        η and d of each pixel.
-    threshold : int
-        q.
     reference : (float, float)
         η and d of the reference jot.
-    threads : int, optional
-        The number of threads. Default: all cores.
     pattern : ndarray of int, shape (H, W), optional
         The filter of each pixel of a mosaic. Only neighbors with the same one are combined.
         Default: all pixels have the same one.
+    threads : int, optional
+        The number of threads. Default: all cores.
 
     Examples
     --------
     >>> dark = np.where(np.arange(64) % 2, 0.05, 0.2) * np.ones((1, 64, 1))
     >>> p = 1 - np.exp(-0.1 - dark)
     >>> ones = np.random.default_rng(0).binomial(4, p)
-    >>> jots = np.ones(dark.shape), dark
-    >>> found = alike_fractions(ones, np.full(dark.shape, 4.0), jots, 1, (1.0, 0.1), None)
+    >>> counts = JotCounts(ones, np.full(p.shape, 4.0), np.ones(p.shape), dark, threshold=1)
+    >>> found = alike_fractions(counts, reference=(1.0, 0.1))
     >>> bool(abs(found.mean() - (1 - np.exp(-0.2))) < 0.01)
     True
     """
-    spreads = np.array([typical_spread(float(each.mean())) for each in trials])
-    result = np.zeros(ones.shape)
+    spreads = np.array([typical_spread(float(each.mean())) for each in counts.trials])
+    result = np.zeros(counts.ones.shape)
     for spread in np.unique(spreads):
         same = spreads == spread
-        result[same] = _alike_fractions(
-            ones[same],
-            trials[same],
-            (jots[0][same], jots[1][same]),
-            threshold,
-            reference,
-            float(spread),
-            pattern,
-            threads,
-        )
-    return result
-
-
-def _alike_fractions(
-    ones: npt.NDArray[np.number],
-    trials: Array,
-    jots: tuple[Array, Array],
-    threshold: int,
-    reference: Jot,
-    spread: float,
-    pattern: npt.NDArray[np.integer] | None,
-    threads: int | None,
-) -> Array:
-    """Return :func:`alike_fractions` with averages of a spread, for one kind of filter."""
-    fraction = np.divide(ones, trials, out=np.zeros(ones.shape), where=trials > 0)
-    result = np.zeros(ones.shape)
-    for own in each_filter(pattern, ones.shape[1:]):
-        weights = np.where(own, trials, 0.0)
-        light = _common_light(fraction, weights, jots, threshold, own_sigma(spread, own), threads)
-        light = _toward_own(light, fraction, trials, jots, threshold)
-        expected, variance = _bit(jots[0] * light + jots[1], threshold)
-        p, reference_variance = _bit(reference[0] * light + reference[1], threshold)
-        number = np.maximum(trials, 1)
-        limit = _MAX_NOISE * (np.sqrt(reference_variance / number) + 1 / number)
-        excess = (fraction - expected) * np.sqrt(reference_variance / variance)
-        alike = p + np.clip(excess, -limit, limit)
-        # Pixels without trials are filled later, so they pay no debts.
-        known = own & (trials > 0)
-        paid = carry_debts(np.where(known, alike, 0.0))
-        paid = 1 - carry_debts(np.where(known, 1 - paid, 0.0))
-        result = np.where(known, paid, np.where(own, p, result))
+        images = counts[same]
+        part = np.zeros(images.ones.shape)
+        for own in each_filter(pattern, part.shape[1:]):
+            found = _fractions_of_filter(images, reference, own, own_sigma(spread, own), threads)
+            part = np.where(own, found, part)
+        result[same] = part
     return np.clip(result, 0, 1)
 
 
-def _common_light(
-    fraction: Array,
-    weights: Array,
-    jots: tuple[Array, Array],
-    threshold: int,
+def _fractions_of_filter(
+    counts: JotCounts,
+    reference: Jot,
+    own: npt.NDArray[np.bool_],
     sigma: float,
     threads: int | None,
 ) -> Array:
+    """Return the fractions of the pixels (H, W) of one filter. Those of others mean nothing.
+
+    Pixels are combined with their neighbors by a Gaussian filter with a standard deviation.
+    """
+    fraction, trials = counts.fraction, counts.trials
+    light = _toward_own(counts, _common_light(counts, np.where(own, trials, 0.0), sigma, threads))
+    expected, variance = _bit(counts.rate(light), counts.threshold)
+    p, reference_variance = _bit(reference[0] * light + reference[1], counts.threshold)
+    number = np.maximum(trials, 1)
+    limit = _MAX_NOISE * (np.sqrt(reference_variance / number) + 1 / number)
+    excess = (fraction - expected) * np.sqrt(reference_variance / variance)
+    alike = p + np.clip(excess, -limit, limit)
+    # Pixels without trials are filled later, so they pay no debts.
+    known = own & (trials > 0)
+    paid = carry_debts(np.where(known, alike, 0.0))
+    paid = 1 - carry_debts(np.where(known, 1 - paid, 0.0))
+    return np.where(known, paid, p)
+
+
+def _common_light(counts: JotCounts, weights: Array, sigma: float, threads: int | None) -> Array:
     """Return the most likely light of each pixel and its neighbors, (N, H, W).
 
     The likelihood of a neighborhood is that of its pixels with Gaussian weights of a standard
-    deviation. It is maximized by Fisher scoring.
+    deviation, times the given ones.
     """
-    efficiency, dark_counts = jots
+    fraction, threshold = counts.fraction, counts.threshold
+    efficiency, dark_counts = counts.efficiency, counts.dark_counts
 
-    def sums(*parts: Array) -> Sequence[Array]:
+    def sums(*parts: Array) -> list[Array]:
         stacked = np.concatenate(parts)
         return [*blur(stacked, sigma, threads).astype(np.float64).reshape(-1, *fraction.shape)]
+
+    def derivatives(light: Array) -> tuple[Array, Array]:
+        rate = counts.rate(light)
+        expected, variance = _bit(rate, threshold)
+        slope = efficiency * detection_density(threshold, rate)
+        score = weights * slope / variance
+        gradient, information = sums(score * (fraction - expected), score * slope)
+        return gradient, information
 
     total, ones, gain, dark = sums(
         weights, weights * fraction, weights * efficiency, weights * dark_counts
@@ -159,29 +181,20 @@ def _common_light(
     total = np.maximum(total, _TINY)
     p = np.clip(ones / total, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
     rate = inverse_detection_probability(threshold, p, 1 - p)
-    light = np.maximum((total * rate - dark) / np.maximum(gain, _TINY), _MIN_LIGHT)
-    for _ in range(STEPS):
-        rate = efficiency * light + dark_counts
-        expected, variance = _bit(rate, threshold)
-        slope = efficiency * detection_density(threshold, rate)
-        score = weights * slope / variance
-        gradient, information = sums(score * (fraction - expected), score * slope)
-        light = np.maximum(light + gradient / np.maximum(information, _TINY), _MIN_LIGHT)
-    return light
+    start = np.maximum((total * rate - dark) / np.maximum(gain, _TINY), _MIN_LIGHT)
+    return fisher_scoring(start, derivatives, _MIN_LIGHT)
 
 
-def _toward_own(
-    light: Array, fraction: Array, trials: Array, jots: tuple[Array, Array], threshold: int
-) -> Array:
+def _toward_own(counts: JotCounts, light: Array) -> Array:
     """Return light between that of neighborhoods and the most likely one of each pixel."""
-    efficiency, dark_counts = jots
-    rate = efficiency * light + dark_counts
+    efficiency, trials, threshold = counts.efficiency, counts.trials, counts.threshold
+    rate = counts.rate(light)
     _, variance = _bit(rate, threshold)
     information = trials * (efficiency * detection_density(threshold, rate)) ** 2 / variance
     # A saturated pixel has no most likely light.
-    p = np.minimum(fraction, 1 - 0.5 / np.maximum(trials, 1))
-    own = inverse_detection_probability(threshold, p, 1 - p) - dark_counts
-    return toward_own(light, np.maximum(own / efficiency, _MIN_LIGHT), information)
+    p = np.minimum(counts.fraction, 1 - 0.5 / np.maximum(trials, 1))
+    own = intensity_at_probability(threshold, p, 1 - p, efficiency, counts.dark_counts)
+    return toward_own(light, np.maximum(own, _MIN_LIGHT), information)
 
 
 def _bit(rate: Array, threshold: int) -> tuple[Array, Array]:

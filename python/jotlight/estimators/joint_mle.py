@@ -6,10 +6,11 @@ import numpy.typing as npt
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.layout import join
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
+from jotlight.sensing.joint_term import Term
 from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.pixel_counts import Estimate, GrayImages
 from jotlight.sensing.reference import reference_jot
-from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.response import Array, intensity_at_probability
 from jotlight.sensing.sensor import Sensor
 
 
@@ -82,32 +83,41 @@ def dark_intensity(sensor: Sensor) -> float:
 
 def _start(joint: JointLikelihood, offset: float) -> Array:
     """Return the mean of the estimates from each group, weighted by their information about v."""
-    efficiency, dark_counts = reference_jot(joint.sensor)
-    highest = joint.sensor.max_intensity
     total, weights = np.zeros(joint.shape), np.zeros(joint.shape)
     for term in joint.terms:
-        cells, are_pixels = term.cells, term.side == 1
-        # Jots of a pixel estimate its intensity together. Pixels without readings are left out.
-        pool = np.asarray if are_pixels else term.sum_pixels
-        trials = pool(term.trials)
-        if isinstance(cells, ReadingLikelihood):
-            rate = pool(cells.trials * cells.likely_rate()) / np.maximum(trials, 1)
-            # That of Poisson counts, as far as the readings are not the largest one.
-            own = np.clip((rate - dark_counts) / (efficiency * term.light), 1e-9 * highest, highest)
-            unsaturated = 1 - pool(cells.total) / np.maximum(cells.max_reading * trials, 1)
-            information = trials * efficiency * term.light * unsaturated / (own + offset)
-        else:
-            fraction = (pool(term.total) + 0.5) / (trials + 1)
-            rate = inverse_detection_probability(cells.threshold, fraction, 1 - fraction)
-            own = np.clip((rate - dark_counts) / (efficiency * term.light), 1e-9 * highest, highest)
-            light = term.light * own if are_pixels else term.spread(own)
-            information = term.light**2 * pool(cells.information(light))
+        own, information, trials = _estimate_of_group(term, joint.sensor, offset)
         weight = np.minimum(information * (own + offset) ** 2, trials) + 1e-9 * trials
         logarithm = weight * np.log(own + offset)
-        total += term.sum_pixels(logarithm) if are_pixels else logarithm
-        weights += term.sum_pixels(weight) if are_pixels else weight
+        are_cells = term.side == 1
+        total += term.sum_pixels(logarithm) if are_cells else logarithm
+        weights += term.sum_pixels(weight) if are_cells else weight
     mean = np.divide(total, weights, out=np.zeros(joint.shape), where=weights > 0)
     return np.asarray(np.exp(mean) - offset)
+
+
+def _estimate_of_group(term: Term, sensor: Sensor, offset: float) -> tuple[Array, Array, Array]:
+    """Return the intensity that the readings of a group state, its information, and their number.
+
+    If a pixel has one cell, they are those of the cells. Otherwise the jots of a pixel estimate its
+    intensity together, (H, W). Pixels without readings are left out.
+    """
+    efficiency, dark_counts = reference_jot(sensor)
+    cells, highest, slope = term.cells, sensor.max_intensity, efficiency * term.light
+    are_pixels = term.side == 1
+    pool = np.asarray if are_pixels else term.sum_pixels
+    trials = pool(term.trials)
+    if isinstance(cells, ReadingLikelihood):
+        rate = pool(cells.trials * cells.likely_rate()) / np.maximum(trials, 1)
+        own = np.clip((rate - dark_counts) / slope, 1e-9 * highest, highest)
+        # That of Poisson counts, as far as the readings are not the largest one.
+        unsaturated = 1 - pool(cells.total) / np.maximum(cells.max_reading * trials, 1)
+        information = trials * efficiency * term.light * unsaturated / (own + offset)
+        return own, information, trials
+    p = (pool(term.total) + 0.5) / (trials + 1)
+    own = intensity_at_probability(cells.threshold, p, 1 - p, slope, dark_counts)
+    own = np.clip(own, 1e-9 * highest, highest)
+    light = term.light * own if are_pixels else term.spread(own)
+    return own, term.light**2 * pool(cells.information(light)), trials
 
 
 def regular_maximum(joint: JointLikelihood) -> Array:

@@ -33,7 +33,7 @@ from jotlight.sensing.merged import MAX_SILENT_TRIALS, Merged
 from jotlight.sensing.mosaic import Mosaic, Pattern
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.reference import reference_jot
-from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.response import Array, intensity_at_probability
 from jotlight.sensing.sensor import Sensor
 
 _MAP_SIGMA = 0.4
@@ -154,9 +154,8 @@ def _intensity(fraction: Array, sensor: Sensor) -> Array:
     reference = reference_sensor(sensor)
     efficiency, dark_counts = _jots_of_counts(sensor, reference)
     one = np.clip(fraction, 0, MAX_FRACTION)
-    rate = inverse_detection_probability(1, one, 1 - one) - dark_counts
     slope = np.maximum(efficiency, 1e-9) * reference.light_per_intensity
-    return np.asarray(np.maximum(rate, 0) / slope)
+    return np.maximum(intensity_at_probability(1, one, 1 - one, slope, dark_counts), 0)
 
 
 def _jots_of_counts(sensor: Sensor, reference: Sensor) -> tuple[float | Array, float | Array]:
@@ -232,24 +231,21 @@ def merge_near(
 
     near, differ = intensity.astype(np.float64), _thresholds_of_pixels_differ(joint)
     if not differ:  # counts of a map of thresholds are averaged, so their intensities stay
-        least = MIN_SHARE * joint.sensor.max_intensity
-        near = toward_own(near, maximize(joint), joint.information(np.maximum(near, least)))
-    ones, trials, rate = _real_counts(joint, near)
-    reference = reference_sensor(joint.sensor)
-    efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
-    # Denoisers take each pixel for at least one trial, and 0 ones of fewer trials for darkness.
-    missing = np.where(joint.trials > 0, np.maximum(1 - trials, 0), 0.0)
-    ones, trials = ones - missing * np.expm1(-rate), trials + missing
+        near = _toward_most_likely(joint, near)
+    ones, trials = _without_parts_of_trials(joint, *_real_counts(joint, near))
     if pattern is None and differ:
         ones, trials = (gaussian_filter(part, _MAP_SIGMA) for part in (ones, trials))
-    trials = np.minimum(trials, MAX_TRIALS)
-    ones = np.minimum(ones, MAX_TRIALS)
-    whole, zeros = np.zeros(ones.shape), np.zeros(ones.shape)
-    for own in each_filter(pattern, ones.shape):
-        whole += diffuse(np.where(own, ones, 0.0), own & (trials > 0), joint.threads)
-        zeros += carry_debts(np.where(own, trials - whole, 0.0))
-    trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, MAX_SILENT_TRIALS))
-    return Merged(whole.astype(np.int32), trials, reference, dark_counts, efficiency)
+    ones, trials = np.minimum(ones, MAX_TRIALS), np.minimum(trials, MAX_TRIALS)
+    whole, trials = _whole_counts(ones, trials, pattern, joint.threads)
+    reference = reference_sensor(joint.sensor)
+    efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
+    return Merged(whole, trials, reference, dark_counts, efficiency)
+
+
+def _toward_most_likely(joint: JointLikelihood, near: Array) -> Array:
+    """Return intensities between given ones and the most likely ones, (H, W)."""
+    least = MIN_SHARE * joint.sensor.max_intensity
+    return toward_own(near, maximize(joint), joint.information(np.maximum(near, least)))
 
 
 def _real_counts(
@@ -268,3 +264,33 @@ def _real_counts(
     with np.errstate(over="ignore"):  # where some jots of a pixel are far from saturated
         ones, trials = linear_counts(gradient, information, slope, rate, rate)
     return ones, trials, rate
+
+
+def _without_parts_of_trials(
+    joint: JointLikelihood, ones: Array, trials: Array, rate: Array
+) -> tuple[Array, Array]:
+    """Return ones and trials, where pixels of less than one trial are completed to one.
+
+    Denoisers take each pixel for at least one trial, and 0 ones of fewer trials for darkness. What
+    is missing agrees with the rate of a trial.
+    """
+    missing = np.where(joint.trials > 0, np.maximum(1 - trials, 0), 0.0)
+    return ones - missing * np.expm1(-rate), trials + missing
+
+
+def _whole_counts(
+    ones: Array,
+    trials: Array,
+    pattern: npt.NDArray[np.integer] | None,
+    threads: int | None,
+) -> tuple[npt.NDArray[np.int32], Array]:
+    """Return whole ones, whose errors cancel among pixels with the same filter, and their trials.
+
+    Where there are more ones than trials, the next pixels have fewer trials.
+    """
+    whole, zeros = np.zeros(ones.shape), np.zeros(ones.shape)
+    for own in each_filter(pattern, ones.shape):
+        whole += diffuse(np.where(own, ones, 0.0), own & (trials > 0), threads)
+        zeros += carry_debts(np.where(own, trials - whole, 0.0))
+    trials = np.where(whole + zeros > 0, whole + zeros, np.minimum(trials, MAX_SILENT_TRIALS))
+    return whole.astype(np.int32), trials

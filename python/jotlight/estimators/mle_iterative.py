@@ -181,59 +181,60 @@ def mle_iterative(
     return (estimate, history) if return_history else estimate
 
 
+@dataclasses.dataclass
+class _State:
+    """The images of a stack that are not finished, (N, ...)."""
+
+    problem: Problem
+    image: Array
+    light: Array
+    cost: Array
+    """-ℓ of each image, (N,)."""
+    needs_light: Mask
+    """The pixels that must have light."""
+
+    def select(self, images: Mask) -> "_State":
+        """Return the state of the images of a mask (N,)."""
+        return _State(
+            self.problem.select(images),
+            select(self.image, images),
+            select(self.light, images),
+            select(self.cost, images),
+            select(self.needs_light, images),
+        )
+
+
 def _maximize(
     problem: Problem, start: Array | None, find_direction: Direction, monitor: ConvergenceMonitor
 ) -> Array:
     """Return the images of a stack. The monitor records their histories."""
-    operator, max_intensity = problem.operator, problem.max_intensity
-    light_of_ones = operator.forward(np.ones(operator.input_shape))
-    image, needs_light = _initial_image(problem, start, light_of_ones)
-    light = operator.forward(image)
-    cost = -problem.likelihood.values(light)
-    results, costs = np.empty(image.shape), np.empty(len(image))
-    monitor.begin(len(image))
+    light_of_ones = problem.operator.forward(np.ones(problem.operator.input_shape))
+    state = _initial_state(problem, start, light_of_ones)
+    results, costs = np.empty(state.image.shape), np.empty(len(state.image))
+    monitor.begin(len(results))
     while len(active := monitor.active):
-        model = QuadraticModel(problem, light, light_of_ones)
-        move = np.abs(image - np.clip(image - model.scaled_gradient(), 0, max_intensity))
-        residual = move.reshape(len(image), -1).max(axis=1) / max_intensity
-        unfinished = monitor.update(image, {"projected gradient": residual})
+        model = QuadraticModel(state.problem, state.light, light_of_ones)
+        residual = _residuals(state, model)
+        unfinished = monitor.update(state.image, {"projected gradient": residual})
         if not unfinished.all():
             ended = active[~unfinished]
-            results[ended], costs[ended] = image[~unfinished], cost[~unfinished]
+            results[ended], costs[ended] = state.image[~unfinished], state.cost[~unfinished]
             if not unfinished.any():
                 break
-            problem, model = problem.select(unfinished), model.select(unfinished)
-            image, light, cost, needs_light, residual = (
-                select(each, unfinished) for each in (image, light, cost, needs_light, residual)
-            )
-        state = _State(image, light, cost, np.where(needs_light, _MIN_RATIO * image, 0.0))
-        margin = each_image(np.minimum(residual, 1e-3) * max_intensity, image)
-        fixed = ((image <= margin) & (model.gradient > 0)) | (
-            (image >= max_intensity - margin) & (model.gradient < 0)
-        )
-        # If Newton's direction does not lower the cost, the gradient does, except for rounding.
-        left = np.ones(len(image), np.bool_)
-        for direction in (find_direction, gradient_direction):
-            left = _line_search(problem, state, left, model.gradient, direction(model, ~fixed))
-            if not left.any():
-                break
-        image, light, cost = state.image, state.light, state.cost
+            state, model = state.select(unfinished), model.select(unfinished)
+            residual = select(residual, unfinished)
+        left = _step(state, model, residual, find_direction)
         if left.any():
             ended = monitor.active[left]
-            results[ended], costs[ended] = image[left], cost[left]
+            results[ended], costs[ended] = state.image[left], state.cost[left]
             monitor.give_up(left, "rounding hides the progress of any step; raise tol")
-            problem = problem.select(~left)
-            image, light, cost, needs_light = (
-                select(each, ~left) for each in (image, light, cost, needs_light)
-            )
+            state = state.select(~left)
     monitor.finish(costs)
     return results
 
 
-def _initial_image(
-    problem: Problem, start: Array | None, light_of_ones: Array
-) -> tuple[Array, Mask]:
-    """Return the image before the first step, and the mask of the pixels that must have light."""
+def _initial_state(problem: Problem, start: Array | None, light_of_ones: Array) -> _State:
+    """Return the state before the first step."""
     likelihood, max_intensity = problem.likelihood, problem.max_intensity
     if start is None:
         level = problem.constant_estimates()
@@ -247,32 +248,47 @@ def _initial_image(
     # -inf.
     faint = likelihood.dark_counts <= _MIN_LIGHT * max_intensity * light_of_ones
     needs_light = _pixels_with(problem, ones & faint)
-    return np.where(needs_light, np.maximum(image, _MIN_LIGHT * max_intensity), image), needs_light
+    image = np.where(needs_light, np.maximum(image, _MIN_LIGHT * max_intensity), image)
+    light = problem.operator.forward(image)
+    return _State(problem, image, light, -likelihood.values(light), needs_light)
 
 
-@dataclasses.dataclass
-class _State:
-    """The images of a stack before a step, and after it where it succeeded."""
-
-    image: Array
-    light: Array
-    cost: Array
-    """-ℓ of each image, (N,)."""
-    lower: Array
-    """The lower bound of the step."""
+def _residuals(state: _State, model: QuadraticModel) -> Array:
+    """Return the largest change of each image by the projected gradient, over S, (N,)."""
+    image, max_intensity = state.image, state.problem.max_intensity
+    move = np.abs(image - np.clip(image - model.scaled_gradient(), 0, max_intensity))
+    return np.asarray(move.reshape(len(image), -1).max(axis=1) / max_intensity)
 
 
-def _line_search(
-    problem: Problem, state: _State, left: Mask, gradient: Array, direction: Array
-) -> Mask:
+def _step(state: _State, model: QuadraticModel, residual: Array, find_direction: Direction) -> Mask:
+    """Move the images so that their costs fall. Return the mask of those that no step moves.
+
+    Pixels near a bound stay there while the gradient draws them to it.
+    """
+    image, max_intensity = state.image, state.problem.max_intensity
+    margin = each_image(np.minimum(residual, 1e-3) * max_intensity, image)
+    fixed = ((image <= margin) & (model.gradient > 0)) | (
+        (image >= max_intensity - margin) & (model.gradient < 0)
+    )
+    # If Newton's direction does not lower the cost, the gradient does, except for rounding.
+    left = np.ones(len(image), np.bool_)
+    for direction in (find_direction, gradient_direction):
+        left = _line_search(state, left, model.gradient, direction(model, ~fixed))
+        if not left.any():
+            break
+    return left
+
+
+def _line_search(state: _State, left: Mask, gradient: Array, direction: Array) -> Mask:
     """Move each image of a mask by the first halved step that lowers the cost enough.
 
     Return the mask of those that no step moves.
     """
+    problem = state.problem
+    lowest = np.where(state.needs_light, _MIN_RATIO * state.image, 0.0)
     for halvings in range(_MAX_HALVINGS):
         image, lower, step, slope, cost = (
-            select(each, left)
-            for each in (state.image, state.lower, direction, gradient, state.cost)
+            select(each, left) for each in (state.image, lowest, direction, gradient, state.cost)
         )
         candidate = np.clip(image + 0.5**halvings * step, lower, problem.max_intensity)
         light = problem.operator.forward(candidate)

@@ -1,6 +1,6 @@
 """Intensities that the readings of a pixel and of its neighbors have in common."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -22,12 +22,12 @@ this number, it grows no further."""
 MIN_SHARE = 1e-5
 """Smallest intensity near which readings are linear, as a share of the largest one."""
 
-STEPS = 3
-"""Number of steps toward the most likely light of a neighborhood. More change nothing visible."""
+_STEPS, _TINY = 3, 1e-12
+"""Number of steps toward the most likely light of a neighborhood, and the smallest information of
+one. More steps change nothing visible."""
 
 MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
-
 
 _HALFWAY = 100.0
 """Square of the signal-to-noise ratio of a pixel at which readings are merged halfway between the
@@ -90,12 +90,44 @@ def _most_likely(
     def average(values: Array) -> Array:
         return np.asarray(gaussian_filter(np.where(own, values, 0.0), sigma))
 
+    def derivatives(light: Array) -> tuple[Array, Array]:
+        return average(joint.gradient_and_curvature(light)[0]), average(joint.information(light))
+
     least = np.maximum(MIN_SHARE * joint.sensor.max_intensity, min_light(joint))
-    light = np.maximum(average(start) / np.maximum(average(np.ones(joint.shape)), 1e-9), least)
-    for _ in range(STEPS):
-        gradient, information = joint.gradient_and_curvature(light)[0], joint.information(light)
-        step = average(gradient) / np.maximum(average(information), 1e-12)
-        light = np.clip(light + step, least, joint.sensor.max_intensity)
+    first = np.maximum(average(start) / np.maximum(average(np.ones(joint.shape)), 1e-9), least)
+    return fisher_scoring(first, derivatives, least, joint.sensor.max_intensity)
+
+
+def fisher_scoring(
+    start: Array,
+    derivatives: Callable[[Array], tuple[Array, Array]],
+    least: float | Array,
+    largest: float = np.inf,
+) -> Array:
+    """Return the most likely light or intensity, by a few steps of Newton's method.
+
+    The information replaces the curvature, so each step is ``x + ℓ'(x)/I(x)``.
+
+    Parameters
+    ----------
+    start : ndarray
+        The first guess.
+    derivatives : callable
+        A function that returns ℓ' and I, where ℓ is the log-likelihood.
+    least, largest : float or ndarray
+        The limits of the result.
+
+    Examples
+    --------
+    >>> def derivatives(x):  # of 3 ones among 4 bits
+    ...     return 3 / np.expm1(x) - 1, 4 / np.expm1(x)
+    >>> fisher_scoring(np.ones(1), derivatives, 0.0).round(4)  # log(4)
+    array([1.3863])
+    """
+    light = start
+    for _ in range(_STEPS):
+        gradient, information = derivatives(light)
+        light = np.clip(light + gradient / np.maximum(information, _TINY), least, largest)
     return light
 
 

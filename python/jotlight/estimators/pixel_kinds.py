@@ -116,11 +116,11 @@ def find_kinds(joint: JointLikelihood) -> list[PixelKind]:
     >>> [kind.pixels.tolist() for kind in find_kinds(joint_likelihood(readings, sensor, None))]
     [[0, 1]]
     """
-    each = [(term, _by_pixel(term)) for term in joint.terms]
+    terms = [term for term in joint.terms for _ in range(term.side**2)]
+    each = [_by_pixel(term) for term in joint.terms]
     trials, efficiency, dark_counts = (
-        np.concatenate([values[i] for _, values in each], axis=1) for i in range(3)
+        np.concatenate(values, axis=1) for values in zip(*each, strict=True)
     )
-    terms = [term for term, _ in each for _ in range(term.side**2)]
     pixels = np.flatnonzero(trials.any(axis=1))
     trials, efficiency, dark_counts = trials[pixels], efficiency[pixels], dark_counts[pixels]
     scale = efficiency.max(axis=1)
@@ -129,21 +129,25 @@ def find_kinds(joint: JointLikelihood) -> list[PixelKind]:
     is_single = (trials > 0).sum(axis=1) == 1
     offset = np.where(is_single, (dark_counts / light).sum(axis=1), 0.0)
     dark_counts[is_single] = 0
-    codes = np.zeros(len(pixels), np.int64)
-    for column in (*trials.T, *efficiency.T, *dark_counts.T):
+    kinds = []
+    for own in _same_rows(np.concatenate([trials, efficiency, dark_counts], axis=1)):
+        values = zip(terms, trials[own[0]], efficiency[own[0]], dark_counts[own[0]], strict=True)
+        cells = tuple(Cell(term, int(n), *map(float, jot)) for term, n, *jot in values if n)
+        kinds.append(PixelKind(pixels[own], cells, scale[own], offset[own]))
+    return kinds
+
+
+def _same_rows(rows: Array) -> list[npt.NDArray[np.intp]]:
+    """Return the places of equal rows for each different row, or none if these are more than 64."""
+    codes = np.zeros(len(rows), np.intp)
+    for column in rows.T:
         if (column == column[:1]).all():
             continue
         distinct, places = np.unique(column, return_inverse=True)
         found, codes = np.unique(codes * len(distinct) + places, return_inverse=True)
         if len(found) > MAX_KINDS:
             return []
-    kinds = []
-    for code in range(codes.max(initial=-1) + 1):
-        own = np.flatnonzero(codes == code)
-        values = zip(terms, trials[own[0]], efficiency[own[0]], dark_counts[own[0]], strict=True)
-        cells = tuple(Cell(term, int(n), *map(float, jot)) for term, n, *jot in values if n)
-        kinds.append(PixelKind(pixels[own], cells, scale[own], offset[own]))
-    return kinds
+    return [np.flatnonzero(codes == code) for code in range(codes.max(initial=-1) + 1)]
 
 
 def _by_pixel(term: Term) -> tuple[Array, Array, Array]:

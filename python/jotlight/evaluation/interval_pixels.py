@@ -25,7 +25,7 @@ from jotlight.sensing.response import (
     Array,
     detection_density,
     detection_probability,
-    inverse_detection_probability,
+    intensity_at_probability,
     silence_probability,
 )
 from jotlight.sensing.sensor import Sensor
@@ -75,8 +75,9 @@ def intensity_of(
 ) -> Array:
     """Return the intensity in [0, S] of z: the inverse of :func:`stabilize`."""
     z = np.clip(z, 0, np.pi / 2)
-    rate = inverse_detection_probability(sensor.threshold, np.sin(z) ** 2, np.cos(z) ** 2)
-    intensity = (rate - dark_counts) / (efficiency * sensor.light_per_intensity)
+    p, complement = np.sin(z) ** 2, np.cos(z) ** 2
+    slope = efficiency * sensor.light_per_intensity
+    intensity = intensity_at_probability(sensor.threshold, p, complement, slope, dark_counts)
     return np.asarray(np.clip(intensity, 0, sensor.max_intensity))
 
 

@@ -12,16 +12,18 @@ In reading order:
   of a scene. ``velocity_scores``: the correlations behind it.
 - ``scoring``, ``affine``, ``tiles``, ``regularize``, ``deformation``: displacements of blocks, from
   a template. ``smoothing``, ``affine_curve``, ``shrinkage``: their curves in time. ``track``: what
-  is known while they are estimated.
+  is known while they are estimated. ``kept_sums``: the sums of blocks meanwhile.
 - ``outlines``, ``short_outlines``, ``depth``: which pixels follow which motion, and what is in
   front. ``added_tiles``: tiles that move by themselves. ``likelihood_gain``: how much better a
   motion is than none.
 - ``merge``: the counts of all bits along a motion; ``merged_pixels`` adds up their jots.
-  ``consistency``, ``flags``, ``still_window``: which bits agree, which pixels not to trust, and
-  when a window without motion is better.
-- ``film``, ``live_film``, ``film_image``: an image of each window of frames. ``film_state``,
-  ``film_merging``, ``carrying``, ``memory``: what a film carries from image to image.
-  ``film_estimates``: its images by the film network.
+  ``consistency``, ``disagreement``, ``flags``, ``still_window``: which bits agree, and how much;
+  which pixels not to trust; and when a window without motion is better.
+- ``film``, ``live_film``, ``film_image``: an image of each window of frames. ``film_settings``,
+  ``film_frames``: how it is made, and of which frames. ``film_state``: what a film carries from
+  image to image. ``film_candidates``: an image along each of several motions. ``film_schedule``:
+  when its motion is estimated again. ``film_merging``, ``carrying``, ``memory``: the steps of an
+  image. ``film_estimates``: the images by the film network.
 - ``jots``, ``equivalent``, ``flicker``, ``lights``: jots that differ, and light that changes.
   ``reading_counts``, ``reading_response``: readings of several bits, and brackets, as counts.
 - ``jot_kinds``, ``squares``, ``mosaic_colors``, ``threshold_maps``, ``film_kinds``: jots behind

@@ -4,8 +4,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.blocks import Blocks
-from jotlight.motion.consistency import Consistent, disagreement, find_consistent
+from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.deformation import LESS_SMOOTH, SMOOTH, follow_tiles
+from jotlight.motion.disagreement import disagreement
 from jotlight.motion.flags import find_flags
 from jotlight.motion.flicker import without_saturation
 from jotlight.motion.likelihood_gain import likelihood_gain

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.motion.affine_curve import smooth_affine
 from jotlight.motion.blocks import Blocks, Sums
-from jotlight.motion.consistency import chi_squared
+from jotlight.motion.disagreement import chi_squared
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.regularize import Equations, fit_affine
 from jotlight.motion.scoring import FAST, PRECISE, Template, make_template, normal_equations
@@ -16,7 +16,7 @@ from jotlight.motion.segments import Segment, limit_length
 from jotlight.motion.shrinkage import shrink_field
 from jotlight.motion.smoothing import cubic_weights, interpolation_bias
 from jotlight.motion.tiles import affine_basis, affine_inverse, mean_tiles, tile_counts
-from jotlight.motion.track import Paths, Track
+from jotlight.motion.track import Paths, Track, from_center
 
 Array = npt.NDArray[np.float64]
 
@@ -75,7 +75,7 @@ def follow_segment(
     they are given.
     """
     track = start_track(blocks.with_enough_light(), reference, segment.velocity).inside(pixels)
-    order = track.from_center()
+    order = from_center(track)
     total = track.sums(order[0]) + track.sums(order[1])
     template, weights = make_template(total, blocks.threads), segment.weights
     for number, block in enumerate(order[2:], 3):
@@ -118,7 +118,7 @@ def start_track(blocks: Blocks, reference: int, velocity: Array) -> Track:
         np.zeros(len(centers), bool),
         np.zeros((len(centers), 3, *shape)),
     )
-    for block in track.from_center()[:2]:
+    for block in from_center(track)[:2]:
         track.nodes[block] = velocity * (centers[block] - reference)
         track.known[block] = True
     return track

@@ -72,16 +72,32 @@ def carry(
     known = blocks.centers <= before.times[-1] + 0.5
     if motion.model == "none":
         return None if _begins_to_move(paths.tracks[0], known) else paths
-    for field, track in enumerate(paths.tracks):
-        # The field of tiles is the last one.
-        is_of_tiles = motion.model == "tiles" and field == len(paths.tracks) - 1
-        pixels = paths.labels == field
+    _add_blocks(paths, known, has_tiles=motion.model == "tiles")
+    return _with_outlines(paths) if _stays_in_view(paths) else None
+
+
+def _stays_in_view(paths: Paths) -> bool:
+    """Return whether all displacements are smaller than the image."""
+    longest = max(float(abs(track.nodes).max()) for track in paths.tracks)
+    return longest < max(paths.blocks.size)  # False for NaN, too
+
+
+def _add_blocks(paths: Paths, known: npt.NDArray[np.bool_], *, has_tiles: bool) -> None:
+    """Align the new blocks of all tracks with those that are known.
+
+    If the motion `has_tiles`, the last track is that of the tiles.
+    """
+    last = len(paths.tracks) - 1
+    for index, track in enumerate(paths.tracks):
+        is_of_tiles, pixels = has_tiles and index == last, paths.labels == index
         # The bits of other segments would draw the motion of a segment away.
         part = track if is_of_tiles or pixels.all() else track.inside(pixels)
-        _add_blocks(part, known, is_of_tiles)
-        paths.tracks[field] = part.inside(None)
-    if not _stays_in_view(paths):
-        return None
+        _add_blocks_of_track(part, known, is_of_tiles=is_of_tiles)
+        paths.tracks[index] = part.inside(None)
+
+
+def _with_outlines(paths: Paths) -> Paths:
+    """Return paths whose segments have the outlines that the window shows."""
     if paths.free:
         return refine_outlines(dataclasses.replace(paths, labels=choose_labels(paths.tracks)))
     # The bits of one window may not say to which segment a smooth region belongs.
@@ -91,13 +107,7 @@ def carry(
     return paths
 
 
-def _stays_in_view(paths: Paths) -> bool:
-    """Return whether all displacements are smaller than the image."""
-    longest = max(float(abs(track.nodes).max()) for track in paths.tracks)
-    return longest < max(paths.blocks.size)  # False for NaN, too
-
-
-def _add_blocks(track: Track, known: npt.NDArray[np.bool_], is_of_tiles: bool) -> None:
+def _add_blocks_of_track(track: Track, known: npt.NDArray[np.bool_], *, is_of_tiles: bool) -> None:
     """Align the new blocks of a track with those that are known, and improve all together."""
     track.known = known.copy()
     weights = np.ones(track.nodes.shape[2:])

@@ -3,16 +3,15 @@
 import dataclasses
 import functools
 import itertools
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.blur import blur
 from jotlight.motion.blocks import Sums
-from jotlight.motion.equivalent import equivalent_sums, estimate_probability
+from jotlight.motion.disagreement import FEW_TRIALS, Image, chi_squared, disagreement
+from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.flicker import at_brightness, change_of_light, min_change, without_saturation
 from jotlight.motion.lights import BlockLights, Lights
 from jotlight.motion.scoring import (
@@ -20,11 +19,8 @@ from jotlight.motion.scoring import (
     PRECISE,
     Template,
     make_template,
-    without_shift,
 )
 from jotlight.motion.track import Counted, from_center
-
-Image = npt.NDArray[np.float32]
 
 _LIMITS = 2.5, 1.4
 """Pixels of a block are accepted up to this value of χ², which is about 1 if they agree.
@@ -44,78 +40,8 @@ _FIRST_RING = 2
 _ROUNDS_OF_LIGHT = 3
 """Rounds in which the light of the first blocks is found: each uses that of the others."""
 
-_SPREAD = 8.0
-"""Standard deviation of the filter that averages the disagreement, in pixels."""
-
-_SQUARE = 4
-"""Side of the squares over which the engine adds the disagreement, in pixels."""
-
-_MAX_TRIALS = 512
-"""Maximum number of trials in a test. More trials count as this number of them.
-
-They would show errors that do not matter, such as those of rounding to whole pixels.
-"""
-
-_FEW_TRIALS = 128
-"""Number of trials above which a test notices that rounding has shifted a block."""
-
 _BLOCKS_AT_ONCE = 16
 """Number of blocks that are tested together, and in memory together if their sums are not kept."""
-
-_PRIOR = 0.01
-"""Weight with which pixels are assumed to agree where few are known."""
-
-
-def chi_squared(sums: Sums, template: Template) -> Image:
-    """Return χ² of each pixel, (H, W), which is about 1 if the sums agree with the template.
-
-    Residual counts and their variances are added in squares of 3 pixels. The ratios of the squared
-    residuals to the variances are averaged in squares of 9 pixels. If there are many trials, the
-    template is shifted as rounding has shifted the sums.
-    """
-    probability, threads = template.probability, template.threads
-    if sums.trials.max() > _FEW_TRIALS:
-        moved = dataclasses.replace(sums, remainders=-sums.remainders)
-        probability = without_shift(probability, moved, threads).probability
-    sums = equivalent_sums(_limit_trials(sums), probability)
-    out = np.empty_like(probability)
-    engine.chi_squared(sums.ones, sums.trials, probability, template.trials, out, threads)
-    return out
-
-
-def disagreement(first: Sums, second: Sums, threads: int | None = None) -> Image:
-    """Return how much two parts of the frames disagree around each pixel, (H, W).
-
-    It is the square of the difference of their counts in units of its variance, averaged over many
-    pixels: about 1 if they agree. One may be brighter than the other, by the same factor
-    everywhere. Squares of 4 pixels have equal values.
-    """
-    height, width = first.ones.shape
-    squares = np.empty((2, -(-height // _SQUARE), -(-width // _SQUARE)), np.float32)
-    first, second = _limit_trials(first), _limit_trials(second)
-    if first.jots is not None or second.jots is not None:
-        probability = estimate_probability(first + second)
-        # One of them may have no bits, and so no jots.
-        first, second = (equivalent_sums(each, probability).real() for each in (first, second))
-    engine.disagreement(first.ones, first.trials, second.ones, second.trials, squares, threads)
-    ratios, known = blur(squares / _SQUARE**2, _SPREAD / _SQUARE, threads)
-    values = (ratios + _PRIOR) / (known + _PRIOR)
-    pixels = values.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)
-    return np.asarray(pixels[:height, :width])
-
-
-def _limit_trials(sums: Sums) -> Sums:
-    """Return sums with at most :data:`_MAX_TRIALS` trials per pixel."""
-    largest = int(sums.trials.max())
-    if largest <= _MAX_TRIALS:
-        return sums
-    factor = np.float32(_MAX_TRIALS / largest)
-    parts: list[Any] = [factor * sums.ones, factor * sums.trials]
-    if sums.ones.dtype == np.int32:  # equivalent counts are real numbers
-        parts = [np.rint(each).astype(np.int32) for each in parts]
-    ones, trials = parts
-    jots = None if sums.jots is None else sums.jots * (trials / np.maximum(sums.trials, 1))
-    return dataclasses.replace(sums, ones=ones, trials=trials, jots=jots)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,44 +96,81 @@ def find_consistent(
         Name of the network that denoises the last template. Half of the blocks are compared with
         this template. The network ``templates`` denoises the others.
     """
-    max_chi_squared, max_disagreement = _LIMITS_IF_STILL if is_still else _LIMITS
     order = [int(block) for block in from_center(paths)]
-    is_after = paths.blocks.centers > paths.reference
-    size, threads = paths.blocks.size, paths.blocks.threads
-    masks = np.tile(np.packbits(np.ones(size, bool), axis=1), (len(order), 1, 1))
-    sides = [Sums.zeros(size), Sums.zeros(size)]
-    available = np.zeros(size, np.int32)
-    for block in order[:_FIRST_RING]:
-        sums = paths.sums(block)
-        available += sums.trials
-        sides[int(is_after[block])] += sums
-    start, lights = _FIRST_RING, _first_lights(paths, order[:_FIRST_RING])
+    limits, start = _LIMITS_IF_STILL if is_still else _LIMITS, _FIRST_RING
+    tested = _TestedBlocks(paths, order[:start], limits)
     while start < len(order):
-        ring = order[start : 2 * start]
-        nearer = sides[0] + sides[1]
         is_last = 2 * start >= len(order)
-        template = make_template(nearer, threads, network if is_last else FAST)
-        if lights is not None:
-            known = _find_lights(lights, paths, template, order[:start], ring)
-            template = dataclasses.replace(template, lights=known)
-        for side in (0, 1):
-            blocks = [block for block in ring if is_after[block] == side]
-            total = Sums.zeros(size)
-            tested = _with_neighbors(paths, blocks, is_after == bool(side))
-            while several := list(itertools.islice(tested, _BLOCKS_AT_ONCE)):
-                add_agreeing(total, several, template, max_chi_squared, masks, available)
-            both = None if lights is None else (lights.of(order[:start]), lights.of(blocks))
-            test = disagreement(*without_saturation(nearer, total, threads, both), threads)
-            agrees = np.empty_like(masks[0])
-            sides[side].add_accepted(total, test, max_disagreement, agrees, threads)
-            masks[blocks] &= agrees
+        tested.add_ring(order[start : 2 * start], network if is_last else FAST)
         start *= 2
-    trials = sides[0].trials + sides[1].trials
-    share = np.asarray(trials / np.maximum(available, 1), np.float32)
-    both = None
-    if lights is not None:
-        both = lights.of(np.flatnonzero(~is_after)), lights.of(np.flatnonzero(is_after))
-    return Consistent(sides[0], sides[1], share, masks, both)
+    return tested.result()
+
+
+class _TestedBlocks:
+    """The sums of the blocks that were tested so far, from the reference time outward.
+
+    Parameters
+    ----------
+    paths : Counted
+        The paths of all pixels.
+    first : list of int
+        The blocks in the middle, which are not tested.
+    limits : (float, float)
+        The largest χ² of a block, and the largest disagreement of one side of a ring.
+    """
+
+    def __init__(self, paths: Counted, first: list[int], limits: tuple[float, float]) -> None:
+        self._paths, self._blocks = paths, list(first)
+        self._max_chi_squared, self._max_disagreement = limits
+        self._size, self._threads = paths.blocks.size, paths.blocks.threads
+        self._is_after = paths.blocks.centers > paths.reference
+        all_pixels = np.packbits(np.ones(self._size, bool), axis=1)
+        self._masks = np.tile(all_pixels, (len(self._is_after), 1, 1))
+        self._lights = _first_lights(paths, first)
+        self._available = np.zeros(self._size, np.int32)
+        """The trials of all blocks, whether or not they were accepted."""
+        self._sides = [Sums.zeros(self._size), Sums.zeros(self._size)]
+        """The accepted sums before and after the reference time."""
+        for block in first:
+            sums = paths.sums(block)
+            self._available += sums.trials
+            self._sides[int(self._is_after[block])] += sums
+
+    def add_ring(self, ring: list[int], network: str) -> None:
+        """Test the blocks of a ring, and add what agrees with a template of all nearer blocks."""
+        nearer = self._sides[0] + self._sides[1]
+        template = make_template(nearer, self._threads, network)
+        if self._lights is not None:
+            lights = _find_lights(self._lights, self._paths, template, self._blocks, ring)
+            template = dataclasses.replace(template, lights=lights)
+        for side in (0, 1):
+            blocks = [block for block in ring if self._is_after[block] == side]
+            total = self._agreeing(blocks, side, template)
+            both = _both_lights(self._lights, self._blocks, blocks)
+            halves = without_saturation(nearer, total, self._threads, both)
+            test = disagreement(*halves, self._threads)
+            agrees = np.empty_like(self._masks[0])
+            limit = self._max_disagreement
+            self._sides[side].add_accepted(total, test, limit, agrees, self._threads)
+            self._masks[blocks] &= agrees
+        self._blocks += ring
+
+    def _agreeing(self, blocks: list[int], side: int, template: Template) -> Sums:
+        """Return the sums of blocks on one side where they agree with a template."""
+        total, limit = Sums.zeros(self._size), self._max_chi_squared
+        tested = _with_neighbors(self._paths, blocks, self._is_after == bool(side))
+        while several := list(itertools.islice(tested, _BLOCKS_AT_ONCE)):
+            add_agreeing(total, several, template, limit, self._masks, self._available)
+        return total
+
+    def result(self) -> Consistent:
+        """Return the sums of all blocks."""
+        before, after = self._sides
+        trials = before.trials + after.trials
+        accepted = np.asarray(trials / np.maximum(self._available, 1), np.float32)
+        sides = np.flatnonzero(~self._is_after), np.flatnonzero(self._is_after)
+        lights = _both_lights(self._lights, *sides)
+        return Consistent(before, after, accepted, self._masks, lights)
 
 
 def _first_lights(paths: Counted, blocks: list[int]) -> BlockLights | None:
@@ -216,6 +179,13 @@ def _first_lights(paths: Counted, blocks: list[int]) -> BlockLights | None:
     if threshold == 1:
         return None
     return BlockLights(threshold, np.diff(paths.blocks.edges).tolist(), blocks)
+
+
+def _both_lights(
+    lights: BlockLights | None, first: Iterable[int], second: Iterable[int]
+) -> tuple[Lights, Lights] | None:
+    """Return the light of two parts of the blocks, or None if the light does not matter."""
+    return None if lights is None else (lights.of(first), lights.of(second))
 
 
 def _find_lights(
@@ -251,7 +221,7 @@ class ComparedBlock:
     def is_plain(self) -> bool:
         """Whether there are only few bits, of jots that are alike, so that nothing changes them."""
         jots_differ = any(each.jots is not None for each in self.near)
-        return not jots_differ and self.max_trials <= _FEW_TRIALS
+        return not jots_differ and self.max_trials <= FEW_TRIALS
 
 
 def add_agreeing(

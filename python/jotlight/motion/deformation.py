@@ -18,7 +18,7 @@ from jotlight.motion.scoring import Template, make_template, normal_equations
 from jotlight.motion.segments import limit_length
 from jotlight.motion.shrinkage import translation_of
 from jotlight.motion.smoothing import smoothing_matrix
-from jotlight.motion.track import Track
+from jotlight.motion.track import Track, from_center
 
 Array = npt.NDArray[np.float64]
 
@@ -51,7 +51,7 @@ def follow_tiles(
         How similar the displacements of neighboring tiles are.
     """
     track = start_track(blocks, reference, velocity)
-    order = track.from_center()
+    order = from_center(track)
     total = track.sums(order[0]) + track.sums(order[1])
     template = make_template(total, blocks.threads)
     for number, block in enumerate(order[2:], 3):

@@ -8,8 +8,10 @@ from jotlight.checks import whole_number_in_range
 from jotlight.chunks import windows
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import prepare_burst
-from jotlight.motion.film_image import FilmImage, FilmSettings
+from jotlight.motion.film_frames import FilmFrames
+from jotlight.motion.film_image import FilmImage
 from jotlight.motion.film_kinds import KindsFilmState
+from jotlight.motion.film_settings import FilmSettings
 from jotlight.motion.film_state import FilmState
 from jotlight.motion.jot_kinds import frames_of_kinds, has_kinds
 from jotlight.motion.reading_counts import ReadingCounts, counts_for_motion
@@ -93,14 +95,7 @@ def film(
         check_cycles(converted.cycle, window, step)
         data, sensor = converted.counts, converted.sensor
         window, step = window // converted.cycle, None if step is None else step // converted.cycle
-    of_kinds = frames_of_kinds(data, sensor)
-    if of_kinds and converted is None and isinstance(data, CountStack):
-        kinds = "a mosaic" if of_kinds[1].mosaic else "a map of thresholds"
-        raise ValueError(
-            f"data: expected bits or readings for the film of a sensor with {kinds}, got counts; "
-            "jotlight.merge makes one image of them"
-        )
-    sensor = prepare_burst(data, sensor)[1] if of_kinds is None else of_kinds[1]
+    sensor = _sensor_of(data, sensor, may_be_counts=converted is not None)
     spans = windows(len(data), window, step)
     # A frame of counts has several readings.
     part = sensor.replace(frames=sensor.frames * window // len(data))
@@ -115,8 +110,28 @@ def film(
     )
     state = begin_film(part, settings)
     frames: Any = data
-    images = (state.next_image(frames, 0, span.start) for span in spans)
+    known = FilmFrames(frames, 0)
+    images = (state.next_image(known, span.start) for span in spans)
     return images if converted is None else (_corrected(image, converted) for image in images)
+
+
+def _sensor_of(
+    data: Bits | CountStack | Readings, sensor: Sensor | None, *, may_be_counts: bool
+) -> Sensor:
+    """Return the sensor of the frames of a film. Those of several kinds of jots may not be counts.
+
+    Counts that stand for readings may be.
+    """
+    of_kinds = frames_of_kinds(data, sensor)
+    if of_kinds is None:
+        return prepare_burst(data, sensor)[1]
+    if isinstance(data, CountStack) and not may_be_counts:
+        kinds = "a mosaic" if of_kinds[1].mosaic else "a map of thresholds"
+        raise ValueError(
+            f"data: expected bits or readings for the film of a sensor with {kinds}, got counts; "
+            "jotlight.merge makes one image of them"
+        )
+    return of_kinds[1]
 
 
 def _corrected(image: FilmImage, converted: ReadingCounts) -> FilmImage:

@@ -1,4 +1,4 @@
-"""An image of a film, and how the images of a film are made."""
+"""An image of a film, and the counts of the parts of its window."""
 
 import dataclasses
 import functools
@@ -8,18 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.blocks import Sums
-from jotlight.motion.memory import Memory, remembers
 from jotlight.motion.merged_pixels import as_pixels
-from jotlight.motion.motion import MODELS, Motion
+from jotlight.motion.motion import Motion
 from jotlight.motion.track import Paths, from_center
 from jotlight.networks.film_planes import NEIGHBORS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.sensor import Sensor
-
-KEPT_WINDOWS = 4
-"""Number of windows whose frames together show the motion of a scene if one is not enough."""
 
 _PARTS = 4, 16
 """About a quarter and a sixteenth of the blocks of a window count as nearest to its image."""
@@ -93,40 +89,6 @@ class FilmImage:
     def is_rejected(self) -> bool:
         """Whether merging has rejected the motion. All pixels are then flagged."""
         return self.still is not None
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class FilmSettings:
-    """How the images of a film are made: the arguments of :func:`jotlight.motion.film.film`."""
-
-    window: int
-    step: int
-    model: str
-    causal: bool
-    memory: bool | None
-    upsample: int
-    threads: int | None
-
-    def __post_init__(self) -> None:
-        if self.model != "auto" and self.model not in MODELS:
-            names = ", ".join(MODELS)
-            raise ValueError(f"model: expected auto or one of {names}, got {self.model!r}")
-
-    def new_memory(self) -> Memory | None:
-        """Return an empty memory, or None if the film has none."""
-        has_memory = remembers(
-            self.memory, self.window, self.step, causal=self.causal, upsample=self.upsample
-        )
-        return Memory(self.window, self.threads) if has_memory else None
-
-    def more_frames(self, first: int, stop: int, start: int) -> range:
-        """Return the numbers of up to four windows of frames, of those from `first` to `stop`.
-
-        They are around the window that begins at `start`, or before its end if the film is causal.
-        """
-        more = (KEPT_WINDOWS - 1) * self.window
-        before, after = (more, 0) if self.causal else (more // 2, more // 2)
-        return range(max(first, start - before), min(stop, start + self.window + after))
 
 
 def count_nearest(paths: Paths, sensor: Sensor, *, is_still: bool) -> tuple[Merged, ...]:

@@ -1,7 +1,6 @@
 """The images of a film from jots of several kinds, along the motion of sums over squares."""
 
 import dataclasses
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,11 +8,12 @@ import numpy as np
 from jotlight.formats.capture import CountStack, jot_shape
 from jotlight.motion.align import excluded_jots, prepare_burst
 from jotlight.motion.block_edges import window_edges
-from jotlight.motion.film_image import FilmImage, FilmSettings
+from jotlight.motion.film_frames import FilmFrames
+from jotlight.motion.film_image import FilmImage
 from jotlight.motion.film_merging import FilmMerging
+from jotlight.motion.film_settings import FilmSettings
 from jotlight.motion.film_state import FilmState
 from jotlight.motion.jot_kinds import frames_of_kinds, join_kinds, sensors_of_kinds
-from jotlight.motion.memory import Memory
 from jotlight.motion.merge import check_upsample, paths_at
 from jotlight.motion.mosaic_colors import check_mergeable
 from jotlight.motion.motion import Motion
@@ -33,12 +33,8 @@ class FilmKinds:
         The sensor of a window, with a mosaic or a map of thresholds.
     size : (int, int)
         H and W in jots.
-    step : int
-        Frames from one window to the next.
-    new_memory : callable
-        A function that returns an empty memory, or None if nothing is remembered.
-    threads : int, optional
-        Number of threads. Default: all.
+    settings : FilmSettings
+        How the images are made.
     trials : int
         The number of binary readings behind a count of a jot in one frame, 1 for bits.
 
@@ -52,36 +48,33 @@ class FilmKinds:
         self,
         sensor: Sensor,
         size: tuple[int, int],
-        step: int,
-        new_memory: Callable[[], Memory | None],
-        threads: int | None = None,
+        settings: FilmSettings,
         trials: int = 1,
     ) -> None:
-        self._sensor, self._size, self._step, self._threads = sensor, size, step, threads
+        self._sensor, self._size, self._settings = sensor, size, settings
         self._squares = JotSquares(sensor, size, excluded_jots(without_mosaic(sensor)), trials)
         self._sums: Counts = np.zeros((0, *self._squares.size), np.uint8)
         self._first = 0
         self._of_kinds = [
-            (FilmMerging(own, step, may_stand_still=False), new_memory())
+            (FilmMerging(own, settings.step, may_stand_still=False), settings.new_memory())
             for own in sensors_of_kinds(sensor, size)
         ]
 
-    def squares(self, data: Bits | CountStack, first: int, wanted: range) -> CountStack:
-        """Return the sums of some frames. Only those that are not known are summed.
+    def squares(self, known: FilmFrames, wanted: range) -> CountStack:
+        """Return the sums of some frames. Those of frames that were summed before are kept.
 
         Parameters
         ----------
-        data : Bits or CountStack
-            Frames, among them the wanted ones.
-        first : int
-            The number of the first frame of the data.
+        known : FilmFrames
+            The frames that are known, among them the wanted ones.
         wanted : range
             The numbers of the frames.
         """
-        is_known = self._first <= wanted.start < self._first + len(self._sums)
-        known = self._sums[wanted.start - self._first :] if is_known else self._sums[:0]
-        new = self._squares.count(data, wanted.start + len(known) - first, wanted.stop - first)
-        self._sums, self._first = np.concatenate([known, new])[: len(wanted)], wanted.start
+        has_some = self._first <= wanted.start < self._first + len(self._sums)
+        kept = self._sums[wanted.start - self._first :] if has_some else self._sums[:0]
+        start, stop = wanted.start + len(kept) - known.first, wanted.stop - known.first
+        new = self._squares.count(known.data, start, stop)
+        self._sums, self._first = np.concatenate([kept, new])[: len(wanted)], wanted.start
         return self._squares.stack(self._sums)
 
     def sensor_of_squares(self, frames: int) -> Sensor:
@@ -105,13 +98,13 @@ class FilmKinds:
             Whether the motion does not explain the squares. All pixels are then flagged.
         """
         motion = enlarge_motion(of_squares, self._squares.side, self._size)
-        edges = window_edges(len(part), self._step)
-        found = []
+        edges = window_edges(len(part), self._settings.step)
+        threads, found = self._settings.threads, []
         for kind, memory in self._of_kinds:
             burst, _ = prepare_burst(part, kind.sensor, may_repeat=True)
-            paths, _ = paths_at(burst, kind.sensor, None, motion, self._threads, edges)
+            paths, _ = paths_at(burst, kind.sensor, None, motion, threads, edges)
             found.append(kind.merge(paths, motion, start, memory)[0])
-        merged = join_kinds(found, self._sensor, self._threads)
+        merged = join_kinds(found, self._sensor, threads)
         if is_lost:
             merged = dataclasses.replace(merged, flags=np.ones(merged.shape[:2], bool))
             for _, memory in self._of_kinds:
@@ -127,41 +120,37 @@ class KindsFilmState:
         check_upsample(settings.upsample, sensor)
         if sensor.mosaic is not None:
             check_mergeable(sensor)
-        self.sensor, self._settings = sensor, settings
-        self._kinds: FilmKinds | None = None
-        self._of_squares: FilmState | None = None
+        self._sensor, self._settings = sensor, settings
+        self._parts: tuple[FilmKinds, FilmState] | None = None
+        """The kinds of jots, and what the film of the squares carries, from the first image on."""
 
-    def next_image(self, data: Bits | CountStack, first: int, start: int) -> FilmImage:
+    def next_image(self, known: FilmFrames, start: int) -> FilmImage:
         """Return the image of a window, as :meth:`FilmState.next_image`."""
         settings = self._settings
-        window = data[start - first : start - first + settings.window]
-        frames_of_kinds(window, self.sensor)  # it refuses other data
-        part = _of_sensor(window, self.sensor)
-        if self._kinds is None:
-            height, width = jot_shape(data)[1:3]
-            self._kinds = FilmKinds(
-                self.sensor,
-                (height, width),
-                settings.step,
-                settings.new_memory,
-                settings.threads,
-                trials_of_frame(data),
-            )
-        if self._of_squares is None:
-            own = self._kinds.sensor_of_squares(settings.window)
-            self._of_squares = FilmState(own, dataclasses.replace(settings, memory=False))
-        around = settings.more_frames(first, first + len(data), start)
-        stack = self._kinds.squares(data, first, around)
-        found = self._of_squares.next_image(stack, around.start, start)
-        still = found.still
-        merged, motion = self._kinds.merge(part, found.motion, start, is_lost=still is not None)
+        window = known.part(settings.window_at(start))
+        frames_of_kinds(window, self._sensor)  # it refuses other data
+        self._parts = self._parts or self._first_parts(known.data)
+        kinds, film_of_squares = self._parts
+        around = settings.more_frames(known.numbers, start)
+        squares = FilmFrames(kinds.squares(known, around), around.start)
+        found = film_of_squares.next_image(squares, start)
+        part, still = _of_sensor(window, self._sensor), found.still
+        merged, motion = kinds.merge(part, found.motion, start, is_lost=found.is_rejected)
         # Film replaces counts by the readings that they stand for.
-        shown: Any = merged
+        data: Any = merged
         if motion.model == "none":
-            shown = part
+            data = part
         elif still is not None:
-            shown = part[still.start : still.stop]
-        return FilmImage(merged, motion, start, found.is_carried, shown, still=still)
+            data = part[still.start : still.stop]
+        return FilmImage(merged, motion, start, found.is_carried, data, still=still)
+
+    def _first_parts(self, data: Bits | CountStack) -> tuple[FilmKinds, FilmState]:
+        """Return the kinds of jots of frames, and the film of their squares before its images."""
+        height, width = jot_shape(data)[1:3]
+        kinds = FilmKinds(self._sensor, (height, width), self._settings, trials_of_frame(data))
+        # The kinds have memories of their own.
+        settings = dataclasses.replace(self._settings, memory=False)
+        return kinds, FilmState(kinds.sensor_of_squares(settings.window), settings)
 
 
 def _of_sensor(window: Bits | CountStack, sensor: Sensor) -> Bits | CountStack:

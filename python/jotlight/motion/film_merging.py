@@ -22,7 +22,7 @@ class FilmMerging:
     step : int
         Frames from one window to the next.
     upsample : {1, 2}
-        2 for a grid of half pixels.
+        2 for a grid of half pixels, onto which nothing can be remembered.
     may_stand_still : bool
         Whether a short window without motion may replace what its motion does not explain.
     """
@@ -55,18 +55,15 @@ class FilmMerging:
             Bits from before the window, which are counted, too. It is changed for the next window.
         """
         consistent = find_consistent(paths, is_still=motion.model == "none", network=FAST)
-        merge = partial(
-            merge_along,
+        result = merge_along(
             paths,
             motion,
             self.sensor,
             consistent,
+            self._upsample,
             may_stand_still=self._may_stand_still,
+            recall=None if memory is None else partial(memory.recall, motion=motion, start=start),
         )
-        if memory is None:
-            return merge(upsample=self._upsample)
-        recall = partial(memory.recall, motion=motion, start=start)
-        result = merge(recall=recall)
-        leaving = sum_leaving(paths, consistent, motion, self._step)
-        memory.remember(leaving, motion, start)
+        if memory is not None:
+            memory.remember(sum_leaving(paths, consistent, motion, self._step), motion, start)
         return result

@@ -4,7 +4,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.blur import blur
-from jotlight.motion.consistency import Consistent, Image
+from jotlight.motion.consistency import Consistent
+from jotlight.motion.disagreement import Image
 
 _MAX_DISAGREEMENT, _UNCLEAR_DISAGREEMENT = 1.3, 1.2
 """Pixels are flagged where frames before and after the reference time disagree more than this.

@@ -5,7 +5,9 @@ import numpy.typing as npt
 
 from jotlight.checks import whole_number_in_range
 from jotlight.motion.film import begin_film
-from jotlight.motion.film_image import KEPT_WINDOWS, FilmImage, FilmSettings
+from jotlight.motion.film_frames import FilmFrames
+from jotlight.motion.film_image import FilmImage
+from jotlight.motion.film_settings import KEPT_WINDOWS, FilmSettings
 from jotlight.motion.jot_kinds import without_kinds
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.readings import require_plain_bits
@@ -95,6 +97,17 @@ class LiveFilm:
         TypeError, ValueError
             When the frames are not bits, or differ in size from earlier ones.
         """
+        packed, images = self._packed(frames), []
+        while len(packed):
+            missing = self._missing()
+            part, packed = packed[:missing], packed[missing:]
+            self._keep(part)
+            if len(part) == missing:
+                images.append(self._next_image(is_tested=frames.tested_for_periods))
+        return images
+
+    def _packed(self, frames: Bits) -> npt.NDArray[np.uint8]:
+        """Return packed frames of the size of earlier ones. The first ones determine this size."""
         if not isinstance(frames, Bits):
             raise TypeError(
                 f"frames: expected jotlight.Bits, got {type(frames).__name__}; "
@@ -110,21 +123,23 @@ class LiveFilm:
                 f"frames: expected the size of earlier frames, {size[0]} x {self._width}, got "
                 f"{frames.shape[1]} x {frames.width}"
             )
-        images = []
-        while len(packed):
-            missing = self._window - self._seen
-            if missing <= 0:
-                missing = self._step - (self._seen - self._window) % self._step
-            part, packed = packed[:missing], packed[missing:]
-            self._keep(part)
-            if len(part) == missing:
-                first = max(0, self._filled - KEPT_WINDOWS * self._window)
-                bits = Bits(self._kept[first : self._filled], self._width)
-                bits.tested_for_periods = self._is_tested or frames.tested_for_periods
-                before = self._seen - len(bits)
-                images.append(self._state.next_image(bits, before, self._seen - self._window))
-                self._is_tested = True  # the first image tests its frames
-        return images
+        return packed
+
+    def _missing(self) -> int:
+        """Return the number of frames that are missing for the next image."""
+        if self._seen < self._window:
+            return self._window - self._seen
+        return self._step - (self._seen - self._window) % self._step
+
+    def _next_image(self, *, is_tested: bool) -> FilmImage:
+        """Return the image of the latest window, whose jots may have been tested for periods."""
+        first = max(0, self._filled - KEPT_WINDOWS * self._window)
+        bits = Bits(self._kept[first : self._filled], self._width)
+        bits.tested_for_periods = self._is_tested or is_tested
+        known = FilmFrames(bits, self._seen - len(bits))
+        image = self._state.next_image(known, self._seen - self._window)
+        self._is_tested = True  # the first image tests its frames
+        return image
 
     def _keep(self, part: npt.NDArray[np.uint8]) -> None:
         """Add frames to those that are kept, which are moved once per window."""

@@ -19,7 +19,8 @@ from jotlight.motion.align import (
 from jotlight.motion.block_edges import block_edges
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.burst import Burst
-from jotlight.motion.consistency import Consistent, disagreement, find_consistent
+from jotlight.motion.consistency import Consistent, find_consistent
+from jotlight.motion.disagreement import disagreement
 from jotlight.motion.finer import count_fine, fine_paths
 from jotlight.motion.flags import find_flags, is_unclear
 from jotlight.motion.flicker import without_saturation

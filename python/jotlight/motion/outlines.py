@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.blocks import Sums
-from jotlight.motion.consistency import chi_squared
+from jotlight.motion.disagreement import chi_squared
 from jotlight.motion.scoring import make_template
-from jotlight.motion.track import Track
+from jotlight.motion.track import Track, from_center
 
 Array = npt.NDArray[np.float64]
 Labels = npt.NDArray[np.uint8]
@@ -58,7 +58,7 @@ def choose_labels(tracks: Sequence[Track]) -> Labels:
 def _cost(track: Track) -> npt.NDArray[np.float32]:
     """Return the mean χ² of each pixel along a motion, mostly of the better side in time."""
     number = len(track.nodes)
-    order = track.from_center()
+    order = from_center(track)
     central = max(2, number // _CENTRAL_FRACTION)
     threads = track.blocks.threads
 

@@ -11,13 +11,14 @@ from jotlight.motion.affine import follow_segment, improve_inside, improve_toget
 from jotlight.motion.blocks import Blocks, Sums
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
+from jotlight.motion.kept_sums import keeps_sums
 from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.objects import PARAMETERS, add_objects, more_likely
 from jotlight.motion.outlines import choose_labels
 from jotlight.motion.scoring import make_blurred_template
 from jotlight.motion.segments import Segment, energy_of, find_segments
 from jotlight.motion.tiles import mean_tiles, tile_counts
-from jotlight.motion.track import Paths, Track, keeps_sums
+from jotlight.motion.track import Paths, Track
 
 Array = npt.NDArray[np.float64]
 
@@ -86,21 +87,33 @@ def find_paths(
         return Found(still.exact(), model, None)
     divisions = find_segments(blocks, reference)
     advance(0.2)
-    best, most = Found(still, "none", None), 0.0
+    if model == "auto":
+        best = _best_of(blocks, reference, divisions, Found(still, "none", None), advance)
+    else:
+        best = _explain(blocks, reference, divisions[0], model, advance)
+    advance(1.0)
+    return dataclasses.replace(best, paths=best.paths.exact())
+
+
+def _best_of(
+    blocks: Blocks,
+    reference: int,
+    divisions: list[list[Segment]],
+    still: Found,
+    advance: Callable[[float], object],
+) -> Found:
+    """Return the paths that explain the scene best: without motion, or by one of its divisions."""
+    best, most = still, 0.0
     for number, segments in enumerate(divisions):
-        found = _explain(blocks, reference, segments, model, advance if number == 0 else _ignore)
-        if model != "auto":
-            best = found
-            break
+        found = _explain(blocks, reference, segments, "auto", advance if number == 0 else _ignore)
         gain, is_clear = _gain_over_rest(found.paths)
         if gain > most:
             best, most = found, gain
         if is_clear:
             break
-    if best.model == "tiles" and model == "auto" and len(best.paths.tracks) == 2:
-        best = _slow_segments(blocks, reference, best)
-    advance(1.0)
-    return dataclasses.replace(best, paths=best.paths.exact())
+    if best.model == "tiles" and len(best.paths.tracks) == 2:
+        return _slow_segments(blocks, reference, best)
+    return best
 
 
 def _slow_segments(blocks: Blocks, reference: int, found: Found) -> Found:
@@ -137,12 +150,7 @@ def _explain(
     advance(0.6)
     paths = Paths(tracks, choose_labels(tracks))
     if len(tracks) > 1:
-        paths = _from_back_to_front(_improve_segments(paths))
-        paths = without_absent(refine_outlines(improve_inside(refine_outlines(paths))))
-        if len(paths.tracks) == 2 and _are_in_doubt(paths):
-            paths = _with_other_outlines(paths)
-        alone = Paths(paths.tracks[:1], np.zeros_like(paths.labels))
-        paths = more_likely(alone, paths)
+        paths = _with_outlines(paths)
     advance(0.7)
     consistent = None
     if model == "auto":
@@ -192,6 +200,19 @@ def _gain_over_rest(paths: Paths) -> tuple[float, bool]:
     if gain > _CLEAR * needed:
         return gain - needed, True
     return likelihood_gain(paths) - needed, False
+
+
+def _with_outlines(paths: Paths) -> Paths:
+    """Return paths of several tracks with better motions and outlines, or of the first one alone.
+
+    The first one is at the back.
+    """
+    paths = _from_back_to_front(_improve_segments(paths))
+    paths = without_absent(refine_outlines(improve_inside(refine_outlines(paths))))
+    if len(paths.tracks) == 2 and _are_in_doubt(paths):
+        paths = _with_other_outlines(paths)
+    alone = Paths(paths.tracks[:1], np.zeros_like(paths.labels))
+    return more_likely(alone, paths)
 
 
 def _improve_segments(paths: Paths) -> Paths:

@@ -18,7 +18,7 @@ from jotlight.sensing.response import (
     Array,
     detection_density,
     detection_probability,
-    inverse_detection_probability,
+    intensity_at_probability,
 )
 from jotlight.sensing.sensor import Sensor
 
@@ -142,8 +142,12 @@ def _average(merged: Sequence[Merged]) -> Array:
     for each in merged:
         trials = np.broadcast_to(np.asarray(each.trials, np.float64), each.shape)
         fraction = average_fractions(each.ones, trials)
-        rate = inverse_detection_probability(each.sensor.threshold, fraction, 1 - fraction)
-        intensity = np.maximum(rate - each.dark_counts, 0) / _slope(each)
+        intensity = np.maximum(
+            intensity_at_probability(
+                each.sensor.threshold, fraction, 1 - fraction, _slope(each), each.dark_counts
+            ),
+            0,
+        )
         weight = _likelihood([each], intensity)[1] + _MIN_PROBABILITY
         total, weights = total + weight * intensity, weights + weight
     return np.asarray(total / weights)

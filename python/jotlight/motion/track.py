@@ -1,8 +1,6 @@
 """The displacements of all blocks while they are estimated, and the paths of all pixels."""
 
 import dataclasses
-import functools
-from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -10,16 +8,10 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.blocks import Blocks, Sums
-from jotlight.motion.frame_times import locate
+from jotlight.motion.kept_sums import Curve, KeptSums, keeps_sums
 from jotlight.motion.tiles import interpolate
 
 Array = npt.NDArray[np.float64]
-
-_MAX_KEPT_BYTES = 1 << 28
-"""Maximum number of bytes of the sums of all blocks, up to which they are kept."""
-
-_BYTES_OF_SUMS, _BYTES_OF_JOTS = 8, 8
-"""Bytes of the ones and trials of a pixel, and of what it has seen of jots that differ."""
 
 _SAME, _NEAR = 0.1, 0.5
 """Changes of the displacements in pixels up to which bits are not counted again.
@@ -40,75 +32,6 @@ class Counted(Protocol):
     def displacements(self, block: int, step: int = 1) -> npt.NDArray[np.float32]: ...  # noqa: D102
 
 
-@dataclasses.dataclass(frozen=True)
-class _Curve:
-    """Displacements of the frames of a block, which are linear between two fields."""
-
-    frames: range
-    fields: Array
-    times: Array
-
-    @functools.cached_property
-    def mean(self) -> Array:
-        """The mean displacements of the frames, (2, rows, columns)."""
-        weights = _mean_weights(self.frames, tuple(self.times.tolist()))
-        mean = weights @ self.fields.reshape(len(weights), -1)
-        return np.asarray(mean.reshape(self.fields.shape[1:]))
-
-    def distance(self, other: "_Curve") -> float:
-        """Return the largest difference of the displacements in pixels.
-
-        It is that of the fields, or of the first, the middle, and the last frame if there are not
-        equally many fields. Then it is never 0, because other fields round differently.
-        """
-        if len(self.times) == len(other.times):
-            return float(abs(self.fields - other.fields).max())
-        first, last = self.frames[0], self.frames[-1]
-        three = first, (first + last) / 2, last
-        one, two = (
-            _weights(three, tuple(each.times.tolist())) @ each.fields.reshape(len(each.fields), -1)
-            for each in (self, other)
-        )
-        return max(float(abs(one - two).max()), np.finfo(float).tiny)
-
-
-class _Kept:
-    """The sums of a block along a curve, and the same bits as seen along another one."""
-
-    def __init__(self, curve: _Curve, sums: Sums) -> None:
-        self._counted, self._sums = curve, sums
-        self.distance = 0.0
-        """The distance between the two curves."""
-        self.seen = sums
-        """The sums along the latest curve, if it is near."""
-
-    def follow(self, curve: _Curve) -> None:
-        """See the sums along another curve."""
-        self.distance = self._counted.distance(curve)
-        if self.distance <= _NEAR:
-            change = curve.mean - self._counted.mean
-            self.seen = self._sums.seen_along(change) if change.any() else self._sums
-
-
-@functools.lru_cache(maxsize=256)
-def _weights(frames: Sequence[float], times: tuple[float, ...]) -> Array:
-    """Return the weights in each frame, (n, m), of fields at some times.
-
-    Every change of a motion needs them again, so they are kept.
-    """
-    index, place = locate(np.array(frames, np.float64), times)
-    weights = np.zeros((len(index), len(times)))
-    weights[np.arange(len(index)), index] = 1 - place
-    weights[np.arange(len(index)), index + 1] = place
-    return weights
-
-
-@functools.lru_cache(maxsize=256)
-def _mean_weights(frames: Sequence[float], times: tuple[float, ...]) -> Array:
-    """Return the mean weights of the frames, (m,)."""
-    return np.asarray(_weights(frames, times).mean(axis=0))
-
-
 @dataclasses.dataclass
 class Track:
     """The displacements of all blocks while they are estimated."""
@@ -125,14 +48,10 @@ class Track:
     """The pixels that are counted, (H, W). Default: all."""
     tolerance: float = _SAME
     """Change of the displacements in pixels up to which :meth:`sums` does not count bits again."""
-    _kept: dict[int, _Kept] = dataclasses.field(
-        default_factory=dict, init=False, repr=False, compare=False
+    _kept: KeptSums = dataclasses.field(
+        default_factory=KeptSums, init=False, repr=False, compare=False
     )
-    """The sums of blocks that were counted, so that none is counted twice."""
-    _places: dict[int, tuple[int, int, bytes]] = dataclasses.field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
-    """The displacements along which these sums are seen."""
+    """The sums of blocks that were counted. Tracks over the same frames may share them."""
 
     def over(self, blocks: Blocks) -> "Track":
         """Return the same motion over other frames of the same blocks."""
@@ -153,12 +72,12 @@ class Track:
 
     def _sharing(self, other: "Track") -> "Track":
         """Return another track over the same frames, which shares the sums that are kept."""
-        other._kept, other._places = self._kept, self._places
+        other._kept = self._kept
         return other
 
     def sums(self, block: int) -> Sums:
         """Return the sums of a block along the motion. Their arrays must not be changed."""
-        return self._counted(self.tolerance, block)
+        return self._sums_within(self.tolerance, block)
 
     def nearby_sums(self, block: int) -> Sums:
         """Return the sums of a block along nearly the same motion, with the right remainders.
@@ -166,46 +85,31 @@ class Track:
         The normal equations account for remainders to first order. So after small changes of the
         displacements, the bits need not be counted again.
         """
-        return self._counted(_NEAR, block)
-
-    def _counted(self, distance: float, block: int) -> Sums:
-        """Return the sums of the pixels that are counted."""
-        sums = self._sums_within(distance, block)
-        return sums if self.pixels is None else sums.masked(self.pixels)
+        return self._sums_within(_NEAR, block)
 
     def _sums_within(self, distance: float, block: int) -> Sums:
         """Return the sums of a block, counted along displacements up to a distance away."""
-        first, end = self._neighbors(block)
-        # Comparing bytes takes less time than a new curve.
-        place = first, end, self.nodes[first:end].tobytes()
-        kept = self._kept.get(block)
-        if kept is not None:
-            if self._places[block] != place:
-                self._places[block] = place
-                kept.follow(self._curve(block))
-            if kept.distance <= distance:
-                return kept.seen
         curve = self._curve(block)
-        sums = self.blocks.count(curve.frames, curve.fields, curve.times)
-        jots_differ = self.blocks.jots is not None
-        if keeps_sums(self.blocks.size, len(self.nodes), jots_differ=jots_differ):
-            self._kept[block], self._places[block] = _Kept(curve, sums), place
-        return sums
+        sums = self._kept.seen_along(block, curve, distance)
+        if sums is None:
+            sums = self.blocks.count(curve.frames, curve.fields, curve.times)
+            jots_differ = self.blocks.jots is not None
+            if keeps_sums(self.blocks.size, len(self.nodes), jots_differ=jots_differ):
+                self._kept.keep(block, curve, sums)
+        return sums if self.pixels is None else sums.masked(self.pixels)
 
-    def _neighbors(self, block: int) -> tuple[int, int]:
-        """Return the first and the end of the blocks from which a block is interpolated."""
-        first = block - 1 if block > 0 and self.known[block - 1] else block
-        is_known = block + 1 < len(self.nodes) and self.known[block + 1]
-        return first, block + 2 if is_known else block + 1
-
-    def _curve(self, block: int) -> _Curve:
-        """Return the displacements of a block, which change linearly to its neighbors'."""
-        first, end = self._neighbors(block)
+    def _curve(self, block: int) -> Curve:
+        """Return the displacements of a block, which change linearly to its known neighbors'."""
+        first, end = block, block + 1
+        if first > 0 and self.known[first - 1]:
+            first -= 1
+        if end < len(self.nodes) and self.known[end]:
+            end += 1
         fields, times = self.nodes[first:end].copy(), self.blocks.centers[first:end]
         if len(fields) == 1:
             fields = fields.repeat(2, axis=0)
             times = self.blocks.edges[block : block + 2].astype(np.float64)
-        return _Curve(self.blocks.frames(block), fields, times)
+        return Curve(self.blocks.frames(block), fields, times)
 
     def displacements(self, block: int, step: int = 1) -> npt.NDArray[np.float32]:
         """Return the displacements of all pixels in the middle of a block, (2, H, W).
@@ -216,14 +120,10 @@ class Track:
 
     def velocity(self) -> Array:
         """Return the velocity of each tile at the reference time, (2, rows, columns)."""
-        before, after = sorted(int(block) for block in self.from_center()[:2])
+        before, after = sorted(int(block) for block in from_center(self)[:2])
         centers = self.blocks.centers
         step = self.nodes[after] - self.nodes[before]
         return np.asarray(step / (centers[after] - centers[before]))
-
-    def from_center(self) -> npt.NDArray[np.intp]:
-        """Return the blocks in the order of their distance from the reference time."""
-        return from_center(self)
 
 
 @dataclasses.dataclass
@@ -297,12 +197,6 @@ class Paths:
         """
         fields = [track.displacements(block, step) for track in self.tracks]
         return np.choose(self.labels[::step, ::step], fields) if len(fields) > 1 else fields[0]
-
-
-def keeps_sums(size: tuple[int, int], blocks: int, *, jots_differ: bool = False) -> bool:
-    """Return whether the sums of all blocks of an image of H x W pixels are kept."""
-    of_pixel = _BYTES_OF_SUMS + (_BYTES_OF_JOTS if jots_differ else 0)
-    return size[0] * size[1] * of_pixel * blocks <= _MAX_KEPT_BYTES
 
 
 def from_center(paths: Counted) -> npt.NDArray[np.intp]:

@@ -26,7 +26,7 @@ from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.response import (
     detection_density,
     detection_probability,
-    inverse_detection_probability,
+    intensity_at_probability,
     silence_probability,
 )
 from jotlight.sensing.sensor import Sensor
@@ -202,8 +202,7 @@ class Prior:
         p, zero = (1 - mean, mean) if self.of_zeros else (mean, 1 - mean)
         limits = detection_probability(self.sensor.threshold, _MIN_RATE), 1e-6
         p, zero = np.maximum(p, limits[0]), np.maximum(zero, limits[1])
-        rate = inverse_detection_probability(self.sensor.threshold, p, zero)
-        return np.asarray((rate - dark_counts) / efficiency)
+        return intensity_at_probability(self.sensor.threshold, p, zero, efficiency, dark_counts)
 
     def _denoise(self, fractions: Image, trials: LocalTrials) -> Image:
         zeros, threads = self.of_zeros, self.threads

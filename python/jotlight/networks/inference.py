@@ -200,21 +200,7 @@ def _run_untied(
     threads: int | None,
 ) -> Image:
     """Return the intensities of a network whose first layer has one weight per jot and frame."""
-    for data in images.data:
-        if not isinstance(data, Bits):
-            raise TypeError(
-                f"data: expected Bits, because this network weighs each jot of a pixel, got "
-                f"{type(data).__name__}; a tied network takes counts"
-            )
-        check_fits(data.shape, sensor)
-    jots = sensor.efficiency, sensor.dark_counts
-    reference = reference_jot(sensor)[0], reference_jot(network.sensor)[1]
-    if any(np.any(a != b) for a, b in zip(jots, reference, strict=True)):
-        raise ValueError(
-            "sensor: expected the network's efficiency and dark counts, the same for all jots; "
-            "a tied network takes others"
-        )
-    bits = cast(Sequence[Bits], images.data)
+    bits = _bits_of_untied(network, images, sensor)
     model, mask = sensor_model(sensor), sensor.mask
     # Memory may not hold the frames of all captures in files.
     number = max(1, _MAX_BYTES // math.prod(bits[0].packed.shape))
@@ -233,6 +219,25 @@ def _run_untied(
         dead = Bits.from_array(~mask).counts(sensor.oversampling) == 0
         warn_about_dead_pixels(np.broadcast_to(dead, (len(bits), *dead.shape)))
     return output.images
+
+
+def _bits_of_untied(network: GrayNetwork, images: GrayImages, sensor: Sensor) -> Sequence[Bits]:
+    """Return the bits of images, after a check that the network serves them."""
+    for data in images.data:
+        if not isinstance(data, Bits):
+            raise TypeError(
+                f"data: expected Bits, because this network weighs each jot of a pixel, got "
+                f"{type(data).__name__}; a tied network takes counts"
+            )
+        check_fits(data.shape, sensor)
+    jots = sensor.efficiency, sensor.dark_counts
+    reference = reference_jot(sensor)[0], reference_jot(network.sensor)[1]
+    if any(np.any(a != b) for a, b in zip(jots, reference, strict=True)):
+        raise ValueError(
+            "sensor: expected the network's efficiency and dark counts, the same for all jots; "
+            "a tied network takes others"
+        )
+    return cast(Sequence[Bits], images.data)
 
 
 def _masked_sums(

@@ -139,6 +139,37 @@ def inverse_detection_probability(
     )
 
 
+def intensity_at_probability(
+    threshold: int,
+    probability: npt.ArrayLike,
+    complement: npt.ArrayLike,
+    slope: float | Array,
+    dark_counts: float | Array,
+) -> Array:
+    """Return the intensity at which jots report 1 with probability p: equation (5), p for L/K.
+
+    It is ``c = (P⁻¹(q, p) - d)/(η α/K)``, which is below 0 if p is smaller than in darkness.
+
+    Parameters
+    ----------
+    threshold : int
+        q: the minimum number of photons for which a jot reports 1.
+    probability, complement : array_like of float
+        p and 1 - p in [0, 1].
+    slope : float or ndarray
+        η α/K, the rate of a jot per intensity. With η, the result is the light s = c α/K.
+    dark_counts : float or ndarray
+        d.
+
+    Examples
+    --------
+    >>> intensity_at_probability(1, [0.5, 0.0], [0.5, 1.0], 2.0, 0.1).round(4).tolist()
+    [0.2966, -0.05]
+    """
+    rate = inverse_detection_probability(threshold, probability, complement)
+    return np.asarray((rate - dark_counts) / slope)
+
+
 def _gammainc(order: int, x: Array) -> Array:
     # The import of SciPy takes long, so it is postponed until it is needed.
     from scipy.special import gammainc

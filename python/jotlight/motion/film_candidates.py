@@ -1,0 +1,153 @@
+"""The images that a window of a film may become, along motions that are found in several ways."""
+
+import copy
+import dataclasses
+from functools import partial
+
+import numpy as np
+
+from jotlight.errors import hide_warnings, record_warnings
+from jotlight.formats.capture import CountStack
+from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
+from jotlight.motion.block_edges import block_edges
+from jotlight.motion.carrying import carry
+from jotlight.motion.film_image import FilmImage, count_nearest
+from jotlight.motion.film_merging import FilmMerging
+from jotlight.motion.film_settings import FilmSettings
+from jotlight.motion.likelihood_gain import likelihood_gain
+from jotlight.motion.memory import Memory
+from jotlight.motion.merge import as_paths
+from jotlight.motion.motion import Motion
+from jotlight.motion.track import Paths
+from jotlight.sensing.bits import Bits
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidate:
+    """An image of a window along one of several motions, and what the film carries with it."""
+
+    image: FilmImage
+    motion: Motion
+    """The motion, as seen from the middle of the window."""
+    paths: Paths
+    """The paths of the image."""
+    memory: Memory | None
+    """The memory after this image."""
+    warnings: list[str]
+    """The warnings of aligning and merging."""
+
+    @property
+    def flagged(self) -> float:
+        """The fraction of the pixels that are flagged."""
+        flags = self.image.merged.flags
+        return 0.0 if flags is None else float(np.mean(flags))
+
+    @property
+    def accepted(self) -> float:
+        """The fraction of the bits that were counted."""
+        acceptance = self.image.merged.acceptance
+        return 1.0 if acceptance is None else float(acceptance.mean())
+
+    def explains_more(self, other: "Candidate") -> bool:
+        """Return whether the bits of the window are more likely along this motion.
+
+        Where merging has rejected a motion, the other one is better.
+        """
+        if self.image.is_rejected or other.image.is_rejected:
+            return not self.image.is_rejected
+        return likelihood_gain(self.paths) > likelihood_gain(other.paths)
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidates:
+    """The images that one window may become.
+
+    Each method finds a motion, and returns the image along it. None of them changes the film.
+    """
+
+    window: Bits | CountStack
+    """The frames of the window."""
+    start: int
+    """The number of its first frame."""
+    memory: Memory | None
+    """The bits from before the window. Each image counts those that agree with its motion."""
+    merging: FilmMerging
+    settings: FilmSettings
+
+    def carried(self, motion: Motion, step: int) -> Candidate | None:
+        """Return the image along the motion of the window that began `step` frames before.
+
+        Return None if this motion is lost.
+        """
+        return self._carried(motion, step, is_carried=True)
+
+    def fresh(self) -> Candidate:
+        """Return the image along a motion that is estimated from the window alone."""
+        sensor, threads = self.merging.sensor, self.settings.threads
+        with record_warnings() as texts:
+            motion = align(self.window, sensor, model=self.settings.model, threads=threads)
+        burst, sensor = prepare_burst(self.window, sensor)
+        blocks = as_blocks(burst, block_edges(len(burst)), sensor, threads)
+        found = self._merged(as_paths(motion, blocks), motion, is_carried=False)
+        return dataclasses.replace(found, warnings=[*texts, *found.warnings])
+
+    def of_more_frames(self, frames: Bits | CountStack, first: int) -> Candidate | None:
+        """Return the image along the motion in more frames, from number `first` on.
+
+        Return None if the window contradicts this motion.
+        """
+        settings, offset = self.settings, self.start - first
+        sensor = self.merging.sensor
+        sensor = sensor.replace(frames=sensor.frames * len(frames) // len(self.window))
+        with hide_warnings():
+            motion = align(frames, sensor, model=settings.model, threads=settings.threads)
+        motion = dataclasses.replace(
+            motion, times=motion.times - offset, reference=motion.reference - offset
+        )
+        # The window has shorter blocks, which show the motion at its end better.
+        return self._carried(motion, 0, is_carried=False)
+
+    def _carried(self, motion: Motion, step: int, *, is_carried: bool) -> Candidate | None:
+        """Return the image along a motion that is continued to the end of the window, or None."""
+        paths = carry(motion, self.window, self.merging.sensor, step, self.settings.threads)
+        if paths is None:
+            return None
+        return self._merged(paths, as_motion(paths, motion.model), is_carried=is_carried)
+
+    def _merged(self, paths: Paths, motion: Motion, *, is_carried: bool) -> Candidate:
+        """Return the image along paths, which are those of a motion seen from the middle."""
+        shown, paths = _seen_from_end(motion, paths) if self.settings.causal else (motion, paths)
+        paths = self._with_hot_jots(paths, shown)
+        # Merging changes the memory, and other candidates need the one before.
+        memory = copy.copy(self.memory)
+        with record_warnings() as texts:
+            merged, still = self.merging.merge(paths, shown, self.start, memory)
+        image = FilmImage(merged, shown, self.start, is_carried, merged, still=still)
+        if self.settings.upsample == 1 and paths.blocks.burst.channels == 1:
+            count = partial(count_nearest, paths, self.merging.sensor, is_still=image.is_rejected)
+            image = dataclasses.replace(image, count_nearest=count)
+        return Candidate(image, motion, paths, memory, texts)
+
+    def _with_hot_jots(self, paths: Paths, motion: Motion) -> Paths:
+        """Return paths along which hot jots are counted if nothing moves.
+
+        Alignment leaves them out.
+        """
+        sensor = self.merging.sensor
+        if motion.model != "none" or hot_jots(sensor) is None:
+            return paths
+        threads, blocks = self.settings.threads, paths.blocks
+        return as_paths(
+            motion, as_blocks(blocks.burst, blocks.edges, sensor, threads, with_hot_jots=True)
+        )
+
+
+def _seen_from_end(motion: Motion, paths: Paths) -> tuple[Motion, Paths]:
+    """Return a motion as seen from the last frame, and its paths."""
+    try:
+        motion = motion.seen_from(float(len(paths.blocks.burst) - 1))
+    except ValueError:
+        # A wrong motion may fold the image, so that its displacements have no bounds. The image
+        # then shows the middle of the window.
+        return motion, paths
+    return motion, as_paths(motion, paths.blocks)

@@ -1,0 +1,47 @@
+"""How the images of a film are made."""
+
+import dataclasses
+
+from jotlight.motion.memory import Memory, remembers
+from jotlight.motion.motion import MODELS
+
+KEPT_WINDOWS = 4
+"""Number of windows whose frames together show the motion of a scene if one is not enough."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FilmSettings:
+    """How the images of a film are made: the arguments of :func:`jotlight.motion.film.film`."""
+
+    window: int
+    step: int
+    model: str
+    causal: bool
+    memory: bool | None
+    upsample: int
+    threads: int | None
+
+    def __post_init__(self) -> None:
+        if self.model != "auto" and self.model not in MODELS:
+            names = ", ".join(MODELS)
+            raise ValueError(f"model: expected auto or one of {names}, got {self.model!r}")
+
+    def new_memory(self) -> Memory | None:
+        """Return an empty memory, or None if the film has none."""
+        has_memory = remembers(
+            self.memory, self.window, self.step, causal=self.causal, upsample=self.upsample
+        )
+        return Memory(self.window, self.threads) if has_memory else None
+
+    def window_at(self, start: int) -> range:
+        """Return the numbers of the frames of the window that begins at a frame."""
+        return range(start, start + self.window)
+
+    def more_frames(self, known: range, start: int) -> range:
+        """Return the numbers of up to four windows of known frames.
+
+        They are around the window that begins at `start`, or before its end if the film is causal.
+        """
+        more = (KEPT_WINDOWS - 1) * self.window
+        before, after = (more, 0) if self.causal else (more // 2, more // 2)
+        return range(max(known.start, start - before), min(known.stop, start + self.window + after))

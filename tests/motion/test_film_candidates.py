@@ -1,0 +1,45 @@
+"""The images that a window may become: which is better, and that none changes the film."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jotlight.motion.film_candidates import Candidates
+from jotlight.motion.film_merging import FilmMerging
+from jotlight.motion.merge import as_paths
+from moving import film_settings, record
+
+
+def candidates_of(bits, settings, start=0, memory=None):
+    merging = FilmMerging(bits.sensor, settings.step)
+    return Candidates(bits, start, memory, merging, settings)
+
+
+@pytest.mark.slow
+def test_the_motion_that_explains_the_bits_is_better_unless_merging_rejected_it():
+    _, bits = record("shake", frames=32, photons=1.0)
+    right = candidates_of(bits, film_settings(32)).fresh()
+    nodes = 1.5 * right.motion.nodes
+    wrong_motion = dataclasses.replace(right.motion, nodes=nodes)
+    paths = as_paths(wrong_motion, right.paths.blocks)
+    wrong = dataclasses.replace(right, motion=wrong_motion, paths=paths)
+    assert right.explains_more(wrong)
+    assert not wrong.explains_more(right)
+    rejected = dataclasses.replace(right, image=dataclasses.replace(right.image, still=range(16)))
+    assert wrong.explains_more(rejected)
+    assert not rejected.explains_more(wrong)
+
+
+def test_each_candidate_has_a_memory_of_its_own():
+    _, bits = record("static", frames=32, shape=(32, 48))
+    settings = film_settings(24, step=8, model="none")
+    first = candidates_of(bits[:24], settings, memory=settings.new_memory()).fresh()
+    kept = dict(vars(first.memory))
+    second = candidates_of(bits[8:], settings, start=8, memory=first.memory)
+    carried, fresh = second.carried(first.motion, 8), second.fresh()
+    assert (carried.image.is_carried, fresh.image.is_carried) == (True, False)
+    assert carried.image.merged.trials.max() > 24
+    np.testing.assert_array_equal(carried.image.merged.ones, fresh.image.merged.ones)
+    assert all(vars(first.memory)[name] is value for name, value in kept.items())
+    assert vars(carried.memory)["_sums"] is not kept["_sums"]

@@ -1,0 +1,87 @@
+"""When the motion of a film is estimated again."""
+
+import types
+
+import pytest
+
+from jotlight.motion.film_schedule import FilmSchedule, _Doubt
+from moving import film_settings
+
+
+def candidate(*, is_carried=True, flagged=0.0, accepted=1.0, model="affine"):
+    """Return what the schedule reads of an image."""
+    return types.SimpleNamespace(
+        image=types.SimpleNamespace(is_carried=is_carried),
+        motion=types.SimpleNamespace(model=model),
+        flagged=flagged,
+        accepted=accepted,
+    )
+
+
+@pytest.mark.parametrize("causal", [False, True])
+def test_a_motion_is_old_after_33_images_unless_the_film_is_causal(causal):
+    schedule = FilmSchedule(film_settings(32, causal=causal))
+    schedule.add(candidate(is_carried=False), is_compared=False)
+    ages = []
+    for number in range(1, 80):
+        is_old = schedule.is_old(candidate())
+        if is_old:
+            ages.append(number)
+        schedule.add(candidate(), is_compared=is_old)
+    assert ages == ([] if causal else [33, 66])
+
+
+def test_a_motion_is_old_if_fewer_bits_agree_than_when_it_was_estimated():
+    schedule = FilmSchedule(film_settings(32))
+    schedule.add(candidate(is_carried=False, accepted=0.9), is_compared=False)
+    for accepted, is_old in ((0.88, False), (0.86, True), (0.88, False)):
+        assert schedule.is_old(candidate(accepted=accepted)) == is_old
+        schedule.add(candidate(accepted=accepted), is_compared=False)
+    # After a comparison that the carried motion won, its bits are the usual ones.
+    schedule.add(candidate(accepted=0.86), is_compared=True)
+    assert not schedule.is_old(candidate(accepted=0.84))
+
+
+@pytest.mark.parametrize(
+    ("causal", "model", "expected"),
+    [
+        (True, "segments", [48, 72, 108, 128]),
+        (True, "affine", []),
+        (False, "segments", []),
+    ],
+)
+def test_segments_are_aligned_again_as_the_frames_of_a_causal_film_become_more(
+    causal, model, expected
+):
+    schedule = FilmSchedule(film_settings(32, causal=causal))
+    fresh = candidate(is_carried=False, model=model)
+    assert not schedule.needs_more_frames(fresh, range(32), is_lost=True)
+    found = [
+        number
+        for number in [*range(32, 128), *[128] * 40]
+        if schedule.needs_more_frames(candidate(model=model), range(number), is_lost=False)
+    ]
+    assert found == expected
+
+
+def test_the_number_of_flagged_images_between_two_attempts_doubles():
+    schedule = FilmSchedule(film_settings(32))
+    flagged = candidate(flagged=0.9)
+    found = [schedule.needs_more_frames(flagged, range(40), is_lost=False) for _ in range(20)]
+    assert [number for number, is_due in enumerate(found) if is_due] == [1, 2, 4, 8, 16]
+
+
+def test_no_attempt_is_counted_where_no_more_frames_are_known():
+    schedule = FilmSchedule(film_settings(32))
+    flagged = candidate(flagged=0.9)
+    for _ in range(5):
+        assert not schedule.needs_more_frames(flagged, range(32), is_lost=True)
+    assert schedule.needs_more_frames(flagged, range(33), is_lost=True)
+
+
+def test_a_single_flagged_image_is_no_reason_to_doubt():
+    doubt = _Doubt()
+    shares = [0.9, 0.1, 0.9, 0.9, 0.1, 0.9]
+    due = [doubt.is_due(share, is_new=False) for share in shares]
+    assert due == [False, False, False, True, False, False]
+    assert _Doubt().is_due(0.9, is_new=True)
