@@ -69,12 +69,15 @@ class KeptSums:
 
         Return None if they were counted more than a distance in pixels away from this curve.
         """
-        if block in self._sums:
-            counted, sums = self._sums[block]
-            if counted.distance(curve) <= max_distance:  # False for NaN, too
-                change = curve.mean - counted.mean
-                return sums.seen_along(change) if change.any() else sums
-        return None
+        if block not in self._sums:
+            return None
+        counted, sums = self._sums[block]
+        distance = counted.distance(curve)
+        if distance == 0:
+            return sums
+        if distance <= max_distance:
+            return sums.seen_along(curve.mean - counted.mean)
+        return None  # also if displacements are NaN
 
 
 def keeps_sums(size: tuple[int, int], blocks: int, *, jots_differ: bool = False) -> bool:
