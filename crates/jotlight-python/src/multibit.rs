@@ -163,8 +163,9 @@ pub fn readings_information(
     let information = information.as_slice_mut()?;
     check_length("rates", information.len(), rates.len())?;
     run(py, threads, || {
+        let table = response.information_table();
         let pairs = information.par_iter_mut().zip(rates);
-        pairs.for_each(|(information, &rate)| *information = response.information(rate));
+        pairs.for_each(|(information, &rate)| *information = table.at(rate)[0].exp());
         Ok(())
     })
 }

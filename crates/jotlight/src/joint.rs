@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::likelihood::Readings;
-use crate::multibit::Cells;
+use crate::multibit::{Cells, RateTable};
 use crate::values::{check_not_negative, check_positive};
 
 /// The maximum number of steps of Newton's method with bisection. Most pixels need less than ten.
@@ -57,6 +57,22 @@ pub struct Term<'a> {
     /// The index of each cell of the image among the cells, −1 for one without readings. `None`: all
     /// cells have readings.
     pub places: Option<&'a [i32]>,
+}
+
+/// The readings of the cells of a term, whose sums are expected.
+enum Sums<'a, F> {
+    Bits(Readings<'a>),
+    /// The cells, and the table of the mean of a reading.
+    Several(Cells<'a>, RateTable<F, 2>),
+}
+
+impl<'a> TermCells<'a> {
+    fn sums(&self) -> Sums<'a, impl Fn(f64) -> [f64; 2] + use<'a>> {
+        match *self {
+            Self::Bits(readings) => Sums::Bits(readings),
+            Self::Several(cells) => Sums::Several(cells, cells.response().mean_table()),
+        }
+    }
 }
 
 /// The readings of all pixels of an image.
@@ -138,9 +154,10 @@ impl<'a> JointReadings<'a> {
             return Err(Error::shape("total", self.pixels, total.len()));
         }
         check_search(highest, offset)?;
+        let sums: Vec<_> = self.terms.iter().map(|term| term.cells.sums()).collect();
         self.for_each_pixel(intensity, |pixel, start| {
             let evaluate = |x: f64| {
-                let (expected, slope) = self.expected_total(pixel, x);
+                let (expected, slope) = self.expected_total(pixel, x, &sums);
                 (total[pixel] - expected, (x + offset) * slope)
             };
             if evaluate(0.0).0 <= 0.0 {
@@ -195,15 +212,21 @@ impl<'a> JointReadings<'a> {
         (gradient, curvature)
     }
 
-    /// Return the expected sum of the readings of a pixel, and its derivative.
-    fn expected_total(&self, pixel: usize, intensity: f64) -> (f64, f64) {
+    /// Return the expected sum of the readings of a pixel, and its derivative. `sums` belong to the
+    /// terms.
+    fn expected_total<F: Fn(f64) -> [f64; 2] + Sync>(
+        &self,
+        pixel: usize,
+        intensity: f64,
+        sums: &[Sums<'_, F>],
+    ) -> (f64, f64) {
         let (mut total, mut slope) = (0.0, 0.0);
-        for term in &self.terms {
+        for (term, sums) in self.terms.iter().zip(sums) {
             let light = term.light * intensity;
             self.for_each_cell(term, pixel, |cell| {
-                let (one, two) = match &term.cells {
-                    TermCells::Bits(readings) => readings.expected_ones(cell, light),
-                    TermCells::Several(cells) => cells.expected_total(cell, light),
+                let (one, two) = match sums {
+                    Sums::Bits(readings) => readings.expected_ones(cell, light),
+                    Sums::Several(cells, means) => cells.expected_total(cell, light, means),
                 };
                 total += one;
                 slope += term.light * two;

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::Response;
+use super::{RateTable, Response};
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::values::Values;
@@ -162,12 +162,24 @@ impl<'a> Cells<'a> {
     }
 
     /// Return the expected sum of the readings of one cell, and its derivative about the light.
+    /// `means` is the table of their response.
     #[must_use]
-    pub fn expected_total(&self, cell: usize, light: f64) -> (f64, f64) {
+    pub fn expected_total<F: Fn(f64) -> [f64; 2] + Sync>(
+        &self,
+        cell: usize,
+        light: f64,
+        means: &RateTable<F, 2>,
+    ) -> (f64, f64) {
         let mut number = 0.0;
         self.for_each(cell, |_, times| number += times);
-        let (mean, _, slope) = self.response.moments(self.rate(cell, light));
+        let [mean, slope] = means.at(self.rate(cell, light));
         (number * mean, number * self.efficiency.get(cell) * slope)
+    }
+
+    /// Return the response of the cells.
+    #[must_use]
+    pub fn response(&self) -> &'a Response {
+        self.response
     }
 
     /// Call a function with the readings of a cell, and with how often each occurs.

@@ -13,6 +13,7 @@ mod likelihood;
 mod noise;
 mod poisson;
 mod sums;
+mod table;
 
 use crate::error::{Error, Result};
 use crate::likelihood::Threshold;
@@ -22,6 +23,7 @@ use sums::sum_level;
 
 pub use draw::draw;
 pub use likelihood::{Cells, Sample};
+pub use table::RateTable;
 
 /// The smallest rate at which derivatives are evaluated.
 const MIN_RATE: f64 = 1e-100;
@@ -161,6 +163,29 @@ impl Response {
             information += ratio_of_squares(before, whole);
         }
         information
+    }
+
+    /// Return a table of the logarithm of [`Self::information`].
+    pub fn information_table(&self) -> RateTable<impl Fn(f64) -> [f64; 1], 1> {
+        RateTable::new(|s| [self.information(s).ln()], self.saturating_rate())
+    }
+
+    /// Return a table of the mean of a reading, and of its derivative.
+    pub fn mean_table(&self) -> RateTable<impl Fn(f64) -> [f64; 2], 2> {
+        let functions = |s| {
+            let (mean, _, slope) = self.moments(s);
+            [mean, slope]
+        };
+        RateTable::new(functions, self.saturating_rate())
+    }
+
+    /// Return a rate above which nearly all readings are the highest one.
+    fn saturating_rate(&self) -> f64 {
+        let (top, sigma) = (
+            self.highest as f64,
+            self.noise.as_ref().map_or(0.0, Noise::sigma),
+        );
+        top + 12.0 * (top.sqrt() + sigma) + 100.0
     }
 
     /// Return the mean and the variance of a reading at the rate s, and the derivative of the mean.
