@@ -117,6 +117,14 @@ def test_a_path_that_cannot_be_written_to_is_found_before_any_work(tmp_path, nam
     assert file_names(tmp_path) == ["file", "folder"]
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a pipe with a name")
+def test_a_pipe_is_not_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe.npy")
+    with pytest.raises(OSError, match=r"pipe\.npy: it is a device or a pipe; pass the name of"):
+        enter(tmp_path / "pipe.npy")
+    assert (tmp_path / "pipe.npy").is_fifo()
+
+
 def test_a_name_as_long_as_the_system_allows_is_written(tmp_path):
     path = tmp_path / ("n" * 251 + ".txt")
     with atomic_write(path) as temporary:
