@@ -38,6 +38,13 @@ def test_the_trained_network_is_for_the_requested_sensor():
     assert scores.mean("psnr") == pytest.approx(history.test_psnr[-1], abs=0.5)
 
 
+def test_a_pretrained_network_is_trained_for_the_sensor_that_it_was_requested_for():
+    sensor = jl.Sensor(frames=16, dark_counts=0.05)
+    start = jl.pretrained(sensor, "two-layer")
+    trained, _ = jl.train(start, [np.full((20, 20), 0.5)], steps=0, batch=1)
+    assert trained.sensor == sensor
+
+
 def test_a_history_has_one_record_more_than_steps():
     records = []
     trained, history = train(test=IMAGES[:2], callback=records.append)

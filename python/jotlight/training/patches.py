@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from jotlight.checks import whole_number
 from jotlight.networks.network import Network
+from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.seeds import seed_bytes
 from jotlight.sensing.intensity_scale import warn_about_scale
 from jotlight.sensing.reference import reference_jot
@@ -132,6 +133,19 @@ class PatchSampler:
             "border": self.border,
             "seed": seed_bytes(np.random.SeedSequence(self.seed, spawn_key=(step, 1))),
         }
+
+
+def trained_sensor(network: Network | PlanesNetwork, sensor: Sensor | None) -> Sensor:
+    """Return the sensor to train for: `sensor`, else that of `jl.pretrained`, else the network's.
+
+    Examples
+    --------
+    >>> import jotlight as jl
+    >>> trained_sensor(jl.pretrained(Sensor(frames=16)), None)
+    Sensor(frames=16)
+    """
+    default = network.default_sensor if isinstance(network, Network) else None
+    return sensor or default or network.sensor
 
 
 def patch_sensor(sensor: Sensor) -> Sensor:
