@@ -107,13 +107,14 @@ def enter(path):
         ("folder", IsADirectoryError, "folder: it is a folder; pass the name of a file"),
         ("missing/note.txt", FileNotFoundError, "there is no folder .*missing; create it first"),
         ("file/note.txt", OSError, "cannot write .*note.txt: there is no folder"),
+        ("s3://bucket/note.txt", ValueError, "are written to files of this machine, not to URLs"),
     ],
 )
 def test_a_path_that_cannot_be_written_to_is_found_before_any_work(tmp_path, name, error, message):
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("x")
     with pytest.raises(error, match=message):
-        enter(tmp_path / name)
+        enter(name if "://" in name else tmp_path / name)
     assert file_names(tmp_path) == ["file", "folder"]
 
 

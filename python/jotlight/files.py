@@ -255,6 +255,7 @@ def flush_to_disk(path: Path) -> None:
 
 def _check_parent(path: Path) -> None:
     if not path.parent.is_dir():
+        _refuse_url(path)
         raise FileNotFoundError(
             f"cannot write {path}: there is no folder {path.parent}; create it first"
         )
