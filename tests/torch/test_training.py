@@ -254,6 +254,7 @@ def test_a_path_in_place_of_a_network_gets_the_call_that_reads_it():
         ({"threads": 0}, "threads: expected a whole number from 1 to 1024, got 0"),
         ({"patch": 21}, "patch: expected at most 20 pixels, got 21. The smallest image, number 0"),
         ({"images": -IMAGES}, "expected intensities of 0 or more"),
+        ({"test": IMAGES[0]}, r"test: expected gray images \(N, H, W\)"),
         ({"sensor": jl.Sensor(oversampling=2)}, "sensor: the network"),
     ],
 )

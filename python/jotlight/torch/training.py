@@ -226,7 +226,7 @@ def _test_images(
         raise ValueError(
             f"test: expected none for a {type(network).__name__}; measure it after the training"
         )
-    return None if test is None else check_images(test)
+    return None if test is None else check_images(test, "test")
 
 
 def _check_batch(batch: int, processes: int) -> None:

@@ -142,7 +142,7 @@ def train(
     check_threads(threads)
     seconds = None if seconds is None else positive_number("seconds", seconds)
     sampler = PatchSampler.for_network(network, sensor, images, patch, batch, chosen.pixels, seed)
-    tests = None if test is None else sampler.whole_images(check_images(test))
+    tests = None if test is None else sampler.whole_images(check_images(test, "test"))
     run = Run(network, sampler, tests, chosen, admissible, steps, threads)
     start = admissible.project(network, parameter_vector(network))
     state = run.begin(start, checkpoint, resume)

@@ -1,7 +1,6 @@
 """Patches of the training images, with new bits in every step."""
 
 import dataclasses
-import operator
 from typing import Any, Self
 
 import numpy as np
@@ -171,9 +170,7 @@ def patch_size(images: Images, side: int | None) -> int:
     smallest = int(min(min(image.shape) for image in images))
     if side is None:
         return min(_DEFAULT_PATCH, smallest)
-    side = operator.index(side)
-    if side < 1:
-        raise ValueError(f"patch: expected at least 1 pixel, got {side}")
+    side = whole_number("patch", side, 1)
     if side > smallest:
         index, image = next((i, x) for i, x in enumerate(images) if min(x.shape) < side)
         raise ValueError(
