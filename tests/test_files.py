@@ -107,14 +107,23 @@ def enter(path):
         ("folder", IsADirectoryError, "folder: it is a folder; pass the name of a file"),
         ("missing/note.txt", FileNotFoundError, "there is no folder .*missing; create it first"),
         ("file/note.txt", OSError, "cannot write .*note.txt: there is no folder"),
+        ("s3://bucket/note.txt", ValueError, "are written to files of this machine, not to URLs"),
     ],
 )
 def test_a_path_that_cannot_be_written_to_is_found_before_any_work(tmp_path, name, error, message):
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("x")
     with pytest.raises(error, match=message):
-        enter(tmp_path / name)
+        enter(name if "://" in name else tmp_path / name)
     assert file_names(tmp_path) == ["file", "folder"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a pipe with a name")
+def test_a_pipe_is_not_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe.npy")
+    with pytest.raises(OSError, match=r"pipe\.npy: it is a device or a pipe; pass the name of"):
+        enter(tmp_path / "pipe.npy")
+    assert (tmp_path / "pipe.npy").is_fifo()
 
 
 def test_a_name_as_long_as_the_system_allows_is_written(tmp_path):

@@ -227,8 +227,8 @@ def refuse_image_path(name: str, images: object, call: str) -> None:
         )
 
 
-def require_image_list(images: object) -> None:
-    """Raise TypeError unless images are a sequence or an array.
+def require_image_list(images: object, name: str = "images") -> None:
+    """Raise TypeError unless images are a sequence or an array. Messages call them `name`.
 
     Examples
     --------
@@ -238,10 +238,10 @@ def require_image_list(images: object) -> None:
     TypeError: images: expected an array (N, H, W) or a list of images, got None
     """
     call = "[jotlight.read_image(path, gray=True) for path in paths]"
-    refuse_image_path("images", images, call)
+    refuse_image_path(name, images, call)
     if not hasattr(images, "__len__"):
         raise TypeError(
-            f"images: expected an array (N, H, W) or a list of images, got {shown(images)}"
+            f"{name}: expected an array (N, H, W) or a list of images, got {shown(images)}"
         )
 
 

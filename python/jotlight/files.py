@@ -118,8 +118,8 @@ def atomic_write(
     Raises
     ------
     OSError
-        When the folder does not exist or is not writable, when `path` is a folder, or when a write
-        failed, for example because the disk is full.
+        When the folder does not exist or is not writable, when `path` is a folder, a device, or a
+        pipe, or when a write failed, for example because the disk is full.
 
     Examples
     --------
@@ -185,6 +185,8 @@ def _temporary_file(path: Path, named: Path) -> Iterator[Path]:
     """
     if path.is_dir():
         raise IsADirectoryError(f"cannot write {path}: it is a folder; pass the name of a file")
+    if path.exists() and not path.is_file():  # such as /dev/null, which root could replace
+        raise OSError(f"cannot write {path}: it is a device or a pipe; pass the name of a file")
     _check_parent(named)
     if path.exists() and not os.access(path, os.W_OK):
         raise PermissionError(f"cannot write {path}: the file is read-only")
@@ -253,6 +255,7 @@ def flush_to_disk(path: Path) -> None:
 
 def _check_parent(path: Path) -> None:
     if not path.parent.is_dir():
+        _refuse_url(path)
         raise FileNotFoundError(
             f"cannot write {path}: there is no folder {path.parent}; create it first"
         )

@@ -137,3 +137,11 @@ def test_training_a_deep_network_in_the_engine_names_the_pytorch_function():
     network = jl.Network.residual(jl.Sensor(oversampling=4), "small", rng=0)
     with pytest.raises(ValueError, match=r"jotlight\.torch\.train"):
         jl.train(network, jl.datasets.uniform_scenes, steps=1)
+
+
+def test_a_two_layer_network_is_trained_by_one_process(run, photo_folder, monkeypatch, tmp_path):
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    status, output = run("train", photo_folder, "-o", NETWORK, "--bits-per-pixel", 16)
+    assert status == 1
+    assert "is trained by one process, which uses all cores: start the command without" in output
+    assert not (tmp_path / NETWORK).exists()

@@ -267,3 +267,13 @@ def test_a_conversion_that_was_killed_before_its_record_is_made_again(run, captu
     assert code == 0
     assert "1 made, 1 complete before" in out
     assert "input" in json.loads(record.read_text())
+
+
+@pytest.mark.parametrize(
+    "command", [("reconstruct", "-m", "mle", "-o", "{name}.tif"), ("convert", "-o", "{name}.tif")]
+)
+def test_the_name_of_a_single_capture_replaces_its_place(run, captures, command):
+    code, out = run(command[0], captures[0], *command[1:])
+    assert code == 0, out
+    assert Path("1.tif").is_file()
+    assert not Path("{name}.tif").exists()

@@ -75,6 +75,21 @@ def test_a_conditional_network_is_trained_and_improved(run, photo_folder, tmp_pa
     assert (parameter_vector(more) != parameter_vector(network)).any()
 
 
+def test_a_conditional_network_is_tested_within_its_range_also_when_it_is_improved(
+    run, photo_folder
+):
+    images = ["train", photo_folder, "--test", photo_folder]
+    small = ["--batch", 2, "--steps", 1, "--device", "cpu", "--seed", 5]
+    arguments = ["--quality", "small", *small, "--bits-per-pixel", "20:256"]
+    assert run(*images, "-o", NETWORK, *arguments)[0] == 0
+    assert run(*images, "-o", "more.safetensors", "--start", NETWORK, *small)[0] == 0
+    before, after = (
+        History.from_json(jl.Network.load(name).history["records"])
+        for name in (NETWORK, "more.safetensors")
+    )
+    assert after.test_psnr[0] == pytest.approx(before.test_psnr[-1], abs=1e-3)
+
+
 def test_bits_per_pixel_state_the_sensor(run, photo_folder):
     arguments = [*SMALL, "--steps", 1, "--bits-per-pixel"]
     assert run("train", photo_folder, "-o", NETWORK, *arguments, 300)[0] == 0
@@ -143,7 +158,7 @@ def test_a_run_out_of_time_reports_its_steps(run, photo_folder):
         (["--bits-per-pixel", "1-256"], "bits-per-pixel: expected a number such as 16, or"),
         (["--bits-per-pixel", "9:4"], "bits-per-pixel: expected a number such as 16, or"),
         (["--bits-per-pixel", "0"], "bits-per-pixel: expected a number such as 16, or"),
-        (["--bits-per-pixel", "20:64"], "the network is for 20 trials per pixel or more, got 16"),
+        (["--bits-per-pixel", "20:64", "-t", 1], "is for 20 trials per pixel or more, got 16"),
         (["--bits-per-pixel", "16", "-t", 2], "--oversampling and --frames; leave out --frames"),
     ],
 )

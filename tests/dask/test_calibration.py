@@ -29,6 +29,15 @@ def test_the_calibration_is_that_of_one_machine(chunk):
     np.testing.assert_array_equal(found.flat_steadiness.map, expected.flat_steadiness.map)
 
 
+@pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
+@pytest.mark.parametrize("frames", [19, 84])
+def test_the_rest_of_the_frames_may_be_almost_a_block(frames):
+    dark = captures()[0][:frames]
+    found, expected = jl.dask.calibrate(dark).compute(), jl.calibrate(dark)
+    assert found.dark_steadiness.correlation == expected.dark_steadiness.correlation
+    np.testing.assert_array_equal(found.dark_ones, expected.dark_ones)
+
+
 def test_few_frames_have_no_test_of_steadiness():
     dark = jl.Bits.from_array(np.random.default_rng(0).random((6, 12, 16)) < 0.3)
     with warnings.catch_warnings():

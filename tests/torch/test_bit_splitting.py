@@ -138,3 +138,17 @@ def test_a_single_bit_is_either_hidden_or_an_input():
     hidden = float(trials.mean())
     assert hidden == pytest.approx(0.9 * 0.1, abs=0.01)
     assert (ones <= trials).all()
+
+
+def test_a_capture_whose_only_bit_is_held_out_is_refused():
+    mask = np.ones((16, 16), bool)
+    mask[5, 5] = False
+    sensor = jl.Sensor(mask=mask)
+    bits = sensor.expose(np.full((16, 16), 0.5), rng=0)
+    network = jl.Network.conditional("small", rng=0)
+    # The bit is held out with a probability of a tenth, as with one of these seeds.
+    seeds = [
+        seed for seed in range(100) if np.random.default_rng(seed).random((16, 16))[5, 5] > 0.9
+    ]
+    with pytest.raises(ValueError, match="but all are held out; pass a capture with more"):
+        bit_splitter(network, sensor, bits, seeds[0])

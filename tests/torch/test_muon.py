@@ -37,6 +37,13 @@ def test_a_matrix_of_zeros_remains_one():
     assert not orthogonalize(torch.zeros(3, 6, 8)).any()
 
 
+@pytest.mark.parametrize("size", [1e-18, 1e-23, 1e-30])
+def test_matrices_whose_squares_underflow_become_orthogonal(size):
+    # The sum of the gradients of a bank without gradients decays through these sizes.
+    matrices = random(6, 8)
+    assert torch.allclose(orthogonalize(size * matrices), orthogonalize(matrices), atol=1e-4)
+
+
 @pytest.mark.parametrize("shape", [(6, 5, 3, 3), (30, 8, 2, 2), (8, 60, 1, 1)])
 def test_banks_take_the_steps_of_pytorchs_muon(shape):
     if not hasattr(torch.optim, "Muon"):

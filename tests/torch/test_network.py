@@ -186,6 +186,18 @@ def test_a_network_compiles_into_one_graph_with_the_same_results(quality, dark_c
         torch.testing.assert_close(compiled(counts), expected.detach(), atol=1e-5, rtol=0)
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:The .grad attribute")  # by PyTorch, between two graphs
+@pytest.mark.parametrize("mode", [torch.enable_grad, torch.inference_mode])
+def test_a_network_compiles_for_a_sensor_with_a_larger_threshold(mode):
+    network = Network(jl.pretrained(jl.Sensor(frames=16, threshold=2, gain=32.0), "small"))
+    torch._dynamo.reset()
+    counts = torch.arange(220.0).reshape(1, 1, 11, 20) % 17
+    with mode():
+        actual = torch.compile(network, backend="aot_eager")(counts)
+        torch.testing.assert_close(actual, network(counts), atol=1e-5, rtol=0)
+
+
 def test_only_trainable_parameters_require_gradients():
     module = Network(jl.Network.residual(SENSOR, "small", rng=0))
     for layer, filters in zip(module.origin.layers, module.filters, strict=True):

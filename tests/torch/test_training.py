@@ -10,7 +10,7 @@ from jotlight.tensors import read_tensors  # noqa: E402
 from jotlight.torch import Network, fastest_precision, train  # noqa: E402
 from jotlight.torch.muon import MIN_CHANNELS  # noqa: E402
 from jotlight.torch.trainer import flatten  # noqa: E402
-from jotlight.training import parameter_vector  # noqa: E402
+from jotlight.training import ColorPatches, parameter_vector  # noqa: E402
 from jotlight.training.checkpoint import CheckpointWriter  # noqa: E402
 
 SENSOR = jl.Sensor(oversampling=3)
@@ -159,6 +159,22 @@ def test_a_run_stops_at_its_time_limit():
     assert len(history.records) <= 2
 
 
+def test_a_pretrained_network_is_tested_with_the_sensor_that_it_was_requested_for():
+    sensor = jl.Sensor(frames=64)
+    start, test = jl.pretrained(sensor, "medium"), list(IMAGES[:1])
+    (_, history), (_, expected) = (
+        train_small(start, sensor=each, test=test, steps=1) for each in (None, sensor)
+    )
+    assert history.test_psnr[0] == expected.test_psnr[0]
+
+
+@pytest.mark.parametrize("start", [STARTS["small"], STARTS["conditional"]])
+def test_color_patches_are_refused_for_a_gray_network(start):
+    source = ColorPatches([np.full((20, 24, 3), 99, np.uint8)])
+    with pytest.raises(ValueError, match=r"expected gray patches .* got shape \(3, 12, 12\)"):
+        train_small(start, source)
+
+
 def test_a_checkpoint_of_another_run_is_refused(tmp_path):
     train_small(checkpoint=tmp_path / "run")
     changes = {"rng": 4}, {"learning_rate": 1e-4}, {"optimizer": "adam"}
@@ -238,6 +254,7 @@ def test_a_path_in_place_of_a_network_gets_the_call_that_reads_it():
         ({"threads": 0}, "threads: expected a whole number from 1 to 1024, got 0"),
         ({"patch": 21}, "patch: expected at most 20 pixels, got 21. The smallest image, number 0"),
         ({"images": -IMAGES}, "expected intensities of 0 or more"),
+        ({"test": IMAGES[0]}, r"test: expected gray images \(N, H, W\)"),
         ({"sensor": jl.Sensor(oversampling=2)}, "sensor: the network"),
     ],
 )

@@ -38,6 +38,13 @@ def test_the_trained_network_is_for_the_requested_sensor():
     assert scores.mean("psnr") == pytest.approx(history.test_psnr[-1], abs=0.5)
 
 
+def test_a_pretrained_network_is_trained_for_the_sensor_that_it_was_requested_for():
+    sensor = jl.Sensor(frames=16, dark_counts=0.05)
+    start = jl.pretrained(sensor, "two-layer")
+    trained, _ = jl.train(start, [np.full((20, 20), 0.5)], steps=0, batch=1)
+    assert trained.sensor == sensor
+
+
 def test_a_history_has_one_record_more_than_steps():
     records = []
     trained, history = train(test=IMAGES[:2], callback=records.append)
@@ -111,7 +118,10 @@ def test_gray_levels_are_reported():
         ({"optimizer": None}, TypeError, "optimizer: expected one of"),
         ({"images": lambda rng, n: rng.integers(9, size=(n, 8, 8))}, TypeError, "floats"),
         ({"images": lambda rng, n: NO_NUMBER[:n]}, ValueError, "finite intensities"),
+        ({"test": IMAGES[0]}, ValueError, r"test: expected gray images \(N, H, W\)"),
+        ({"test": [IMAGES[0], COLOR]}, ValueError, r"test\[1\]: expected a gray image"),
         ({"patch": 0}, ValueError, "patch: expected at least 1"),
+        ({"patch": 8.5}, TypeError, "patch: expected a whole number, got 8.5"),
         ({"patch": 2}, ValueError, "no pixel of the patch would count$"),
         ({"batch": 0}, ValueError, "batch: expected at least 1"),
         ({"steps": -1}, ValueError, "steps: expected at least 0, got -1"),

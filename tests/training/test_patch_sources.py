@@ -115,3 +115,8 @@ def test_the_smallest_image_is_described():
 def test_weights_that_do_not_fit_are_refused(weights):
     with pytest.raises(ValueError, match="weights: expected"):
         PatchMixture([(ImagePatches([IMAGE]), weight) for weight in weights])
+
+
+def test_images_in_place_of_a_source_are_refused():
+    with pytest.raises(TypeError, match=r"such as ImagePatches\(images\).*got ndarray"):
+        PatchMixture([(IMAGE, 1)])

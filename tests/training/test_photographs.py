@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 from scipy.stats import binom
 from skimage.color import rgb2xyz
 
-from jotlight.training import PhotographPatches
+from jotlight.training import PhotographPatches, read_photographs
 
 NUMBER = 1500
 COLORS = 10, 100, 200
@@ -112,6 +113,15 @@ def test_files_are_read_as_8_bit_levels(tmp_path):
     (tmp_path / "broken.png").write_bytes(b"\x89PNG\r\n\x1a\n broken")
     with pytest.raises(ValueError, match=r"broken\.png"):
         PhotographPatches.read([tmp_path / "broken.png"])
+
+
+def test_the_white_of_files_of_16_bits_can_be_stated(tmp_path):
+    levels = np.arange(0, 1024, 4, dtype=np.uint16).reshape(16, 16)
+    tifffile.imwrite(tmp_path / "photograph.tif", levels)
+    with pytest.raises(ValueError, match="state the level of intensity 1 with white="):
+        read_photographs([tmp_path / "photograph.tif"])
+    source = PhotographPatches.read([tmp_path / "photograph.tif"], white=1023, scaled=0.0)
+    np.testing.assert_array_equal(source.photographs[0][0], np.rint(levels / 1023 * 255))
 
 
 def test_patches_are_as_high_as_the_photograph_is_wide():

@@ -9,7 +9,7 @@ from jotlight._engine import __version__
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import check_outputs_of, provenance_notes
 from jotlight.cli.console import progress, report
-from jotlight.cli.run_options import CapturePaths, RunOptions
+from jotlight.cli.run_options import CapturePaths, RunOptions, name_output
 from jotlight.dask.jobs import conversion_record, conversion_text
 from jotlight.dask.records import read_json
 from jotlight.files import atomic_write, write_file
@@ -50,7 +50,8 @@ def convert(
     if run.is_requested(data):
         _convert_many(data, output, to, capture, run)
         return
-    _convert_one(data[0] if is_url(data[0]) else Path(data[0]), output, to, capture)
+    path = data[0] if is_url(data[0]) else Path(data[0])
+    _convert_one(path, name_output(output, data[0]), to, capture)
 
 
 def _convert_many(

@@ -1,6 +1,7 @@
 """The function that trains a network: the engine for two layers, PyTorch for deep networks."""
 
 import dataclasses
+import os
 import re
 from collections.abc import Callable
 from typing import Any
@@ -57,6 +58,12 @@ def two_layer_learner(
     name: str | None, learning_rate: float | None, damping: float | None
 ) -> Learner:
     """Return the learner of the two-layer network with an optimizer."""
+    if int(os.environ.get("WORLD_SIZE", "1")) > 1:
+        # Each process of torchrun would write the same files.
+        raise ValueError(
+            f"a {TWO_LAYER} network is trained by one process, which uses all cores: start the "
+            f"command without torchrun, or pass --quality {' or '.join(ARCHITECTURES)}"
+        )
     name = name or DEFAULT_OPTIMIZER
     if name not in OPTIMIZERS:
         raise ValueError(f"optimizer: expected one of {', '.join(OPTIMIZERS)}, got {name!r}")

@@ -1,6 +1,6 @@
 """``jotlight reconstruct``: an image from bits or counts."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 from jotlight.cli.advice import caution_about_motion
@@ -12,7 +12,7 @@ from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import ImageMotionOptions, MotionOptions
 from jotlight.cli.output_options import ImageOutputOptions, OutputOptions
 from jotlight.cli.reconstruction import reconstruct_image
-from jotlight.cli.run_options import CapturePaths, RunOptions
+from jotlight.cli.run_options import CapturePaths, RunOptions, name_output
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.evaluation.uncertainty import check_errors_known
 from jotlight.formats.locations import is_url
@@ -48,6 +48,7 @@ def reconstruct(
     if run.is_requested(data):
         _reconstruct_many(data, outputs, method, capture, sensor, motion, run, threads)
         return
+    outputs = replace(outputs, output=name_output(outputs.output, data[0]))
     path = data[0] if is_url(data[0]) else Path(data[0])
     inputs = Inputs(path, method, capture, sensor, motion)
     motion.check()

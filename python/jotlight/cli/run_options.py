@@ -1,6 +1,7 @@
 """Options of commands that process many captures, or a capture in many windows."""
 
 import dataclasses
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
@@ -85,3 +86,18 @@ class RunOptions:
                 raise ValueError(f"storage-option: expected NAME=VALUE, got {text!r}")
             values[name] = {"true": True, "false": False}.get(value.lower(), value)
         return values
+
+
+def name_output(output: Path, capture: str) -> Path:
+    """Return the output of a single capture, whose name replaces ``{name}``.
+
+    Examples
+    --------
+    >>> name_output(Path("images/{name}.tif"), "captures/1.npy").as_posix()
+    'images/1.tif'
+    """
+    if "{name}" not in output.as_posix():
+        return output
+    from jotlight.dask.names import name_captures, name_outputs
+
+    return name_outputs(output, name_captures([capture]))[0]

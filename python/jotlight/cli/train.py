@@ -1,8 +1,9 @@
 """``jotlight train``: a network for a sensor, trained on images."""
 
 import functools
+import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -112,10 +113,8 @@ def train(
         scale = 1.0
         if target is not None:
             exposed, scale = read_training_sensor(target, capture, sensor, training.threads)
-        elif start is not None:
-            exposed = start.sensor.replace(**sensor.to_kwargs(), **jots)
         else:
-            exposed = Sensor(**{"oversampling": 4, **sensor.to_kwargs(), **jots})
+            exposed = _exposed_sensor(start, network, {**sensor.to_kwargs(), **jots})
         if start is None:
             start = _initial_network(exposed, network, training.seed)
         kind = describe_kind(start, network.quality)
@@ -222,6 +221,21 @@ def _learner(training: TrainingOptions, network: NetworkOptions, start: Network 
     if deep:
         return deep_learner(training.learning_rate, training.device)
     return two_layer_learner(network.optimizer, training.learning_rate, network.damping)
+
+
+def _exposed_sensor(
+    start: Network | None, network: NetworkOptions, kwargs: dict[str, Any]
+) -> Sensor:
+    """Return the sensor of the training or, for a K-conditioned network, of the tests alone.
+
+    By default, it is that of the network at the start, or it has 4 x 4 jots per pixel. Its K is in
+    the range of a K-conditioned network.
+    """
+    trials_range = network.trials_range if start is None else start.trials_range
+    if start is not None and trials_range is None:
+        return start.sensor.replace(**kwargs)
+    least = 1 if trials_range is None else trials_range[0]
+    return Sensor(**{"oversampling": 4, "frames": math.ceil(least / 16), **kwargs})
 
 
 def _initial_network(sensor: Sensor, options: NetworkOptions, seed: int) -> Network:

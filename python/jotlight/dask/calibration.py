@@ -193,7 +193,8 @@ def _sums(name: str, x: "Bits | dask.array.Array", width: int | None) -> _LazySu
     rest = None if used == frames else count(x[used:], frames - used, width=width)
     return _LazySums(
         count(x, size, width=width),
-        count(both, size - 1, size, width=width),
+        # The last window ends with the last whole block, even if the rest is as long as a window.
+        count(both[: used - 1], size - 1, size, width=width),
         rest,
         frames,
     )

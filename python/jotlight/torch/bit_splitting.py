@@ -148,6 +148,11 @@ class BitSplitter:
         """Whether no pixel has two bits, so that bits cannot be split, but hidden."""
         for channel in channels:
             self._hold_out(channel, rng)
+        if not any(trials.any() for _, trials in self.training_bits):
+            raise ValueError(
+                "data: expected bits to train on besides those that are held out, but all are held "
+                "out; pass a capture with more valid pixels or frames"
+            )
 
     def sensor_with_trials(self, trials: int) -> Sensor:
         """Return a sensor without maps, with K = `trials` and the same rate per bit."""

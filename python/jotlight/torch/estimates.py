@@ -123,8 +123,13 @@ def _probability(threshold: int, rate: float) -> float:
 
 def _inverse(threshold: int, p: Tensor) -> Tensor:
     """Return P⁻¹(q, p), with its derivative."""
-    if threshold == 1:
-        return -torch.log1p(-p)
+    return -torch.log1p(-p) if threshold == 1 else _find_inverse(threshold, p)
+
+
+# torch.compile cannot read the function of the engine, and fails where it tries.
+@torch.compiler.disable
+def _find_inverse(threshold: int, p: Tensor) -> Tensor:
+    """Return P⁻¹(q, p), computed in the engine, with its derivative."""
     values = p.detach().cpu().numpy()
     rate = inverse_detection_probability(threshold, values, 1 - values)
     slope = torch.from_numpy(detection_density(threshold, rate)).to(p)

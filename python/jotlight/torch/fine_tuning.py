@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import operator
 import os
 from collections.abc import Sequence
 
@@ -328,7 +327,7 @@ def _count_images(
 def _patch_side(channels: Sequence[PixelCounts], patch: int | None) -> int:
     """Return the height and width of patches, after a check against the image."""
     max_side = min(channels[0].counts.shape)
-    side = min(PATCH, max_side) if patch is None else operator.index(patch)
+    side = min(PATCH, max_side) if patch is None else whole_number("patch", patch, 0)
     if not 1 <= side <= max_side:
         raise ValueError(f"patch: expected 1 to the {max_side} pixels of the image, got {side}")
     return side

@@ -146,6 +146,8 @@ def orthogonalize(matrices: Tensor) -> Tensor:
     """
     is_tall = matrices.shape[-2] > matrices.shape[-1]
     x = matrices.mT if is_tall else matrices
+    # Divided by the largest number first: the squares of small ones would underflow in the norm.
+    x = x / x.abs().amax((-2, -1), keepdim=True).clamp(min=1e-30)
     x = x / x.norm(dim=(-2, -1), keepdim=True).clamp(min=1e-30)
     a, b, c = _NEWTON_SCHULZ
     for _ in range(_ITERATIONS):

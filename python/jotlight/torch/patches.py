@@ -246,6 +246,7 @@ class PatchLoader:
         side, tied = self.sensor.oversampling, self.network.tied
         data = []
         for patch, factor, generator in zip(truth, factors, generators, strict=True):
+            _check_gray(patch)
             sensor = dataclasses.replace(self.sensor, gain=self.sensor.gain * float(factor))
             with hide_warnings(MEANING):  # a patch may show nothing but a light
                 bits = sensor.expose(patch, generator, threads=threads)
@@ -300,6 +301,16 @@ class PatchLoader:
         generator : numpy.random.Generator
             Draws the bits.
         """
+        _check_gray(patch.values)
         rate = patch.values * slope + dark_counts
         counts = generator.binomial(trials, detection_probability(1, rate))
         return counts.astype(np.float32)[None]
+
+
+def _check_gray(values: npt.NDArray[np.float32]) -> None:
+    """Raise ValueError unless a patch is gray."""
+    if values.ndim != 2:
+        raise ValueError(
+            "images: expected gray patches (H, W) for a network of gray images, such as those of "
+            f"jotlight.training.PhotographPatches, got shape {values.shape}"
+        )

@@ -32,7 +32,7 @@ from jotlight.training.history import History, RecordCallback
 from jotlight.training.images import Images, TrainingImages, check_images, fingerprint_images
 from jotlight.training.parameters import fingerprint_network
 from jotlight.training.patch_sources import ImagePatches, PatchSource, as_patch_source
-from jotlight.training.patches import patch_sensor
+from jotlight.training.patches import patch_sensor, trained_sensor
 from jotlight.training.reporting import shown_steps
 
 STEPS = 20_000
@@ -88,7 +88,7 @@ def train(
         :class:`~jotlight.training.PatchMixture` of several sources.
     sensor : Sensor, optional
         Sensor that the trained network is for. A K-conditioned network is only tested with it.
-        Default: the network's.
+        Default: the one for which :func:`jotlight.pretrained` was called, else the network's.
     steps : int, optional
         Number of steps. Default: 20,000.
     seconds : float, optional
@@ -168,7 +168,7 @@ def train(
         Network | ColorNetwork | FilmNetwork,
         'jotlight.torch.train(jotlight.Network.conditional("small"), images)',
     )
-    sensor = network.sensor if sensor is None else sensor
+    sensor = trained_sensor(network, sensor)
     network.check_sensor(sensor)
     chosen_device = choose_device(device)
     steps = whole_number("steps", STEPS if steps is None else steps, 1)
@@ -226,7 +226,7 @@ def _test_images(
         raise ValueError(
             f"test: expected none for a {type(network).__name__}; measure it after the training"
         )
-    return None if test is None else check_images(test)
+    return None if test is None else check_images(test, "test")
 
 
 def _check_batch(batch: int, processes: int) -> None:

@@ -20,8 +20,8 @@ TrainingImages = npt.NDArray[np.floating] | Sequence[npt.ArrayLike] | ImageGener
 """Images as a user passes them."""
 
 
-def check_images(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Images:
-    """Return gray images of intensities as float32.
+def check_images(images: npt.ArrayLike | Sequence[npt.ArrayLike], name: str = "images") -> Images:
+    """Return gray images of intensities as float32. Messages call them `name`.
 
     Raises
     ------
@@ -34,21 +34,21 @@ def check_images(images: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Images:
     >>> check_images([np.zeros((3, 4)), np.ones((2, 2))])[1].dtype
     dtype('float32')
     """
-    require_image_list(images)
+    require_image_list(images, name)
     if isinstance(images, np.ndarray):
-        require_gray_stack("images", images.shape)
+        require_gray_stack(name, images.shape)
     if len(images) == 0:  # type: ignore[arg-type]
-        raise ValueError("images: expected at least one, got none")
+        raise ValueError(f"{name}: expected at least one, got none")
     if isinstance(images, np.ndarray):
         # One tall image takes one check.
-        tall = as_image(images.reshape(-1, images.shape[2]) if images.size else images, "images")
+        tall = as_image(images.reshape(-1, images.shape[2]) if images.size else images, name)
         return np.require(tall, np.float32, ["C"]).reshape(images.shape)
     checked = []
     for index, image in enumerate(images):  # type: ignore[arg-type]
-        array = as_image(image, f"images[{index}]")
+        array = as_image(image, f"{name}[{index}]")
         if array.ndim != 2:
             raise ValueError(
-                f"images[{index}]: expected a gray image (H, W), got shape {array.shape}; "
+                f"{name}[{index}]: expected a gray image (H, W), got shape {array.shape}; "
                 "networks treat color channels alike, so pass each channel as an image"
             )
         checked.append(np.require(array, np.float32, ["C"]))

@@ -19,7 +19,7 @@ from jotlight.training.images import TrainingImages, check_images
 from jotlight.training.optimizer import Optimizer
 from jotlight.training.optimizers import find_optimizer
 from jotlight.training.parameters import parameter_vector
-from jotlight.training.patches import PatchSampler
+from jotlight.training.patches import PatchSampler, trained_sensor
 from jotlight.training.reporting import shown_steps
 from jotlight.training.run import Run
 
@@ -59,7 +59,8 @@ def train(
         identifies a callable by its name only.
     sensor : Sensor, optional
         Sensor that the trained network is for. For the patches, medians replace its maps of dark
-        counts and efficiency, and no jot is dead. Default: the network's.
+        counts and efficiency, and no jot is dead. Default: the one for which
+        :func:`jotlight.pretrained` was called, else the network's.
     optimizer : {"gauss-newton", "adam", "projected-gradient"} or Optimizer
         An optimizer of `jotlight.training`, by name or with settings.
     steps : int, optional
@@ -127,7 +128,7 @@ def train(
     require_network(
         "network", network, Network, "jotlight.train(jotlight.Network.initial(sensor), images)"
     )
-    sensor = network.sensor if sensor is None else sensor
+    sensor = trained_sensor(network, sensor)
     network.check_sensor(sensor)
     if not is_sequential(network.layers):
         raise ValueError(
@@ -141,7 +142,7 @@ def train(
     check_threads(threads)
     seconds = None if seconds is None else positive_number("seconds", seconds)
     sampler = PatchSampler.for_network(network, sensor, images, patch, batch, chosen.pixels, seed)
-    tests = None if test is None else sampler.whole_images(check_images(test))
+    tests = None if test is None else sampler.whole_images(check_images(test, "test"))
     run = Run(network, sampler, tests, chosen, admissible, steps, threads)
     start = admissible.project(network, parameter_vector(network))
     state = run.begin(start, checkpoint, resume)

@@ -130,8 +130,9 @@ class PatchMixture(PatchSource):
 
     Raises
     ------
-    ValueError
-        When there is no source, or a weight is not a finite number above 0.
+    TypeError, ValueError
+        When there is no source, another object in its place, or a weight that is not a finite
+        number above 0.
 
     Examples
     --------
@@ -150,6 +151,12 @@ class PatchMixture(PatchSource):
             received = [weight for _, weight in weights]
             raise ValueError(f"weights: expected finite numbers above 0, got {received}")
         self._sources = [source for source, _ in weights]
+        if not all(isinstance(source, PatchSource) for source in self._sources):
+            names = ", ".join(type(source).__name__ for source in self._sources)
+            raise TypeError(
+                "weights: expected sources of patches, such as ImagePatches(images), and their "
+                f"weights, got {names}"
+            )
         cumulative = np.cumsum([weight for _, weight in weights])
         self._bounds = cumulative / cumulative[-1]
         self.max_side = min(source.max_side for source in self._sources)

@@ -1,7 +1,6 @@
 """Patches of the training images, with new bits in every step."""
 
 import dataclasses
-import operator
 from typing import Any, Self
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy.typing as npt
 
 from jotlight.checks import whole_number
 from jotlight.networks.network import Network
+from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.seeds import seed_bytes
 from jotlight.sensing.intensity_scale import warn_about_scale
 from jotlight.sensing.reference import reference_jot
@@ -134,6 +134,19 @@ class PatchSampler:
         }
 
 
+def trained_sensor(network: Network | PlanesNetwork, sensor: Sensor | None) -> Sensor:
+    """Return the sensor to train for: `sensor`, else that of `jl.pretrained`, else the network's.
+
+    Examples
+    --------
+    >>> import jotlight as jl
+    >>> trained_sensor(jl.pretrained(Sensor(frames=16)), None)
+    Sensor(frames=16)
+    """
+    default = network.default_sensor if isinstance(network, Network) else None
+    return sensor or default or network.sensor
+
+
 def patch_sensor(sensor: Sensor) -> Sensor:
     """Return the sensor for patches: maps become medians, and no jot is dead.
 
@@ -157,9 +170,7 @@ def patch_size(images: Images, side: int | None) -> int:
     smallest = int(min(min(image.shape) for image in images))
     if side is None:
         return min(_DEFAULT_PATCH, smallest)
-    side = operator.index(side)
-    if side < 1:
-        raise ValueError(f"patch: expected at least 1 pixel, got {side}")
+    side = whole_number("patch", side, 1)
     if side > smallest:
         index, image = next((i, x) for i, x in enumerate(images) if min(x.shape) < side)
         raise ValueError(

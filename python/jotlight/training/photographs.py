@@ -107,6 +107,7 @@ class PhotographPatches(PatchSource):
         cls,
         paths: Sequence[str | os.PathLike[str]],
         *,
+        white: float | None = None,
         progress: Callable[[float], object] | None = None,
         **settings: float,
     ) -> Self:
@@ -114,7 +115,7 @@ class PhotographPatches(PatchSource):
 
         The other parameters, and the errors, are those of that function and of the class.
         """
-        return cls(read_photographs(paths, progress=progress), **settings)
+        return cls(read_photographs(paths, white=white, progress=progress), **settings)
 
     def draw(self, rng: np.random.Generator, side: int) -> Patch:
         """Return a random patch."""
@@ -160,6 +161,7 @@ class PhotographPatches(PatchSource):
 def read_photographs(
     paths: Sequence[str | os.PathLike[str]],
     *,
+    white: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> list[npt.NDArray[np.uint8]]:
     """Return photographs in files as 8-bit levels, (H, W) or (H, W, 3).
@@ -168,6 +170,9 @@ def read_photographs(
     ----------
     paths : sequence of paths
         Image files that :func:`jotlight.read_image` reads. Levels of more than 8 bits are rounded.
+    white : float, optional
+        Value of intensity 1, as for :func:`jotlight.read_image`, such as 65535 for TIFF files of 16
+        bits. Default: the full scale of 8-bit files and of PNG.
     progress : callable, optional
         Called with the completed fraction, 0 to 1.
 
@@ -187,7 +192,7 @@ def read_photographs(
     """
     photographs = []
     for number, path in enumerate(paths, 1):
-        image = read_image(Path(path))
+        image = read_image(Path(path), white=white)
         photographs.append(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8))
         if progress is not None:
             progress(number / len(paths))
