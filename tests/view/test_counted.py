@@ -106,7 +106,7 @@ def test_what_cannot_be_aligned_states_why():
     jots = viewed_of(SEVERAL.replace(oversampling=2, frames=3))
     assert "expected pixels of one jot" in describe_capture(jots)["align_reason"]
     with pytest.raises(ValueError, match="two cycles of exposures or more, which are 6 frames"):
-        merge_window(viewed_of(BRACKET), range(3, 6))
+        merge_window(viewed_of(BRACKET), range(3, 6), "mle")
 
 
 def test_plain_bits_can_be_aligned_whatever_frames_have_left_memory():
@@ -139,7 +139,7 @@ def moving(name):
 def test_an_aligned_window_equals_that_of_the_library(name):
     data, span = moving(name), range(4, 44)
     viewed = Viewed.from_data(data)
-    merged = merge_window(viewed, span)
+    merged = merge_window(viewed, span, "mle")
     shown = made(viewed, span, "network-medium", merged)
     expected = jl.merge(data[4:44])
     np.testing.assert_array_equal(shown.image, jl.reconstruct(expected))

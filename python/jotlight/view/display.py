@@ -34,7 +34,7 @@ def fit_white(viewed: Viewable, span: range, made: Estimate) -> float:
     """
     if made.method == COUNTS:
         made = estimate(viewed, span, "mle", made.counts)
-    return Tone.fit(made.image, percentile=PERCENTILE).white
+    return Tone.fit(displayable(made.image), percentile=PERCENTILE).white
 
 
 def tone_of(made: Estimate, state: ViewState, white: float) -> Tone:
@@ -46,7 +46,7 @@ def tone_of(made: Estimate, state: ViewState, white: float) -> Tone:
     if made.method == COUNTS:
         white = fraction_at(white, made.sensor)
     if state.curve == "reinhard":  # the only curve that depends on the image
-        return Tone.fit(made.image, state.curve, white=white)
+        return Tone.fit(displayable(made.image), state.curve, white=white)
     return Tone(state.curve, white)
 
 

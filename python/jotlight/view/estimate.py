@@ -232,8 +232,10 @@ def alignment_reason(viewed: Viewable) -> str | None:
     return None
 
 
-def merge_window(viewed: Viewable, frames: range, check: Check = lambda: None) -> Merged | None:
-    """Return the bits of a window, aligned to its middle.
+def merge_window(
+    viewed: Viewable, frames: range, method: str, check: Check = lambda: None
+) -> Merged | None:
+    """Return the bits of a window, aligned to its middle, for a method.
 
     It is None for a scene that stands still behind a mosaic, whose pixels see one color each.
 
@@ -253,7 +255,10 @@ def merge_window(viewed: Viewable, frames: range, check: Check = lambda: None) -
     def progress(_: float) -> None:
         check()
 
-    data, sensor = viewed.part(frames), viewed.sensor(len(frames))
+    # The largest intensity decides which jots are hot.
+    max_intensity = choose(viewed, len(frames), method).max_intensity
+    sensor = viewed.sensor(len(frames)).replace(max_intensity=max_intensity)
+    data = viewed.part(frames)
     motion = align(data, sensor, progress=progress)
     if sensor.mosaic is not None and motion.model == "none":
         return None

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.methods import METHODS
 from jotlight.formats.capture import CountStack
@@ -16,8 +17,8 @@ from jotlight.view.viewed import Opening, Viewable, variable
 def recipe(viewed: Viewable, state: ViewState) -> dict[str, str | None]:
     """Return the command line and the Python code of a state, or None where there is none.
 
-    The command for counts, for differences, and for hot jots of all frames runs the Python code. A
-    live capture cannot be opened again.
+    The command for counts, for differences, for hot jots of all frames, and for two or four
+    channels runs the Python code. A live capture cannot be opened again.
 
     Examples
     --------
@@ -57,7 +58,8 @@ def _command(viewed: Viewable, state: ViewState) -> str | None:
     sensor = viewed.sensor(state.window)
     may_have_planes = sensor.mosaic is not None and state.align
     finds_others |= may_have_planes and state.method != COLOR_NETWORK
-    if state.method == COUNTS or state.compare is not None or finds_others:
+    is_averaged = bool(_mean_lines(viewed))
+    if state.method == COUNTS or state.compare is not None or finds_others or is_averaged:
         return shlex.join(["python", "-c", _python(viewed, state)])
     frames = file_frames(opening, state.span)
     step = f":{frames.step}" if frames.step else ""
@@ -123,17 +125,18 @@ def _python(viewed: Viewable, state: ViewState) -> str:
         lines += _open_lines(viewed, state)
     lines += _sensor_lines(viewed, state)
     if state.method == COUNTS:
-        lines += [f"image = {_counts_code(viewed, state)}"]
+        lines += [f"image = {_counts_code(viewed, state)}", *_mean_lines(viewed)]
         return "\n".join([*lines, 'jl.save_image("view.tif", image)', ""])
     has_mosaic = window.mosaic is not None
     data = name
     if state.align and has_mosaic:
         lines += [
-            "motion = jl.align(bits, sensor)",
+            f"motion = jl.align({name}, sensor)",
             'if motion.model != "none":  # Each pixel is seen through all filters.',
-            "    bits = jl.merge(bits, sensor, motion=motion)",
-            "    sensor = bits.sensor",
+            f"    {name} = jl.merge({name}, sensor, motion=motion)",
+            f"    sensor = {name}.sensor",
         ]
+        lines += ["else:", f"    {name} = {name}.sum()"] if _holds_counts(viewed) else []
     elif state.align:
         lines += [f"merged = jl.merge({name}, sensor)"]
         data = "merged"
@@ -149,12 +152,20 @@ def _python(viewed: Viewable, state: ViewState) -> str:
 
     lines.append(f"image = {call(state.method)}")
     if state.compare is not None:
-        lines.append(f"image -= {call(state.compare)}")
+        lines += [f"image -= {call(state.compare)}", *_mean_lines(viewed)]
         return "\n".join([*lines, 'jl.save_image("view.tif", image)', ""])
+    lines += _mean_lines(viewed)
     white = "" if state.white is None else f", white={state.white!r}"
     lines.append(f"tone = Tone.fit(image, {state.curve!r}{white})")
     lines.append('jl.save_image("view.png", tone(image), white=1.0, depth=16)')
     return "\n".join([*lines, ""])
+
+
+def _mean_lines(viewed: Viewable) -> list[str]:
+    """Return lines after which an image of two or four channels is their mean, as on the page."""
+    if viewed.shape[2:] in ((), (COLORS,)):
+        return []
+    return ['image = image.astype("float32").mean(axis=2, dtype="float32")']
 
 
 def _open_lines(viewed: Viewable, state: ViewState) -> list[str]:
