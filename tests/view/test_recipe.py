@@ -3,6 +3,7 @@
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -45,7 +46,9 @@ def folder(tmp_path, monkeypatch):
     jl.save(bayer.expose(color, rng=0), "mosaic.npy")
     scene = jl.datasets.moving(color, sensor=bayer, photons=0.6, rng=4)
     jl.save(scene.bits, "shaken.npy")
-    jl.save(record("shake", shape=(128, 128))[1], "gray.npy")
+    shaken = record("shake", shape=(128, 128))[1]
+    jl.save(shaken, "gray.npy")
+    np.save("gray without sensor.npy", shaken.packed)
     several = sensor.replace(bit_depth=4, read_noise=0.3, gain=120.0)
     readings = several.expose(PHOTO, rng=0)
     jl.save(readings, "several.npy")
@@ -60,6 +63,18 @@ def folder(tmp_path, monkeypatch):
     mask = np.zeros(PHOTO.shape, bool)
     mask[3, 4] = True
     np.save("mask.npy", mask)
+    Image.fromarray(255 * mask.astype(np.uint8)).save("mask.png")
+    np.save("thresholds.npy", np.tile([[1, 2], [2, 3]], (20, 30)))
+    Path("filters.json").write_text('{"pattern": "GRBG", "filters": "GRB"}')
+    np.save("mosaic bits.npy", bayer.expose(color, rng=0).packed)
+    jl.save(several.replace(mosaic="RGGB").expose(color, rng=0), "several mosaic.npy")
+    frames = bayer.expose(color, rng=0).to_array().reshape(6, 10, *PHOTO.shape)
+    np.save("mosaic counts.npy", frames.sum(axis=1, dtype=np.uint16))
+    two = jl.Sensor(frames=60).expose(color[..., :2], rng=0, channel_axis=-1)
+    jl.save(two, "two channels.npy")
+    dark = np.full((128, 128), 0.001)
+    dark[::8, ::8] = 0.02  # hot for the largest intensity 1, and not for that of saturation
+    np.save("dark.npy", dark)
     return tmp_path
 
 
@@ -72,6 +87,7 @@ def open_with(name, options):
 
 
 RESPONSE = "--read-noise 0.3 --gain 120"
+WIDTH = "--width 60 --gain 40"
 BRACKET = "--gain 0.25,1,4,... --threshold 1 --width 60 --frames 60"
 CASES = [
     ("own sensor.npy", "", ViewState(5, 20, "mle", white=0.8)),
@@ -112,6 +128,13 @@ CASES = [
     ("bracket.npy", "--frame-range 1:50 --efficiency 0.5", ViewState(6, 21, "mle", white=0.8)),
     ("bracket without sensor.npy", BRACKET, ViewState(6, 21, "mle", white=0.8)),
     ("bracket without sensor.npy", BRACKET, ViewState(6, 21, "network-medium", align=True)),
+    ("plain.npy", "--mask mask.png --width 60", ViewState(3, 10, "mle", white=0.8)),
+    ("plain.npy", f"--threshold thresholds.npy {WIDTH}", ViewState(5, 20, "mle", white=0.8)),
+    ("gray without sensor.npy", "--dark-counts dark.npy", ViewState(0, 48, "mle", align=True)),
+    ("mosaic bits.npy", f"--mosaic filters.json {WIDTH}", ViewState(5, 20, "mle", white=0.8)),
+    ("mosaic counts.npy", "--mosaic RGGB --frames 60", ViewState(0, 6, "mle", align=True)),
+    ("several mosaic.npy", "", ViewState(0, 60, "mle", align=True, white=0.8)),
+    ("two channels.npy", "", ViewState(5, 20, "mle", curve="reinhard")),
     ("moving several.npy", "", ViewState(6, 50, "network-medium", align=True, white=0.8)),
     ("moving bracket.npy", "", ViewState(6, 51, "network-medium", align=True, white=0.8)),
 ]
@@ -145,6 +168,11 @@ def test_both_make_the_saved_image(folder, name, options, state):
         ("own sensor.npy", "", ViewState(5, 20, "counts")),
         ("own sensor.npy", "", ViewState(5, 20, "mle", "admm-tv")),
         ("gray.npy", "", ViewState(0, 48, "mle", "network-small", align=True)),
+        ("plain.npy", "--width 60", ViewState(0, 16, "mle", "network-small")),
+        ("plain.npy", "--width 60", ViewState(0, 16, "network-small", "mle", align=True)),
+        ("two channels.npy", "", ViewState(5, 20, "mle", "admm-tv")),
+        ("two channels.npy", "", ViewState(5, 20, "counts")),
+        ("counts.npy", "--frames 60 --counts", ViewState(1, 4, "counts", align=True)),
         ("counts.npy", "--frames 60 --counts", ViewState(1, 4, "counts")),
         ("several.npy", "", ViewState(5, 20, "counts")),
         ("bracket.npy", "", ViewState(6, 21, "counts")),

@@ -1,5 +1,6 @@
 """The command line and the Python code that make the same image as the page."""
 
+import dataclasses
 import shlex
 from typing import Any
 
@@ -33,6 +34,8 @@ def recipe(viewed: Viewable, state: ViewState) -> dict[str, str | None]:
     """
     if viewed.is_live:
         return {"command": None, "python": None}
+    if state.method == COUNTS:
+        state = dataclasses.replace(state, align=False, compare=None)
     return {"command": _command(viewed, state), "python": _python(viewed, state)}
 
 
@@ -145,14 +148,22 @@ def _python(viewed: Viewable, state: ViewState) -> str:
     axis = ", channel_axis=-1" if is_color and data != "merged" else ""
     planes = repr(DEMOSAICING) + (" if sensor.mosaic else None" if state.align else "")
 
-    def call(method: str) -> str:
+    def call(method: str, sensor: str = sensor) -> str:
         options = "" if method == COLOR_NETWORK else f", method={method!r}"
         options += f", demosaicing={planes}" if options and has_mosaic else ""
         return f"jl.reconstruct({data}{sensor}{options}{axis})"
 
     lines.append(f"image = {call(state.method)}")
     if state.compare is not None:
-        lines += [f"image -= {call(state.compare)}", *_mean_lines(viewed)]
+        limit, other = (
+            choose(viewed, state.window, method).max_intensity
+            for method in (state.method, state.compare)
+        )
+        if other != limit:
+            own = "merged.sensor" if data == "merged" else "sensor"
+            sensor = f", {own}.replace(max_intensity={other})"
+        lines.append(f"image -= {call(state.compare, sensor)}")
+        lines += _mean_lines(viewed)
         return "\n".join([*lines, 'jl.save_image("view.tif", image)', ""])
     lines += _mean_lines(viewed)
     white = "" if state.white is None else f", white={state.white!r}"
