@@ -149,6 +149,10 @@ def test_a_method_that_does_not_serve_the_sensor_is_an_error_not_an_end(photo):
         read(stream)
         ask(stream, method="held-out")
         assert "expected the box kernel" in read_until(stream, "error")[0]["text"]
+        stream.send('{"type": "recipe", "state": {"method": "network-color"}}')
+        answer, _ = read_until(stream, "recipe")
+        assert answer["python"] is None
+        assert "three colors" in answer["problem"]
         ask(stream, 2)
         assert read_until(stream, "image", "final")[0]["id"] == 2
 

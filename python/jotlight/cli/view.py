@@ -161,7 +161,8 @@ def _opening(
     frames = parse_frame_range(capture.frame_range) or slice(None)
     of_window = _of_window(sensor)
     words = dataclasses.replace(capture, frame_range=None).to_argv()
-    words += dataclasses.replace(sensor, **dict.fromkeys(("frames", *of_window))).to_argv()
+    unset: dict[str, Any] = dict.fromkeys(("frames", *of_window))
+    words += dataclasses.replace(sensor, **unset).to_argv()
     options = {
         name: getattr(capture, name)
         for name in ("format", "width", "rotate", "flip", "key", "counts", "unpacked")

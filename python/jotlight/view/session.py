@@ -119,10 +119,7 @@ class Session:
                 self._probe = parse_probe(message)
                 await self._send_values()
             elif kind == "recipe":
-                state = ViewState.from_json(message.get("state"))
-                viewed = self._workshop.viewed
-                state = state.within(viewed.frames, viewed.cycle)
-                await self._send({"type": "recipe", **recipe(viewed, state)})
+                await self._send_recipe(ViewState.from_json(message.get("state")))
             else:
                 raise ValueError("type: expected view, ack, probe, or recipe")
             await asyncio.sleep(0)  # many messages of one page must not delay the others
@@ -243,6 +240,14 @@ class Session:
         if self._probe is not None:
             values = self._pipeline.values_at(*self._probe)
             await self._send({"type": "values", "values": values})
+
+    async def _send_recipe(self, state: ViewState) -> None:
+        viewed = self._workshop.viewed
+        try:
+            found = recipe(viewed, state.within(viewed.frames, viewed.cycle))
+        except (ValueError, OSError) as error:  # such as a window that the method does not serve
+            found = {"command": None, "python": None, "problem": error_message(error)}
+        await self._send({"type": "recipe", **found})
 
     @contextlib.asynccontextmanager
     async def _reported(self, request: Request) -> AsyncIterator[None]:
