@@ -157,6 +157,22 @@ def test_a_method_that_does_not_serve_the_sensor_is_an_error_not_an_end(photo):
         assert read_until(stream, "image", "final")[0]["id"] == 2
 
 
+def test_frames_that_cannot_be_read_for_the_plot_are_reported_once(bits):
+    class Damaged(Viewed):
+        def part(self, frames):
+            if 150 in frames:
+                raise OSError("frame 150 is damaged")
+            return super().part(frames)
+
+    with serving(Damaged("damaged", bits, bits.sensor)) as server, connected(server) as stream:
+        read(stream)
+        ask(stream)
+        assert read_until(stream, "error")[0]["text"] == "frame 150 is damaged"
+        for number in (2, 3):
+            ask(stream, number, start=number)
+            assert read_until(stream, "image", "final")[0]["id"] == number
+
+
 @pytest.mark.parametrize("ending", ["png", "tif"])
 def test_saved_images_are_attachments_with_safe_names(server, ending):
     state = json.dumps({"start": 1, "window": 4, "method": "mle"}).replace('"', "%22")

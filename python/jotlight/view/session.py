@@ -205,7 +205,8 @@ class Session:
                         await self._send_image(overlay)
                     await self._send_values()
             if not self._has_rates and not request.is_moving:
-                self._has_rates = await self._send_rates(request)
+                async with self._reported(request):
+                    await self._send_rates(request)
             self._refining = None
 
     async def _watch(self) -> None:
@@ -228,13 +229,17 @@ class Session:
             ticks += 1
             await asyncio.sleep(LIVE_INTERVAL)
 
-    async def _send_rates(self, request: Request) -> bool:
+    async def _send_rates(self, request: Request) -> None:
+        """Send the readings over time. Frames that cannot be read are reported only once."""
         try:
             rates, each = await self._slowly(self._workshop.rates, request.check)
         except CancelledError:
-            return False
+            return
+        except BaseException:
+            self._has_rates = True
+            raise
+        self._has_rates = True
         await self._send({"type": "rates", "frames": each}, rates)
-        return True
 
     async def _send_values(self) -> None:
         if self._probe is not None:
