@@ -291,6 +291,30 @@ def test_a_link_beyond_the_capture_shows_what_there_is(opened):
     assert "not available" in tab.locator("#toast").inner_text()
 
 
+def test_an_image_that_arrives_before_the_next_request_does_not_move_the_slider(opened):
+    tab = opened("window=50&method=mle&white=0.8")
+    tab.evaluate(
+        """() => {
+          const repaint = requestAnimationFrame;
+          requestAnimationFrame = (draw) => setTimeout(() => repaint(draw), 200);
+          const send = WebSocket.prototype.send;
+          let steps = 0;
+          WebSocket.prototype.send = function (text) {
+            send.call(this, text);
+            const isView = JSON.parse(text).type === "view";
+            // The image is on its way when the user moves on.
+            if (isView && steps++ < 3) {
+              document.body.dispatchEvent(
+                new KeyboardEvent("keydown", { key: "ArrowRight", bubbles: true }));
+            }
+          };
+        }"""
+    )
+    tab.keyboard.press("ArrowRight")
+    final(tab, start=4)
+    assert tab.locator("#toast").is_hidden()
+
+
 def test_the_keyboard_stops_at_the_largest_exposure(opened):
     tab = opened("method=mle&window=16&white=1")
     for _ in range(60):
