@@ -190,6 +190,27 @@ def test_dead_hot_and_saturated_jots_are_marked():
     assert np.argwhere(find_saturated(image)).tolist() == [[20, 3]]
 
 
+@pytest.mark.parametrize("bit_depth", [1, 2])
+def test_the_ones_of_dead_jots_neither_saturate_a_pixel_nor_count(bit_depth):
+    mask = np.zeros((16, 16), bool)
+    mask[4, 4] = True
+    dark = np.where(mask, 50.0, 0.0)
+    sensor = jl.Sensor(frames=40, oversampling=2, bit_depth=bit_depth, gain=200.0 * bit_depth)
+    readings = sensor.replace(dark_counts=dark).expose(np.full((8, 8), 1.0), rng=0)
+    masked = sensor.replace(mask=mask, max_intensity=9.0)
+    data = jl.Bits(readings.packed, 16, masked) if bit_depth == 1 else None
+    viewed = Viewed.from_data(data or jl.Readings(readings.frames, masked))
+    image = made(viewed, range(40), "mle")
+    jots = readings.to_array().sum(axis=0)[4:6, 4:6]
+    assert jots[0, 0] == 40 * sensor.max_reading
+    assert image.counts[2, 2] == jots.sum() - jots[0, 0]
+    assert image.trials[2, 2] == 3 * 40 * sensor.max_reading
+    assert jots.sum() >= image.trials[2, 2]  # as if the pixel were saturated
+    assert not find_saturated(image).any()
+    with pytest.raises(ValueError, match="also those of its dead jots; choose a method"):
+        find_saturated(made(viewed, range(40), "counts"))
+
+
 def test_errors_are_those_of_the_library():
     viewed = viewed_of("plain")
     image = made(viewed, range(48), "mle")

@@ -16,9 +16,11 @@ from jotlight.motion.align import align
 from jotlight.motion.jot_kinds import frames_of_kinds
 from jotlight.motion.merge import merge
 from jotlight.motion.reading_counts import counts_for_motion
+from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.multibit import ReadingLikelihood
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import Data
 from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor
@@ -47,8 +49,8 @@ class Estimate:
     """Intensities, or for "counts" fractions of the largest possible counts. (H, W) or (H, W, C).
     """
     counts: Counts
-    """The number of ones of each pixel, or the sum of its readings. After an alignment, ones along
-    the motion."""
+    """The number of ones of each pixel, or the sum of its readings, without those of dead jots.
+    After an alignment, ones along the motion. For "counts", with those of dead jots."""
     trials: float | npt.NDArray[np.float64]
     """The largest possible value of each count, a number or a map. For bits, it is the number of
     binary readings behind the count."""
@@ -193,6 +195,8 @@ def estimate(
             options["demosaicing"] = DEMOSAICING
         if METHODS[method].iterative:
             options["callback"] = lambda _: check()
+    if merged is None and sensor.mask is not None:
+        counts, trials = _live_counts(counts, data, sensor)
     check()
     start = time.perf_counter()
     image, info = reconstruct(
@@ -205,6 +209,24 @@ def estimate(
     )
     seconds = time.perf_counter() - start
     return Estimate(image, counts, trials, sensor, method, info.title, seconds, data, counted)
+
+
+def _live_counts(
+    counts: Counts, data: Data, sensor: Sensor
+) -> tuple[Counts, npt.NDArray[np.float64]]:
+    """Return the counts of the jots that are not dead, and the largest possible values of them."""
+    mask, side = sensor.mask, sensor.oversampling
+    assert mask is not None, "the caller has checked it"
+    trials = Bits.from_array(~mask).counts(side) * float(sensor.frames * sensor.max_reading)
+    if side > 1 and isinstance(data, Bits):
+        return data.counts(side, mask=mask), trials
+    jots = data.sum() if side > 1 and isinstance(data, Readings) else counts
+    if jots.shape[:2] != mask.shape:  # a stack of counts of pixels, which no method takes
+        return counts, trials
+    live = np.where(mask if jots.ndim == 2 else mask[..., None], 0, jots)
+    height, width, *channels = live.shape
+    pixels = live.reshape(height // side, side, width // side, side, *channels)
+    return np.asarray(pixels.sum(axis=(1, 3))), trials
 
 
 def _suffice(counts: Counts, sensor: Sensor, method: str) -> bool:
