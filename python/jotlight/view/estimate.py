@@ -217,7 +217,8 @@ def _live_counts(
     """Return the counts of the jots that are not dead, and the largest possible values of them."""
     mask, side = sensor.mask, sensor.oversampling
     assert mask is not None, "the caller has checked it"
-    trials = Bits.from_array(~mask).counts(side) * float(sensor.frames * sensor.max_reading)
+    largest = sensor.frames * sensor.max_reading
+    trials = np.multiply(Bits.from_array(~mask).counts(side), largest, dtype=np.float64)
     if side > 1 and isinstance(data, Bits):
         return data.counts(side, mask=mask), trials
     jots = data.sum() if side > 1 and isinstance(data, Readings) else counts
