@@ -116,14 +116,13 @@ def _method_words(viewed: Viewable, state: ViewState) -> list[str]:
 
 
 def _python(viewed: Viewable, state: ViewState) -> str:
-    opening, window = viewed.opening, viewed.sensor(state.window)
-    name = variable(window)
+    window, name = viewed.sensor(state.window), _name(viewed)
     lines = ["import jotlight as jl"]
     if state.method != COUNTS:
         lines.append("from jotlight.images.tone import Tone")
     lines.append("")
-    if opening.path is None:
-        lines.append(f"{name} = {name}[{state.start} : {state.start + state.window}]")
+    if viewed.opening.path is None:
+        lines.append(f"{name} = {variable(window)}[{state.start} : {state.start + state.window}]")
     else:
         lines += _open_lines(viewed, state)
     lines += _sensor_lines(viewed, state)
@@ -172,6 +171,11 @@ def _python(viewed: Viewable, state: ViewState) -> str:
     return "\n".join([*lines, ""])
 
 
+def _name(viewed: Viewable) -> str:
+    """Return the name of the data of a window. Code must not change the data of the user."""
+    return "window" if viewed.opening.path is None else variable(viewed.sensor(viewed.cycle))
+
+
 def _mean_lines(viewed: Viewable) -> list[str]:
     """Return lines after which an image of two or four channels is their mean, as on the page."""
     if viewed.shape[2:] in ((), (COLORS,)):
@@ -181,7 +185,7 @@ def _mean_lines(viewed: Viewable) -> list[str]:
 
 def _open_lines(viewed: Viewable, state: ViewState) -> list[str]:
     """Return lines after which the data are those of the window."""
-    opening, name = viewed.opening, variable(viewed.sensor(state.window))
+    opening, name = viewed.opening, _name(viewed)
     frames = file_frames(opening, state.span)
     ends = (frames.start, frames.stop, *([frames.step] if frames.step else []))
     options = {**opening.arguments, "frames": f"slice({', '.join(map(str, ends))})"}
@@ -215,18 +219,19 @@ def _sensor_lines(viewed: Viewable, state: ViewState) -> list[str]:
         changes["max_intensity"] = choose(viewed, state.window, state.method).max_intensity
     texts = ", ".join(f"{name}={_as_code(each, viewed.cycle)}" for name, each in changes.items())
     return [
-        *(lines or [f"sensor = {variable(sensor)}.sensor or jl.Sensor()"]),
+        *(lines or [f"sensor = {_name(viewed)}.sensor or jl.Sensor()"]),
         f"sensor = sensor.replace({texts})",
     ]
 
 
 def _counts_code(viewed: Viewable, state: ViewState) -> str:
     """Return the counts as fractions of the largest, in Python."""
+    name = _name(viewed)
     if _holds_counts(viewed):
-        return "bits / sensor.trials"
+        return f"{name} / sensor.trials"
     if viewed.sensor(state.window).bit_depth == 1:
-        return "bits.counts(sensor.oversampling) / sensor.trials"
-    return "readings.sum(sensor.oversampling) / (sensor.trials * sensor.max_reading)"
+        return f"{name}.counts(sensor.oversampling) / sensor.trials"
+    return f"{name}.sum(sensor.oversampling) / (sensor.trials * sensor.max_reading)"
 
 
 def _holds_counts(viewed: Viewable) -> bool:
