@@ -32,6 +32,7 @@ def folder(tmp_path, monkeypatch):
     jl.save(sensor.expose(PHOTO, rng=0), "own sensor.npy")
     jl.save(sensor.expose(PHOTO, rng=0), "-x.npy")
     np.save("plain.npy", sensor.expose(2 * PHOTO, rng=0).packed)
+    np.savez("two.npz", a=np.load("plain.npy"), b=np.load("plain.npy")[::-1])
     counts = np.stack([sensor.replace(frames=10).expose(PHOTO, rng=n).counts() for n in range(6)])
     np.save("counts.npy", counts)
     np.save("means.npy", np.rint(255 * counts / 10).astype(np.uint8))
@@ -105,7 +106,9 @@ CASES = [
         "--counts-scale 255 --trials 10",
         ViewState(0, 6, "mle", align=True, white=0.8),
     ),
+    ("means.npy", "--counts-scale 255 --frames 60", ViewState(1, 4, "mle", white=0.8)),
     ("counts.npy", "--frames 60 --counts", ViewState(1, 4, "mle", white=0.8, curve="linear")),
+    ("two.npz", f"--key b --bits {WIDTH}", ViewState(1, 30, "mle", white=0.8)),
     ("mosaic.npy", "", ViewState(4, 50, "network-color", white=0.8)),
     ("mosaic.npy", "", ViewState(4, 50, "mle", white=0.8)),
     ("mosaic.npy", "", ViewState(4, 50, "network-color", align=True, white=0.8)),

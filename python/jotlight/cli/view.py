@@ -167,9 +167,11 @@ def _opening(
         name: getattr(capture, name)
         for name in ("format", "width", "rotate", "flip", "key", "counts", "unpacked")
     }
-    options |= {"counts_scale": capture.counts_scale, "trials": capture.trials}
+    options["rotate"] = capture.rotate or None
+    if capture.counts_scale is not None and isinstance(captured.data, CountStack):
+        options |= {"counts_scale": capture.counts_scale, "trials": captured.data.trials}
     options["bit_depth"] = sensor.bit_depth if captured.sensor.bit_depth > 1 else None
-    arguments = {name: repr(value) for name, value in options.items() if value not in (None, 0)}
+    arguments = {name: repr(value) for name, value in options.items() if value is not None}
     lines = _sensor_lines(sensor, captured)
     if sensor.find_hot_jots:
         lines += _hot_jot_lines(path, {**arguments, "frames": repr(frames)}, captured)
