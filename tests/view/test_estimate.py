@@ -16,6 +16,7 @@ from jotlight.view.counts import RunningCounts
 from jotlight.view.display import display, display_difference, fit_white
 from jotlight.view.estimate import estimate, fraction_at, merge_window, recommend
 from jotlight.view.facts import describe_capture
+from jotlight.view.notes import collected
 from jotlight.view.overlays import DEAD, HOT, JotMap, error_levels, find_errors, find_saturated
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
@@ -139,6 +140,21 @@ def test_without_a_stated_range_the_largest_intensity_is_that_of_saturation():
     image = made(viewed, range(16), "mle")
     assert image.image.max() > 1
     assert image.sensor.max_intensity == pytest.approx(np.log(32))
+
+
+def test_a_network_for_darker_scenes_has_a_note():
+    bits = jl.Sensor(frames=16).expose(3 * PHOTO, rng=0)
+    viewed = Viewed("bits", bits, bits.sensor)
+    with collected() as notes:
+        image = made(viewed, range(16), "network-small")
+    assert image.image.max() == 1
+    assert notes == [
+        "the scene reaches the largest intensity 1 of this network, so brighter pixels are "
+        "clipped; the quality medium reaches 3.47, where the bits saturate"
+    ]
+    with collected() as notes:
+        made(viewed, range(16), "network-medium")
+    assert notes == []
 
 
 @pytest.mark.parametrize("curve", CURVES)
