@@ -126,6 +126,17 @@ def test_an_overlay_that_is_unknown_does_not_hide_the_others(photo):
     assert "largest" not in first
 
 
+def test_a_file_that_has_vanished_is_named_when_an_image_is_saved(tmp_path, photo):
+    path = tmp_path / "bits.npy"
+    jl.save(jl.Sensor(frames=8).expose(photo, rng=0), path)
+    viewed = Viewed.from_data(jl.open(path))
+    path.unlink()
+    with serving(viewed) as server:
+        answer, body = get(server, "/save?format=tif&state={}", **cookie(server))
+    assert answer.status == 400
+    assert body.decode() == f"there is no file {path}"
+
+
 def test_frames_that_do_not_exist_are_not_saved(server):
     state = urllib.parse.quote(json.dumps({"start": 500, "window": 16}))
     answer, body = get(server, f"/save?format=png&state={state}", **cookie(server))
