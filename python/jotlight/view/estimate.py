@@ -14,6 +14,7 @@ from jotlight.evaluation.methods import LARGE_TRIALS, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align
+from jotlight.motion.burst import refuse_pixels
 from jotlight.motion.jot_kinds import frames_of_kinds
 from jotlight.motion.merge import merge
 from jotlight.motion.reading_counts import counts_for_motion
@@ -260,11 +261,14 @@ def alignment_reason(viewed: Viewable) -> str | None:
     """Return why no window can be aligned, or None if windows can."""
     number = 2 * viewed.cycle
     sensor = viewed.sensor(number)
-    if without_mosaic(sensor).has_plain_bits:
-        return None
+    is_plain = without_mosaic(sensor).has_plain_bits
+    if is_plain and (sensor.oversampling == 1 or viewed.is_live):
+        return None  # the first frames of a live capture may have left memory
     part = viewed.part(viewed.frames[:number])
     try:
-        if counts_for_motion(part, sensor) is None:
+        if isinstance(part, CountStack):
+            refuse_pixels(viewed.sensor(len(viewed.frames)))
+        elif not is_plain and counts_for_motion(part, sensor) is None:
             frames_of_kinds(part, sensor)
     except ValueError as error:
         return str(error)
