@@ -173,9 +173,13 @@ class Session:
             await self._send_image(await self._quickly(pipeline.preview, request, counts, method))
         await self._send_values()
         is_more_wanted = bool(state.overlays) or not self._has_rates
-        if not is_quick(state) or (is_more_wanted and not request.is_moving):
+        if not is_quick(state) or (is_more_wanted and not self._is_passing(request)):
             self._job = request, counts
             self._has_job.set()
+
+    def _is_passing(self, request: Request) -> bool:
+        """Return whether an image is replaced before its overlays are of use, as under a slider."""
+        return request.is_moving and self._follow is None
 
     def _keeps_up(self, request: Request) -> bool:
         """Return whether the refinement follows a moving slider without previews."""
@@ -199,7 +203,7 @@ class Session:
                     image = await self._slowly(self._pipeline.refine, request, counts)
                     await self._send_image(image)
                     await self._send_values()
-                if not request.is_moving:
+                if not self._is_passing(request):
                     overlays = self._pipeline.overlays(request)
                     while (overlay := await self._slowly(next, overlays, None)) is not None:
                         await self._send_image(overlay)
