@@ -165,6 +165,7 @@ def test_both_make_the_saved_image(folder, name, options, state):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")  # a network clips
 @pytest.mark.parametrize(
     ("name", "options", "state"),
     [
