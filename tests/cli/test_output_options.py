@@ -51,6 +51,19 @@ def test_floats_in_photons_record_their_units(run, capture, tmp_path, ending):
         assert metadata["provenance"]["name"] == "known.npy"
 
 
+@pytest.mark.parametrize("outputs", ["-o a.png", "-o a.png --depth 16", "-o a.npy --preview a.jpg"])
+@pytest.mark.parametrize("channels", [2, 4])
+def test_two_and_four_channels_are_not_displayed(run, tmp_path, monkeypatch, outputs, channels):
+    monkeypatch.chdir(tmp_path)
+    scene = np.full((8, 12, channels), 0.5)
+    jl.save(jl.Sensor(frames=4).expose(scene, rng=0, channel_axis=-1), "channels.npy")
+    before = file_names(tmp_path)
+    status, output = run("reconstruct", "channels.npy", "-m", "mle", *outputs.split())
+    assert status == 1
+    assert f"expected one or three channels of an image for display, got {channels}" in output
+    assert file_names(tmp_path) == before
+
+
 def test_a_capture_of_an_unknown_sensor_is_not_clipped(run, capture, tmp_path):
     status, output = run("reconstruct", "cube.npy", "--width", 30, "-o", "a.tif", "-m", "mle")
     assert status == 0

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.formats.capture import CountStack
+from jotlight.sensing.provenance import Provenance
 from jotlight.view.counted import EQUIVALENT, ONES, counted_by
 from jotlight.view.counts import RunningCounts
 from jotlight.view.estimate import alignment_reason, estimate, fraction_at, merge_window
@@ -105,8 +107,12 @@ def test_what_cannot_be_aligned_states_why():
     assert alignment_reason(viewed_of(BRACKET)) is None
     jots = viewed_of(SEVERAL.replace(oversampling=2, frames=3))
     assert "expected pixels of one jot" in describe_capture(jots)["align_reason"]
+    counts = CountStack(np.ones((6, 8, 8), np.uint8), Provenance("npy", "a.npy"), trials=40)
+    pixels = Viewed("a.npy", counts, jl.Sensor(oversampling=2, frames=60))
+    reason = describe_capture(pixels)["align_reason"]
+    assert "pixels; pass oversampling=1 (--oversampling 1) and frames=240" in reason
     with pytest.raises(ValueError, match="two cycles of exposures or more, which are 6 frames"):
-        merge_window(viewed_of(BRACKET), range(3, 6))
+        merge_window(viewed_of(BRACKET), range(3, 6), "mle")
 
 
 def test_plain_bits_can_be_aligned_whatever_frames_have_left_memory():
@@ -139,7 +145,7 @@ def moving(name):
 def test_an_aligned_window_equals_that_of_the_library(name):
     data, span = moving(name), range(4, 44)
     viewed = Viewed.from_data(data)
-    merged = merge_window(viewed, span)
+    merged = merge_window(viewed, span, "mle")
     shown = made(viewed, span, "network-medium", merged)
     expected = jl.merge(data[4:44])
     np.testing.assert_array_equal(shown.image, jl.reconstruct(expected))

@@ -16,6 +16,7 @@ from jotlight.view.counts import RunningCounts
 from jotlight.view.display import display, display_difference, fit_white
 from jotlight.view.estimate import estimate, fraction_at, merge_window, recommend
 from jotlight.view.facts import describe_capture
+from jotlight.view.notes import collected
 from jotlight.view.overlays import DEAD, HOT, JotMap, error_levels, find_errors, find_saturated
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
@@ -124,9 +125,9 @@ def test_a_mosaic_has_colors_by_every_method():
 @pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
 def test_a_mosaic_is_aligned():
     span = range(48)
-    assert merge_window(mosaic_viewed(), span) is None
+    assert merge_window(mosaic_viewed(), span, "mle") is None
     viewed = mosaic_viewed("shake")
-    merged = merge_window(viewed, span)
+    merged = merge_window(viewed, span, "mle")
     counts = RunningCounts(viewed).move(span)
     image = estimate(viewed, span, COLOR_NETWORK, counts, merged)
     assert image.title == "network, color"
@@ -139,6 +140,21 @@ def test_without_a_stated_range_the_largest_intensity_is_that_of_saturation():
     image = made(viewed, range(16), "mle")
     assert image.image.max() > 1
     assert image.sensor.max_intensity == pytest.approx(np.log(32))
+
+
+def test_a_network_for_darker_scenes_has_a_note():
+    bits = jl.Sensor(frames=16).expose(3 * PHOTO, rng=0)
+    viewed = Viewed("bits", bits, bits.sensor)
+    with collected() as notes:
+        image = made(viewed, range(16), "network-small")
+    assert image.image.max() == 1
+    assert notes == [
+        "the scene reaches the largest intensity 1 of this network, so brighter pixels are "
+        "clipped; the quality medium reaches 3.47, where the bits saturate"
+    ]
+    with collected() as notes:
+        made(viewed, range(16), "network-medium")
+    assert notes == []
 
 
 @pytest.mark.parametrize("curve", CURVES)
@@ -190,6 +206,27 @@ def test_dead_hot_and_saturated_jots_are_marked():
     assert np.argwhere(find_saturated(image)).tolist() == [[20, 3]]
 
 
+@pytest.mark.parametrize("bit_depth", [1, 2])
+def test_the_ones_of_dead_jots_neither_saturate_a_pixel_nor_count(bit_depth):
+    mask = np.zeros((16, 16), bool)
+    mask[4, 4] = True
+    dark = np.where(mask, 50.0, 0.0)
+    sensor = jl.Sensor(frames=40, oversampling=2, bit_depth=bit_depth, gain=200.0 * bit_depth)
+    readings = sensor.replace(dark_counts=dark).expose(np.full((8, 8), 1.0), rng=0)
+    masked = sensor.replace(mask=mask, max_intensity=9.0)
+    data = jl.Bits(readings.packed, 16, masked) if bit_depth == 1 else None
+    viewed = Viewed.from_data(data or jl.Readings(readings.frames, masked))
+    image = made(viewed, range(40), "mle")
+    jots = readings.to_array().sum(axis=0)[4:6, 4:6]
+    assert jots[0, 0] == 40 * sensor.max_reading
+    assert image.counts[2, 2] == jots.sum() - jots[0, 0]
+    assert image.trials[2, 2] == 3 * 40 * sensor.max_reading
+    assert jots.sum() >= image.trials[2, 2]  # as if the pixel were saturated
+    assert not find_saturated(image).any()
+    with pytest.raises(ValueError, match="also those of its dead jots; choose a method"):
+        find_saturated(made(viewed, range(40), "counts"))
+
+
 def test_errors_are_those_of_the_library():
     viewed = viewed_of("plain")
     image = made(viewed, range(48), "mle")
@@ -207,7 +244,7 @@ def test_an_aligned_window_equals_that_of_the_library():
         motion="shake", sensor=jl.Sensor(frames=32), shape=(64, 64), photons=0.5, rng=0
     )
     viewed = Viewed.from_data(scene.bits)
-    merged = merge_window(viewed, range(32))
+    merged = merge_window(viewed, range(32), "mle")
     expected = jl.merge(scene.bits, motion=jl.align(scene.bits))
     np.testing.assert_array_equal(merged.ones, expected.ones)
     image = estimate(viewed, range(32), "mle", scene.bits.counts(), merged)

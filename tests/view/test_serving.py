@@ -126,6 +126,17 @@ def test_an_overlay_that_is_unknown_does_not_hide_the_others(photo):
     assert "largest" not in first
 
 
+def test_a_file_that_has_vanished_is_named_when_an_image_is_saved(tmp_path, photo):
+    path = tmp_path / "bits.npy"
+    jl.save(jl.Sensor(frames=8).expose(photo, rng=0), path)
+    viewed = Viewed.from_data(jl.open(path))
+    path.unlink()
+    with serving(viewed) as server:
+        answer, body = get(server, "/save?format=tif&state={}", **cookie(server))
+    assert answer.status == 400
+    assert body.decode() == f"there is no file {path}"
+
+
 def test_frames_that_do_not_exist_are_not_saved(server):
     state = urllib.parse.quote(json.dumps({"start": 500, "window": 16}))
     answer, body = get(server, f"/save?format=png&state={state}", **cookie(server))
@@ -149,8 +160,28 @@ def test_a_method_that_does_not_serve_the_sensor_is_an_error_not_an_end(photo):
         read(stream)
         ask(stream, method="held-out")
         assert "expected the box kernel" in read_until(stream, "error")[0]["text"]
+        stream.send('{"type": "recipe", "state": {"method": "network-color"}}')
+        answer, _ = read_until(stream, "recipe")
+        assert answer["python"] is None
+        assert "three colors" in answer["problem"]
         ask(stream, 2)
         assert read_until(stream, "image", "final")[0]["id"] == 2
+
+
+def test_frames_that_cannot_be_read_for_the_plot_are_reported_once(bits):
+    class Damaged(Viewed):
+        def part(self, frames):
+            if 150 in frames:
+                raise OSError("frame 150 is damaged")
+            return super().part(frames)
+
+    with serving(Damaged("damaged", bits, bits.sensor)) as server, connected(server) as stream:
+        read(stream)
+        ask(stream)
+        assert read_until(stream, "error")[0]["text"] == "frame 150 is damaged"
+        for number in (2, 3):
+            ask(stream, number, start=number)
+            assert read_until(stream, "image", "final")[0]["id"] == number
 
 
 @pytest.mark.parametrize("ending", ["png", "tif"])

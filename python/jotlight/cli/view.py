@@ -14,9 +14,11 @@ from jotlight.cli.console import caution, report
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.formats.capture import CountStack
+from jotlight.formats.images.captures import read_mask
 from jotlight.formats.locations import is_url
 from jotlight.sensing.alike_frames import exposure_cycle
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.mosaic import Mosaic
 from jotlight.view.access import LOOPBACK, is_loopback
 from jotlight.view.extra import require_server
 from jotlight.view.live.options import LiveOptions, open_live
@@ -157,34 +159,45 @@ def _opening(
 ) -> Opening:
     """Return how `jotlight reconstruct` and Python open the same capture."""
     frames = parse_frame_range(capture.frame_range) or slice(None)
+    of_window = _of_window(sensor)
     words = dataclasses.replace(capture, frame_range=None).to_argv()
-    words += dataclasses.replace(sensor, frames=None, gain=None, threshold=None).to_argv()
+    unset: dict[str, Any] = dict.fromkeys(("frames", *of_window))
+    words += dataclasses.replace(sensor, **unset).to_argv()
     options = {
         name: getattr(capture, name)
         for name in ("format", "width", "rotate", "flip", "key", "counts", "unpacked")
     }
-    options |= {"counts_scale": capture.counts_scale, "trials": capture.trials}
+    options["rotate"] = capture.rotate or None
+    if capture.counts_scale is not None and isinstance(captured.data, CountStack):
+        options |= {"counts_scale": capture.counts_scale, "trials": captured.data.trials}
     options["bit_depth"] = sensor.bit_depth if captured.sensor.bit_depth > 1 else None
-    arguments = {name: repr(value) for name, value in options.items() if value not in (None, 0)}
+    arguments = {name: repr(value) for name, value in options.items() if value is not None}
     lines = _sensor_lines(sensor, captured)
     if sensor.find_hot_jots:
         lines += _hot_jot_lines(path, {**arguments, "frames": repr(frames)}, captured)
-    of_window = tuple(name for name in _OF_WINDOW if getattr(sensor, name) is not None)
     return Opening(
         path, tuple(words), arguments, tuple(lines), frames, of_window, sensor.find_hot_jots
+    )
+
+
+def _of_window(sensor: CapturedSensorOptions) -> tuple[str, ...]:
+    """Return the options whose values for a window differ. A map is that of all windows."""
+    stated = {name: getattr(sensor, name) for name in _OF_WINDOW}
+    return tuple(
+        name for name, text in stated.items() if text is not None and not text.endswith(".npy")
     )
 
 
 def _sensor_lines(sensor: CapturedSensorOptions, captured: Captured) -> list[str]:
     """Return lines of Python after which `sensor` is the sensor of the data."""
     kwargs, data = dict(sensor._set()), variable(captured.sensor)
-    for name in ("frames", *_OF_WINDOW):  # the page sets those of a window
+    for name in ("frames", *_of_window(sensor)):  # the page sets those of a window
         kwargs.pop(name, None)
     imports: list[str] = []
     texts = []
     for name, value in kwargs.items():
-        text = _as_python(name, value)
-        imports += ["import numpy as np"] if text.startswith("np.") else []
+        text, needed = _as_python(name, value)
+        imports += needed
         texts.append(f"{name}={text}")
     arguments = ", ".join(texts)
     lines = list(dict.fromkeys(imports))
@@ -218,16 +231,34 @@ def _hot_jot_lines(path: str, arguments: dict[str, str], captured: Captured) -> 
     ]
 
 
-def _as_python(name: str, value: Any) -> str:
-    """Return an option as an expression of Python. Maps are read from their files."""
-    if name == "mask" or (isinstance(value, str) and name in ("dark_counts", "efficiency")):
+def _as_python(name: str, value: Any) -> tuple[str, list[str]]:
+    """Return an option as an expression of Python, and the imports that it needs.
+
+    Masks, maps, and mosaics are read from their files.
+
+    Examples
+    --------
+    >>> _as_python("efficiency", "0.5")
+    ('0.5', [])
+    >>> _as_python("efficiency", "map.npy")
+    ("np.load('map.npy')", ['import numpy as np'])
+    """
+    path = repr(str(value))
+    if name == "mask":
+        imports = ["from pathlib import Path", f"from {read_mask.__module__} import read_mask"]
+        return f"read_mask(Path({path}))", imports
+    if name == "mosaic" and str(value).endswith(".json"):
+        imports = ["import json", "from pathlib import Path"]
+        imports += [f"from {Mosaic.__module__} import Mosaic"]
+        return f"Mosaic.of(json.loads(Path({path}).read_bytes()))", imports
+    if name in ("dark_counts", "efficiency"):
         try:
-            return repr(float(value))
+            return repr(float(value)), []
         except ValueError:
-            return f"np.load({str(value)!r})"
-        except TypeError:
-            return f"np.load({str(value)!r})"
-    return repr(value)
+            pass
+    elif name != "threshold":
+        return repr(value), []
+    return f"np.load({path})", ["import numpy as np"]
 
 
 def _follow(

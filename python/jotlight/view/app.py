@@ -12,6 +12,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
+from jotlight.errors import error_message
 from jotlight.view.access import accepts_host, accepts_origin, accepts_token, cookie_token
 from jotlight.view.saving import ENDINGS, file_name, save_view
 from jotlight.view.session import Session, UnreadError
@@ -202,7 +203,7 @@ async def _save(request: Request, workshop: Workshop) -> Response:
             ArithmeticError,
             RecursionError,
         ) as error:
-            return PlainTextResponse(str(error), 400)
+            return PlainTextResponse(error_message(error), 400)
     name = file_name(workshop.viewed, state, ending)
     headers = {"Content-Disposition": f'attachment; filename="{name}"'}
     return Response(content, media_type=ENDINGS[ending], headers=headers)

@@ -9,10 +9,13 @@ import numpy.typing as npt
 from jotlight.images.io import display_levels
 from jotlight.images.tone import CURVES, PERCENTILE, Tone
 from jotlight.view.estimate import Estimate, estimate, fraction_at
-from jotlight.view.state import COUNTS, ViewState
+from jotlight.view.state import COUNTS, MAX_WHITE, ViewState
 from jotlight.view.viewed import Viewable
 
 Levels = npt.NDArray[np.uint8]
+
+_MARGIN = 1e4
+"""Factor between white and its limits."""
 
 _NEGATIVE, _ZERO, _POSITIVE = (43, 131, 203), (128, 128, 128), (222, 107, 32)
 """Colors of the differences: blue for darker, gray for equal, orange for brighter."""
@@ -34,7 +37,9 @@ def fit_white(viewed: Viewable, span: range, made: Estimate) -> float:
     """
     if made.method == COUNTS:
         made = estimate(viewed, span, "mle", made.counts)
-    return Tone.fit(made.image, percentile=PERCENTILE).white
+    white = Tone.fit(displayable(made.image), percentile=PERCENTILE).white
+    # The page may change the exposure by several stops.
+    return min(max(white, _MARGIN / MAX_WHITE), MAX_WHITE / _MARGIN)
 
 
 def tone_of(made: Estimate, state: ViewState, white: float) -> Tone:
@@ -46,7 +51,7 @@ def tone_of(made: Estimate, state: ViewState, white: float) -> Tone:
     if made.method == COUNTS:
         white = fraction_at(white, made.sensor)
     if state.curve == "reinhard":  # the only curve that depends on the image
-        return Tone.fit(made.image, state.curve, white=white)
+        return Tone.fit(displayable(made.image), state.curve, white=white)
     return Tone(state.curve, white)
 
 

@@ -7,18 +7,23 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import warn
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK, Choice, choose_method
 from jotlight.evaluation.methods import LARGE_TRIALS, METHODS
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align
+from jotlight.motion.burst import refuse_pixels
 from jotlight.motion.jot_kinds import frames_of_kinds
 from jotlight.motion.merge import merge
 from jotlight.motion.reading_counts import counts_for_motion
+from jotlight.networks.pretrained import CONDITIONAL_SIZE
+from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.multibit import ReadingLikelihood
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import Data
 from jotlight.sensing.readings import without_mosaic
 from jotlight.sensing.sensor import Sensor
@@ -35,6 +40,9 @@ _FROM_COUNTS = {"mle", "network-small", "network-medium", "network-large", "netw
 DEMOSAICING = "differences"
 """How the planes of a mosaic become an image. It needs no extra."""
 
+_CLIPPED = 0.98
+"""Fraction of the largest intensity above which an estimate counts as clipped."""
+
 _MAX_BRIEF_PIXELS = 1 << 20
 """Number of pixels whose maximum likelihood one thread finds in a few milliseconds."""
 
@@ -47,8 +55,8 @@ class Estimate:
     """Intensities, or for "counts" fractions of the largest possible counts. (H, W) or (H, W, C).
     """
     counts: Counts
-    """The number of ones of each pixel, or the sum of its readings. After an alignment, ones along
-    the motion."""
+    """The number of ones of each pixel, or the sum of its readings, without those of dead jots.
+    After an alignment, ones along the motion. For "counts", with those of dead jots."""
     trials: float | npt.NDArray[np.float64]
     """The largest possible value of each count, a number or a map. For bits, it is the number of
     binary readings behind the count."""
@@ -193,6 +201,8 @@ def estimate(
             options["demosaicing"] = DEMOSAICING
         if METHODS[method].iterative:
             options["callback"] = lambda _: check()
+    if merged is None and sensor.mask is not None:
+        counts, trials = _live_counts(counts, data, sensor)
     check()
     start = time.perf_counter()
     image, info = reconstruct(
@@ -204,7 +214,37 @@ def estimate(
         **options,
     )
     seconds = time.perf_counter() - start
+    _warn_about_clipping(choice, image)
     return Estimate(image, counts, trials, sensor, method, info.title, seconds, data, counted)
+
+
+def _warn_about_clipping(choice: Choice, image: Image) -> None:
+    """Issue a warning if a network is for smaller intensities than those of the scene."""
+    if choice.saturation is not None and image.max() > _CLIPPED * choice.max_intensity:
+        warn(
+            f"the scene reaches the largest intensity {choice.max_intensity:g} of this network, so "
+            f"brighter pixels are clipped; the quality {CONDITIONAL_SIZE} reaches "
+            f"{choice.saturation:.3g}, where the bits saturate"
+        )
+
+
+def _live_counts(
+    counts: Counts, data: Data, sensor: Sensor
+) -> tuple[Counts, npt.NDArray[np.float64]]:
+    """Return the counts of the jots that are not dead, and the largest possible values of them."""
+    mask, side = sensor.mask, sensor.oversampling
+    assert mask is not None, "the caller has checked it"
+    largest = sensor.frames * sensor.max_reading
+    trials = np.multiply(Bits.from_array(~mask).counts(side), largest, dtype=np.float64)
+    if side > 1 and isinstance(data, Bits):
+        return data.counts(side, mask=mask), trials
+    jots = data.sum() if side > 1 and isinstance(data, Readings) else counts
+    if jots.shape[:2] != mask.shape:  # a stack of counts of pixels, which no method takes
+        return counts, trials
+    live = np.where(mask if jots.ndim == 2 else mask[..., None], 0, jots)
+    height, width, *channels = live.shape
+    pixels = live.reshape(height // side, side, width // side, side, *channels)
+    return np.asarray(pixels.sum(axis=(1, 3))), trials
 
 
 def _suffice(counts: Counts, sensor: Sensor, method: str) -> bool:
@@ -221,19 +261,24 @@ def alignment_reason(viewed: Viewable) -> str | None:
     """Return why no window can be aligned, or None if windows can."""
     number = 2 * viewed.cycle
     sensor = viewed.sensor(number)
-    if without_mosaic(sensor).has_plain_bits:
-        return None
+    is_plain = without_mosaic(sensor).has_plain_bits
+    if is_plain and (sensor.oversampling == 1 or viewed.is_live):
+        return None  # the first frames of a live capture may have left memory
     part = viewed.part(viewed.frames[:number])
     try:
-        if counts_for_motion(part, sensor) is None:
+        if isinstance(part, CountStack):
+            refuse_pixels(viewed.sensor(len(viewed.frames)))
+        elif not is_plain and counts_for_motion(part, sensor) is None:
             frames_of_kinds(part, sensor)
     except ValueError as error:
         return str(error)
     return None
 
 
-def merge_window(viewed: Viewable, frames: range, check: Check = lambda: None) -> Merged | None:
-    """Return the bits of a window, aligned to its middle.
+def merge_window(
+    viewed: Viewable, frames: range, method: str, check: Check = lambda: None
+) -> Merged | None:
+    """Return the bits of a window, aligned to its middle, for a method.
 
     It is None for a scene that stands still behind a mosaic, whose pixels see one color each.
 
@@ -253,7 +298,10 @@ def merge_window(viewed: Viewable, frames: range, check: Check = lambda: None) -
     def progress(_: float) -> None:
         check()
 
-    data, sensor = viewed.part(frames), viewed.sensor(len(frames))
+    # The largest intensity decides which jots are hot.
+    max_intensity = choose(viewed, len(frames), method).max_intensity
+    sensor = viewed.sensor(len(frames)).replace(max_intensity=max_intensity)
+    data = viewed.part(frames)
     motion = align(data, sensor, progress=progress)
     if sensor.mosaic is not None and motion.model == "none":
         return None

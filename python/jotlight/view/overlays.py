@@ -16,6 +16,7 @@ from jotlight.sensing.merged import Merged
 from jotlight.sensing.photon_readings import Readings
 from jotlight.view.counted import EQUIVALENT
 from jotlight.view.estimate import DEMOSAICING, Estimate
+from jotlight.view.state import COUNTS
 from jotlight.view.viewed import Viewable, count_frames, frame_bytes, whole_cycles
 
 Map = npt.NDArray[np.uint8]
@@ -105,7 +106,8 @@ def find_saturated(estimate: Estimate) -> Map:
     Raises
     ------
     ValueError
-        For equivalent counts, which do not show whether all readings were the largest one.
+        For equivalent counts, which do not show whether all readings were the largest one, and for
+        counts of pixels that also have dead jots.
 
     Examples
     --------
@@ -120,12 +122,13 @@ def find_saturated(estimate: Estimate) -> Map:
             "saturated: equivalent counts do not show whether all readings were the largest one; "
             "turn the alignment off"
         )
-    sensor, trials = estimate.sensor, estimate.trials
-    if sensor.mask is not None and not isinstance(trials, np.ndarray):
-        side = sensor.oversampling
-        height, width = (size // side for size in sensor.mask.shape)
-        live = (~sensor.mask).reshape(height, side, width, side).sum(axis=(1, 3))
-        trials = live.astype(np.float64) * sensor.frames * estimate.counted.largest
+    mask, trials = estimate.sensor.mask, estimate.trials
+    if mask is not None and estimate.method == COUNTS:
+        if estimate.sensor.oversampling > 1:
+            raise ValueError(
+                "saturated: the counts of a pixel are also those of its dead jots; choose a method"
+            )
+        trials = np.where(mask, 0.0, trials)
     if isinstance(trials, np.ndarray) and trials.ndim < estimate.counts.ndim:
         trials = trials[..., None]
     saturated = (estimate.counts >= trials) & (np.asarray(trials) > 0)

@@ -12,7 +12,7 @@ from jotlight.estimators.brightness import unit_scale
 from jotlight.sensing.merged import Merged
 from jotlight.view.counts import Counts, RunningCounts
 from jotlight.view.display import display, display_difference, fit_white
-from jotlight.view.estimate import Estimate, estimate, fraction_estimate, merge_window
+from jotlight.view.estimate import Estimate, choose, estimate, fraction_estimate, merge_window
 from jotlight.view.messages import encode
 from jotlight.view.notes import collected
 from jotlight.view.overlays import error_levels, find_errors, find_saturated
@@ -61,7 +61,7 @@ class Pipeline:
         self.last: Estimate | None = None
         """The estimate of the most recent image, for the values under the pointer."""
         self._running = RunningCounts(workshop.viewed)
-        self._merged: tuple[range, Merged | None] | None = None
+        self._merged: tuple[tuple[range, float], Merged | None] | None = None
         self._white = 1.0
         self._errors: tuple[Estimate, npt.NDArray[np.float32]] | None = None
         """The standard errors of an estimate."""
@@ -98,7 +98,7 @@ class Pipeline:
         """Return the image of the chosen method, aligned or compared if the state says so."""
         state, start = request.state, time.perf_counter()
         with collected() as notes:
-            merged = self._merge(request) if state.align else None
+            merged = self._merge(request) if state.align and state.method != COUNTS else None
             made, *others = (
                 estimate(self.viewed, state.span, method, counts, merged, request.check)
                 for method in (state.method, state.compare)
@@ -171,9 +171,10 @@ class Pipeline:
         return facts
 
     def _merge(self, request: Request) -> Merged | None:
-        frames = request.state.span
-        if self._merged is None or self._merged[0] != frames:
-            self._merged = frames, merge_window(self.viewed, frames, request.check)
+        frames, method = request.state.span, request.state.method
+        key = frames, choose(self.viewed, len(frames), method).max_intensity
+        if self._merged is None or self._merged[0] != key:
+            self._merged = key, merge_window(self.viewed, frames, method, request.check)
         return self._merged[1]
 
     def _image_message(

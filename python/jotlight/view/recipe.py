@@ -1,10 +1,12 @@
 """The command line and the Python code that make the same image as the page."""
 
+import dataclasses
 import shlex
 from typing import Any
 
 import numpy as np
 
+from jotlight.estimators.demosaicing import COLORS
 from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.evaluation.methods import METHODS
 from jotlight.formats.capture import CountStack
@@ -16,8 +18,8 @@ from jotlight.view.viewed import Opening, Viewable, variable
 def recipe(viewed: Viewable, state: ViewState) -> dict[str, str | None]:
     """Return the command line and the Python code of a state, or None where there is none.
 
-    The command for counts, for differences, and for hot jots of all frames runs the Python code. A
-    live capture cannot be opened again.
+    The command for counts, for differences, for hot jots of all frames, and for two or four
+    channels runs the Python code. A live capture cannot be opened again.
 
     Examples
     --------
@@ -32,6 +34,8 @@ def recipe(viewed: Viewable, state: ViewState) -> dict[str, str | None]:
     """
     if viewed.is_live:
         return {"command": None, "python": None}
+    if state.method == COUNTS:
+        state = dataclasses.replace(state, align=False, compare=None)
     return {"command": _command(viewed, state), "python": _python(viewed, state)}
 
 
@@ -57,7 +61,8 @@ def _command(viewed: Viewable, state: ViewState) -> str | None:
     sensor = viewed.sensor(state.window)
     may_have_planes = sensor.mosaic is not None and state.align
     finds_others |= may_have_planes and state.method != COLOR_NETWORK
-    if state.method == COUNTS or state.compare is not None or finds_others:
+    is_averaged = bool(_mean_lines(viewed))
+    if state.method == COUNTS or state.compare is not None or finds_others or is_averaged:
         return shlex.join(["python", "-c", _python(viewed, state)])
     frames = file_frames(opening, state.span)
     step = f":{frames.step}" if frames.step else ""
@@ -111,29 +116,29 @@ def _method_words(viewed: Viewable, state: ViewState) -> list[str]:
 
 
 def _python(viewed: Viewable, state: ViewState) -> str:
-    opening, window = viewed.opening, viewed.sensor(state.window)
-    name = variable(window)
+    window, name = viewed.sensor(state.window), _name(viewed)
     lines = ["import jotlight as jl"]
     if state.method != COUNTS:
         lines.append("from jotlight.images.tone import Tone")
     lines.append("")
-    if opening.path is None:
-        lines.append(f"{name} = {name}[{state.start} : {state.start + state.window}]")
+    if viewed.opening.path is None:
+        lines.append(f"{name} = {variable(window)}[{state.start} : {state.start + state.window}]")
     else:
         lines += _open_lines(viewed, state)
     lines += _sensor_lines(viewed, state)
     if state.method == COUNTS:
-        lines += [f"image = {_counts_code(viewed, state)}"]
+        lines += [f"image = {_counts_code(viewed, state)}", *_mean_lines(viewed)]
         return "\n".join([*lines, 'jl.save_image("view.tif", image)', ""])
     has_mosaic = window.mosaic is not None
     data = name
     if state.align and has_mosaic:
         lines += [
-            "motion = jl.align(bits, sensor)",
+            f"motion = jl.align({name}, sensor)",
             'if motion.model != "none":  # Each pixel is seen through all filters.',
-            "    bits = jl.merge(bits, sensor, motion=motion)",
-            "    sensor = bits.sensor",
+            f"    {name} = jl.merge({name}, sensor, motion=motion)",
+            f"    sensor = {name}.sensor",
         ]
+        lines += ["else:", f"    {name} = {name}.sum()"] if _holds_counts(viewed) else []
     elif state.align:
         lines += [f"merged = jl.merge({name}, sensor)"]
         data = "merged"
@@ -142,24 +147,45 @@ def _python(viewed: Viewable, state: ViewState) -> str:
     axis = ", channel_axis=-1" if is_color and data != "merged" else ""
     planes = repr(DEMOSAICING) + (" if sensor.mosaic else None" if state.align else "")
 
-    def call(method: str) -> str:
+    def call(method: str, sensor: str = sensor) -> str:
         options = "" if method == COLOR_NETWORK else f", method={method!r}"
         options += f", demosaicing={planes}" if options and has_mosaic else ""
         return f"jl.reconstruct({data}{sensor}{options}{axis})"
 
     lines.append(f"image = {call(state.method)}")
     if state.compare is not None:
-        lines.append(f"image -= {call(state.compare)}")
+        limit, other = (
+            choose(viewed, state.window, method).max_intensity
+            for method in (state.method, state.compare)
+        )
+        if other != limit:
+            own = "merged.sensor" if data == "merged" else "sensor"
+            sensor = f", {own}.replace(max_intensity={other})"
+        lines.append(f"image -= {call(state.compare, sensor)}")
+        lines += _mean_lines(viewed)
         return "\n".join([*lines, 'jl.save_image("view.tif", image)', ""])
+    lines += _mean_lines(viewed)
     white = "" if state.white is None else f", white={state.white!r}"
     lines.append(f"tone = Tone.fit(image, {state.curve!r}{white})")
     lines.append('jl.save_image("view.png", tone(image), white=1.0, depth=16)')
     return "\n".join([*lines, ""])
 
 
+def _name(viewed: Viewable) -> str:
+    """Return the name of the data of a window. Code must not change the data of the user."""
+    return "window" if viewed.opening.path is None else variable(viewed.sensor(viewed.cycle))
+
+
+def _mean_lines(viewed: Viewable) -> list[str]:
+    """Return lines after which an image of two or four channels is their mean, as on the page."""
+    if viewed.shape[2:] in ((), (COLORS,)):
+        return []
+    return ['image = image.astype("float32").mean(axis=2, dtype="float32")']
+
+
 def _open_lines(viewed: Viewable, state: ViewState) -> list[str]:
     """Return lines after which the data are those of the window."""
-    opening, name = viewed.opening, variable(viewed.sensor(state.window))
+    opening, name = viewed.opening, _name(viewed)
     frames = file_frames(opening, state.span)
     ends = (frames.start, frames.stop, *([frames.step] if frames.step else []))
     options = {**opening.arguments, "frames": f"slice({', '.join(map(str, ends))})"}
@@ -193,18 +219,19 @@ def _sensor_lines(viewed: Viewable, state: ViewState) -> list[str]:
         changes["max_intensity"] = choose(viewed, state.window, state.method).max_intensity
     texts = ", ".join(f"{name}={_as_code(each, viewed.cycle)}" for name, each in changes.items())
     return [
-        *(lines or [f"sensor = {variable(sensor)}.sensor or jl.Sensor()"]),
+        *(lines or [f"sensor = {_name(viewed)}.sensor or jl.Sensor()"]),
         f"sensor = sensor.replace({texts})",
     ]
 
 
 def _counts_code(viewed: Viewable, state: ViewState) -> str:
     """Return the counts as fractions of the largest, in Python."""
+    name = _name(viewed)
     if _holds_counts(viewed):
-        return "bits / sensor.trials"
+        return f"{name} / sensor.trials"
     if viewed.sensor(state.window).bit_depth == 1:
-        return "bits.counts(sensor.oversampling) / sensor.trials"
-    return "readings.sum(sensor.oversampling) / (sensor.trials * sensor.max_reading)"
+        return f"{name}.counts(sensor.oversampling) / sensor.trials"
+    return f"{name}.sum(sensor.oversampling) / (sensor.trials * sensor.max_reading)"
 
 
 def _holds_counts(viewed: Viewable) -> bool:

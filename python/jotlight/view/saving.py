@@ -64,7 +64,9 @@ def save_view(viewed: Viewable, state: ViewState, ending: str) -> bytes:
             f"{state.span.stop - 1}; older frames of a live capture have left memory"
         )
     counts = RunningCounts(viewed).move(state.span)
-    merged = merge_window(viewed, state.span) if state.align else None
+    merged = None
+    if state.align and state.method != COUNTS:
+        merged = merge_window(viewed, state.span, state.method)
     made = estimate(viewed, state.span, state.method, counts, merged)
     other = None
     if state.compare is not None and state.method != COUNTS:

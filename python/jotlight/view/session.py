@@ -119,10 +119,7 @@ class Session:
                 self._probe = parse_probe(message)
                 await self._send_values()
             elif kind == "recipe":
-                state = ViewState.from_json(message.get("state"))
-                viewed = self._workshop.viewed
-                state = state.within(viewed.frames, viewed.cycle)
-                await self._send({"type": "recipe", **recipe(viewed, state)})
+                await self._send_recipe(ViewState.from_json(message.get("state")))
             else:
                 raise ValueError("type: expected view, ack, probe, or recipe")
             await asyncio.sleep(0)  # many messages of one page must not delay the others
@@ -176,9 +173,13 @@ class Session:
             await self._send_image(await self._quickly(pipeline.preview, request, counts, method))
         await self._send_values()
         is_more_wanted = bool(state.overlays) or not self._has_rates
-        if not is_quick(state) or (is_more_wanted and not request.is_moving):
+        if not is_quick(state) or (is_more_wanted and not self._is_passing(request)):
             self._job = request, counts
             self._has_job.set()
+
+    def _is_passing(self, request: Request) -> bool:
+        """Return whether an image is replaced before its overlays are of use, as under a slider."""
+        return request.is_moving and self._follow is None
 
     def _keeps_up(self, request: Request) -> bool:
         """Return whether the refinement follows a moving slider without previews."""
@@ -202,13 +203,14 @@ class Session:
                     image = await self._slowly(self._pipeline.refine, request, counts)
                     await self._send_image(image)
                     await self._send_values()
-                if not request.is_moving:
+                if not self._is_passing(request):
                     overlays = self._pipeline.overlays(request)
                     while (overlay := await self._slowly(next, overlays, None)) is not None:
                         await self._send_image(overlay)
                     await self._send_values()
             if not self._has_rates and not request.is_moving:
-                self._has_rates = await self._send_rates(request)
+                async with self._reported(request):
+                    await self._send_rates(request)
             self._refining = None
 
     async def _watch(self) -> None:
@@ -231,18 +233,30 @@ class Session:
             ticks += 1
             await asyncio.sleep(LIVE_INTERVAL)
 
-    async def _send_rates(self, request: Request) -> bool:
+    async def _send_rates(self, request: Request) -> None:
+        """Send the readings over time. Frames that cannot be read are reported only once."""
         try:
             rates, each = await self._slowly(self._workshop.rates, request.check)
         except CancelledError:
-            return False
+            return
+        except BaseException:
+            self._has_rates = True
+            raise
+        self._has_rates = True
         await self._send({"type": "rates", "frames": each}, rates)
-        return True
 
     async def _send_values(self) -> None:
         if self._probe is not None:
             values = self._pipeline.values_at(*self._probe)
             await self._send({"type": "values", "values": values})
+
+    async def _send_recipe(self, state: ViewState) -> None:
+        viewed = self._workshop.viewed
+        try:
+            found = recipe(viewed, state.within(viewed.frames, viewed.cycle))
+        except (ValueError, OSError) as error:  # such as a window that the method does not serve
+            found = {"command": None, "python": None, "problem": error_message(error)}
+        await self._send({"type": "recipe", **found})
 
     @contextlib.asynccontextmanager
     async def _reported(self, request: Request) -> AsyncIterator[None]:

@@ -1,7 +1,6 @@
 """What the page shows: the state of its controls, read from untrusted JSON."""
 
 import dataclasses
-import math
 from typing import Any, Self
 
 from jotlight.evaluation.choice import COLOR_NETWORK
@@ -16,6 +15,9 @@ OVERLAYS = "jots", "saturated", "uncertainty"
 
 COUNTS = "counts"
 """The name, beside those of methods, that shows the counts."""
+
+MAX_WHITE = 1e30
+"""White is below this intensity, and above its reciprocal."""
 
 _MAX_FRAME = 1 << 53
 """Above this number, the page's numbers are not whole."""
@@ -135,8 +137,11 @@ def _white(name: str, value: Any) -> float | None:
     if value is None:
         return None
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not is_number or not 1e-12 < value < 1e12 or not math.isfinite(value):
-        raise ValueError(f"{name}: expected an intensity from 1e-12 to 1e12, got {_short(value)}")
+    if not is_number or not 1 / MAX_WHITE < value < MAX_WHITE:
+        raise ValueError(
+            f"{name}: expected an intensity from {1 / MAX_WHITE:g} to {MAX_WHITE:g}, got "
+            f"{_short(value)}"
+        )
     return float(value)
 
 

@@ -11,7 +11,7 @@ const flag = (text) => (text === "1" ? true : text === "0" ? false : undefined);
 
 function intensity(text) {
   const value = Number(text);
-  return value > 1e-12 && value < 1e12 ? value : undefined;
+  return value > 1e-30 && value < 1e30 ? value : undefined;
 }
 
 function someOf(names) {
@@ -32,7 +32,7 @@ function readers(capture, overlays) {
     compare: ["a method that serves this capture", oneOf(usable.slice(1))],
     align: reason ? [`0, because windows cannot be aligned: ${reason}`, oneFlag] : ["0 or 1", flag],
     curve: [capture.curves.join(", "), oneOf(capture.curves)],
-    white: ["a number from 1e-12 to 1e12", intensity],
+    white: ["a number from 1e-30 to 1e30", intensity],
     overlays: [`some of ${overlays.join(",")}`, someOf(overlays)],
   };
   if (capture.live) found.follow = ["0 or 1", flag];

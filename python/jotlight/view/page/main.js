@@ -171,7 +171,8 @@ const handlers = {
     shown = header.id;
     if (header.is_auto && header.stage === "final" && store.state.white === null) controls.keepWhite(header.tone.white);
     const { start, window, follow } = store.state;
-    if (!follow && header.id === number && (header.start !== start || header.window !== window)) {
+    // While the page is about to ask for another window, the image is that of the window before.
+    if (!follow && !isAsking && header.id === number && (header.start !== start || header.window !== window)) {
       // The frames that the address or the slider asked for do not exist, or have left memory.
       toast(`Frames ${start} to ${start + window - 1} are not available.`);
       Object.assign(store.state, { start: header.start, window: header.window });

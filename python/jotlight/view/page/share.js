@@ -51,7 +51,8 @@ export function addSharing(store, connection, capture) {
   return (recipe) => {
     const kind = pending.shift();
     if (kind === undefined) return;
-    if (recipe[kind] === null) toast(capture().live ? "A live capture cannot be opened again." : "Bits in memory have no command. The Python code makes this image.");
+    if (recipe.problem) toast(`Not copied: ${recipe.problem}`);
+    else if (recipe[kind] === null) toast(capture().live ? "A live capture cannot be opened again." : "Bits in memory have no command. The Python code makes this image.");
     else copy(recipe[kind], kind === "command" ? "the command line" : "the Python code");
   };
 }
