@@ -42,7 +42,7 @@ def reproduce(
         ),
     ] = None,
     quick: Annotated[
-        bool, Parameter(help="Run for seconds only: too little to draw conclusions from.")
+        bool, Parameter(help="Run for about a minute: too short to draw conclusions from.")
     ] = False,
     data: Annotated[
         Path | None,
