@@ -184,7 +184,10 @@ def test_help_states_the_defaults_of_the_command(run):
     assert ["--demosaicing" in panel for panel in panels[:4]] == [False, False, True, False]
     assert "half a count below" in run("film", "--help")[1]
     assert "or that of --start" in run("fine-tune", "--help")[1]
-    assert "A capture or a network that states" not in run("plan", "--help")[1]
+    planned = run("plan", "--help")[1]
+    assert "A capture or a network that states" not in planned
+    assert "half a count below" in planned
+    assert "--exposure-time" not in planned
 
 
 LONG = {"demo", "train", "fine-tune", "reproduce", "view"}

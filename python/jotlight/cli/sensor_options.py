@@ -215,6 +215,19 @@ class PlannedSensorOptions(CalibratedSensorOptions):
         int | None,
         Parameter(alias="-t", help=f"{_FRAMES} Default: 4096."),
     ] = None
+    gain: Annotated[
+        str | None,
+        Parameter(
+            help="α, the exposure: photons on a pixel of intensity 1, over all jots and frames. It "
+            "only defines the unit of --max-intensity. Default: K, the number of bits per pixel."
+        ),
+    ] = None
+    max_intensity: Annotated[
+        float | None,
+        Parameter(help=f"{_MAX_INTENSITY} Default: that of half a count below saturation."),
+    ] = None
+    exposure_time: Annotated[float | None, Parameter(show=False)] = None
+    """Refused, with the option to use instead."""
     mosaic: _NoOption = None
 
 
