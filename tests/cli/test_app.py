@@ -179,6 +179,17 @@ def test_help_lists_the_iterative_methods_and_their_options(run):
     assert "Iterative methods" in output
 
 
+def test_help_states_the_defaults_of_the_command(run):
+    panels = run("reconstruct", "--help")[1].split("\n╭─ ")
+    assert ["--demosaicing" in panel for panel in panels[:4]] == [False, False, True, False]
+    assert "half a count below" in run("film", "--help")[1]
+    assert "or that of --start" in run("fine-tune", "--help")[1]
+    planned = run("plan", "--help")[1]
+    assert "A capture or a network that states" not in planned
+    assert "half a count below" in planned
+    assert "--exposure-time" not in planned
+
+
 LONG = {"demo", "train", "fine-tune", "reproduce", "view"}
 """Commands whose examples take long or do not end, or need PyTorch or further data."""
 

@@ -141,6 +141,33 @@ def test_links_between_pages_lead_somewhere():
                 assert (page.parent / target).exists(), (page, target)
 
 
+def anchors(page: Path) -> set[str]:
+    """Return the anchors of the headings of a page, as GitHub and the website name them."""
+    text = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.S | re.M)
+    titles = [
+        re.sub(r"[^\w\- ]", "", title.lower()) for title in re.findall(r"^#+ (.*)$", text, re.M)
+    ]
+    return {title.strip().replace(" ", "-") for title in titles}
+
+
+def test_links_to_headings_lead_somewhere():
+    count = 0
+    for page in PAGES:
+        for target, anchor in re.findall(r"\]\(([^)#\s:]*)#([^)\s]+)\)", page.read_text("utf-8")):
+            place = (page.parent / target).resolve() if target else page
+            if place.suffix == ".md":
+                count += 1
+                assert anchor in anchors(place), (page, target, anchor)
+    assert count > 100
+
+
+def test_the_readme_leads_a_newcomer_to_the_first_tasks():
+    readme = PAGES[0].read_text("utf-8")
+    tasks = "files.md#your-first-image", "which_sensor.md", "motion.md", "networks.md"
+    for task in (*tasks, "tutorial.md#uncertainty-brightness-and-number-of-frames"):
+        assert f"](docs/guide/{task})" in readme, task
+
+
 def example_cases() -> Iterator[object]:
     """Yield a test case per example. The session `gallery` runs them all, also the slowest one."""
     for path in EXAMPLES:

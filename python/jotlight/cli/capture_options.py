@@ -87,8 +87,8 @@ class CaptureOptions:
     trials: Annotated[
         int | None,
         Parameter(
-            help="Number of frames of which each value is the mean, with --counts-scale. Default: "
-            "the frames of the whole capture, where a command has --frames, per image."
+            help="With --counts-scale: number of frames whose mean each value is. Default: "
+            "--frames divided by the number of images, in commands that have --frames."
         ),
     ] = None
 

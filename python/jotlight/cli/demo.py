@@ -20,7 +20,7 @@ def demo(
         str, Parameter(help=f"A photograph of scikit-image: {', '.join(PHOTOGRAPHS)}.")
     ] = "camera",
 ) -> None:
-    """Simulate the bits of a photograph and reconstruct it by every method without extra packages.
+    """Simulate the bits of a photograph, and reconstruct it by all methods that need no extra.
 
     The figure shows the photograph, the bits, and all estimates.
     """

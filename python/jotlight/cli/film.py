@@ -66,16 +66,16 @@ class FilmOptions(OutputOptions):
         int,
         Parameter(
             group=FILM_PANEL,
-            help="Number of frames of each image of the film. For images of counts, the number of "
-            "those images, whatever their frames.",
+            help="Number of frames of each image of the film. For a stack of counts, the number of "
+            "its images, whatever their frames.",
         ),
     ]
     step: Annotated[
         int | None,
         Parameter(
             group=FILM_PANEL,
-            help="Frames, or images of counts, from one window to the next. Default: the size of a "
-            "window.",
+            help="Frames, or images of a stack of counts, from one window to the next. Default: "
+            "the size of a window.",
         ),
     ] = None
     fps: Annotated[

@@ -82,9 +82,9 @@ class MethodOptions:
     demosaicing: Annotated[
         str | None,
         Parameter(
-            group=METHOD_PANEL,
-            help=f"For a sensor with a mosaic: network, {', '.join(TITLES)}. Default: network if "
-            "no method is requested, else menon for a Bayer mosaic, and differences for others.",
+            help=f"How the colors of a mosaic become an image: network, {', '.join(TITLES)}. "
+            "Default: network if no method is requested, else menon for a Bayer mosaic, and "
+            "differences for others.",
         ),
     ] = None
 

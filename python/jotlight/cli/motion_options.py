@@ -41,7 +41,7 @@ class MotionOptions:
     upsample: Annotated[
         int | None,
         Parameter(
-            help="2 for twice as many rows and columns than the jots, from shifts by fractions of "
+            help="2 for twice as many rows and columns as the jots, from shifts by fractions of "
             "a pixel. Default: 1."
         ),
     ] = None
@@ -94,17 +94,17 @@ class FilmMotionOptions(MotionOptions):
         bool | None,
         Parameter(
             negative="--no-memory",
-            help="Also count bits from before the window, where they agree with it. They fade. "
-            "--step must be at most half of --window, or less than --window with --causal. "
-            "Default: with --causal and such a step, unless --upsample is 2.",
+            help="Also count bits from before the window, where they agree with it. Their weight "
+            "decreases with time. --step must be at most half of --window, or less than --window "
+            "with --causal. Default: with --causal and such a step, unless --upsample is 2.",
         ),
     ] = None
 
     recurrent: Annotated[
         bool,
         Parameter(
-            help="Estimate gray images with the film network. It also reads the last image, if "
-            "--step is at most half of --window, or less than --window with --causal."
+            help="Estimate the images of a gray film with the film network. It also reads its last "
+            "image, if --step is at most half of --window, or less than --window with --causal."
         ),
     ] = False
 
@@ -127,7 +127,7 @@ class ImageMotionOptions(MotionOptions):
     at: Annotated[
         float | None,
         Parameter(
-            help="Frame that the image shows, counted from 0 within the frame range. Default: the "
+            help="Time of the image: a frame, counted from 0 within the frame range. Default: the "
             "middle."
         ),
     ] = None

@@ -117,7 +117,8 @@ class ImageOutputOptions(OutputOptions):
     preview: Annotated[
         Path | None,
         Parameter(
-            help="A .png or .jpg in addition, for display. White is at a percentile. Default: none."
+            help="A .png or .jpg for display, in addition to the output. White is at the 99.5th "
+            "percentile, or that of --white. Default: none."
         ),
     ] = None
     uncertainty: Annotated[

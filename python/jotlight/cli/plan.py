@@ -35,7 +35,7 @@ class PlanOptions:
     ] = None
     target_psnr: Annotated[
         float | None,
-        Parameter(help="A PSNR in dB. The last line states the frames it takes. Default: none."),
+        Parameter(help="A PSNR in dB. A line states how many frames reach it. Default: none."),
     ] = None
     size: Annotated[
         str,
@@ -87,11 +87,11 @@ def plan(
 ) -> None:
     """Predict the quality of maximum likelihood by the number of frames, and the cost of motion.
 
-    --frames is the last row of the table. PSNR is that of a scene whose light is uniform between
-    the minimum and the maximum, with the maximum as peak. SNR is the light over the error of the
-    estimate. The number in brackets is the Cramér-Rao bound, the best of any unbiased estimate.
-    With --speed, the scene is a typical photograph that is denoised, rather than pixels by
-    themselves.
+    The rows of the table are numbers of frames, up to --frames. The light of the scene is uniformly
+    distributed between the minimum and the maximum, which is the peak of the PSNR. SNR is the light
+    divided by the error of the estimate. The number in parentheses is the Cramér-Rao bound, the
+    best of any unbiased estimate. With --speed, the last lines are for a typical photograph that is
+    denoised, and not for single pixels.
     """
     options.check(sensor)
     minimum, maximum = _light_range(light)

@@ -42,7 +42,8 @@ def reproduce(
         ),
     ] = None,
     quick: Annotated[
-        bool, Parameter(help="Run for seconds only: too little to draw conclusions from.")
+        bool,
+        Parameter(help="A short run, about a minute for all: too short to draw conclusions from."),
     ] = False,
     data: Annotated[
         Path | None,

@@ -18,6 +18,7 @@ from jotlight.sensing.sensor import KERNELS
 
 _OVERSAMPLING = "K̂: each pixel covers K̂ x K̂ jots, the pixels of the camera."
 _FRAMES = "T: number of binary frames."
+_MAX_INTENSITY = "S: largest intensity of an estimate."
 
 _REPEATS = ",..."
 """The end of a list of values that repeat, one for each frame."""
@@ -90,9 +91,7 @@ class SensorOptions:
             "live jots. Default: all jots are live."
         ),
     ] = None
-    max_intensity: Annotated[
-        float | None, Parameter(help="S: largest intensity of an estimate. Default: 1.")
-    ] = None
+    max_intensity: Annotated[float | None, Parameter(help=f"{_MAX_INTENSITY} Default: 1.")] = None
     exposure_time: Annotated[
         float | None,
         Parameter(
@@ -207,6 +206,7 @@ class CalibratedSensorOptions(SensorOptions):
         return [*calibration, *super().to_argv()]
 
 
+@Parameter(name="*", group=SENSOR_PANEL)
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class PlannedSensorOptions(CalibratedSensorOptions):
     """Parameters of a sensor whose quality is predicted."""
@@ -215,6 +215,19 @@ class PlannedSensorOptions(CalibratedSensorOptions):
         int | None,
         Parameter(alias="-t", help=f"{_FRAMES} Default: 4096."),
     ] = None
+    gain: Annotated[
+        str | None,
+        Parameter(
+            help="α, the exposure: photons on a pixel of intensity 1, over all jots and frames. It "
+            "only defines the unit of --max-intensity. Default: K, the number of bits per pixel."
+        ),
+    ] = None
+    max_intensity: Annotated[
+        float | None,
+        Parameter(help=f"{_MAX_INTENSITY} Default: that of half a count below saturation."),
+    ] = None
+    exposure_time: Annotated[float | None, Parameter(show=False)] = None
+    """Refused, with the option to use instead."""
     mosaic: _NoOption = None
 
 
@@ -239,6 +252,13 @@ class TrainedSensorOptions(CalibratedSensorOptions):
 class CapturedSensorOptions(CalibratedSensorOptions):
     """Parameters of the sensor of a capture, with its calibration or its hot jots."""
 
+    max_intensity: Annotated[
+        float | None,
+        Parameter(
+            help=f"{_MAX_INTENSITY} Default: for the box kernel, that of half a count below "
+            "saturation, but at least 1; for others 1."
+        ),
+    ] = None
     find_hot_jots: Annotated[
         bool,
         Parameter(
@@ -257,6 +277,9 @@ class CapturedSensorOptions(CalibratedSensorOptions):
 class TunedSensorOptions(CapturedSensorOptions):
     """Parameters of the sensor of a capture on which a network is fine-tuned."""
 
+    max_intensity: Annotated[
+        float | None, Parameter(help=f"{_MAX_INTENSITY} Default: 1, or that of --start.")
+    ] = None
     bit_depth: _NoOption = None
     read_noise: _NoOption = None
     mosaic: _NoOption = None

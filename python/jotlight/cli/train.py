@@ -84,19 +84,19 @@ def train(
             name="--sensor",
             group=CAPTURE_PANEL,
             help="A capture, or the .json beside it. The network is trained for its sensor, and "
-            "for scenes of its brightness. For bits, --frames is the size of a film's windows. "
-            "Default: none.",
+            "for scenes of its brightness. For images of some of its frames, such as those of a "
+            "film, --frames states their number. Default: none.",
         ),
     ] = None,
     capture: TargetCaptureOptions = TargetCaptureOptions(),
     sensor: TrainedSensorOptions = TrainedSensorOptions(),
 ) -> None:
-    """Train the network for a sensor on images.
+    """Train a network for a sensor on images.
 
     Ctrl-C stops the run. With --resume it continues as if it had never been stopped.
 
-    The cost shown is half the squared error of a patch. A calibration is used with --sensor, and
-    the network is then trained for the median jot.
+    The cost is half the squared error of a patch. --calibration belongs to --sensor. The network is
+    then trained for the median jot.
 
     Several processes can train a deep network: torchrun --nproc-per-node 2 -m jotlight train
     """

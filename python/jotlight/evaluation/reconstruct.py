@@ -122,17 +122,17 @@ def reconstruct(
 
     Parameters
     ----------
-    data : Bits, Merged, list of them, or array_like of int
-        Bits, merged counts, or counts L of shape (..., H, W).
+    data : Bits, Readings, Merged, list of them, or array_like of int
+        Bits, readings of several bits, merged counts, or counts L of shape (..., H, W).
     sensor : Sensor, optional
         Sensor of the data. Default: the sensor that bits or merged counts carry. Counts need it.
     method : str, Network, ColorNetwork, or callable, optional
         A name in ``jotlight.evaluation.methods.METHODS``, a network (also a module of
         ``jotlight.torch``), or a function ``f(data, sensor)`` or ``f(data)`` that returns an
         image. Behind a mosaic, a function gets the counts (h, w) of each plane of the pattern.
-        Default: the network "medium", or "held-out" above 1,000 trials per pixel if the kernel is
-        the box. For three color channels with up to 1,000 trials in each pixel, and the box kernel,
-        it is the color network. A color network of the caller takes the same data.
+        Default: the network "medium". With the box kernel, the default is "held-out" above 1,000
+        trials per pixel, and the color network for three channels, or a mosaic, of up to 1,000
+        trials per pixel. Your own color network takes the same data as that one.
     quality : {"two-layer", "small", "medium", "large", "extra-large"}, optional
         Size of the shipped network to use, in place of a method.
     trials : float or array_like of float, optional
@@ -145,27 +145,27 @@ def reconstruct(
         Units of the result: intensities; or detected photons per pixel and frame, or per pixel and
         second if the sensor states its `exposure_time`.
     demosaicing : {"network", "menon", "differences"}, optional
-        For a sensor with a mosaic, whose planes of each color are estimated by the method: how they
-        become an image (:func:`jotlight.estimators.demosaicing.demosaic`). "network" is the color
-        network, which improves "differences" with the bits of all filters. Default: "network"
-        without a method, for up to 1,000 trials per pixel; else "menon" for a Bayer mosaic, which
-        needs the extra `color`, and "differences" for others.
+        For a sensor with a mosaic: how the gray estimates of its planes become a color image
+        (:func:`jotlight.estimators.demosaicing.demosaic`). "network" is the color network, which
+        improves "differences" with the bits of all filters. Default: "network" if no method is
+        requested and there are up to 1,000 trials per pixel; otherwise "menon" for a Bayer mosaic,
+        which needs the extra `color`, and "differences" for others.
     precision : {"f32", "bf16"}, optional
         Precision of the products of a deep network
         (:meth:`jotlight.Network.with_precision`). "bf16" is bfloat16, which is faster on processors
-        with AMX, and emulated on others. Default: "f32", or that of a network of the caller.
+        with AMX, and emulated on others. Default: "f32", or that of your own network.
     out : ndarray of float32, optional
-        Array for the result, of its shape, which is returned. It saves the time for new memory,
-        which large images notice. Default: a new one.
+        Array of the shape of the result, which receives the result and is returned. For large
+        images, this saves the time to allocate memory. Default: a new array.
     threads : int, optional
         Number of threads. Default: all.
     fallback : bool
-        Whether a network falls back to total variation and to maximum likelihood where bits that
-        it has not seen speak against its estimate, as in scenes unlike photographs. It takes 10
-        to 30 times as long. The result is a blend (:func:`jotlight.evaluation.held_out`), and the
-        information states the mean weight of each method.
+        Whether to blend a network with total variation and maximum likelihood where held-out bits
+        speak against its estimate, as in scenes unlike photographs
+        (:func:`jotlight.evaluation.held_out`). This takes 10 to 30 times as long. With
+        `return_info`, `Info.shares` holds the mean weight of each method.
     return_info : bool
-        Whether to return, too, which method was chosen and why.
+        Whether to also return which method was chosen and why.
     **options
         Options of the method, such as ``weight`` of "admm-tv". Without `method`, an option selects
         the method to which it belongs.
@@ -181,7 +181,7 @@ def reconstruct(
     Raises
     ------
     TypeError, ValueError
-        When the data, their sensor, the method, its options, and `out` do not fit together.
+        When the data, their sensor, the method, its options, or `out` do not fit together.
 
     Warns
     -----

@@ -71,8 +71,8 @@ def uncertainty(
 
     Parameters
     ----------
-    data : Bits, Merged, list of them, or array_like of int
-        Bits, merged counts, or counts L of shape (..., H, W).
+    data : Bits, Readings, Merged, list of them, or array_like of int
+        Bits, readings of several bits, merged counts, or counts L of shape (..., H, W).
     sensor : Sensor, optional
         The sensor that recorded the data, as for `jotlight.reconstruct`.
     method : str, Network, or callable, optional
@@ -120,12 +120,12 @@ def uncertainty(
     Notes
     -----
     For "mle", each interval is exact: that of Clopper and Pearson. Its coverage is at least
-    `confidence_level` for any number of bits and any intensity in [0, S]. Where readings differ in
-    their gain or threshold, it is that of the total number of ones, with the same coverage. For
-    readings of several bits, it is that of their total. Its coverage is the same for totals of up
-    to 1,024, and only approximate for larger ones. It is approximate too if the live pixels are of
-    more than 64 kinds, which takes jots of one pixel that differ, or a map of dark counts together
-    with different gains (:func:`jotlight.estimators.joint_uncertainty.joint_uncertainty`).
+    `confidence_level` for any number of bits and any intensity in [0, S]. If gains or thresholds
+    differ, it is the exact interval of the total number of ones, and for readings of several bits
+    that of the sum of the readings. There are two exceptions, for which the coverage is only
+    approximate: sums above 1,024, and live pixels of more than 64 kinds, which occur only if the
+    jots of a pixel differ, or with a map of dark counts together with different gains
+    (:func:`jotlight.estimators.joint_uncertainty.joint_uncertainty`).
 
     For other methods, the coverage is an average over the pixels of photographs (conformal
     prediction), and `docs/results/uncertainty.md` states it for many cases. The errors of "medium",
@@ -134,8 +134,8 @@ def uncertainty(
     two random halves, and the estimates from one half are compared with the other. For all other
     methods and networks, the squared difference from the estimate of "medium" is added.
 
-    Behind a mosaic, the errors of the color network take this place. There may be up to 1,000
-    trials per pixel.
+    Behind a mosaic, the errors of the color network replace those of the gray networks. There may
+    be up to 1,000 trials per pixel.
 
     Examples
     --------

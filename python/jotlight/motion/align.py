@@ -53,9 +53,10 @@ def align(
     Parameters
     ----------
     data : Bits, CountStack, or Readings
-        T frames of bits, of counts as :func:`jotlight.open` returns them, or of readings of several
-        bits; 16 or more. All color channels have the same motion. The exposures of a bracket repeat
-        in cycles of frames, of which 16 or more are needed.
+        T frames of bits, of readings of several bits, or of counts as
+        :func:`jotlight.formats.open_capture` returns them. The method needs 16 frames or more. All
+        color channels have the same motion. The exposures of a bracket repeat in cycles of frames,
+        of which 16 or more are needed.
     sensor : Sensor, optional
         Sensor of the data. Its dead and hot jots are not used, and its maps of the efficiency and
         of the dark counts are part of the likelihood. Default: the one of the bits.
@@ -89,8 +90,8 @@ def align(
 
     Notes
     -----
-    The memory depends on the number of blocks of frames: it grows with the square root of the
-    number of frames from 1,024 frames on. :func:`jotlight.motion.cost.motion_cost` estimates it.
+    From 1,024 frames on, the memory grows with the square root of the number of frames.
+    :func:`jotlight.motion.cost.motion_cost` estimates it.
     The method is described in docs/decisions/0019-motion.md.
 
     Examples

@@ -45,8 +45,9 @@ def film(
     Parameters
     ----------
     data : Bits, CountStack, or Readings
-        T frames of bits, of counts as :func:`jotlight.open` returns them, or of readings of several
-        bits. The exposures of a bracket repeat in cycles of frames.
+        T frames of bits, of readings of several bits, or of counts as
+        :func:`jotlight.formats.open_capture` returns them. The exposures of a bracket repeat in
+        cycles of frames.
     sensor : Sensor, optional
         Sensor of the data. Default: the one of the bits.
     window : int

@@ -70,8 +70,9 @@ def merge(
     Parameters
     ----------
     data : Bits, CountStack, or Readings
-        T frames of bits, of counts as :func:`jotlight.open` returns them, or of readings of several
-        bits. The exposures of a bracket repeat in cycles of frames.
+        T frames of bits, of readings of several bits, or of counts as
+        :func:`jotlight.formats.open_capture` returns them. The exposures of a bracket repeat in
+        cycles of frames.
     sensor : Sensor, optional
         Sensor of the data. Default: the one of the bits.
     at : float, optional
@@ -79,7 +80,7 @@ def merge(
         the motion, or the middle, T // 2.
     motion : Motion, optional
         The motion of the scene. Default: the one that :func:`jotlight.align` returns for the same
-        data, sensor, and time. The result is the same, bit for bit, as if it was passed.
+        data, sensor, and time.
     upsample : {1, 2}
         2 merges onto a grid of half pixels, with twice as many rows and columns. Each reading
         integrates over 2 x 2 pixels of this grid, which K-conditioned networks take into account.

@@ -63,8 +63,8 @@ The noise of such dark counts is small compared with that of the light.
 def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     """Return the trained network for a sensor.
 
-    The networks are tied. So each serves every combination of jots and frames with K bits per
-    pixel, and counts.
+    The networks are tied: they have one weight for all jots of a pixel. So each serves counts, and
+    every combination of jots and frames with the same number K of bits per pixel.
 
     Parameters
     ----------
@@ -73,15 +73,15 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     quality : {"two-layer", "small", "medium", "large", "extra-large"}
         Size of the network. In this order: the paper's two layers; six layers of up to 12 channels;
         thirteen of up to 52 channels; fifteen of up to 80 channels; and these fifteen with their
-        output averaged over four rotations of the data. A K-conditioned network of each
-        size serves every number of trials per pixel at any exposure. For ηα = K, threshold 1,
-        S = 1, the box kernel, dark counts of at most 0.05, and K = 9, 16, 25, 36, 49, 64, 81, and
-        100, networks for one K alone replace "two-layer" and "small".
+        output averaged over four rotations of the data. The network of each size serves every
+        number of trials per pixel at any exposure. For ηα = K, threshold 1, S = 1, the box kernel,
+        dark counts of at most 0.05, and K = 9, 16, 25, 36, 49, 64, 81, and 100, "two-layer" and
+        "small" are networks for this K alone.
 
     Returns
     -------
     Network
-        Counts without a sensor of their own are those of `sensor`.
+        The network. Counts that carry no sensor are taken for those of `sensor`.
 
     Raises
     ------

@@ -37,9 +37,9 @@ class Merged:
         The sensor of the data, with one gain and one threshold. Its K is the nominal number of
         trials; its mask has no effect.
     dark_counts : float or array_like of shape (H, W), optional
-        d: the dark counts of the bits behind each pixel. For threshold 1, it is -log of the mean of
-        exp(-d) over them, with which as many are 1. For others, it is the mean. Default: the
-        sensor's.
+        d: the dark counts of the bits behind each pixel. For threshold 1, the value that causes as
+        many ones as the bits have, -log of the mean of exp(-d) over them. For other thresholds, the
+        mean. Default: the sensor's.
     efficiency : float or array_like of shape (H, W), optional
         η: the mean of the efficiency over the bits behind each pixel. Default: the sensor's.
     acceptance : array_like of shape (H, W), optional

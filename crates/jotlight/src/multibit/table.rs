@@ -1,0 +1,124 @@
+//! Functions of the rate, interpolated between nodes that are computed when they are needed.
+//!
+//! The exact functions are sums over all readings near the rate: hundreds of them for readings of
+//! many bits. Images have far more pixels than a table has nodes.
+
+use std::sync::OnceLock;
+
+/// The smallest rate that is interpolated. The function itself is used below it.
+const LOWEST: f64 = 1e-12;
+
+/// The distance of the nodes in x = log s + 2 √s. For large s it is that of √s times 2, and the
+/// standard deviation of √s is 1/2; for small s, the functions are powers of s, and smooth in log s.
+const SPACING: f64 = 1.0 / 32.0;
+
+/// The number of nodes of a polynomial.
+const NODES: usize = 6;
+
+/// `N` functions of the rate.
+pub struct RateTable<F, const N: usize> {
+    functions: F,
+    nodes: Box<[OnceLock<[f64; N]>]>,
+}
+
+impl<F: Fn(f64) -> [f64; N] + Sync, const N: usize> RateTable<F, N> {
+    /// Return a table of functions up to a rate. Beyond it, the functions themselves are used.
+    pub fn new(functions: F, highest: f64) -> Self {
+        let length = position(highest.max(LOWEST)).ceil() as usize + NODES;
+        let nodes = (0..length).map(|_| OnceLock::new()).collect();
+        Self { functions, nodes }
+    }
+
+    /// Return the values of the functions at a rate.
+    pub fn at(&self, s: f64) -> [f64; N] {
+        // Also for NaN.
+        if !(s > LOWEST) {
+            return (self.functions)(s);
+        }
+        let place = position(s);
+        let first = place as usize;
+        if first + NODES > self.nodes.len() {
+            return (self.functions)(s);
+        }
+        let weights = lagrange(place - first as f64);
+        let mut values = [0.0; N];
+        for (weight, node) in weights.iter().zip(first..) {
+            let known = self.nodes[node].get_or_init(|| (self.functions)(rate_at(node)));
+            for (value, known) in values.iter_mut().zip(known) {
+                *value += weight * known;
+            }
+        }
+        if values.iter().all(|value| value.is_finite()) {
+            values
+        } else {
+            (self.functions)(s)
+        }
+    }
+}
+
+/// Return the place of a rate among the nodes. The two nodes around it are the middle ones of six.
+fn position(s: f64) -> f64 {
+    (coordinate(s) - coordinate(LOWEST)) / SPACING
+}
+
+fn coordinate(s: f64) -> f64 {
+    s.ln() + 2.0 * s.sqrt()
+}
+
+/// Return the rate of a node: the inverse of [`position`], by Newton's method about log s.
+fn rate_at(node: usize) -> f64 {
+    let middle = (NODES / 2 - 1) as f64;
+    let wanted = coordinate(LOWEST) + (node as f64 - middle) * SPACING;
+    let mut log = if wanted < 2.0 {
+        wanted - 2.0
+    } else {
+        2.0 * (wanted / 2.0).ln()
+    };
+    for _ in 0..20 {
+        let root = (0.5 * log).exp();
+        log -= (log + 2.0 * root - wanted) / (1.0 + root);
+    }
+    log.exp()
+}
+
+/// Return the weights of six nodes at −2, −1, 0, 1, 2, 3 for a place from 0 to 1.
+fn lagrange(place: f64) -> [f64; NODES] {
+    let distance: [f64; NODES] = std::array::from_fn(|node| place + 2.0 - node as f64);
+    let divisors = [-120.0, 24.0, -12.0, 12.0, -24.0, 120.0];
+    std::array::from_fn(|node| {
+        let others = (0..NODES).filter(|&other| other != node);
+        others.map(|other| distance[other]).product::<f64>() / divisors[node]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_are_at_their_positions() {
+        for node in [0, 2, 100, 900, 2000, 10_000] {
+            let place = position(rate_at(node));
+            assert!(
+                (place - (node as f64 - 2.0)).abs() < 1e-7,
+                "{node}: {place}"
+            );
+        }
+    }
+
+    #[test]
+    fn powers_and_waves_are_interpolated() {
+        let functions = |s: f64| [s, 1.0 / s, (2.0 * s.sqrt()).sin()];
+        let table = RateTable::new(functions, 1e4);
+        for s in [
+            1e-300, 1e-12, 2e-12, 1e-6, 0.01, 0.3, 1.0, 7.0, 300.0, 9e3, 1e6,
+        ] {
+            for (found, exact) in table.at(s).into_iter().zip(functions(s)) {
+                assert!(
+                    (found - exact).abs() < 1e-9 * exact.abs().max(1e-3),
+                    "{s}: {found}"
+                );
+            }
+        }
+    }
+}
