@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.estimators import merge_near as merge_near_module
-from jotlight.estimators.merge_near import merge_near, merge_near_neighbors
+from jotlight.estimators.merge_near import Merging
 from jotlight.estimators.merge_readings import reference_sensor
 from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.merged import MAX_SILENT_TRIALS
@@ -18,7 +18,7 @@ GAINS = np.array([1.0, 2.0, 3.0, 4.0])
 def merged_near(sensor, intensity, rng=0, assumed=None):
     bits = sensor.expose(np.full(SHAPE, intensity), rng=rng)
     near = np.full(SHAPE, intensity if assumed is None else assumed)
-    return bits, merge_near(joint_likelihood(bits, sensor, None), near)
+    return bits, Merging(joint_likelihood(bits, sensor, None)).near(near)
 
 
 def test_bits_of_a_bracket_have_the_counts_of_the_formula():
@@ -104,7 +104,7 @@ def test_averages_of_mostly_saturated_readings_have_no_bias(frames, photons):
     # At 9.6 photons, 99 % of the readings are 3, and at 12.8 photons 99.97 %.
     sensor, x = jl.Sensor(frames=frames, gain=photons, bit_depth=2), 0.8
     bits = sensor.expose(np.full((160, 180), x), rng=0)
-    merged = merge_near_neighbors(joint_likelihood(bits, sensor, None))
+    merged = Merging(joint_likelihood(bits, sensor, None)).near_neighbors()
     fraction = merged.ones.sum() / merged.trials.sum()
     found = -np.log1p(-fraction) / merged.sensor.light_per_intensity
     assert found == pytest.approx(x, rel=0.12)
@@ -115,7 +115,7 @@ def test_pixels_of_less_than_a_trial_are_not_dark():
     bits = sensor.expose(np.full(SHAPE, x), rng=0)
     joint = joint_likelihood(bits, sensor, None)
     assert (joint.total == 3).mean() > 0.97
-    merged = merge_near_neighbors(joint)
+    merged = Merging(joint).near_neighbors()
     assert merged.trials.mean() > 0.98
     assert (merged.trials <= MAX_SILENT_TRIALS).mean() < 0.1
     found = jl.reconstruct(merged, method="network-medium")
@@ -148,8 +148,8 @@ def test_averages_over_neighbors_are_of_the_same_filter():
     light = np.where(pattern, 0.9, 0.1)
     bits = sensor.expose(light, rng=0)
     joint = joint_likelihood(bits, sensor, None)
-    merged = merge_near_neighbors(joint, Mosaic(pattern, "RGB"))
-    expected = merge_near(joint, light, pattern=pattern)
+    merged = Merging(joint).near_neighbors(Mosaic(pattern, "RGB"))
+    expected = Merging(joint).near(light, pattern=pattern)
     for each in (0, 1):
         own = pattern == each
         p = -np.expm1(-merged.sensor.light_per_intensity * light[own].mean())
@@ -157,7 +157,7 @@ def test_averages_over_neighbors_are_of_the_same_filter():
         assert found == pytest.approx(p, rel=0.05)
         assert merged.trials[own].mean() == pytest.approx(expected.trials[own].mean(), rel=0.1)
     # Without the pattern, dark pixels would be compared with bright neighbors.
-    mixed = merge_near_neighbors(joint)
+    mixed = Merging(joint).near_neighbors()
     dark = pattern == 0
     assert np.ptp([mixed.trials[dark].mean(), mixed.trials[~dark].mean()]) < 0.3 * np.ptp(
         [merged.trials[dark].mean(), merged.trials[~dark].mean()]
@@ -188,7 +188,7 @@ def test_maps_of_thresholds_and_of_jots_together_make_no_bias(gain):
         mask=rng.random(SHAPE) < 0.02,
     )
     bits = sensor.expose(np.full(SHAPE, 0.4), rng=0)
-    merged = merge_near_neighbors(joint_likelihood(bits, sensor, None))
+    merged = Merging(joint_likelihood(bits, sensor, None)).near_neighbors()
     inner = merged.trials[4:-4, 4:-4]
     fraction = merged.ones[4:-4, 4:-4].sum() / inner.sum()
     light = float(merged.efficiency) * merged.sensor.light_per_intensity
@@ -205,7 +205,7 @@ def test_counts_are_averaged_only_where_the_thresholds_of_pixels_differ(side, no
     board = np.where(np.indices(shape).sum(axis=0) % 2, 1, 2)
     sensor = jl.Sensor(oversampling=side, frames=16, gain=16.0 * side**2, threshold=board)
     bits = sensor.expose(np.full(SHAPE, 0.8), rng=0)
-    merged = merge_near_neighbors(joint_likelihood(bits, sensor, None))
+    merged = Merging(joint_likelihood(bits, sensor, None)).near_neighbors()
     p = merged.ones.sum() / merged.trials.sum()
     expected = np.sqrt(p * (1 - p) / merged.trials.mean())
     assert (merged.ones / merged.trials).std() / expected == pytest.approx(noise, abs=0.1)
@@ -227,7 +227,7 @@ def test_colors_tell_how_bright_saturated_clear_pixels_are(intensity):
     gray = jl.Sensor(bit_depth=2, gain=6.0, max_intensity=3.0)
     sensor = gray.replace(mosaic=mosaic)
     bits = sensor.expose(np.full((*SHAPE, 3), intensity), rng=0, channel_axis=-1)
-    merged = merge_near_neighbors(joint_likelihood(bits, gray, None), mosaic)
+    merged = Merging(joint_likelihood(bits, gray, None)).near_neighbors(mosaic)
     clear = mosaic.full(*SHAPE) == 3
     for own, light in ((~clear, intensity), (clear, 3 * intensity)):
         fraction = merged.ones[own].sum() / merged.trials[own].sum()

@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.datasets import photograph
-from jotlight.estimators.merge_near import merge_near_neighbors
+from jotlight.estimators.merge_near import Merging
 from jotlight.estimators.merge_readings import merge_joint
 from jotlight.evaluation.choice import choose_method
 from jotlight.sensing.joint_likelihood import joint_likelihood
@@ -146,6 +146,10 @@ def test_the_choice_of_a_network_is_one_for_any_number_of_trials():
 def test_the_saturation_is_that_of_the_least_sensitive_readings():
     least = jl.Sensor(frames=16, gain=16 / 32)
     assert saturation_intensity(BRACKET) == pytest.approx(saturation_intensity(least))
+
+
+def merge_near_neighbors(joint):
+    return Merging(joint).near_neighbors()
 
 
 @pytest.mark.parametrize(

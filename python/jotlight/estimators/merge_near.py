@@ -1,6 +1,7 @@
 """Equivalent counts near estimates of the intensities, for methods that take counts."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import numpy.typing as npt
@@ -47,37 +48,117 @@ _ALIKE = 0.9
 each pixel have all thresholds, an average would only hide noise from denoisers and intervals."""
 
 
-def merge_near_neighbors(joint: JointLikelihood, mosaic: Mosaic | None = None) -> Merged:
-    """Return counts as :func:`merge_near` does, near averages over the neighbors of each pixel.
+@dataclasses.dataclass(frozen=True)
+class Merging:
+    """Equivalent counts of an image near several estimates of its intensities.
 
-    Parameters
-    ----------
-    joint : JointLikelihood
-        The likelihood of the readings.
-    mosaic : Mosaic, optional
-        The filters. Only neighbors with the same one are averaged. If there are more than three
-        filters, their averages become colors, as the information behind each filter permits.
-
-    Examples
-    --------
-    >>> from jotlight.sensing.bits import Bits
-    >>> from jotlight.sensing.joint_likelihood import joint_likelihood
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> sensor = Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0])
-    >>> bits = sensor.expose(np.full((64, 64), 0.6), rng=0)
-    >>> merged = merge_near_neighbors(joint_likelihood(bits, sensor, None))
-    >>> bool(abs(merged.ones.sum() / merged.trials.sum() - (1 - np.exp(-0.6))) < 0.02)
-    True
+    What does not depend on the estimate is computed once.
     """
-    if joint.sensor.has_plain_bits and not _jots_of_pixels_differ(joint):
-        return merge_joint(joint)
-    readings = float(np.mean(joint.trials))
-    sigma = typical_spread(readings)
-    pattern = None if mosaic is None else mosaic.full(*joint.shape)
-    near = _average(joint, sigma, pattern)
-    if mosaic is not None and pattern is not None and len(np.unique(pattern)) > COLORS:
-        near = _behind_filters(joint, near, mosaic, pattern)
-    return merge_near(joint, near, pattern)
+
+    joint: JointLikelihood
+    """The likelihood of the readings."""
+
+    @functools.cached_property
+    def most_likely(self) -> Array:
+        """The most likely intensity of each pixel, (H, W)."""
+        return maximize(self.joint)
+
+    @functools.cached_property
+    def thresholds_differ(self) -> bool:
+        """Whether pixels have different thresholds."""
+        if np.ndim(self.joint.sensor.threshold) < 2:
+            return False
+        kinds = _kinds_of_pixels(self.joint, None)
+        return bool(np.bincount(kinds.ravel()).max() < _ALIKE * kinds.size)
+
+    def near_neighbors(self, mosaic: Mosaic | None = None) -> Merged:
+        """Return counts as :meth:`near` does, near averages over the neighbors of each pixel.
+
+        Parameters
+        ----------
+        mosaic : Mosaic, optional
+            The filters. Only neighbors with the same one are averaged. If there are more than three
+            filters, their averages become colors, as the information behind each filter permits.
+
+        Examples
+        --------
+        >>> from jotlight.sensing.bits import Bits
+        >>> from jotlight.sensing.joint_likelihood import joint_likelihood
+        >>> from jotlight.sensing.sensor import Sensor
+        >>> sensor = Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0])
+        >>> bits = sensor.expose(np.full((64, 64), 0.6), rng=0)
+        >>> merged = Merging(joint_likelihood(bits, sensor, None)).near_neighbors()
+        >>> bool(abs(merged.ones.sum() / merged.trials.sum() - (1 - np.exp(-0.6))) < 0.02)
+        True
+        """
+        joint = self.joint
+        if joint.sensor.has_plain_bits and not _jots_of_pixels_differ(joint):
+            return merge_joint(joint)
+        readings = float(np.mean(joint.trials))
+        sigma = typical_spread(readings)
+        pattern = None if mosaic is None else mosaic.full(*joint.shape)
+        near = _average(joint, sigma, pattern)
+        if mosaic is not None and pattern is not None and len(np.unique(pattern)) > COLORS:
+            near = _behind_filters(joint, near, mosaic, pattern)
+        return self.near(near, pattern)
+
+    def near(
+        self,
+        intensity: npt.NDArray[np.floating],
+        pattern: npt.NDArray[np.integer] | None = None,
+    ) -> Merged:
+        """Return counts whose likelihood near given intensities is close to that of the readings.
+
+        The derivative of the log-likelihood and the information are those at the given
+        intensities. :func:`jotlight.merge_readings` takes them at the most likely intensity of each
+        pixel. So the trials do not depend on the noise of a pixel, and the ones are a linear
+        function of its readings, without bias. The higher the signal-to-noise ratio of a pixel, the
+        closer the intensity is to the most likely one instead: halfway at a ratio of 10. At a high
+        ratio, the most likely intensity is usually closer to the truth than the given one.
+
+        Pixels of less than one trial are completed to one, which agrees with the given intensity.
+        The ones are rounded such that the errors of neighbors cancel. Where rounding makes more
+        ones than trials, the next pixels have fewer trials. Where the thresholds of pixels differ,
+        counts are averaged over the nearest neighbors, unless there is a mosaic.
+
+        Parameters
+        ----------
+        intensity : ndarray of float, shape (H, W)
+            Intensities in [0, S] near the true ones, with the S of the sensor of the likelihood.
+        pattern : ndarray of int, shape (H, W), optional
+            The filter of each pixel of a mosaic. Errors of rounding cancel among pixels with the
+            same filter. Default: all pixels have the same one.
+
+        Examples
+        --------
+        >>> from jotlight.sensing.bits import Bits
+        >>> from jotlight.sensing.joint_likelihood import joint_likelihood
+        >>> from jotlight.sensing.sensor import Sensor
+        >>> sensor = Sensor(frames=2, gain=[1.0, 3.0], max_intensity=9.0)
+        >>> joint = joint_likelihood(Bits.from_array(np.ones((2, 1, 100), bool)), sensor, None)
+        >>> merged = Merging(joint).near(np.full((1, 100), 0.5))
+        >>> int(merged.ones.sum()), round(float(merged.trials.sum()))
+        (199, 268)
+        """
+        from scipy.ndimage import gaussian_filter
+
+        joint, near = self.joint, intensity.astype(np.float64)
+        if not self.thresholds_differ:  # the counts of others are averaged, so intensities stay
+            near = self._toward_most_likely(near)
+        ones, trials = _without_parts_of_trials(joint, *_real_counts(joint, near))
+        if pattern is None and self.thresholds_differ:
+            ones, trials = (gaussian_filter(part, _MAP_SIGMA) for part in (ones, trials))
+        ones, trials = np.minimum(ones, MAX_TRIALS), np.minimum(trials, MAX_TRIALS)
+        whole, trials = _whole_counts(ones, trials, pattern, joint.threads)
+        reference = reference_sensor(joint.sensor)
+        efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
+        return Merged(whole, trials, reference, dark_counts, efficiency)
+
+    def _toward_most_likely(self, near: Array) -> Array:
+        """Return intensities between given ones and the most likely ones, (H, W)."""
+        least = MIN_SHARE * self.joint.sensor.max_intensity
+        known = self.joint.information(np.maximum(near, least))
+        return toward_own(near, self.most_likely, known)
 
 
 def merge_different_jots(
@@ -112,7 +193,7 @@ def merge_different_jots(
     if not differ or not all(isinstance(each, Bits) for each in images.data):
         return images, sensor
     joints = (joint_likelihood(each, sensor, threads) for each in images.data)
-    merged = [merge_near_neighbors(joint) for joint in joints]
+    merged = [Merging(joint).near_neighbors() for joint in joints]
     return GrayImages(merged, images.layout), reference_sensor(sensor)
 
 
@@ -167,85 +248,19 @@ def _jots_of_counts(sensor: Sensor, reference: Sensor) -> tuple[float | Array, f
     return reference_jot(reference) if np.ndim(sensor.threshold) == 2 else mean_jots(reference)
 
 
-def _kinds_of_pixels(joint: JointLikelihood, pattern: Pattern | None) -> Pattern:
+def _kinds_of_pixels(joint: JointLikelihood, pattern: Pattern | None) -> npt.NDArray[np.integer]:
     """Return whole numbers from 0 that tell filters and thresholds of pixels apart, (H, W)."""
-    each = [term.sum_pixels(term.trials) > 0 for term in joint.terms]
-    rows = np.stack([*each, np.zeros(joint.shape) if pattern is None else pattern])
-    kinds = np.unique(rows.reshape(len(rows), -1), axis=1, return_inverse=True)[1]
-    return np.asarray(kinds.reshape(joint.shape))
+    kinds = np.zeros(joint.shape, np.int64) if pattern is None else pattern.astype(np.int64)
+    for term in joint.terms:
+        kinds = 2 * kinds + (term.sum_pixels(term.trials) > 0)
+        # Numbers without gaps stay small for any number of terms.
+        kinds = np.unique(kinds, return_inverse=True)[1].reshape(joint.shape)
+    return kinds
 
 
 def _jots_of_pixels_differ(joint: JointLikelihood) -> bool:
     """Return whether the jots of one pixel differ in their efficiency or their dark counts."""
     return any(term.side > 1 for term in joint.terms)
-
-
-def _thresholds_of_pixels_differ(joint: JointLikelihood) -> bool:
-    if np.ndim(joint.sensor.threshold) < 2:
-        return False
-    kinds = _kinds_of_pixels(joint, None)
-    return bool(np.bincount(kinds.ravel()).max() < _ALIKE * kinds.size)
-
-
-def merge_near(
-    joint: JointLikelihood,
-    intensity: npt.NDArray[np.floating],
-    pattern: npt.NDArray[np.integer] | None = None,
-) -> Merged:
-    """Return counts whose likelihood near given intensities is close to that of the readings.
-
-    The derivative of the log-likelihood and the information are those at the given intensities.
-    :func:`jotlight.merge_readings` takes them at the most likely intensity of each pixel. So the
-    trials do not depend on the noise of a pixel, and the ones are a linear function of its
-    readings, without bias. The higher the signal-to-noise ratio of a pixel, the closer the
-    intensity is to the most likely one instead: halfway at a ratio of 10. At a high ratio, the most
-    likely intensity is usually closer to the truth than the given one.
-
-    Pixels of less than one trial are completed to one, which agrees with the given intensity. The
-    ones are rounded such that the errors of neighbors cancel. Where rounding makes more ones than
-    trials, the next pixels have fewer trials. Where the thresholds of pixels differ, counts are
-    averaged over the nearest neighbors, unless there is a mosaic.
-
-    Parameters
-    ----------
-    joint : JointLikelihood
-        The likelihood of the readings.
-    intensity : ndarray of float, shape (H, W)
-        Intensities in [0, S] near the true ones, with the S of the sensor of the likelihood.
-    pattern : ndarray of int, shape (H, W), optional
-        The filter of each pixel of a mosaic. Errors of rounding cancel among pixels with the same
-        filter. Default: all pixels have the same one.
-
-    Examples
-    --------
-    >>> from jotlight.sensing.bits import Bits
-    >>> from jotlight.sensing.joint_likelihood import joint_likelihood
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> sensor = Sensor(frames=2, gain=[1.0, 3.0], max_intensity=9.0)
-    >>> joint = joint_likelihood(Bits.from_array(np.ones((2, 1, 100), bool)), sensor, None)
-    >>> merged = merge_near(joint, np.full((1, 100), 0.5))
-    >>> int(merged.ones.sum()), round(float(merged.trials.sum()))
-    (199, 268)
-    """
-    from scipy.ndimage import gaussian_filter
-
-    near, differ = intensity.astype(np.float64), _thresholds_of_pixels_differ(joint)
-    if not differ:  # counts of a map of thresholds are averaged, so their intensities stay
-        near = _toward_most_likely(joint, near)
-    ones, trials = _without_parts_of_trials(joint, *_real_counts(joint, near))
-    if pattern is None and differ:
-        ones, trials = (gaussian_filter(part, _MAP_SIGMA) for part in (ones, trials))
-    ones, trials = np.minimum(ones, MAX_TRIALS), np.minimum(trials, MAX_TRIALS)
-    whole, trials = _whole_counts(ones, trials, pattern, joint.threads)
-    reference = reference_sensor(joint.sensor)
-    efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
-    return Merged(whole, trials, reference, dark_counts, efficiency)
-
-
-def _toward_most_likely(joint: JointLikelihood, near: Array) -> Array:
-    """Return intensities between given ones and the most likely ones, (H, W)."""
-    least = MIN_SHARE * joint.sensor.max_intensity
-    return toward_own(near, maximize(joint), joint.information(np.maximum(near, least)))
 
 
 def _real_counts(

@@ -8,7 +8,6 @@ import numpy.typing as npt
 from jotlight.estimators.joint_mle import solve_expected_total
 from jotlight.estimators.merge_readings import min_light
 from jotlight.sensing.joint_likelihood import JointLikelihood
-from jotlight.sensing.mosaic import Pattern
 from jotlight.sensing.response import Array
 
 _SIGMA, _MIN_SIGMA, _MAX_SIGMA = 4.0, 1.0, 3.0
@@ -49,7 +48,9 @@ def typical_spread(readings: float) -> float:
     return float(min(max(_SIGMA / np.sqrt(max(readings, 1)), _MIN_SIGMA), _MAX_SIGMA))
 
 
-def common_intensity(joint: JointLikelihood, spread: float, pattern: Pattern | None) -> Array:
+def common_intensity(
+    joint: JointLikelihood, spread: float, pattern: npt.NDArray[np.integer] | None
+) -> Array:
     """Return the intensity at which the sum of the readings around each pixel is expected, (H, W).
 
     It is not too dark where most, but not all, readings are saturated. If all readings of an

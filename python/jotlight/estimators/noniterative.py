@@ -13,7 +13,7 @@ from jotlight.estimators.inverse_response import (
     intensity_from_probability,
     warn_about_smooth_kernel,
 )
-from jotlight.estimators.merge_near import merge_different_jots, merge_near_neighbors
+from jotlight.estimators.merge_near import Merging, merge_different_jots
 from jotlight.estimators.trial_levels import count_local_trials, interpolate_levels
 from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.joint_likelihood import joint_likelihood
@@ -97,7 +97,7 @@ def noniterative(
     Readings of several bits have the generalized Anscombe transform and its exact inverse
     (:mod:`jotlight.estimators.generalized_anscombe`). If at least 15 % of them are the largest
     one, or if pixels differ, they become counts near averages instead
-    (:func:`jotlight.estimators.merge_near.merge_near_neighbors`).
+    (:class:`jotlight.estimators.merge_near.Merging`).
 
     The engine computes all images of a stack together. The denoisers are functions of libraries,
     which run on one image at a time.
@@ -127,7 +127,7 @@ def noniterative(
     for place, one in zip(output.images, images.data, strict=True):
         joint = joint_likelihood(one, sensor, threads)
         if not joint.uniform or is_saturated(joint):
-            merged = merge_near_neighbors(joint)
+            merged = Merging(joint).near_neighbors()
             counts = gray_images(merged)
             place[:] = _denoise_counts(counts, merged.sensor, run, inverse, threads)[0]
         else:

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any
 
 from jotlight.blur import blur
-from jotlight.estimators.merge_near import merge_near, merge_near_neighbors
+from jotlight.estimators.merge_near import Merging
 from jotlight.estimators.merge_readings import merge_joint, reference_sensor
 from jotlight.evaluation.methods import LARGE_METHOD, find_method
 from jotlight.networks.color_network import AnyNetwork
@@ -84,18 +84,19 @@ def _merging_for(
         return merge_joint
     if _is_network(method):
         return partial(_merge_for_network, threads=threads)
-    return merge_near_neighbors
+    return lambda joint: Merging(joint).near_neighbors()
 
 
 def _merge_for_network(joint: JointLikelihood, threads: int | None) -> Merged:
     """Return equivalent counts of a gray image near estimates of a network."""
-    merged = merge_near_neighbors(joint)
+    merging = Merging(joint)
+    merged = merging.near_neighbors()
     if joint.sensor.has_plain_bits:
         return merged
     network = pretrained_conditional(merged.sensor, CONDITIONAL_SIZE)
     for _ in range(_ROUNDS):
         estimate = network.reconstruct(merged, threads=threads)
-        merged = merge_near(joint, blur(estimate, _NEIGHBORHOOD, threads))
+        merged = merging.near(blur(estimate, _NEIGHBORHOOD, threads))
     return merged
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import TITLES, choose_demosaicing, demosaic
-from jotlight.estimators.merge_near import merge_near_neighbors
+from jotlight.estimators.merge_near import Merging
 from jotlight.evaluation.choice import (
     COLOR_NETWORK,
     OWN_NETWORK,
@@ -170,6 +170,6 @@ def count_image(
     most = 1.0 if mosaic is None else max(1.0, float(mosaic.sensitivity.max()))
     bright = sensor.replace(max_intensity=most * sensor.max_intensity)
     joint = joint_likelihood(one, bright, threads)
-    merged = merge_near_neighbors(joint, mosaic)
+    merged = Merging(joint).near_neighbors(mosaic)
     own = merged.sensor.replace(max_intensity=sensor.max_intensity)
     return count_pixels(dataclasses.replace(merged, sensor=own), own, threads)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.merge_near import merge_near_neighbors
+from jotlight.estimators.merge_near import Merging
 from jotlight.estimators.merge_readings import linear_counts, reference_sensor
 from jotlight.estimators.neighbors import average_fractions, toward_own
 from jotlight.estimators.whole_counts import diffuse
@@ -102,7 +102,7 @@ def count_still(
     """Return equivalent counts of a scene that stands still, near averages of neighbors.
 
     Each jot has then seen its place with one threshold alone, so some pixels say much and their
-    neighbors little. :func:`jotlight.estimators.merge_near.merge_near` smooths such counts.
+    neighbors little. :class:`jotlight.estimators.merge_near.Merging` smooths such counts.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def count_still(
         Number of threads. Default: all.
     """
     counts = data.sum() if isinstance(data, CountStack) else data
-    near = merge_near_neighbors(joint_likelihood(counts, sensor, threads))
+    near = Merging(joint_likelihood(counts, sensor, threads)).near_neighbors()
     return dataclasses.replace(
         near,
         acceptance=joined.acceptance,

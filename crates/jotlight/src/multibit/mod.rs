@@ -19,7 +19,7 @@ use crate::error::{Error, Result};
 use crate::likelihood::Threshold;
 use noise::{Level, Noise};
 use poisson::ln_poisson;
-use sums::sum_level;
+use sums::{ln_sum, moments};
 
 pub use draw::draw;
 pub use likelihood::{Cells, Sample};
@@ -113,9 +113,8 @@ impl Response {
         };
         let (l, sign) = match level {
             Level::Exactly(_) => {
-                let sum = sum_level(noise, level, s);
-                let curvature = sum.first * sum.first - sum.second;
-                return (sum.first - 1.0, curvature.max(0.0));
+                let (first, second) = moments(noise, level, s);
+                return (first - 1.0, (first * first - second).max(0.0));
             }
             // One more photon moves some of the probability of one level out of `AtMost(l)`, and
             // some of that of l − 1 into `AtLeast(l)`.
@@ -123,10 +122,7 @@ impl Response {
             Level::AtLeast(l) => (l - 1, 1.0),
         };
         let whole = ln_with_noise(noise, level, s);
-        let [edge, next] = [l, l - 1].map(|l| {
-            let sum = sum_level(noise, Level::Exactly(l), s);
-            (sum.ln_probability - whole).exp()
-        });
+        let [edge, next] = [l, l - 1].map(|l| (ln_sum(noise, Level::Exactly(l), s) - whole).exp());
         let score = sign * edge;
         (score, (score * score - sign * (next - edge)).max(0.0))
     }
@@ -166,11 +162,13 @@ impl Response {
     }
 
     /// Return a table of the logarithm of [`Self::information`].
+    #[must_use]
     pub fn information_table(&self) -> RateTable<impl Fn(f64) -> [f64; 1], 1> {
         RateTable::new(|s| [self.information(s).ln()], self.saturating_rate())
     }
 
     /// Return a table of the mean of a reading, and of its derivative.
+    #[must_use]
     pub fn mean_table(&self) -> RateTable<impl Fn(f64) -> [f64; 2], 2> {
         let functions = |s| {
             let (mean, _, slope) = self.moments(s);
@@ -237,7 +235,7 @@ impl Response {
     /// Return P(L = l), also for levels that share a reading with others.
     fn level_probability(&self, l: i64, s: f64) -> f64 {
         match &self.noise {
-            Some(noise) => sum_level(noise, Level::Exactly(l), s).ln_probability.exp(),
+            Some(noise) => ln_sum(noise, Level::Exactly(l), s).exp(),
             None if l < 0 => 0.0,
             None => ln_poisson(l as f64, s).exp(),
         }
@@ -256,5 +254,5 @@ fn ln_with_noise(noise: &Noise, level: Level, s: f64) -> f64 {
     {
         return 0.0;
     }
-    sum_level(noise, level, s).ln_probability
+    ln_sum(noise, level, s)
 }

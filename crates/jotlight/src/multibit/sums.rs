@@ -6,22 +6,25 @@ use super::poisson::ln_poisson;
 /// Terms below this fraction of a sum are left out.
 const NEGLIGIBLE: f64 = 1e-18;
 
-/// The probability of a level at a rate s, and two ratios of probabilities.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct LevelSum {
-    /// log P(level).
-    pub ln_probability: f64,
-    /// E[Y | level] / s, which is P(level | one more photon) / P(level).
-    pub first: f64,
-    /// E[Y(Y − 1) | level] / s².
-    pub second: f64,
+/// Return log P(level) at a rate s: the sum over y of P(Y = y) P(level | y), Y ~ Poisson(s).
+pub(super) fn ln_sum(noise: &Noise, level: Level, s: f64) -> f64 {
+    let (mode, [zeroth, ..]) = sum_terms(noise, level, s);
+    ln_poisson(mode as f64, s) + noise.ln_weight(level, mode) + zeroth.ln()
 }
 
-/// Return the sum over y of P(Y = y) P(level | y), Y ~ Poisson(s), and its first two moments.
+/// Return E[Y | level] / s, which is P(level | one more photon) / P(level), and
+/// E[Y(Y − 1) | level] / s².
+pub(super) fn moments(noise: &Noise, level: Level, s: f64) -> (f64, f64) {
+    let (_, [zeroth, first, second]) = sum_terms(noise, level, s);
+    (first / zeroth, second / zeroth)
+}
+
+/// Return the y of the largest term of a level, and the sums of t(y), t(y) y/s, and
+/// t(y) y(y − 1)/s², where t(y) are the terms relative to it.
 ///
 /// The terms rise to one maximum and fall, because both factors are log-concave. So the sum starts
 /// at the maximum, and ends where terms are negligible.
-pub(super) fn sum_level(noise: &Noise, level: Level, s: f64) -> LevelSum {
+fn sum_terms(noise: &Noise, level: Level, s: f64) -> (i64, [f64; 3]) {
     let (Level::Exactly(l) | Level::AtMost(l) | Level::AtLeast(l)) = level;
     let rate = s.min(1e15).floor() as i64;
     let near = match level {
@@ -56,12 +59,7 @@ pub(super) fn sum_level(noise: &Noise, level: Level, s: f64) -> LevelSum {
             break;
         }
     }
-    let [zeroth, first, second] = sums.sums;
-    LevelSum {
-        ln_probability: ln_poisson(mode as f64, s) + noise.ln_weight(level, mode) + zeroth.ln(),
-        first: first / zeroth,
-        second: second / zeroth,
-    }
+    (mode, sums.sums)
 }
 
 /// The sums of t(y), t(y) y/s, and t(y) y(y − 1)/s².

@@ -31,13 +31,9 @@ impl<F: Fn(f64) -> [f64; N] + Sync, const N: usize> RateTable<F, N> {
 
     /// Return the values of the functions at a rate.
     pub fn at(&self, s: f64) -> [f64; N] {
-        // Also for NaN.
-        if !(s > LOWEST) {
-            return (self.functions)(s);
-        }
         let place = position(s);
-        let first = place as usize;
-        if first + NODES > self.nodes.len() {
+        let first = place as usize; // 0 for NaN
+        if s.is_nan() || s < LOWEST || first + NODES > self.nodes.len() {
             return (self.functions)(s);
         }
         let weights = lagrange(place - first as f64);
