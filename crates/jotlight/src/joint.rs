@@ -21,6 +21,9 @@ const MAX_STEPS: usize = 200;
 /// its square.
 const TOLERANCE: f64 = 1e-9;
 
+/// The number of steps from which a search is unusual.
+const USUAL_STEPS: usize = 8;
+
 /// The smallest ratio of the bounds between which a bisection takes place. Smaller values are rare.
 const MAX_RATIO: f64 = 1e-6;
 
@@ -127,12 +130,6 @@ impl<'a> JointReadings<'a> {
                 let (gradient, curvature) = self.derivatives(pixel, x);
                 (gradient, (x + offset) * curvature - gradient)
             };
-            if derivatives(0.0).0 <= 0.0 {
-                return 0.0;
-            }
-            if derivatives(highest).0 >= 0.0 {
-                return highest;
-            }
             find_root(derivatives, start, highest, offset)
         })
     }
@@ -160,12 +157,6 @@ impl<'a> JointReadings<'a> {
                 let (expected, slope) = self.expected_total(pixel, x, &sums);
                 (total[pixel] - expected, (x + offset) * slope)
             };
-            if evaluate(0.0).0 <= 0.0 {
-                return 0.0;
-            }
-            if evaluate(highest).0 >= 0.0 {
-                return highest;
-            }
             find_root(evaluate, start, highest, offset)
         })
     }
@@ -260,33 +251,43 @@ fn check_search(highest: f64, offset: f64) -> Result<()> {
     check_not_negative("offset", &[offset])
 }
 
-/// Return the zero of a function in (0, `highest`) that is above 0 at 0 and below 0 at `highest`.
+/// Return the zero of a falling function in [0, `highest`], or the end of this range that is nearest
+/// to it.
 ///
-/// `evaluate` returns the function and minus its derivative about v.
+/// `evaluate` returns the function and minus its derivative about v. Most searches stay inside of
+/// the range, so the function is evaluated at its ends only when a search is unusual.
 fn find_root(evaluate: impl Fn(f64) -> (f64, f64), start: f64, highest: f64, offset: f64) -> f64 {
     let (mut low, mut high) = (0.0f64, highest);
+    let (mut is_low_tested, mut is_high_tested) = (false, false);
     let mut x = start.clamp(0.0, highest);
-    for _ in 0..MAX_STEPS {
+    let usual = 0.5 * (x + offset)..2.0 * (x + offset);
+    for step in 0..MAX_STEPS {
         let (value, slope) = evaluate(x);
         if value > 0.0 {
-            low = x;
+            (low, is_low_tested) = (x, true);
         }
         if value < 0.0 {
-            high = x;
+            (high, is_high_tested) = (x, true);
         }
         let scale = x + offset;
         let newton = scale * (value / slope).exp() - offset;
+        let is_inside = slope > 0.0 && low < newton && newton < high;
+        if !is_inside || !usual.contains(&(newton + offset)) || step >= USUAL_STEPS {
+            if !is_low_tested && evaluate(0.0).0 <= 0.0 {
+                return 0.0;
+            }
+            if !is_high_tested && evaluate(highest).0 >= 0.0 {
+                return highest;
+            }
+            (is_low_tested, is_high_tested) = (true, true);
+        }
         // Rounding can move a last tiny step across a bound, where bisection would undo it.
         if slope > 0.0 && (newton - x).abs() <= TOLERANCE * scale {
             return newton.clamp(low, high);
         }
         let bound = low.max(MAX_RATIO * high);
         let middle = ((bound + offset) * (high + offset)).sqrt() - offset;
-        x = if slope > 0.0 && low < newton && newton < high {
-            newton
-        } else {
-            middle
-        };
+        x = if is_inside { newton } else { middle };
         if high - low <= TOLERANCE * scale {
             return x;
         }
