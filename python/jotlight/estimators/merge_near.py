@@ -59,7 +59,7 @@ class Merging:
     """The likelihood of the readings."""
 
     @functools.cached_property
-    def most_likely(self) -> Array:
+    def maximum(self) -> Array:
         """The most likely intensity of each pixel, (H, W)."""
         return maximize(self.joint)
 
@@ -158,7 +158,7 @@ class Merging:
         """Return intensities between given ones and the most likely ones, (H, W)."""
         least = MIN_SHARE * self.joint.sensor.max_intensity
         known = self.joint.information(np.maximum(near, least))
-        return toward_own(near, self.most_likely, known)
+        return toward_own(near, self.maximum, known)
 
 
 def merge_different_jots(
