@@ -109,6 +109,8 @@ def test_an_array_of_packed_bits_needs_the_width(function):
         function(bits.to_dask())
     assert function(bits).shape[-2:] == (6, 13)
     assert function(bits.to_dask(), width=bits.width).shape[-2:] == (6, 13)
+    with pytest.raises(ValueError, match="width: expected 13, that of the bits, got 12"):
+        function(bits, width=12)
 
 
 def test_a_worker_with_another_version_is_refused(monkeypatch):

@@ -167,15 +167,18 @@ def _frames_of_chunk(bits: Bits, spans: Spans, *, is_fast: bool) -> int:
 
 
 def width_in_jots(x: "Bits | dask.array.Array", width: int | None) -> int:
-    """Return the width of bits or packed bits, which is the stated one, if any.
+    """Return the width of bits, or the stated one of packed bits.
 
     Raises
     ------
     TypeError, ValueError
-        When `x` is no lazy array of packed bits in whole frames, or its width is not stated.
+        When `x` is no lazy array of packed bits in whole frames, its width is not stated, or the
+        stated one is not that of bits.
     """
     if isinstance(x, Bits):
-        return x.width if width is None else width
+        if width not in (None, x.width):
+            raise ValueError(f"width: expected {x.width}, that of the bits, got {width}")
+        return x.width
     check_packed_array(x)
     if width is None:
         most = 8 * x.shape[2]
