@@ -1,6 +1,7 @@
 """The cluster of a run: a running scheduler, or workers on this machine."""
 
 import contextlib
+import gc
 import logging
 import signal
 import threading
@@ -59,6 +60,14 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
         return
     if workers is None or workers < 1:
         raise ValueError(f"workers: expected 1 or more, got {workers}")
+    with _local_cluster(distributed, workers) as client:
+        check_workers(client)
+        yield client
+
+
+@contextlib.contextmanager
+def _local_cluster(distributed: Any, workers: int) -> Iterator[Any]:
+    """Yield a client for workers on this machine."""
     import dask
 
     settings = {
@@ -74,7 +83,9 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
     }
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with dask.config.set(settings), contextlib.ExitStack() as stack:
-        # A cluster that is half started could not be closed.
+        # If the process ended at once, Python would report the semaphores of its workers as lost.
+        stack.callback(gc.collect)
+        # A cluster that is half started, or half closed, could not be closed.
         with hold_signals(), _ctrl_c_kept_from_children():
             cluster = stack.enter_context(
                 distributed.LocalCluster(
@@ -86,8 +97,11 @@ def connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
             )
         client = stack.enter_context(distributed.Client(cluster))
         stack.enter_context(_replaced(cluster, workers))
-        check_workers(client)
-        yield client
+        try:
+            yield client
+        finally:
+            with hold_signals():
+                stack.close()
 
 
 @contextlib.contextmanager
