@@ -160,7 +160,7 @@ def test_a_terminated_command_leaves_no_files(tmp_path):
 @pytest.mark.parametrize("seconds", [1.5, 2.5, 4.0])
 def test_ctrl_c_ends_a_command_and_its_workers_in_one_line(tmp_path, seconds):
     pytest.importorskip("distributed")
-    sensor = jl.Sensor(frames=2000)
+    sensor = jl.Sensor(frames=40_000)
     jl.save(sensor.expose(np.full((64, 64), 0.5), rng=0), tmp_path / "a.npy")
     arguments = ["reconstruct", "a.npy", "-o", "{name}.zarr", "--window", "2", "--workers", "2"]
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
