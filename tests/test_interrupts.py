@@ -73,3 +73,19 @@ def test_other_threads_have_no_signals_to_hold():
     thread.start()
     thread.join()
     assert errors == []
+
+
+def test_no_signal_is_lost():
+    received = []
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, frame: received.append((number, frame is not None)))
+    try:
+        with hold_signals():
+            for number in (signal.SIGTERM, signal.SIGINT, signal.SIGTERM):
+                signal.raise_signal(number)
+            assert received == []
+    finally:
+        for number, own in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
+            signal.signal(number, own)
+    assert received == [(signal.SIGTERM, True), (signal.SIGINT, True)]

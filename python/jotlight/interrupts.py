@@ -67,13 +67,15 @@ def hold_signals() -> Iterator[Callable[[], None]]:
     ...     raise_held()
     """
     handlers: dict[int, Callable[[int, FrameType | None], object]] = {}
-    held: list[int] = []
+    held: dict[int, FrameType | None] = {}
+
+    def hold(number: int, frame: FrameType | None) -> None:
+        held.setdefault(number, frame)
 
     def raise_held() -> None:
-        if held:
-            number = held[0]
-            held.clear()
-            handlers[number](number, None)
+        while held:
+            number = next(iter(held))
+            handlers[number](number, held.pop(number))
 
     # Python handles signals in its main thread only.
     if threading.current_thread() is threading.main_thread():
@@ -82,10 +84,11 @@ def hold_signals() -> Iterator[Callable[[], None]]:
             handler = None if number is None else signal.getsignal(number)
             if number is not None and callable(handler):
                 handlers[number] = handler
-                signal.signal(number, lambda number, _: held.append(number))
+                signal.signal(number, hold)
     try:
         yield raise_held
     finally:
-        for number, own in handlers.items():
+        # SIGINT is the last, because from then on, it raises an exception.
+        for number, own in reversed(handlers.items()):
             signal.signal(number, own)
         raise_held()

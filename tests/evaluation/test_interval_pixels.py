@@ -97,3 +97,25 @@ def test_the_thresholds_of_a_map_have_the_same_coverage():
     low, high = (contains[threshold == each].mean() for each in (1, 3))
     assert min(low, high) > 0.85
     assert abs(high - low) < 0.03
+
+
+@pytest.mark.filterwarnings("ignore:.*no valid bit")
+def test_dead_jots_are_not_typical():
+    mask = np.random.default_rng(0).random(CAMERA.shape) < 0.6
+    sensor = jl.Sensor(frames=16, mask=mask, efficiency=np.where(mask, 1e-3, 1.0))
+    bits = sensor.expose(CAMERA, rng=0)
+    without = jl.Bits(bits.packed, bits.width, jl.Sensor(frames=16, mask=mask))
+    estimate, expected = jl.reconstruct(bits), jl.reconstruct(without)
+    known, of_plain = jl.uncertainty(bits), jl.uncertainty(without)
+    np.testing.assert_allclose(estimate, expected, atol=1e-5)
+    np.testing.assert_allclose(known.low, of_plain.low, atol=1e-5)
+    np.testing.assert_allclose(known.high, of_plain.high, atol=1e-5)
+
+
+def test_saturated_jots_permit_all_bright_light():
+    known = jl.uncertainty(np.full((32, 32), 16), jl.Sensor(frames=16, max_intensity=200.0))
+    assert known.high.max() == 200
+    hidden = jl.uncertainty(np.full((8, 8), 16), jl.Sensor(frames=16, dark_counts=80.0))
+    assert (known.low > 0).any()
+    np.testing.assert_array_equal(hidden.low, 0)
+    np.testing.assert_array_equal(hidden.high, 1)

@@ -20,7 +20,7 @@ from jotlight.evaluation.error_scale import (
 )
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import Estimate, PixelCounts
-from jotlight.sensing.reference import Jot
+from jotlight.sensing.reference import Jot, typical_jot
 from jotlight.sensing.response import (
     Array,
     detection_density,
@@ -78,6 +78,8 @@ def intensity_of(
     p, complement = np.sin(z) ** 2, np.cos(z) ** 2
     slope = efficiency * sensor.light_per_intensity
     intensity = intensity_at_probability(sensor.threshold, p, complement, slope, dark_counts)
+    # The cosine of the number next to π/2 is not 0, but a saturated jot permits all bright light.
+    intensity = np.where(z < np.pi / 2, intensity, sensor.max_intensity)
     return np.asarray(np.clip(intensity, 0, sensor.max_intensity))
 
 
@@ -143,7 +145,7 @@ class Pixels:
     @cached_property
     def typical_jot(self) -> Jot:
         """η and d of the typical jot."""
-        return float(np.median(self.efficiency)), float(np.median(self.dark_counts))
+        return typical_jot(self.trials, self.efficiency, self.dark_counts)
 
     @property
     def has_alike_jots(self) -> bool:

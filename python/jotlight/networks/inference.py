@@ -28,7 +28,7 @@ from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.output_images import OutputImages
 from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages, PixelCounts
-from jotlight.sensing.reference import Jot, reference_jot
+from jotlight.sensing.reference import Jot, reference_jot, typical_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import check_any_valid
 
@@ -155,12 +155,12 @@ def _with_typical_sensor(pixels: PixelCounts) -> PixelCounts:
     Merged counts may have others than their sensor. Then, the counts of an equivalent sensor with
     fewer dark counts would hide how noisy they are.
     """
-    typical = {
-        name: float(np.median(getattr(pixels, name))) for name in ("efficiency", "dark_counts")
-    }
-    if reference_jot(pixels.sensor) == tuple(typical.values()):
+    typical = typical_jot(pixels.trials, pixels.efficiency, pixels.dark_counts)
+    if reference_jot(pixels.sensor) == typical:
         return pixels
-    return dataclasses.replace(pixels, sensor=pixels.sensor.replace(**typical))
+    efficiency, dark_counts = typical
+    sensor = pixels.sensor.replace(efficiency=efficiency, dark_counts=dark_counts)
+    return dataclasses.replace(pixels, sensor=sensor)
 
 
 def _run_different(

@@ -34,6 +34,25 @@ def reference_jot(sensor: Sensor) -> Jot:
     return medians[0], medians[1]
 
 
+def typical_jot(
+    trials: float | Array, efficiency: float | Array, dark_counts: float | Array
+) -> Jot:
+    """Return the median efficiency and the median dark counts of the pixels with trials.
+
+    Examples
+    --------
+    >>> typical_jot(np.array([[4.0, 4.0, 0.0]]), np.array([[0.5, 0.7, 1e-3]]), 0.1)
+    (0.6, 0.1)
+    """
+    medians = []
+    for value in (efficiency, dark_counts):
+        live = value
+        if isinstance(value, np.ndarray) and isinstance(trials, np.ndarray) and trials.any():
+            live = value[np.broadcast_to(trials, value.shape) > 0]
+        medians.append(float(np.median(live)))
+    return medians[0], medians[1]
+
+
 def reading_information(sensor: Sensor, light: npt.ArrayLike) -> Array:
     """Return the Fisher information of one reading of the reference jot about each light.
 
