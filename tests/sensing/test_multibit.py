@@ -3,7 +3,9 @@
 import mpmath as mp
 import numpy as np
 import pytest
+from scipy import stats
 
+from jotlight import _engine as engine
 from jotlight.sensing.multibit import ReadingLikelihood, reading_probability
 from jotlight.sensing.response import JotResponse
 from reference import multibit
@@ -159,3 +161,18 @@ def test_a_reading_far_from_the_light_has_a_finite_slope():
 def test_bad_input_is_refused(arguments, message):
     with pytest.raises(ValueError, match=message):
         reading_probability(**{"rate": 1.0, **arguments})
+
+
+@pytest.mark.parametrize("top", [3, 255, 4095])
+def test_the_information_of_clipped_counts_is_its_closed_form(top):
+    rates = np.concatenate([np.geomspace(1e-8, 1, 40), np.geomspace(1, top + 6 * top**0.5, 60)])
+    found = np.empty(rates.size)
+    engine.readings_information((top, 0.0, 1), rates, found, None)
+    below, last, before, clipped = (
+        stats.poisson.cdf(top - 2, rates),
+        stats.poisson.pmf(top - 1, rates),
+        stats.poisson.pmf(top - 2, rates),
+        stats.poisson.sf(top - 1, rates),
+    )
+    of_clipped = np.divide(last**2, clipped, out=np.zeros_like(rates), where=clipped > 0)
+    np.testing.assert_allclose(found, below / rates + last - before + of_clipped, rtol=1e-9)

