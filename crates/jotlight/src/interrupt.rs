@@ -82,6 +82,31 @@ impl Drop for OwnWork {
     }
 }
 
+/// The time during which the current thread waits for another pool, although it works for a call.
+///
+/// Such a wait occurs if the question makes a call. The thread may run jobs of its own call meanwhile,
+/// and those do not ask. Otherwise, one of them could ask after the interruption of the other call,
+/// and its answer would replace the reason.
+pub(crate) struct Wait(Option<Question>);
+
+impl Wait {
+    pub fn begin() -> Self {
+        let question = QUESTION.get();
+        let silent = |question| Question {
+            ask: || false,
+            ..question
+        };
+        QUESTION.set(question.map(silent));
+        Self(question)
+    }
+}
+
+impl Drop for Wait {
+    fn drop(&mut self) {
+        QUESTION.set(self.0);
+    }
+}
+
 /// The flag of a pool of threads.
 #[derive(Clone, Default)]
 pub(crate) struct Flag(Arc<AtomicBool>);

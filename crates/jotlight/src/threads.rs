@@ -12,7 +12,7 @@ use std::thread::{Thread, available_parallelism, current, park_timeout};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::error::{Error, Result};
-use crate::interrupt::{Flag, OwnWork, TIME_BETWEEN_QUESTIONS};
+use crate::interrupt::{Flag, OwnWork, TIME_BETWEEN_QUESTIONS, Wait};
 
 /// The shared pools that wait for another call, in the order of their last use. They are kept because
 /// starting threads takes longer than the work on a small image.
@@ -186,6 +186,7 @@ fn run_in_pool<R: Send>(
         Some(pool) => pool,
         None => start_pool(threads)?,
     };
+    let _wait = Wait::begin();
     let result = pool.run(is_interrupted, work);
     // Another call may hold the lock, and after a fork the child may never get it. In both cases
     // the pool is dropped, and its threads end.
@@ -212,12 +213,14 @@ impl Pool {
                 let _end = end;
                 result = work();
             });
-            let is_done = || is_done.load(Ordering::Acquire);
-            while !is_done() {
+            // The wait at the end of the scope could start long jobs of the caller's own pool, so it
+            // begins after the work.
+            let mut is_raised = false;
+            while !is_done.load(Ordering::Acquire) {
                 park_timeout(TIME_BETWEEN_QUESTIONS);
-                if !is_done() && is_interrupted() {
+                if !is_raised && !is_done.load(Ordering::Acquire) && is_interrupted() {
                     self.interrupt.raise();
-                    break;
+                    is_raised = true;
                 }
             }
         });
@@ -279,4 +282,47 @@ fn pool_builder(threads: usize, interrupt: &Flag) -> ThreadPoolBuilder {
     ThreadPoolBuilder::new()
         .num_threads(threads)
         .start_handler(move |_| flag.attach())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::thread::sleep;
+    use std::time::Duration;
+
+    use rayon::prelude::*;
+
+    use super::*;
+    use crate::interrupt;
+
+    static QUESTIONS: AtomicUsize = AtomicUsize::new(0);
+
+    /// Make an interrupted call, as a signal handler of Python may do.
+    fn call_in_question() -> bool {
+        if QUESTIONS.fetch_add(1, Ordering::Relaxed) == 0 {
+            let slow_to_end = || {
+                sleep(10 * TIME_BETWEEN_QUESTIONS);
+                Ok(())
+            };
+            let result = install_interruptible(Some(1), || true, slow_to_end);
+            assert!(matches!(result, Err(Error::Interrupted)));
+            assert_eq!(QUESTIONS.load(Ordering::Relaxed), 1);
+        }
+        false
+    }
+
+    /// The work of the outer call has parts that the caller could run while it waits.
+    #[test]
+    fn a_call_asks_nothing_while_its_question_makes_another_call() {
+        let run_part = |_| {
+            sleep(Duration::from_millis(2));
+            assert!(!interrupt::is_requested());
+        };
+        let work = || {
+            (0..500).into_par_iter().for_each(run_part);
+            Ok(())
+        };
+        let result = install_interruptible(Some(1), call_in_question, work);
+        assert!(result.is_ok());
+        assert!(QUESTIONS.load(Ordering::Relaxed) > 1);
+    }
 }
