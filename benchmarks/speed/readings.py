@@ -23,6 +23,7 @@ SENSORS = {
         "threshold": np.where(np.indices((SIDE, SIDE)).sum(0) % 2, 1, 3),
     },
     "bracket 1 : 4": {"gain": np.tile([0.5, 2.0], FRAMES // 2)},
+    "bits, read noise 0.3": {"read_noise": 0.3},
     "2 bits": {"bit_depth": 2},
     "4 bits, 4 photons": {"bit_depth": 4, "gain": 4.0 * FRAMES},
     "8 bits, 60 photons": {"bit_depth": 8, "gain": 60.0 * FRAMES},

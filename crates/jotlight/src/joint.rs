@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::likelihood::Readings;
-use crate::multibit::{Cells, RateTable};
+use crate::multibit::{Cells, RateTable, Response, ScoreTable};
 use crate::values::{check_not_negative, check_positive};
 
 /// The maximum number of steps of Newton's method with bisection. Most pixels need less than ten.
@@ -62,18 +62,17 @@ pub struct Term<'a> {
     pub places: Option<&'a [i32]>,
 }
 
-/// The readings of the cells of a term, whose sums are expected.
-enum Sums<'a, F> {
+/// The readings of the cells of a term, with a table of their response.
+enum Tabulated<'a, T> {
     Bits(Readings<'a>),
-    /// The cells, and the table of the mean of a reading.
-    Several(Cells<'a>, RateTable<F, 2>),
+    Several(Cells<'a>, T),
 }
 
 impl<'a> TermCells<'a> {
-    fn sums(&self) -> Sums<'a, impl Fn(f64) -> [f64; 2] + use<'a>> {
+    fn with_table<T>(&self, table: impl Fn(&'a Response) -> T) -> Tabulated<'a, T> {
         match *self {
-            Self::Bits(readings) => Sums::Bits(readings),
-            Self::Several(cells) => Sums::Several(cells, cells.response().mean_table()),
+            Self::Bits(readings) => Tabulated::Bits(readings),
+            Self::Several(cells) => Tabulated::Several(cells, table(cells.response())),
         }
     }
 }
@@ -125,9 +124,10 @@ impl<'a> JointReadings<'a> {
     /// and above 0, or `offset` is not finite or negative.
     pub fn maximize(&self, highest: f64, offset: f64, intensity: &mut [f64]) -> Result<()> {
         check_search(highest, offset)?;
+        let cells = self.with_tables(ScoreTable::new);
         self.for_each_pixel(intensity, |pixel, start| {
             let derivatives = |x: f64| {
-                let (gradient, curvature) = self.derivatives(pixel, x);
+                let (gradient, curvature) = self.derivatives(pixel, x, &cells);
                 (gradient, (x + offset) * curvature - gradient)
             };
             find_root(derivatives, start, highest, offset)
@@ -151,14 +151,20 @@ impl<'a> JointReadings<'a> {
             return Err(Error::shape("total", self.pixels, total.len()));
         }
         check_search(highest, offset)?;
-        let sums: Vec<_> = self.terms.iter().map(|term| term.cells.sums()).collect();
+        let cells = self.with_tables(Response::mean_table);
         self.for_each_pixel(intensity, |pixel, start| {
             let evaluate = |x: f64| {
-                let (expected, slope) = self.expected_total(pixel, x, &sums);
+                let (expected, slope) = self.expected_total(pixel, x, &cells);
                 (total[pixel] - expected, (x + offset) * slope)
             };
             find_root(evaluate, start, highest, offset)
         })
+    }
+
+    /// Return the cells of each term, with a table of their response.
+    fn with_tables<T>(&self, table: impl Fn(&'a Response) -> T) -> Vec<Tabulated<'a, T>> {
+        let terms = self.terms.iter();
+        terms.map(|term| term.cells.with_table(&table)).collect()
     }
 
     fn for_each_pixel(
@@ -183,16 +189,22 @@ impl<'a> JointReadings<'a> {
         Ok(())
     }
 
-    /// Return the derivative of the log-likelihood of a pixel, and minus the second one.
-    fn derivatives(&self, pixel: usize, intensity: f64) -> (f64, f64) {
+    /// Return the derivative of the log-likelihood of a pixel, and minus the second one. `cells` belong
+    /// to the terms.
+    fn derivatives(
+        &self,
+        pixel: usize,
+        intensity: f64,
+        cells: &[Tabulated<'_, ScoreTable<'_>>],
+    ) -> (f64, f64) {
         let (mut gradient, mut curvature) = (0.0, 0.0);
-        for term in &self.terms {
+        for (term, cells) in self.terms.iter().zip(cells) {
             let light = term.light * intensity;
             let (mut first, mut second) = (0.0, 0.0);
             self.for_each_cell(term, pixel, |cell| {
-                let (one, two) = match &term.cells {
-                    TermCells::Bits(readings) => readings.derivatives(cell, light),
-                    TermCells::Several(cells) => cells.derivatives(cell, light),
+                let (one, two) = match cells {
+                    Tabulated::Bits(readings) => readings.derivatives(cell, light),
+                    Tabulated::Several(cells, scores) => cells.derivatives(cell, light, scores),
                 };
                 first += one;
                 second += two;
@@ -203,21 +215,21 @@ impl<'a> JointReadings<'a> {
         (gradient, curvature)
     }
 
-    /// Return the expected sum of the readings of a pixel, and its derivative. `sums` belong to the
+    /// Return the expected sum of the readings of a pixel, and its derivative. `cells` belong to the
     /// terms.
     fn expected_total<F: Fn(f64) -> [f64; 2] + Sync>(
         &self,
         pixel: usize,
         intensity: f64,
-        sums: &[Sums<'_, F>],
+        cells: &[Tabulated<'_, RateTable<F, 2>>],
     ) -> (f64, f64) {
         let (mut total, mut slope) = (0.0, 0.0);
-        for (term, sums) in self.terms.iter().zip(sums) {
+        for (term, cells) in self.terms.iter().zip(cells) {
             let light = term.light * intensity;
             self.for_each_cell(term, pixel, |cell| {
-                let (one, two) = match sums {
-                    Sums::Bits(readings) => readings.expected_ones(cell, light),
-                    Sums::Several(cells, means) => cells.expected_total(cell, light, means),
+                let (one, two) = match cells {
+                    Tabulated::Bits(readings) => readings.expected_ones(cell, light),
+                    Tabulated::Several(cells, means) => cells.expected_total(cell, light, means),
                 };
                 total += one;
                 slope += term.light * two;

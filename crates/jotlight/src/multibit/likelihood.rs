@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{RateTable, Response};
+use super::{RateTable, Response, ScoreTable};
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::values::Values;
@@ -131,6 +131,7 @@ impl<'a> Cells<'a> {
         for length in [light.len(), gradient.len(), curvature.len()] {
             self.check_length(length)?;
         }
+        let scores = ScoreTable::new(self.response);
         gradient
             .par_chunks_mut(CELLS_PER_TASK)
             .zip(curvature.par_chunks_mut(CELLS_PER_TASK))
@@ -142,19 +143,21 @@ impl<'a> Cells<'a> {
                 }
                 let cells = light.iter().zip(task * CELLS_PER_TASK..);
                 for ((&light, cell), out) in cells.zip(gradient.iter_mut().zip(curvature)) {
-                    (*out.0, *out.1) = self.derivatives(cell, light);
+                    (*out.0, *out.1) = self.derivatives(cell, light, &scores);
                 }
             });
         Ok(())
     }
 
-    /// Return the derivative of one cell about its light, and minus the second one.
+    /// Return the derivative of one cell about its light, and minus the second one. `scores` are
+    /// those of its response.
     #[must_use]
-    pub fn derivatives(&self, cell: usize, light: f64) -> (f64, f64) {
-        let (efficiency, rate) = (self.efficiency.get(cell), self.rate(cell, light));
+    pub fn derivatives(&self, cell: usize, light: f64, scores: &ScoreTable<'_>) -> (f64, f64) {
+        let efficiency = self.efficiency.get(cell);
+        let score_and_curvature = scores.at(self.rate(cell, light));
         let (mut first, mut second) = (0.0, 0.0);
         self.for_each(cell, |reading, number| {
-            let (score, curvature) = self.response.score_and_curvature(reading, rate);
+            let (score, curvature) = score_and_curvature(reading);
             first += number * score;
             second += number * curvature;
         });

@@ -12,6 +12,7 @@ mod draw;
 mod likelihood;
 mod noise;
 mod poisson;
+mod scores;
 mod sums;
 mod table;
 
@@ -23,6 +24,7 @@ use sums::{ln_sum, moments};
 
 pub use draw::draw;
 pub use likelihood::{Cells, Sample};
+pub use scores::ScoreTable;
 pub use table::RateTable;
 
 /// The smallest rate at which derivatives are evaluated.

@@ -13,7 +13,29 @@ const LOWEST: f64 = 1e-12;
 const SPACING: f64 = 1.0 / 32.0;
 
 /// The number of nodes of a polynomial.
-const NODES: usize = 6;
+pub(super) const NODES: usize = 6;
+
+/// The nodes around a rate.
+pub(super) struct Place {
+    /// The number of the first node.
+    pub first: usize,
+    /// The weights of the nodes.
+    pub weights: [f64; NODES],
+}
+
+impl Place {
+    /// Return the place of a rate, or none if it is not a number or too small.
+    pub fn of(s: f64) -> Option<Self> {
+        (s >= LOWEST).then(|| {
+            let place = position(s);
+            let first = place as usize;
+            Self {
+                first,
+                weights: lagrange(place - first as f64),
+            }
+        })
+    }
+}
 
 /// `N` functions of the rate.
 pub struct RateTable<F, const N: usize> {
@@ -24,21 +46,19 @@ pub struct RateTable<F, const N: usize> {
 impl<F: Fn(f64) -> [f64; N] + Sync, const N: usize> RateTable<F, N> {
     /// Return a table of functions up to a rate. Beyond it, the functions themselves are used.
     pub fn new(functions: F, highest: f64) -> Self {
-        let length = position(highest.max(LOWEST)).ceil() as usize + NODES;
+        let length = node_at(highest) + NODES;
         let nodes = (0..length).map(|_| OnceLock::new()).collect();
         Self { functions, nodes }
     }
 
     /// Return the values of the functions at a rate.
     pub fn at(&self, s: f64) -> [f64; N] {
-        let place = position(s);
-        let first = place as usize; // 0 for NaN
-        if s.is_nan() || s < LOWEST || first + NODES > self.nodes.len() {
+        let is_inside = |place: &Place| place.first + NODES <= self.nodes.len();
+        let Some(place) = Place::of(s).filter(is_inside) else {
             return (self.functions)(s);
-        }
-        let weights = lagrange(place - first as f64);
+        };
         let mut values = [0.0; N];
-        for (weight, node) in weights.iter().zip(first..) {
+        for (weight, node) in place.weights.iter().zip(place.first..) {
             let known = self.nodes[node].get_or_init(|| (self.functions)(rate_at(node)));
             for (value, known) in values.iter_mut().zip(known) {
                 *value += weight * known;
@@ -57,12 +77,17 @@ fn position(s: f64) -> f64 {
     (coordinate(s) - coordinate(LOWEST)) / SPACING
 }
 
+/// Return the number of the first node at or above a rate.
+pub(super) fn node_at(s: f64) -> usize {
+    position(s.max(LOWEST)).ceil() as usize
+}
+
 fn coordinate(s: f64) -> f64 {
     s.ln() + 2.0 * s.sqrt()
 }
 
 /// Return the rate of a node: the inverse of [`position`], by Newton's method about log s.
-fn rate_at(node: usize) -> f64 {
+pub(super) fn rate_at(node: usize) -> f64 {
     let middle = (NODES / 2 - 1) as f64;
     let wanted = coordinate(LOWEST) + (node as f64 - middle) * SPACING;
     let mut log = if wanted < 2.0 {
