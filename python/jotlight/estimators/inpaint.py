@@ -116,7 +116,7 @@ def warn_about_dead_pixels(dead: npt.NDArray[np.bool_]) -> None:
     range_ = f"{high}" if low == high else f"{low} to {high}"
     images = "" if len(dead) == 1 else f"in {np.count_nonzero(numbers)} of {len(dead)} images, "
     warn(
-        f"{images}{range_} of {dead[0].size} pixels {NO_VALID_BIT} and were filled from their "
+        f"{images}{range_} of {dead[0].size} pixels {NO_VALID_BIT} and were inpainted from their "
         "neighbors"
     )
 
