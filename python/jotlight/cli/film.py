@@ -114,7 +114,7 @@ def film(
     motion: FilmMotionOptions = FilmMotionOptions(),
     threads: Threads = None,
 ) -> None:
-    """Reconstruct a film from bits or counts: an image of each window of frames.
+    """Reconstruct a film from bits or counts: one image for each window of frames.
 
     With --motion, each image shows the middle of its window, or the last frame with --causal. The
     motion is carried from image to image.

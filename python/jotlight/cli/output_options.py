@@ -50,7 +50,7 @@ class OutputOptions:
         Path,
         Parameter(
             alias="-o",
-            help="A .png or .jpg for display; a .tif, .exr or .npy for floats that are never "
+            help="A .png or .jpg for display; a .tif, .exr, or .npy for floats that are never "
             "clipped.",
         ),
     ]
@@ -124,7 +124,7 @@ class ImageOutputOptions(OutputOptions):
     uncertainty: Annotated[
         Path | None,
         Parameter(
-            help="A .npz, .npy or .tif with the standard error, confidence interval and flags of "
+            help="A .npz, .npy, or .tif with the standard error, confidence interval, and flags of "
             "each pixel, or a .png that shows them. Default: none."
         ),
     ] = None
