@@ -173,7 +173,7 @@ def test_a_map_in_the_note_of_a_tiff_leaves_it_readable(tmp_path):
         ({"pattern": "RRGG"}, "tell red, green, and blue apart, got RG"),
         ({"pattern": [["RG", "B"]]}, "expected one letter for each pixel"),
         ({"pattern": [[0, 1], [1, 2]]}, "name them, as in"),
-        ({"pattern": [[0, 1], [1, 3]], "filters": "RGB"}, "places from 0 to 2 .* got 0 to 3"),
+        ({"pattern": [[0, 1], [1, 3]], "filters": "RGB"}, "indices from 0 to 2 .* got 0 to 3"),
         ({"pattern": np.zeros((2, 2))}, "expected letters such as RGGB.*float64"),
         ({"pattern": np.zeros((2, 2, 3), np.uint8)}, "divide an 8-bit image by 255"),
         ({"pattern": "RGGB", "transmission": np.eye(4)}, r"shape \(3, 3\).*got \(4, 4\)"),

@@ -25,7 +25,8 @@ class FreeRunning:
     """A pixel that counts photons, and is blind for a dead time after each detection.
 
     The pixel is live at the beginning of an exposure. Photons during the dead time are lost and do
-    not prolong it. Light is in photons per exposure.
+    not prolong it. Light is in photons per exposure. Methods take numbers or arrays of any shape,
+    and return arrays of that shape.
 
     Parameters
     ----------
@@ -108,7 +109,7 @@ class FreeRunning:
         return np.where(more_next > 0.5, fewer_next - fewer, more - more_next)
 
     def mean(self, light: npt.ArrayLike) -> Array:
-        """Return the expected number of detections, the sum of P(N ≥ n)."""
+        """Return the expected number of detections: the sum of P(N ≥ n) over n from 1."""
         levels = np.asarray(light, np.float64)
         total = np.zeros(levels.shape)
         for count in range(1, self.max_count + 1):
@@ -119,7 +120,7 @@ class FreeRunning:
         return total
 
     def draw(self, light: npt.ArrayLike, rng: SeedLike = None) -> npt.NDArray[np.int64]:
-        """Return random counts, one for each light.
+        """Return random counts for an array of light. `rng` is a seed, a generator, or None.
 
         Examples
         --------

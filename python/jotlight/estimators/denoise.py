@@ -82,7 +82,7 @@ def tv(image: Float32Image, weight: float = 0.45) -> Float32Image:
     Raises
     ------
     ValueError
-        When the strength is not above 0, or for what is no image.
+        When the strength is not above 0, or `image` is not an image.
 
     Examples
     --------
@@ -113,7 +113,7 @@ def nlm(image: Float32Image, strength: float = 0.7) -> Float32Image:
     Raises
     ------
     ValueError
-        When the strength is not above 0, or for what is no image.
+        When the strength is not above 0, or `image` is not an image.
 
     Examples
     --------

@@ -72,7 +72,7 @@ def mle(
     Warns
     -----
     JotlightWarning
-        When pixels without a valid bit were filled from their neighbors, and when the kernel is
+        When pixels without a valid bit were inpainted from their neighbors, and when the kernel is
         smooth.
 
     Notes

@@ -146,7 +146,7 @@ def mle_iterative(
     Warns
     -----
     JotlightWarning
-        When the run did not converge, and when pixels without a valid bit were filled from their
+        When the run did not converge, and when pixels without a valid bit were inpainted from their
         neighbors.
 
     Notes

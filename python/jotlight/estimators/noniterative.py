@@ -83,7 +83,7 @@ def noniterative(
     Warns
     -----
     JotlightWarning
-        When pixels without a valid bit were filled from their neighbors, and when the kernel is
+        When pixels without a valid bit were inpainted from their neighbors, and when the kernel is
         smooth.
 
     Notes
@@ -94,9 +94,9 @@ def noniterative(
     the method runs at several K, whose ratios are at most 2, and pixels between two of them are
     interpolated.
 
-    Readings of several bits have the generalized Anscombe transform and its exact inverse
-    (:mod:`jotlight.estimators.generalized_anscombe`). If at least 15 % of them are the largest
-    one, or if pixels differ, they become counts near averages instead
+    For readings of several bits, the method uses the generalized Anscombe transform and its exact
+    inverse (:mod:`jotlight.estimators.generalized_anscombe`). If at least 15 % of them are the
+    largest one, or if pixels differ, it uses equivalent counts near local averages instead
     (:class:`jotlight.estimators.merge_near.Merging`).
 
     The engine computes all images of a stack together. The denoisers are functions of libraries,

@@ -111,7 +111,7 @@ def held_out(
     Warns
     -----
     JotlightWarning
-        When pixels without a valid bit were filled from their neighbors.
+        When pixels without a valid bit were inpainted from their neighbors.
 
     Notes
     -----

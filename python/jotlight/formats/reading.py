@@ -199,7 +199,18 @@ def open_capture(
     storage_options: dict[str, Any] | None = None,
     **options: Any,
 ) -> Capture:
-    """Return a capture as :func:`open` does, with its options, but do not sum images of counts."""
+    """Return a capture as :func:`open` does, but without summing a stack of images of counts.
+
+    Parameters
+    ----------
+    path, storage_options, **options
+        As for :func:`open`.
+
+    Returns
+    -------
+    Bits, Readings, or CountStack
+        A `CountStack` holds T images of counts, with their ``trials`` if the file states them.
+    """
     if isinstance(path, str) and is_url(path):
         return _open_url(path, storage_options, options)
     if storage_options is not None:

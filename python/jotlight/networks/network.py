@@ -318,7 +318,7 @@ class Network(EngineBacked, TorchHints):
         Raises
         ------
         OSError, ValueError
-            When the file does not exist, is no network file, or holds a network of colors or films,
+            When the file does not exist, is not a network file, or holds a color or film network,
             which :meth:`jotlight.ColorNetwork.load` or :meth:`jotlight.FilmNetwork.load` reads.
         """
         return read_network(path, cls, planes=0)

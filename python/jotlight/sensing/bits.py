@@ -205,7 +205,7 @@ class Bits(ArrayHints):
         return any(np.array_equal(each, frame) for each in self)  # type: ignore[arg-type]
 
     def windows(self, n: int, step: int | None = None) -> Iterator[Self]:
-        """Return an iterator over the bits of `n` frames, from every `step`-th frame on.
+        """Return an iterator over windows of `n` frames, which begin every `step` frames.
 
         Parameters
         ----------

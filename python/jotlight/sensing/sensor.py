@@ -146,7 +146,7 @@ class Sensor(Exposure):
     def light_per_intensity(self) -> float:
         """α/K: the light of a jot (photons per frame) at intensity 1, with the box kernel.
 
-        With a gain for each frame, this is an error.
+        If each frame has its own gain, there is no such number, and this raises ValueError.
         """
         if isinstance(cast(Any, self.gain), np.ndarray):
             readings.refuse_different_readings(self)
