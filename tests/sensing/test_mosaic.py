@@ -179,7 +179,7 @@ def test_a_map_in_the_note_of_a_tiff_leaves_it_readable(tmp_path):
         ({"pattern": "RGGB", "transmission": np.eye(4)}, r"shape \(3, 3\).*got \(4, 4\)"),
         ({"pattern": "RGGB", "transmission": 2 * np.eye(3)}, "numbers from 0 to 1"),
         ({"pattern": "RGGB", "transmission": np.diag([1, 1, 0])}, "not all 0 for a filter"),
-        ({"pattern": "RGGB", "white_balance": [1, 1, 1, 1]}, "second green: omit it"),
+        ({"pattern": "RGGB", "white_balance": [1, 1, 1, 1]}, "second green: leave it out"),
         ({"pattern": "RGGB", "white_balance": [1, 0, 1]}, "expected numbers above 0"),
         ({"pattern": "RGGB", "filters": "RG"}, "expected the filters RG, got B"),
     ],

@@ -88,7 +88,7 @@ class Calibration(CalibrationFields):
         """Return the sensor with these maps, and with a gain that refers to the median jot.
 
         A jot is masked if the sensor or the calibration masks it. Without a flat capture, the
-        sensor keeps its efficiency. The changes replace both.
+        sensor keeps its efficiency. The changes override the sensor and the calibration.
 
         Raises
         ------

@@ -146,7 +146,9 @@ class ImageOutputOptions(OutputOptions):
         if self.white is not None and self.preview is None and is_floats:
             raise ValueError(f"white: is for a .png or .jpg, not for the floats of {self.output}")
         if self.preview is not None and self.preview.suffix.lower() not in DISPLAYED:
-            raise ValueError(f"preview: expected a name in .png or .jpg, got {self.preview}")
+            raise ValueError(
+                f"preview: expected a name that ends in .png or .jpg, got {self.preview}"
+            )
         if self.units != "intensity" and displayed:
             raise ValueError(
                 f"units: are for floats, and {self.output} is for display; write a .tif, .exr or "

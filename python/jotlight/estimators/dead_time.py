@@ -237,7 +237,7 @@ class FreeRunning:
         return np.asarray(np.where((count > 0) & (rest > 0), rest * np.exp(logarithm), 0.0))
 
     def merge(self, counts: npt.ArrayLike, light: float, *, max_intensity: float = 1.0) -> Merged:
-        """Return counts of one-bit readings that say the same about each pixel.
+        """Return equivalent counts: those of one-bit readings, for methods that take counts.
 
         For each pixel, they have the same most likely intensity as the count, and the same
         information there. All methods and K-conditioned networks take the result.

@@ -4,8 +4,7 @@ Each denoiser maps an image (H, W), or each of a stack (..., H, W), to float32 o
 The option `channel_axis` names the axis of color channels. Integers become floats of the same
 values. A new denoiser is a function of one image with the decorator :func:`_of_each_image`, and an
 entry of :data:`DENOISERS`. The denoisers wrap functions of libraries, which run on one image at a
-time. The default
-strengths were chosen on the BSDS training images at K = 16
+time. The default strengths were chosen on the BSDS training images at K = 16
 (``python benchmarks/studies/denoiser_strengths.py``).
 """
 

@@ -35,7 +35,7 @@ hardly depends on the estimate, which is noisy itself."""
 def merge_readings(
     data: Data, sensor: Sensor | None = None, *, threads: int | None = None
 ) -> Merged | list[Merged]:
-    """Return counts of one gain and one threshold that say the same about each pixel.
+    """Return equivalent counts: those of a sensor with one gain and one threshold.
 
     Readings with different gains or thresholds, such as a bracket of exposures, become counts of a
     reference sensor: real numbers of trials, and whole numbers of ones. The likelihood of a pixel

@@ -21,7 +21,7 @@ frame of M pixels about the displacement along one axis is M I G. A motion may c
 scene moves by a pixel, so the 1/v frames of this path show it, with the error e = √(v/(M I G)).
 
 Scene points are in view for a limited time. If the image shows the middle of a burst, pixels at a
-border lose half of the frames. In the mean, L - L²/(4 W) frames of the path of L pixels remain, for
+border lose half of the frames. On average, L - L²/(4 W) frames of the path of L pixels remain, for
 a width W of the view in the direction of the motion. From L = 2 W on, further frames show nothing
 of the image.
 """

@@ -134,7 +134,7 @@ def open(
     >>> bits
     <Bits: 4 frames of 6 x 16 jots>
     >>> bits.provenance.notes[0]
-    'taken for bits, the most significant first, along the width'
+    'read as bits, the most significant first, along the width'
     """
     if trials is not None and counts_scale is None:
         raise ValueError(
@@ -336,7 +336,7 @@ def _check_options(path: Path, entry: Format, options: OpenOptions, unpacked: bo
         )
     if unpacked and options.counts:
         raise ValueError(
-            "counts: with unpacked each number is one bit; pass only one (--counts, --unpacked)"
+            "counts: expected at most one of counts and unpacked, got both (--counts, --unpacked)"
         )
     if unpacked and entry.fixed_layout:
         raise ValueError(

@@ -39,8 +39,8 @@ def film(
     Each image shows the middle of a window of frames. The motion of a window is carried to the next
     one, where only the new frames are aligned. It is estimated anew for every 33rd image, and if
     many of the new bits disagree with it. If most pixels of an image are flagged, up to four
-    windows of frames are aligned. So are they for some of the first images of a causal film if
-    parts of the scene move differently.
+    windows of frames are aligned. This also happens for some of the first images of a causal film
+    if parts of the scene move differently.
 
     Parameters
     ----------

@@ -217,7 +217,7 @@ class Network(EngineBacked, TorchHints):
             Axis of counts that holds color channels. Default: none, and axes before the last two
             are those of a stack.
         out : ndarray of float32, optional
-            Array for the result, of its shape, which is returned. Default: a new one.
+            Array of the shape of the result to write to and return. Default: a new one.
         threads : int, optional
             Number of threads. Default: all.
 

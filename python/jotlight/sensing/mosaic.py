@@ -75,7 +75,7 @@ class Mosaic:
             if filters is not None or transmission is not None:
                 raise ValueError(
                     "mosaic: expected no filters and no transmission beside an image (H, W, 3), "
-                    "which states what each pixel passes; omit them"
+                    "which states what each pixel passes; leave them out"
                 )
             pattern, transmission = mosaic_checks.of_image(np.asarray(given))
             filters = "".join(
