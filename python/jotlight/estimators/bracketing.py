@@ -27,7 +27,7 @@ _MAX_EXCHANGES = 1000
 class BracketPlan:
     """The gains and thresholds of frames for a range of light, and the SNR that they allow.
 
-    Light is in photons per jot and frame of the longest exposure.
+    Light is in photons per jot and frame of the longest exposure, and SNR is in dB.
     """
 
     sensor: Sensor

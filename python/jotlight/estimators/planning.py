@@ -48,7 +48,7 @@ _MAX_BITS = 2**31 - 1
 class Plan:
     """The expected quality of `jotlight.mle` for N levels of light and M numbers of frames.
 
-    Light is in photons per jot and frame.
+    Light, bias, and errors are in photons per jot and frame, and PSNR and SNR are in dB.
     """
 
     light: Array

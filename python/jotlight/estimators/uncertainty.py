@@ -42,7 +42,11 @@ _FLAGS = "unlit", "saturated", "dead", "unlikely"
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """The uncertainty of each pixel's intensity. All arrays have the shape of the estimate."""
+    """The uncertainty of each pixel's intensity. All arrays have the shape of the estimate.
+
+    `standard_error`, `low`, and `high` are float32 in the requested units. `unlit`, `saturated`,
+    `dead`, and `unlikely` are bool.
+    """
 
     standard_error: npt.NDArray[np.float32]
     """The standard error of the estimate, in the requested units.
