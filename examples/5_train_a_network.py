@@ -10,8 +10,8 @@ import jotlight as jl
 from jotlight.plots import training
 
 # %%
-# Intensity 1 sends a quarter of a photon to each jot in each frame. No pretrained two-layer network
-# serves this sensor.
+# Intensity 1 sends a quarter of a photon to each jot in each frame. The pretrained networks serve
+# this sensor, too. Networks that are trained for one sensor alone can be better.
 
 sensor = jl.Sensor(frames=20, gain=5.0)
 

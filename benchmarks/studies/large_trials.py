@@ -6,7 +6,7 @@ PHOTOGRAPHS is a folder. The study takes its first images in the order of their 
 256 x 256 pixels in gray. A jot receives 0.2 photons per frame on average. The table shows the PSNR
 in dB, averaged over the images, and two columns of differences:
 
-- network at 256: the network without contrast scaling. It gets all counts, and works for K = 256.
+- network at 256: the network without further runs. It gets all counts, and works for K = 256.
 - default, worst: PSNR of the default minus the best of mle, noniterative-tv, and admm-tv, for the
   image where it is smallest.
 - held-out, worst: the same for held-out, minus the best of all other methods.

@@ -29,7 +29,7 @@ def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1
     ------
     TypeError, ValueError
         When the images are not plain arrays of floats, are empty, or have different shapes, or the
-        range is no finite number above 0.
+        range is not a finite number above 0.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def ssim(
     ------
     TypeError, ValueError
         When the images are not plain arrays of floats, are too small, have different shapes, or
-        look like color although there is no channel axis, or the range is no finite number above 0.
+        look like color without a channel axis, or the range is not a finite number above 0.
 
     Examples
     --------

@@ -136,7 +136,7 @@ def test_the_applied_calibration_is_recorded_beside_the_estimate(run, captures, 
     before = (captures / "a.tif").read_bytes()
     status, output = run(*command)
     assert status == 1
-    assert "this file is no such record" in output
+    assert "this file is not such a record" in output
     assert (captures / "a.tif").read_bytes() == before
     assert (captures / "a.tif.json").read_text() == "{}"
 

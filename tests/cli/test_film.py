@@ -129,7 +129,7 @@ def test_each_image_is_merged_along_the_motion(run, moving, tmp_path):
     for image, expected in zip(found, images, strict=True):
         np.testing.assert_array_equal(image, jl.mle(expected.merged))
     fresh = sum(not image.is_carried for image in images)
-    assert f"estimated afresh for {fresh} image" in output
+    assert f"estimated anew for {fresh} image" in output
     assert fresh == len(images)
     assert "carried" not in output
     accepted = [image.merged.acceptance.mean() for image in images]
@@ -152,7 +152,7 @@ def test_a_warning_about_short_windows_is_about_some_images(run, moving):
     assert models > {"none"}
     carried = sum(image.is_carried for image in images)
     assert f", and carried to {carried} others;" in output
-    assert f"estimated afresh for {len(images) - carried} images" in output
+    assert f"estimated anew for {len(images) - carried} images" in output
 
 
 @pytest.mark.slow

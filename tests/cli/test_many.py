@@ -234,7 +234,7 @@ def test_a_file_that_is_not_a_record_is_not_replaced(run, captures):
         Path(name).write_text('{"mine": 1}')
     code, err = run("reconstruct", captures[0], "-o", "one.npy", "-m", "mle")
     assert code == 1
-    assert "one.npy.json: the record of the origin belongs here" in " ".join(err.split())
+    assert "one.npy.json: the record of the result belongs here" in " ".join(err.split())
     code, err = run("convert", captures[0], "-o", "c.npy")
     assert code == 1
     assert "the record of the copy belongs here" in " ".join(err.split())

@@ -62,10 +62,10 @@ def test_results_of_another_run_are_refused(run, captures):
     code, err = run(*base, 32)
     assert code == 1
     differing = "its step is 16, not 32, and its window is 16, not 32; delete it, or"
-    assert f"v.zarr: is of another run: {differing}" in err
+    assert f"v.zarr: belongs to another run: {differing}" in err
     code, err = run(*base, 16, "--efficiency", 0.5)
     assert code == 1
-    assert "v.zarr: is of another run: its sensor efficiency is 1.0, not 0.5; delete it" in err
+    assert "v.zarr: belongs to another run: its sensor efficiency is 1.0, not 0.5; delete it" in err
 
 
 def test_a_capture_that_changed_is_another_run(run, captures):
@@ -74,7 +74,7 @@ def test_a_capture_that_changed_is_another_run(run, captures):
     jl.save(jl.Bits.from_array(np.ones((64, 16, 24), bool), jl.Sensor(frames=64)), captures[0])
     code, err = run(*base)
     assert code == 1
-    assert "v.zarr: is of another run: its" in err
+    assert "v.zarr: belongs to another run: its" in err
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_a_capture_that_changed_is_another_run(run, captures):
         (("-o", "{name}.png", "--format", "wrong"), "format: expected one of"),
         (("-o", "{name}.png", "--trials", 3), "trials: are for one capture of counts"),
         (("-o", "{name}.png", "--frame-range", "x"), "frame-range: expected A:B"),
-        (("-o", "v/{name}.npy", "--window", 16), "expected a name in .zarr"),
+        (("-o", "v/{name}.npy", "--window", 16), "expected a name that ends in .zarr"),
         (("-o", "v/{name}.zarr"), "pass --window"),
         (("-o", "v/{name}.zarr", "--window", 65), "expected 1 to the capture's 64 frames"),
         (("-o", "v/{name}.zarr", "--window", 16, "--chunks", "7B"), "which is one frame"),

@@ -171,8 +171,8 @@ def test_uncertainty_is_shown_as_an_image(run, capture, tmp_path):
     [
         (["-o", "a.png", "--units", "photons"], "are for floats"),
         (["-o", "a.npy", "--units", "lux"], "expected one of intensity, photons"),
-        (["-o", "a.npy", "--preview", "b.tif"], "a name in .png or .jpg"),
-        (["-o", "a.npy", "--preview", "known.npy"], "a name in .png or .jpg"),
+        (["-o", "a.npy", "--preview", "b.tif"], "a name that ends in .png or .jpg"),
+        (["-o", "a.npy", "--preview", "known.npy"], "a name that ends in .png or .jpg"),
         (["-o", "a.npy", "--uncertainty", "known.npy"], "choose another name"),
         (["-o", "a.npy", "--uncertainty", "a.npy"], "a different name for each output"),
         (["-o", "a.npy", "--uncertainty", "u.jpg"], "ends in .npz, .npy, .tif"),

@@ -33,7 +33,7 @@ class FakeJob:
 
     def is_complete(self):
         if self.foreign:
-            raise AnotherRunError(f"{self.output}: is of another run")
+            raise AnotherRunError(f"{self.output}: belongs to another run")
         return self.complete
 
     def prepare(self):

@@ -29,7 +29,7 @@ def solve_dense(image, dead):
 
 
 def fill_ring_by_ring(image, dead):
-    """Return the image filled from the border of each hole inwards, with means of known pixels."""
+    """Return the image filled from the border of each hole inward, with means of known pixels."""
     filled = np.where(dead, np.nan, image).astype(float)
     while np.isnan(filled).any():
         padded = np.pad(filled, 1, constant_values=np.nan)

@@ -68,7 +68,7 @@ def test_frames_after_dark_ones_are_inspected_too(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"counts": True}, r"counts: with unpacked each .*\(--counts, --unpacked\)"),
+        ({"counts": True}, r"counts: expected at most one .*\(--counts, --unpacked\)"),
         ({"format": "spad512s"}, "unpacked: is for bits in arrays"),
     ],
 )
@@ -96,5 +96,5 @@ def test_counts_are_not_taken_for_packed_bits(tmp_path):
 def test_frames_along_the_last_axis_are_reported(tmp_path, options):
     array = np.moveaxis(random_frames((8, 128, 100)), 0, 2)
     np.save(tmp_path / "hwt.npy", array if not options else array.astype(np.uint8))
-    with pytest.warns(jl.JotlightWarning, match=r"hwt.npy: taken for 128 frames of 100 x 8 jots"):
+    with pytest.warns(jl.JotlightWarning, match=r"hwt.npy: read as 128 frames of 100 x 8 jots"):
         jl.open(tmp_path / "hwt.npy", **options)

@@ -146,5 +146,5 @@ def test_a_mask_that_does_not_fit_is_refused(mask):
 @pytest.mark.parametrize(("frames", "oversampling"), [(2**31, 1), (2**29, 2)])
 def test_counts_that_could_exceed_their_type_are_refused(frames, oversampling):
     bits = jl.Bits(np.broadcast_to(np.uint8(255), (frames, oversampling, 1)))
-    with pytest.raises(ValueError, match=r"bits: expected less than 2\*\*31 trials per pixel"):
+    with pytest.raises(ValueError, match=r"bits: expected fewer than 2\*\*31 trials per pixel"):
         bits.counts(oversampling)

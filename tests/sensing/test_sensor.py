@@ -167,7 +167,7 @@ def test_a_bad_parameter_is_refused_and_named(name, value):
     [{"oversampling": 4096, "frames": 128}, {"frames": 2**31 - 1, "oversampling": 2}],
 )
 def test_more_trials_than_a_count_can_hold_are_refused(parameters):
-    with pytest.raises(ValueError, match="expected less than 2\\*\\*31 trials per pixel"):
+    with pytest.raises(ValueError, match="expected fewer than 2\\*\\*31 trials per pixel"):
         jl.Sensor(**parameters)
 
 

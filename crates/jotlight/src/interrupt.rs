@@ -1,9 +1,9 @@
 //! The interruption of calls that run in [`crate::threads`], for example by Ctrl-C.
 //!
-//! Each pool of threads has a flag. Long loops ask [`is_requested`] and skip the rest of their work
-//! if the flag of their pool is raised. The call then returns [`crate::error::Error::Interrupted`],
-//! so that nobody uses the incomplete result. If the calling thread works itself, its loops also ask
-//! the function that knows of interruptions.
+//! Each pool of threads has a flag. Long loops call [`is_requested`] and skip the rest of their work
+//! if the flag of their pool is set. The call then returns [`crate::error::Error::Interrupted`], so
+//! that nobody uses the incomplete result. If the calling thread works itself, its loops also call
+//! the function that reports interruptions.
 
 use std::cell::{Cell, OnceCell};
 use std::sync::Arc;

@@ -1,5 +1,5 @@
-//! Arrays whose sizes follow from arguments. A size that exceeds the memory is an error, and does
-//! not end the process.
+//! Arrays whose sizes follow from arguments. A size that exceeds the memory is an error. It does not
+//! end the process.
 
 use ndarray::{Array, Dimension, IntoDimension};
 

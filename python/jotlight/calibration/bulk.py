@@ -46,7 +46,8 @@ class Bulk:
     mean : float
         Mean probability that a jot reports 1 in a frame.
     spread : float
-        1/(a + b) of the beta distribution. Near 0, all jots have the same probability.
+        1/(a + b) for the parameters a and b of the beta distribution. Near 0, all jots have the
+        same probability.
 
     Examples
     --------

@@ -74,7 +74,7 @@ def calibrate(
         response of a jot is then relative to that of the jots behind the same filter. Default: the
         filters of the sensor that the flat bits carry, or none.
     threads : int, optional
-        Threads to use. Default: all.
+        Number of threads. Default: all.
     progress : callable, optional
         Called repeatedly with the completed fraction, 0 to 1.
 

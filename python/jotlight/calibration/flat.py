@@ -196,7 +196,7 @@ def _counting_noise(
 ) -> Rates:
     """Return the variance of L/N - P(q, d + light), estimated from the counts of each jot.
 
-    The variance of L/N is (L/N)(1 - L/N)/(N - 1) in the mean, exactly, whatever the response is.
+    The variance of L/N is exactly the mean of (L/N)(1 - L/N)/(N - 1), whatever the response is.
     For q = 1, P is linear in the L/N of the dark capture, so the same holds for its part. Otherwise
     that part is known to first order, and is no more than the scatter of d over the jots.
     """

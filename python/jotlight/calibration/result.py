@@ -51,7 +51,8 @@ class Calibration(CalibrationFields):
     bulk : Bulk
         The distribution of the dark counts of ordinary jots.
     hot_threshold : int
-        Smallest count of a hot jot in the dark capture; N + 1 if an ordinary jot may have even N.
+        Smallest count of a hot jot in the dark capture; N + 1 if even N is too probable for an
+        ordinary jot.
     hot_probability : float
         Probability that an ordinary jot reaches this count, from the fitted distribution.
     dark_ones, dark_frames : ndarray of int32, int
@@ -87,7 +88,7 @@ class Calibration(CalibrationFields):
         """Return the sensor with these maps, and with a gain that refers to the median jot.
 
         A jot is masked if the sensor or the calibration masks it. Without a flat capture, the
-        sensor keeps its efficiency. The changes replace both.
+        sensor keeps its efficiency. The changes override the sensor and the calibration.
 
         Raises
         ------

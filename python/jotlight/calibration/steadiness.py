@@ -60,12 +60,12 @@ def steadiness(
     Parameters
     ----------
     bits : Bits, shape (T, H, W)
-        At least 8 frames. They are divided into up to 19 blocks of equal length, and from 256
-        frames on into 16; the remaining frames are ignored.
+        At least 8 frames. Fewer than 256 are divided into up to 19 blocks of equal length, and 256
+        or more into 16. The remaining frames are ignored.
     mask : ndarray of bool, shape (H, W), optional
         True marks jots to ignore.
     threads : int, optional
-        Threads to use. Default: all.
+        Number of threads. Default: all.
     progress : callable, optional
         Called repeatedly with the completed fraction, 0 to 1.
 

@@ -122,7 +122,7 @@ def check_record(path: Path) -> None:
     """Raise ValueError when a record would replace a file that is not a record."""
     if path.exists() and not _is_record(path):
         raise ValueError(
-            f"{path}: the record of the origin belongs here, but this file is no such record; "
+            f"{path}: the record of the result belongs here, but this file is not such a record; "
             "choose another name for the output"
         )
 

@@ -27,13 +27,11 @@ class CalibrationOptions:
 
     frames: Annotated[
         int | None,
-        Parameter(
-            alias="-t", help="Number of frames that counts are out of. Default: that of the file."
-        ),
+        Parameter(alias="-t", help="Number of frames summed in counts. Default: that of the file."),
     ] = None
     flat_frames: Annotated[
         int | None,
-        Parameter(help="Number of frames that flat counts are out of. Default: --frames."),
+        Parameter(help="Number of frames summed in flat counts. Default: --frames."),
     ] = None
     threshold: Annotated[
         int | None,
@@ -78,7 +76,7 @@ def calibrate(
     output: Annotated[Path, Parameter(alias="-o", help="The calibration, .safetensors.")],
     options: CalibrationOptions = CalibrationOptions(),
     plot: Annotated[
-        Path | None, Parameter(help="A page of plots: .png, .pdf or .svg. Default: none.")
+        Path | None, Parameter(help="A page of plots: .png, .pdf, or .svg. Default: none.")
     ] = None,
     capture: CaptureOptions = CaptureOptions(),
     flat_key: Annotated[
@@ -193,7 +191,7 @@ def _refuse_frames_of_bits(captures: list[Capture], options: CalibrationOptions)
 
 
 def _flat_frames(captures: list[Capture], path: Path, options: CalibrationOptions) -> int | None:
-    """Return the number of frames that flat counts are out of, or None for bits."""
+    """Return the number of frames that are summed in flat counts, or None for bits."""
     dark, flat = captures
     if isinstance(flat, Bits):
         # --frames belongs to dark counts. The library refuses any number beside bits.
@@ -206,7 +204,7 @@ def _flat_frames(captures: list[Capture], path: Path, options: CalibrationOption
 
 
 def _stated_frames(capture: Capture, path: Path, option: str, frames: int | None) -> int | None:
-    """Return the number of frames that counts are out of: the file's, which an option may repeat.
+    """Return the number of frames that are summed in counts: the file's, or that of an option.
 
     Bits need no such number, so it is None.
     """

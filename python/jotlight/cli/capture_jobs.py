@@ -51,7 +51,7 @@ def check_video_name(output: Path) -> None:
     """Raise ValueError unless the name of an output, or a pattern of names, is that of a video."""
     if output.suffix.lower() != _ZARR:
         raise ValueError(
-            f"output: expected a name in {_ZARR} for images of windows, got {output}; "
+            f"output: expected a name that ends in {_ZARR} for images of windows, got {output}; "
             "`jotlight film` writes .mp4, .gif, .npy, and .tif"
         )
 

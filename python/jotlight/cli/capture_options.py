@@ -87,7 +87,7 @@ class CaptureOptions:
     trials: Annotated[
         int | None,
         Parameter(
-            help="With --counts-scale: number of frames whose mean each value is. Default: "
+            help="With --counts-scale: number of frames of which each value is the mean. Default: "
             "--frames divided by the number of images, in commands that have --frames."
         ),
     ] = None

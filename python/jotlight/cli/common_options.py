@@ -24,7 +24,7 @@ FILM_PANEL = Group("Film", sort_key=7)
 MOTION_PANEL = Group("Motion", sort_key=8)
 
 CapturePath = Annotated[Path, Parameter(help="A capture of bits or counts: a file or a folder.")]
-Photo = Annotated[Path, Parameter(help="A photograph: PNG, JPEG, TIFF or .npy.")]
+Photo = Annotated[Path, Parameter(help="A photograph: PNG, JPEG, TIFF, or .npy.")]
 Seed = Annotated[int, Parameter(help="Seed of the random numbers.")]
 Gray = Annotated[bool, Parameter(help="Convert a color photograph to gray.")]
 White = Annotated[

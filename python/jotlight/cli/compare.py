@@ -33,7 +33,7 @@ def compare(
     output: Annotated[
         Path | None,
         Parameter(
-            alias="-o", help="The figure, .png, .jpg, .pdf or .svg. Default: PHOTO-compare.png."
+            alias="-o", help="The figure, .png, .jpg, .pdf, or .svg. Default: PHOTO-compare.png."
         ),
     ] = None,
     method: Annotated[

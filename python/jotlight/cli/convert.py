@@ -32,18 +32,19 @@ def convert(
     to: Annotated[
         str | None,
         Parameter(
-            help=f"Format to write: {', '.join(WRITERS)}. Default: the one that the output's name "
-            "implies."
+            help=f"Format to write: {', '.join(WRITERS)}. Default: the one that the ending of the "
+            "output implies."
         ),
     ] = None,
     capture: CaptureOptions = CaptureOptions(),
     run: RunOptions = RunOptions(),
 ) -> None:
-    """Convert a capture that matches its checksums to another format, in constant memory.
+    """Convert a capture to another format, in constant memory.
 
-    Bits stay bits in formats that hold bits. Other formats receive the counts, the sum of the bits.
-    With --window, each capture becomes a .zarr of counts, one image for each window. Several
-    captures need a name such as -o copies/{name}.npy.
+    The command refuses a capture that does not match its checksums. Formats for bits receive the
+    bits, and all others receive the counts, the sum of the bits. With --window, each capture
+    becomes a .zarr of counts, one image for each window. Several captures need a name such as
+    -o copies/{name}.npy.
     """
     if not data:
         raise ValueError("expected a capture: a file, a folder, a URL, or a glob")

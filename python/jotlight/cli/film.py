@@ -114,7 +114,7 @@ def film(
     motion: FilmMotionOptions = FilmMotionOptions(),
     threads: Threads = None,
 ) -> None:
-    """Reconstruct a film from bits or counts: an image of each window of frames.
+    """Reconstruct a film from bits or counts: one image for each window of frames.
 
     With --motion, each image shows the middle of its window, or the last frame with --causal. The
     motion is carried from image to image.
@@ -234,7 +234,7 @@ class _Summary:
     images: int = 0
     """Number of all images."""
     models: list[str] = dataclasses.field(default_factory=list)
-    """Models of the motions that were estimated afresh."""
+    """Models of the motions that were estimated anew."""
     accepted: list[float] = dataclasses.field(default_factory=list)
     """Fraction of the bits that agree, of each image that was merged."""
 
@@ -254,7 +254,7 @@ class _Summary:
         if not self.models:
             return []
         number, models = len(self.models), ", ".join(sorted(set(self.models)))
-        line = f"motion: {models}; estimated afresh for {number} image{'s' * (number > 1)}"
+        line = f"motion: {models}; estimated anew for {number} image{'s' * (number > 1)}"
         if (others := self.images - number) > 0:
             line += f", and carried to {others} other{'s' * (others > 1)}"
         if self.accepted:

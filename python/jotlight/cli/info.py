@@ -65,7 +65,7 @@ def info(
     plot: Annotated[
         Path | None,
         Parameter(
-            help="A figure of a calibration, a motion, or a trained network: .png, .pdf or .svg. "
+            help="A figure of a calibration, a motion, or a trained network: .png, .pdf, or .svg. "
             "Default: none."
         ),
     ] = None,

@@ -141,7 +141,7 @@ class ImageMotionOptions(MotionOptions):
     maps: Annotated[
         Path | None,
         Parameter(
-            help="A .npz, .npy or .tif with the trials, the fraction of the bits that agree, the "
+            help="A .npz, .npy, or .tif with the trials, the fraction of the bits that agree, the "
             "error of the displacement, and the flag of each pixel. Default: none."
         ),
     ] = None

@@ -50,7 +50,7 @@ class OutputOptions:
         Path,
         Parameter(
             alias="-o",
-            help="A .png or .jpg for display; a .tif, .exr or .npy for floats that are never "
+            help="A .png or .jpg for display; a .tif, .exr, or .npy for floats that are never "
             "clipped.",
         ),
     ]
@@ -124,7 +124,7 @@ class ImageOutputOptions(OutputOptions):
     uncertainty: Annotated[
         Path | None,
         Parameter(
-            help="A .npz, .npy or .tif with the standard error, confidence interval and flags of "
+            help="A .npz, .npy, or .tif with the standard error, confidence interval, and flags of "
             "each pixel, or a .png that shows them. Default: none."
         ),
     ] = None
@@ -146,7 +146,9 @@ class ImageOutputOptions(OutputOptions):
         if self.white is not None and self.preview is None and is_floats:
             raise ValueError(f"white: is for a .png or .jpg, not for the floats of {self.output}")
         if self.preview is not None and self.preview.suffix.lower() not in DISPLAYED:
-            raise ValueError(f"preview: expected a name in .png or .jpg, got {self.preview}")
+            raise ValueError(
+                f"preview: expected a name that ends in .png or .jpg, got {self.preview}"
+            )
         if self.units != "intensity" and displayed:
             raise ValueError(
                 f"units: are for floats, and {self.output} is for display; write a .tif, .exr or "

@@ -39,7 +39,7 @@ class PlanOptions:
     ] = None
     size: Annotated[
         str,
-        Parameter(help="Height and width in jots, for the cost of --motion and for --speed."),
+        Parameter(help="Height and width in jots, for --speed, and for the cost of --motion."),
     ] = "256x512"
     speed: Annotated[
         float | None,
@@ -49,7 +49,7 @@ class PlanOptions:
         ),
     ] = None
     plot: Annotated[
-        Path | None, Parameter(help="A figure, .png, .pdf, .svg or .jpg. Default: none.")
+        Path | None, Parameter(help="A figure, .png, .pdf, .svg, or .jpg. Default: none.")
     ] = None
 
     def check(self, sensor: PlannedSensorOptions) -> None:
@@ -85,13 +85,13 @@ def plan(
     options: PlanOptions = PlanOptions(),
     sensor: PlannedSensorOptions = PlannedSensorOptions(),
 ) -> None:
-    """Predict the quality of maximum likelihood by the number of frames, and the cost of motion.
+    """Predict the quality of maximum likelihood for numbers of frames, and the cost of --motion.
 
     The rows of the table are numbers of frames, up to --frames. The light of the scene is uniformly
     distributed between the minimum and the maximum, which is the peak of the PSNR. SNR is the light
     divided by the error of the estimate. The number in parentheses is the Cramér-Rao bound, the
-    best of any unbiased estimate. With --speed, the last lines are for a typical photograph that is
-    denoised, and not for single pixels.
+    highest SNR of any unbiased estimate. With --speed, the last lines are for a typical photograph
+    after denoising, and not for single pixels.
     """
     options.check(sensor)
     minimum, maximum = _light_range(light)

@@ -53,7 +53,7 @@ def reproduce(
         Path | None,
         Parameter(
             alias="-o",
-            help="The folder for page, tables and figures. Default: reproduction, or "
+            help="The folder for page, tables, and figures. Default: reproduction, or "
             "reproduction-quick.",
         ),
     ] = None,

@@ -49,18 +49,18 @@ class SensorOptions:
     gain: Annotated[
         str | None,
         Parameter(
-            help="α, the exposure: photons on a pixel of intensity 1, over all jots and frames. Of "
-            "a bracket: the photons of each frame, such as 64,8,1, where each value is for an "
-            "equal number of consecutive frames, or 64,8,1,... for one frame each, again and "
-            "again. Default: K, the number of bits per pixel, so one photon per jot and frame."
+            help="α, the exposure: photons on a pixel of intensity 1, over all jots and frames. "
+            "For a bracket, the photons of each frame: 64,8,1 divides the frames into three equal "
+            "groups, one after the other, and 64,8,1,... repeats the three values from frame to "
+            "frame. Default: K, the number of bits per pixel, so one photon per jot and frame."
         ),
     ] = None
     threshold: Annotated[
         str | None,
         Parameter(
             alias="-q",
-            help="q: number of photons that make a jot report 1: a number; several for frames, as "
-            "of --gain; or a .npy map of the jots. Default: 1.",
+            help="q: number of photons that make a jot report 1: one number, several as in "
+            "--gain, or a .npy map of the jots. Default: 1.",
         ),
     ] = None
     kernel: Annotated[
@@ -195,7 +195,7 @@ class CalibratedSensorOptions(SensorOptions):
     calibration: Annotated[
         Path | None,
         Parameter(
-            help="Dark counts, dead jots and response of the sensor, from `jotlight calibrate`. "
+            help="Dark counts, dead jots, and response of the sensor, from `jotlight calibrate`. "
             "Default: none."
         ),
     ] = None
@@ -224,7 +224,7 @@ class PlannedSensorOptions(CalibratedSensorOptions):
     ] = None
     max_intensity: Annotated[
         float | None,
-        Parameter(help=f"{_MAX_INTENSITY} Default: that of half a count below saturation."),
+        Parameter(help=f"{_MAX_INTENSITY} Default: the one half a count below saturation."),
     ] = None
     exposure_time: Annotated[float | None, Parameter(show=False)] = None
     """Refused, with the option to use instead."""
@@ -255,8 +255,8 @@ class CapturedSensorOptions(CalibratedSensorOptions):
     max_intensity: Annotated[
         float | None,
         Parameter(
-            help=f"{_MAX_INTENSITY} Default: for the box kernel, that of half a count below "
-            "saturation, but at least 1; for others 1."
+            help=f"{_MAX_INTENSITY} Default: with the box kernel, the one half a count below "
+            "saturation, but at least 1; with other kernels, 1."
         ),
     ] = None
     find_hot_jots: Annotated[

@@ -54,7 +54,7 @@ class MotionOptions:
     truth: Annotated[
         Path | None,
         Parameter(
-            help="The exact image at the middle frame: .png, .jpg, .tif, .exr or .npy. "
+            help="The exact image at the middle frame: .png, .jpg, .tif, .exr, or .npy. "
             "Default: none."
         ),
     ] = None

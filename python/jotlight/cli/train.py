@@ -95,7 +95,7 @@ def train(
 
     Ctrl-C stops the run. With --resume it continues as if it had never been stopped.
 
-    The cost is half the squared error of a patch. --calibration belongs to --sensor. The network is
+    The cost is half the squared error of a patch. --calibration needs --sensor. The network is
     then trained for the median jot.
 
     Several processes can train a deep network: torchrun --nproc-per-node 2 -m jotlight train

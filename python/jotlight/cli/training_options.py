@@ -71,7 +71,7 @@ class TrainingOptions:
     ] = False
     plot: Annotated[
         Path | None,
-        Parameter(help="A figure of the run and the network: .png, .pdf or .svg. Default: none."),
+        Parameter(help="A figure of the run and the network: .png, .pdf, or .svg. Default: none."),
     ] = None
     seed: Seed = 0
     threads: Threads = None

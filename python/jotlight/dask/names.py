@@ -36,7 +36,7 @@ class Part:
         Raises
         ------
         ValueError
-            When the text is no such part.
+            When the text does not name a part.
         """
         match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text.strip(), re.ASCII)
         if match is None or not 1 <= int(match[1]) <= int(match[2]):

@@ -39,7 +39,7 @@ def check_same_run(path: Path, stored: Any, expected: Record) -> None:
             f"{path}: exists already, and is not the result of such a run; choose another name"
         )
     raise AnotherRunError(
-        f"{path}: is of another run: its {', and its '.join(_differences(stored, expected))}; "
+        f"{path}: belongs to another run: its {', and its '.join(_differences(stored, expected))}; "
         "delete it, or choose another name for the output"
     )
 

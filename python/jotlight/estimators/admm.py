@@ -116,7 +116,7 @@ def admm_tv(
         :class:`jotlight.estimators.convergence.ConvergenceHistory`, or a list with one for each
         image of a stack and each channel.
     out : ndarray of float32, optional
-        The array for the result, of its shape, which is returned. Default: a new one.
+        An array of the shape of the result to write to and return. Default: a new one.
     threads : int, optional
         The number of threads. Default: all cores.
 

@@ -27,7 +27,7 @@ _MAX_EXCHANGES = 1000
 class BracketPlan:
     """The gains and thresholds of frames for a range of light, and the SNR that they allow.
 
-    Light is in photons per jot and frame of the longest exposure.
+    Light is in photons per jot and frame of the longest exposure, and SNR is in dB.
     """
 
     sensor: Sensor
@@ -234,7 +234,7 @@ def intensity_range(sensor: Sensor, snr: float) -> tuple[float, float]:
 def best_threshold(light: float, *, max_threshold: int = 256) -> int:
     """Return the threshold at which a bit has the highest information about the light.
 
-    It is the one with which about half of the bits are ones.
+    With it, about half of the bits are ones in bright light, and fewer in dim light.
 
     Parameters
     ----------

@@ -25,7 +25,8 @@ class FreeRunning:
     """A pixel that counts photons, and is blind for a dead time after each detection.
 
     The pixel is live at the beginning of an exposure. Photons during the dead time are lost and do
-    not prolong it. Light is in photons per exposure.
+    not prolong it. Light is in photons per exposure. Methods take numbers or arrays of any shape,
+    and return arrays of that shape.
 
     Parameters
     ----------
@@ -108,7 +109,7 @@ class FreeRunning:
         return np.where(more_next > 0.5, fewer_next - fewer, more - more_next)
 
     def mean(self, light: npt.ArrayLike) -> Array:
-        """Return the expected number of detections, the sum of P(N ≥ n)."""
+        """Return the expected number of detections: the sum of P(N ≥ n) over n from 1."""
         levels = np.asarray(light, np.float64)
         total = np.zeros(levels.shape)
         for count in range(1, self.max_count + 1):
@@ -119,7 +120,7 @@ class FreeRunning:
         return total
 
     def draw(self, light: npt.ArrayLike, rng: SeedLike = None) -> npt.NDArray[np.int64]:
-        """Return random counts, one for each light.
+        """Return random counts for an array of light. `rng` is a seed, a generator, or None.
 
         Examples
         --------
@@ -236,7 +237,7 @@ class FreeRunning:
         return np.asarray(np.where((count > 0) & (rest > 0), rest * np.exp(logarithm), 0.0))
 
     def merge(self, counts: npt.ArrayLike, light: float, *, max_intensity: float = 1.0) -> Merged:
-        """Return counts of one-bit readings that say the same about each pixel.
+        """Return equivalent counts: those of one-bit readings, for methods that take counts.
 
         For each pixel, they have the same most likely intensity as the count, and the same
         information there. All methods and K-conditioned networks take the result.

@@ -4,8 +4,7 @@ Each denoiser maps an image (H, W), or each of a stack (..., H, W), to float32 o
 The option `channel_axis` names the axis of color channels. Integers become floats of the same
 values. A new denoiser is a function of one image with the decorator :func:`_of_each_image`, and an
 entry of :data:`DENOISERS`. The denoisers wrap functions of libraries, which run on one image at a
-time. The default
-strengths were chosen on the BSDS training images at K = 16
+time. The default strengths were chosen on the BSDS training images at K = 16
 (``python benchmarks/studies/denoiser_strengths.py``).
 """
 
@@ -82,7 +81,7 @@ def tv(image: Float32Image, weight: float = 0.45) -> Float32Image:
     Raises
     ------
     ValueError
-        When the strength is not above 0, or for what is no image.
+        When the strength is not above 0, or `image` is not an image.
 
     Examples
     --------
@@ -113,7 +112,7 @@ def nlm(image: Float32Image, strength: float = 0.7) -> Float32Image:
     Raises
     ------
     ValueError
-        When the strength is not above 0, or for what is no image.
+        When the strength is not above 0, or `image` is not an image.
 
     Examples
     --------

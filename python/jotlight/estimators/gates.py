@@ -39,8 +39,8 @@ def gate_detections(
     Returns
     -------
     detections, standard_error : ndarray of float64, shape (G, ...)
-        Detections are 0 or more. A gate whose readings are all ones is infinite, and one without
-        readings NaN.
+        Detections are 0 or more. They are infinite for a gate whose readings are all ones, and NaN
+        for a gate without readings.
 
     Raises
     ------

@@ -96,7 +96,7 @@ def fill_dead_pixels(images: npt.NDArray[F], dead: npt.NDArray[np.bool_]) -> npt
             continue
         check_any_valid(~holes)
         known = image[~holes]
-        filled = _fill_inwards(image, holes)
+        filled = _fill_inward(image, holes)
         image[holes] = np.clip(_solve_laplace(filled, holes), known.min(), known.max())
     return out
 
@@ -116,12 +116,12 @@ def warn_about_dead_pixels(dead: npt.NDArray[np.bool_]) -> None:
     range_ = f"{high}" if low == high else f"{low} to {high}"
     images = "" if len(dead) == 1 else f"in {np.count_nonzero(numbers)} of {len(dead)} images, "
     warn(
-        f"{images}{range_} of {dead[0].size} pixels {NO_VALID_BIT} and were filled from their "
+        f"{images}{range_} of {dead[0].size} pixels {NO_VALID_BIT} and were inpainted from their "
         "neighbors"
     )
 
 
-def _fill_inwards(
+def _fill_inward(
     image: npt.NDArray[np.floating], dead: npt.NDArray[np.bool_]
 ) -> npt.NDArray[np.float64]:
     """Return the image with its holes filled from the border inward.

@@ -55,7 +55,7 @@ def equivalent_counts(
     Warns
     -----
     JotlightWarning
-        Once, when pixels without a valid bit were filled from their neighbors.
+        Once, when pixels without a valid bit were inpainted from their neighbors.
 
     Examples
     --------

@@ -34,7 +34,7 @@ def joint_mle(images: GrayImages, sensor: Sensor, threads: int | None) -> Estima
     Warns
     -----
     JotlightWarning
-        When pixels without a valid bit were filled from their neighbors.
+        When pixels without a valid bit were inpainted from their neighbors.
     """
     estimates, dead = [], []
     for one in images.data:

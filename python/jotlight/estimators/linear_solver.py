@@ -2,8 +2,8 @@
 
 All arrays are those of a stack of images, which do not affect each other.
 
-The image is mirrored at its border. The discrete cosine transform therefore
-diagonalizes DᵀD exactly, and AᵀA wherever the kernel is symmetric about its pixel.
+The image is mirrored at its border. The discrete cosine transform therefore diagonalizes DᵀD
+exactly, and also AᵀA if the kernel is symmetric about its pixel.
 """
 
 import contextlib

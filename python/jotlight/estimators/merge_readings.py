@@ -35,7 +35,7 @@ hardly depends on the estimate, which is noisy itself."""
 def merge_readings(
     data: Data, sensor: Sensor | None = None, *, threads: int | None = None
 ) -> Merged | list[Merged]:
-    """Return counts of one gain and one threshold that say the same about each pixel.
+    """Return equivalent counts: those of a sensor with one gain and one threshold.
 
     Readings with different gains or thresholds, such as a bracket of exposures, become counts of a
     reference sensor: real numbers of trials, and whole numbers of ones. The likelihood of a pixel
@@ -67,16 +67,16 @@ def merge_readings(
     -----
     With the derivative g of the log-likelihood and the information I at its maximum in [0, S], and
     with the probability p of a one at the reference sensor and its derivative p', the equivalent
-    trials are ``n = I p (1 - p) / p'²``, and the ones are ``n p + g p (1 - p) / p'``. Inside of
-    [0, S], g is 0. With read noise, I is at least that at the intensity of half a photon, because
+    trials are ``n = I p (1 - p) / p'²``, and the ones are ``n p + g p (1 - p) / p'``. Inside
+    (0, S), g is 0. With read noise, I is at least that at the intensity of half a photon, because
     rare readings have much information about exact darkness. Where all readings are 0 or all are
-    the largest one, the ones are 0 or n, and n has the
-    same derivative at the intensity at which half a one or half a zero is expected. Ones are
-    rounded to whole numbers. Trials are then scaled such that the maximum stays the same.
+    the largest one, the ones are 0 or n, and n has the same derivative at the intensity at which
+    half a one or half a zero is expected. Ones are rounded to whole numbers. Trials are then scaled
+    such that the maximum stays the same.
 
-    The trials depend on the noise of the readings. So denoisers are biased if there are few of
-    them. :func:`jotlight.reconstruct` and :func:`jotlight.uncertainty` of the readings make better
-    counts.
+    The trials depend on the noise of the readings. So denoisers of these counts are biased if there
+    are few readings. :func:`jotlight.reconstruct` and :func:`jotlight.uncertainty` of the readings
+    themselves use better counts.
 
     Examples
     --------

@@ -55,7 +55,7 @@ def mle(
         The axis of counts that holds color channels. Default: none, and axes before the last two
         are those of a stack.
     out : ndarray of float32, optional
-        The array for the result, of its shape, which is returned. Default: a new one.
+        An array of the shape of the result to write to and return. Default: a new one.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -72,7 +72,7 @@ def mle(
     Warns
     -----
     JotlightWarning
-        When pixels without a valid bit were filled from their neighbors, and when the kernel is
+        When pixels without a valid bit were inpainted from their neighbors, and when the kernel is
         smooth.
 
     Notes

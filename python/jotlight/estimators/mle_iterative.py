@@ -127,7 +127,7 @@ def mle_iterative(
         :class:`jotlight.estimators.convergence.ConvergenceHistory`, or a list with one for each
         image of a stack and each channel.
     out : ndarray of float32, optional
-        The array for the result, of its shape, which is returned. Default: a new one.
+        An array of the shape of the result to write to and return. Default: a new one.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -146,7 +146,7 @@ def mle_iterative(
     Warns
     -----
     JotlightWarning
-        When the run did not converge, and when pixels without a valid bit were filled from their
+        When the run did not converge, and when pixels without a valid bit were inpainted from their
         neighbors.
 
     Notes

@@ -63,7 +63,7 @@ def noniterative(
     inverse : {"exact", "algebraic"}
         See :func:`jotlight.estimators.vst.inverse_anscombe`.
     out : ndarray of float32, optional
-        The array for the result, of its shape, which is returned. Default: a new one.
+        An array of the shape of the result to write to and return. Default: a new one.
     threads : int, optional
         The number of threads of the engine; the denoiser has its own. Default: all cores.
 
@@ -83,7 +83,7 @@ def noniterative(
     Warns
     -----
     JotlightWarning
-        When pixels without a valid bit were filled from their neighbors, and when the kernel is
+        When pixels without a valid bit were inpainted from their neighbors, and when the kernel is
         smooth.
 
     Notes
@@ -94,9 +94,9 @@ def noniterative(
     the method runs at several K, whose ratios are at most 2, and pixels between two of them are
     interpolated.
 
-    Readings of several bits have the generalized Anscombe transform and its exact inverse
-    (:mod:`jotlight.estimators.generalized_anscombe`). If at least 15 % of them are the largest
-    one, or if pixels differ, they become counts near averages instead
+    For readings of several bits, the method uses the generalized Anscombe transform and its exact
+    inverse (:mod:`jotlight.estimators.generalized_anscombe`). If at least 15 % of them are the
+    largest one, or if pixels differ, it uses equivalent counts near local averages instead
     (:class:`jotlight.estimators.merge_near.Merging`).
 
     The engine computes all images of a stack together. The denoisers are functions of libraries,

@@ -21,7 +21,7 @@ frame of M pixels about the displacement along one axis is M I G. A motion may c
 scene moves by a pixel, so the 1/v frames of this path show it, with the error e = √(v/(M I G)).
 
 Scene points are in view for a limited time. If the image shows the middle of a burst, pixels at a
-border lose half of the frames. In the mean, L - L²/(4 W) frames of the path of L pixels remain, for
+border lose half of the frames. On average, L - L²/(4 W) frames of the path of L pixels remain, for
 a width W of the view in the direction of the motion. From L = 2 W on, further frames show nothing
 of the image.
 """
@@ -57,8 +57,8 @@ _MAX_ERROR = 0.5
 class MotionPlan:
     """The expected quality of a moving scene, with and without alignment.
 
-    It is that of a filter that averages neighboring pixels as far as the noise requires, rather
-    than that of maximum likelihood, because blur and noise are only then as strong as in practice.
+    It assumes a filter that averages neighboring pixels as much as the noise requires. Maximum
+    likelihood, which does not average, would overstate noise in comparison with blur.
     """
 
     speed: float
@@ -74,25 +74,26 @@ class MotionPlan:
     best_sum: int
     """The number of frames whose sum is best. Longer sums are worse."""
     best_aligned: int | None
-    """The number of frames from which on twice as many gain less than 0.1 dB after alignment, 16 or
-    more. None if frames cannot be aligned at this speed: there is too little light, so that the
-    error exceeds half a pixel, or fewer than 16 frames show a part of the image."""
+    """The smallest number of frames, 16 or more, for which twice as many improve the PSNR after
+    alignment by less than 0.1 dB. None if frames cannot be aligned at this speed: there is too
+    little light, so that the error exceeds half a pixel, or fewer than 16 frames show a part of the
+    image."""
     frames_in_view: int
-    """The number of frames from which on further ones show nothing of the image."""
+    """The number of frames after which the scene has left the view."""
     registration_error: float
     """The standard deviation of the displacements after alignment, in pixels."""
 
 
 @dataclasses.dataclass(frozen=True)
 class SceneModel:
-    """A scene whose points have an exponential correlation.
+    """A random scene whose intensities at a distance of r pixels have the covariance σ² exp(-r/a).
 
     Parameters
     ----------
     deviation : float
-        σ, in units of the largest intensity.
+        σ: the standard deviation of the intensities, in units of the largest one.
     length : float
-        a, in pixels.
+        a: the correlation length in pixels.
     """
 
     deviation: float = SCENE[0]
@@ -124,7 +125,7 @@ def plan_motion(
     frames: npt.NDArray[np.int64],
     scene: SceneModel | None = None,
 ) -> MotionPlan:
-    """Return the expected quality for numbers of frames.
+    """Return the expected quality of images of a moving scene from different numbers of frames.
 
     Parameters
     ----------
@@ -138,6 +139,11 @@ def plan_motion(
         The numbers of frames.
     scene : SceneModel, optional
         The scene. Default: that of photographs.
+
+    Returns
+    -------
+    MotionPlan
+        PSNR in dB, numbers of frames, and the error of the alignment in pixels.
 
     Examples
     --------

@@ -48,7 +48,7 @@ _MAX_BITS = 2**31 - 1
 class Plan:
     """The expected quality of `jotlight.mle` for N levels of light and M numbers of frames.
 
-    Light is in photons per jot and frame.
+    Light, bias, and errors are in photons per jot and frame, and PSNR and SNR are in dB.
     """
 
     light: Array
@@ -138,11 +138,9 @@ def plan(
     Parameters
     ----------
     sensor : Sensor
-        The sensor. Its number of frames has no effect. Maps are replaced by the median of the live
-        jots.
+        The sensor. Its number of frames has no effect. Medians of the live jots replace its maps.
     light : float or (float, float)
-        The light in photons per jot and frame, in (0, 10,000]: one level, or the minimum and the
-        maximum of a scene.
+        Photons per jot and frame, in (0, 10,000]: one level, or the minimum and maximum of a scene.
     frames : sequence of int, optional
         The numbers of frames. Default: the powers of two from 1 to 4096.
     target_psnr : float, optional
@@ -153,7 +151,11 @@ def plan(
     speed : float, optional
         Pixels per frame, in [0, 1000], for a plan of how many frames help if the scene moves.
     size : (int, int)
-        H and W in pixels.
+        H and W in pixels, for `speed`.
+
+    Returns
+    -------
+    Plan
 
     Raises
     ------
@@ -165,13 +167,11 @@ def plan(
     For readings of several bits or with read noise, the estimate is the light at which the mean
     reading is expected (:class:`jotlight.estimators.planned_readings.PlannedReadings`).
 
-    Bias and error are exact sums over the binomial distribution of a pixel's count, for estimates
-    clipped to [0, S]. Where few bits are 0, or few bits are 1, the estimate is biased. Its error
-    may then be below the bound, which holds for unbiased estimates.
+    Bias and error are exact sums over the binomial distribution of a count. Where few bits are 0 or
+    few are 1, the estimate is biased, and its error may be below the bound of unbiased estimates.
 
     To find `required_frames`, the search doubles the number of frames and then bisects. Below about
-    10 dB, a few trials per pixel may be worse than one, so fewer may suffice. Methods that combine
-    neighboring pixels need fewer frames.
+    10 dB, fewer may suffice. Methods that combine neighboring pixels need fewer frames.
 
     Examples
     --------

@@ -100,7 +100,7 @@ def shrink(
     Parameters
     ----------
     planes : array_like of float, shape (2, H, W) or (1, N)
-        The differences of an image, downwards and to the right, or of a signal.
+        The differences of an image, downward and to the right, or of a signal.
     threshold : float or array_like of float
         A number, or a map (H, W) or (N,), finite and at least 0.
     norm : {"isotropic", "anisotropic"}

@@ -42,7 +42,11 @@ _FLAGS = "unlit", "saturated", "dead", "unlikely"
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """The uncertainty of each pixel's intensity. All arrays have the shape of the estimate."""
+    """The uncertainty of each pixel's intensity. All arrays have the shape of the estimate.
+
+    `standard_error`, `low`, and `high` are float32 in the requested units. `unlit`, `saturated`,
+    `dead`, and `unlikely` are bool.
+    """
 
     standard_error: npt.NDArray[np.float32]
     """The standard error of the estimate, in the requested units.
@@ -61,14 +65,14 @@ class Uncertainty:
     dead: npt.NDArray[np.bool_]
     """Whether the pixel has no valid bit."""
     unlikely: npt.NDArray[np.bool_]
-    """Whether the bits speak against the estimate: held-out bits near the pixel are less probable
+    """Whether the bits contradict the estimate: held-out bits near the pixel are less probable
     under it than under the fractions of ones alone. The scene is then unlike photographs. It is
     False for maximum likelihood, and with fewer than 4 trials."""
     confidence_level: float
     """The coverage of the intervals."""
 
     def flags(self) -> npt.NDArray[np.uint8]:
-        """Return the sum of 1 for unlit, 2 saturated, 4 dead, and 8 unlikely pixels."""
+        """Return a sum for each pixel: 1 if it is unlit, 2 saturated, 4 dead, and 8 unlikely."""
         flags = self.unlit, self.saturated, self.dead, self.unlikely
         return np.asarray(sum(2**place * flag for place, flag in enumerate(flags)), np.uint8)
 

@@ -10,10 +10,9 @@ In reading order:
   and its settings. ``info``: how an image was made. ``channels``, ``mosaics``,
   ``different_readings``: data other than gray plain bits. ``clipping`` warns about a largest
   intensity that is too small. ``weights``: the files of the networks behind a result.
-- ``uncertainty``: an interval for each pixel, by ``intervals``, ``interval_pixels``, and
-  ``error_scale``, by ``color_intervals`` behind a mosaic, or by ``channel_intervals`` for three
-  channels.
-  ``known_estimate`` checks an estimate of the caller.
+- ``uncertainty``: an interval for each pixel. ``intervals``, ``interval_pixels``, and
+  ``error_scale`` are for gray images, ``color_intervals`` is for mosaics, and ``channel_intervals``
+  for three channels. ``known_estimate`` checks an estimate of the caller.
 - ``evaluate``: one method on many images.
 - ``compare``, ``comparison``: many methods on one image.
 """

@@ -25,7 +25,8 @@ _MIN_KNOWN = 0.9
 _TAKEN = (
     "estimates colors from the bits itself: it takes no method, quality, fallback, or options. Its "
     "data are bits or counts with the same trials in all pixels, up to "
-    f'{LARGE_TRIALS:,}, or readings that say as much; demosaicing="differences" takes all data'
+    f'{LARGE_TRIALS:,}, or readings with as much information; demosaicing="differences" takes all '
+    "data"
 )
 """What the color network takes, for messages."""
 
@@ -33,7 +34,7 @@ _TAKEN = (
 def takes_sensor(sensor: Sensor) -> bool:
     """Return whether the color network takes the readings of a sensor.
 
-    The kernel is the box, and the readings say as much as up to 1,000 trials per pixel.
+    The kernel is the box, and the readings have the information of up to 1,000 trials per pixel.
 
     Examples
     --------
@@ -108,7 +109,7 @@ def check_taken(sensor: Sensor, *, has_form: bool) -> None:
         raise ValueError(
             "method: a color network takes bits of a sensor with a mosaic, with the same trials in "
             "all pixels, or of three channels (channel_axis=-1 for counts), with the box kernel, "
-            f"up to {LARGE_TRIALS:,} per pixel or readings that say as much; got other data"
+            f"up to {LARGE_TRIALS:,} per pixel or readings with as much information; got other data"
         )
 
 

@@ -255,7 +255,7 @@ def correction(halves: Sequence[HalfErrors], of_model: Sequence[Array], z: Array
 
 
 def is_unlikely(halves: list[HalfErrors]) -> npt.NDArray[np.bool_]:
-    """Return where the held-out bits speak against the estimate, (H, W).
+    """Return where the held-out bits contradict the estimate, (H, W).
 
     In the neighborhood of these pixels, the fraction of ones of each pixel alone predicts the
     held-out bits better than the estimate does.

@@ -94,7 +94,7 @@ def held_out(
         The axis of counts that holds color channels. Default: none, and axes before the last two
         are those of a stack.
     out : ndarray of float32, optional
-        The array for the result, of its shape, which is returned. Default: a new one.
+        An array of the shape of the result to write to and return. Default: a new one.
     threads : int, optional
         The number of threads. Default: all cores.
 
@@ -111,7 +111,7 @@ def held_out(
     Warns
     -----
     JotlightWarning
-        When pixels without a valid bit were filled from their neighbors.
+        When pixels without a valid bit were inpainted from their neighbors.
 
     Notes
     -----

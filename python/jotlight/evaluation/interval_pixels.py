@@ -157,7 +157,7 @@ class Pixels:
         return stabilize(estimate.astype(np.float64), self.sensor, *self.typical_jot)
 
     def local_trials(self, trials: Array, slope: float | Array) -> Array:
-        """Return the trials of the typical jot that say as much as those around each pixel.
+        """Return the trials of the typical jot with the information of those around each pixel.
 
         The network denoises with the trials around a pixel, so they determine its errors.
 

@@ -68,7 +68,7 @@ def _deconvolution_reason(sensor: Sensor) -> str | None:
     if sensor.kernel == "box" or sensor.has_plain_bits:
         return None
     return (
-        f"expected the box kernel for readings that are no plain bits, got {sensor.kernel}: "
+        f"expected the box kernel for readings other than plain bits, got {sensor.kernel}: "
         "deconvolution needs plain bits"
     )
 

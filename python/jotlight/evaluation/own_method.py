@@ -117,7 +117,7 @@ def _import_module(reference: str, folder: str) -> ModuleType:
 
 
 def _raise_subclass_of_exit(error: BaseException) -> None:
-    """Raise an exit again that is no plain SystemExit, such as that of a signal."""
+    """Raise an exit again unless it is a plain SystemExit, for example that of a signal."""
     if isinstance(error, SystemExit) and type(error) is not SystemExit:
         raise error
 
@@ -152,7 +152,7 @@ def run_own(
     Raises
     ------
     TypeError, ValueError
-        When the data do not fit the sensor, or the result is no image of their size.
+        When the data do not fit the sensor, or the result is not an image of their size.
     """
     name = _name(method)
     if isinstance(data, GrayImages):

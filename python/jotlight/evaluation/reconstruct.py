@@ -161,7 +161,7 @@ def reconstruct(
         Number of threads. Default: all.
     fallback : bool
         Whether to blend a network with total variation and maximum likelihood where held-out bits
-        speak against its estimate, as in scenes unlike photographs
+        contradict its estimate, as in scenes unlike photographs
         (:func:`jotlight.evaluation.held_out`). This takes 10 to 30 times as long. With
         `return_info`, `Info.shares` holds the mean weight of each method.
     return_info : bool

@@ -59,7 +59,7 @@ def open_cube(
         if check:
             check_packed(packed, str(path))
         provenance = provenance.with_notes(
-            "taken for bits, the most significant first, along the width"
+            "read as bits, the most significant first, along the width"
         )
         if width is None:
             provenance = provenance.with_notes("the width is taken to be a multiple of 8")

@@ -1,8 +1,8 @@
 """Descriptions: a `.json` next to a `.npy` or `.npy.gz` with its metadata and its checksum.
 
-The description of bits states their width, sensor, and provenance, and that of readings of several
-bits their sensor and provenance. The maps of the sensor are
-`.npy` files of their own, which the description names. The description of counts is their label.
+The description of bits states their width, sensor, and provenance. That of readings of several bits
+states their sensor and provenance. The maps of the sensor are separate `.npy` files, which the
+description names. The description of counts is their label.
 """
 
 import contextlib

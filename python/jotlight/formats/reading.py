@@ -134,7 +134,7 @@ def open(
     >>> bits
     <Bits: 4 frames of 6 x 16 jots>
     >>> bits.provenance.notes[0]
-    'taken for bits, the most significant first, along the width'
+    'read as bits, the most significant first, along the width'
     """
     if trials is not None and counts_scale is None:
         raise ValueError(
@@ -199,7 +199,18 @@ def open_capture(
     storage_options: dict[str, Any] | None = None,
     **options: Any,
 ) -> Capture:
-    """Return a capture as :func:`open` does, with its options, but do not sum images of counts."""
+    """Return a capture as :func:`open` does, but without summing a stack of images of counts.
+
+    Parameters
+    ----------
+    path, storage_options, **options
+        As for :func:`open`.
+
+    Returns
+    -------
+    Bits, Readings, or CountStack
+        A `CountStack` holds T images of counts, with their ``trials`` if the file states them.
+    """
     if isinstance(path, str) and is_url(path):
         return _open_url(path, storage_options, options)
     if storage_options is not None:
@@ -325,7 +336,7 @@ def _check_options(path: Path, entry: Format, options: OpenOptions, unpacked: bo
         )
     if unpacked and options.counts:
         raise ValueError(
-            "counts: with unpacked each number is one bit; pass only one (--counts, --unpacked)"
+            "counts: expected at most one of counts and unpacked, got both (--counts, --unpacked)"
         )
     if unpacked and entry.fixed_layout:
         raise ValueError(

@@ -134,7 +134,7 @@ def save(
     if isinstance(data, Bits) and len(data) > 1 and WRITERS[name].bits is None:
         warn(
             f"{path}: {name} stores counts, so only the sum of the {len(data)} frames is saved; "
-            "save to a name in .npy to keep the bits"
+            "save to a name that ends in .npy to keep the bits"
         )
     write_capture(data, path, name)
 

@@ -37,10 +37,10 @@ def film(
     """Return an iterator over the images of a film, each merged along the motion of the scene.
 
     Each image shows the middle of a window of frames. The motion of a window is carried to the next
-    one, where only the new frames are aligned. It is estimated afresh for every 33rd image, and
-    where many of the new bits disagree with the rest. Where most pixels are flagged, up to four
-    windows of frames are aligned. They also are at some of the first images of a causal film whose
-    parts move differently.
+    one, where only the new frames are aligned. It is estimated anew for every 33rd image, and if
+    many of the new bits disagree with it. If most pixels of an image are flagged, up to four
+    windows of frames are aligned. This also happens for some of the first images of a causal film
+    if parts of the scene move differently.
 
     Parameters
     ----------
@@ -54,13 +54,12 @@ def film(
         Number of frames of each image, from 1 to T. Those of a bracket are whole cycles.
     step : int, optional
         Frames from one window to the next. Default: the size of a window. If it exceeds a
-        quarter of a window, the motion of each window is estimated afresh. With a window or more,
-        nothing is remembered.
+        quarter of a window, the motion of each window is estimated anew.
     model : {"auto", "none", "affine", "segments", "tiles"}
         The model of the motion, as in :func:`jotlight.align`.
     causal : bool
         Whether each image shows the last frame of its window, as in live viewing. The motion is
-        then not estimated afresh for every 33rd image, so usual images take the same time.
+        then not estimated anew for every 33rd image, so most images take the same time.
         :class:`jotlight.motion.live_film.LiveFilm` takes frames that arrive one after the other.
     memory : bool, optional
         Whether bits from before the window are counted, too, where they agree with it. They fade,
@@ -79,8 +78,9 @@ def film(
 
     Notes
     -----
-    Films test with a faster network than :func:`jotlight.merge` which bits agree. So a few pixels
-    of an image may count other bits than ``merge(data[start : start + window], motion=motion)``.
+    To find the bits that agree with the motion, films use a faster network than
+    :func:`jotlight.merge`. So a few pixels of an image may count other bits than
+    ``merge(data[start : start + window], motion=motion)``.
 
     Examples
     --------

@@ -37,10 +37,10 @@ class FilmImage:
     is_carried: bool
     """Whether the motion is that of the image before, with new blocks at its end."""
     data: Merged | Bits | Readings = dataclasses.field(repr=False)
-    """What :func:`jotlight.reconstruct` estimates the image from: `merged`, or bits or readings
-    behind a mosaic or with a map of thresholds: those of the window if the scene stands still, and
-    those of fewer frames if no motion explains it. The flags of `merged` then say nothing about the
-    image."""
+    """The data to pass to :func:`jotlight.reconstruct`. In most cases, they are `merged`. Behind a
+    mosaic, and with a map of thresholds, they are bits or readings in two cases: those of the
+    window if the scene stands still, and those of fewer frames if no motion explains the scene. The
+    flags of `merged` then say nothing about the image."""
     count_nearest: Callable[[], tuple[Merged, ...]] = dataclasses.field(
         default=_no_counts, repr=False
     )
@@ -54,12 +54,12 @@ class FilmImage:
     def nearest(self) -> tuple[Merged, ...]:
         """The counts of about a quarter and a sixteenth of the window along the motion.
 
-        They are those of whole blocks of frames, nearest to the time of the image, whether or not
-        they agree with the motion. They are followed by those of the four sixteenths next to this
-        sixteenth, in the order of their distance in time; the earlier one of two with the same
-        distance is first. The film network reads them besides `merged`. They stand still where
-        merging has rejected the motion. Empty for colors, for maps of thresholds, and for a finer
-        grid. They are counted when they are first read.
+        They are those of the whole blocks of frames that are nearest to the time of the image. All
+        of their bits are counted, whether or not they agree with the motion. The counts of the
+        next four sixteenths follow, in the order of their distance in time; of two with the same
+        distance, the earlier one is first. The film network reads these counts and `merged`. If
+        merging has rejected the motion, they are counted without it. The tuple is empty for colors,
+        for maps of thresholds, and for a finer grid. It is computed when it is first read.
         """
         return self.count_nearest()
 

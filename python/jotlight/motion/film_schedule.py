@@ -7,10 +7,10 @@ from jotlight.motion.film_settings import KEPT_WINDOWS, FilmSettings
 from jotlight.motion.motion import Motion
 
 _MAX_CARRIED = 33
-"""Number of images after which the motion is estimated afresh, unless the film is causal."""
+"""Number of images after which the motion is estimated anew, unless the film is causal."""
 
 _MAX_LOSS = 0.03
-"""The motion is estimated afresh if the fraction of accepted bits falls by more than this."""
+"""The motion is estimated anew if the fraction of accepted bits falls by more than this."""
 
 _MAX_FLAGGED = 0.5
 """A motion is doubtful if more than this fraction of the pixels is flagged."""

@@ -90,7 +90,7 @@ class Jots:
         times: npt.NDArray[np.float64],
         threads: int | None,
     ) -> "SeenJots":
-        """Return what pixels see along a motion, in the mean over some frames.
+        """Return what pixels see along a motion, averaged over some frames.
 
         Parameters
         ----------

@@ -17,7 +17,7 @@ _ADVICE = (
     "jotlight.motion.film.film, of all frames at once, also takes readings of several bits, read "
     "noise, and exposures that repeat"
 )
-"""What to do with frames that are no plain bits."""
+"""What to do with frames other than plain bits."""
 
 
 class LiveFilm:

@@ -289,7 +289,7 @@ class ReadingCounts:
 
 
 def counts_of_readings(data: object, sensor: object) -> ReadingCounts | None:
-    """Return readings that are no plain bits as counts of single bits, and None for other data.
+    """Return readings other than plain bits as counts of single bits, or None for other data.
 
     Parameters
     ----------

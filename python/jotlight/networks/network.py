@@ -217,7 +217,7 @@ class Network(EngineBacked, TorchHints):
             Axis of counts that holds color channels. Default: none, and axes before the last two
             are those of a stack.
         out : ndarray of float32, optional
-            Array for the result, of its shape, which is returned. Default: a new one.
+            Array of the shape of the result to write to and return. Default: a new one.
         threads : int, optional
             Number of threads. Default: all.
 
@@ -318,7 +318,7 @@ class Network(EngineBacked, TorchHints):
         Raises
         ------
         OSError, ValueError
-            When the file does not exist, is no network file, or holds a network of colors or films,
+            When the file does not exist, is not a network file, or holds a color or film network,
             which :meth:`jotlight.ColorNetwork.load` or :meth:`jotlight.FilmNetwork.load` reads.
         """
         return read_network(path, cls, planes=0)

@@ -6,9 +6,9 @@ consists of the standard operators of ONNX alone, so it runs wherever they run.
 
 The model covers
 
-- mirrored borders, and sizes that are no multiples of the network's size divisor;
+- mirrored borders, and sizes that are not multiples of the network's size divisor;
 - the parameters of a K-conditioned network for the K of the sensor, which are fixed in the model;
-- K above the range of the network: the contrast scaling of :mod:`jotlight.networks.trials_map`,
+- K above the range of the network: the further runs of :mod:`jotlight.networks.trials_map`,
   where the network occurs once more for each factor of 16;
 - P⁻¹, dark counts, and efficiency, and the clipping to [0, S].
 

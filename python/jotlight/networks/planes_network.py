@@ -138,7 +138,7 @@ class PlanesNetwork(EngineBacked):
         Raises
         ------
         OSError, ValueError
-            When the file does not exist, is no network file, or holds a network of another kind.
+            When the file does not exist, is not a network file, or holds another kind of network.
         """
 
         def make(

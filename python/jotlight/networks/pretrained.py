@@ -86,7 +86,7 @@ def pretrained(sensor: Sensor, quality: str = "medium") -> Network:
     Raises
     ------
     TypeError
-        When `sensor` is no sensor.
+        When `sensor` is not a :class:`jotlight.Sensor`.
     ValueError
         For an unknown quality.
 

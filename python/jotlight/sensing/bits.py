@@ -100,7 +100,7 @@ class Bits(ArrayHints):
         array : array_like of bool or int, shape (T, H, W), (H, W) or (T, H, W, C)
             The bits, with at most 4 channels.
         sensor : Sensor, optional
-            The sensor that recorded the bits. Without it, a shape like (H, W, T) is warned about.
+            The sensor that recorded the bits. Without it, a shape like (H, W, T) causes a warning.
 
         Raises
         ------
@@ -205,7 +205,7 @@ class Bits(ArrayHints):
         return any(np.array_equal(each, frame) for each in self)  # type: ignore[arg-type]
 
     def windows(self, n: int, step: int | None = None) -> Iterator[Self]:
-        """Return an iterator over the bits of `n` frames, from every `step`-th frame on.
+        """Return an iterator over windows of `n` frames, which begin every `step` frames.
 
         Parameters
         ----------
@@ -256,7 +256,7 @@ class Bits(ArrayHints):
         mask : ndarray of bool, shape (H, W) in jots, optional
             True marks jots that are not counted.
         out : ndarray of int32, optional
-            The array for the result, of its shape, which is returned. Default: a new one.
+            An array of the shape of the result to write to and return. Default: a new one.
         threads : int, optional
             The number of threads. Default: all.
         progress : callable, optional

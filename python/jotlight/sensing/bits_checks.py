@@ -24,7 +24,7 @@ def warn_about_axes(name: str, shape: tuple[int, ...]) -> None:
     side = min(frames, height)
     if side >= _MIN_SIDE and side >= _MIN_RATIO * width:
         warn(
-            f"{name}: taken for {frames} frames of {height} x {width} jots; if these are {width} "
+            f"{name}: read as {frames} frames of {height} x {width} jots; if these are {width} "
             f"frames of {frames} x {height} jots, {MOVE_FRAMES}"
         )
 

@@ -151,7 +151,7 @@ def _check(
         )
     if frames * oversampling**2 >= 2**31:
         raise ValueError(
-            f"bits: expected less than 2**31 trials per pixel, got {frames} frames of "
+            f"bits: expected fewer than 2**31 trials per pixel, got {frames} frames of "
             f"{oversampling} x {oversampling} jots; count parts of the frames: bits[a:b]"
         )
     check_mask(mask, jots)

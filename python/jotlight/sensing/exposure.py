@@ -62,7 +62,7 @@ class Exposure(Parameters):
             The axis of color channels. Default: none; of a sensor with a mosaic, whose image is
             (..., H, W, 3), the last one.
         out : ndarray of float32, optional
-            The array for the result, of its shape, which is returned. Default: a new one.
+            An array of the shape of the result to write to and return. Default: a new one.
         threads : int, optional
             The number of threads. Default: all.
 
@@ -208,7 +208,7 @@ class Exposure(Parameters):
         """Return readings of several bits, or bits with read noise."""
         if out is not None:
             raise ValueError(
-                "out: expected none, because it is for bits without read noise; omit it"
+                "out: expected none, because it is for bits without read noise; leave it out"
             )
         drawn = draw_readings(
             self.engine_parts(), pixels, layout, seed_bytes(rng), window, threads, progress

@@ -28,16 +28,18 @@ class Mosaic:
     Parameters
     ----------
     pattern : str or array_like
-        The filter of each pixel, from the top left: letters, where four are 2 x 2 pixels, ``/``
-        ends a row, and others are one row, such as ``"RGGB"``, ``"RGB"``, ``"RGBW/BWRG"``; a list
-        of rows; a
-        2-D array of letters; a 2-D array of whole numbers, places in `filters`, such as
-        ``raw_pattern`` of rawpy; or an image (H, W, 3), whose pixels are the shares of red, green,
-        and blue that pass. A pattern of up to 16 x 16 pixels repeats. A larger one is a map of all
-        pixels.
+        The filter of each pixel, from the top left, in one of these forms:
+
+        - letters: ``"RGGB"`` is 2 x 2 pixels, ``"RGB"`` is one row, and ``/`` ends a row, as in
+          ``"RGBW/BWRG"``;
+        - a list of rows, or a 2-D array of letters;
+        - a 2-D array of indices into `filters`, such as ``raw_pattern`` of rawpy;
+        - an image (H, W, 3), whose pixels are the shares of red, green, and blue that pass.
+
+        A pattern of up to 16 x 16 pixels repeats. A larger one is a map of all pixels.
     filters : str, optional
-        A letter for each filter, such as ``"RGBG"``. Whole numbers need it. Default: the letters of
-        the pattern, R, G, B, W, C, M, Y before others.
+        A letter for each filter, such as ``"RGBG"``. A pattern of indices needs it. Default: the
+        letters of the pattern, R, G, B, W, C, M, Y before others.
     transmission : array_like of float, shape (N, 3), optional
         The shares of red, green, and blue light that each of the `filters` passes, 0 to 1. Default:
         ideal filters, for the letters R, G, B, W (white, 1 for all three), C, M, and Y.
@@ -73,7 +75,7 @@ class Mosaic:
             if filters is not None or transmission is not None:
                 raise ValueError(
                     "mosaic: expected no filters and no transmission beside an image (H, W, 3), "
-                    "which states what each pixel passes; omit them"
+                    "which states what each pixel passes; leave them out"
                 )
             pattern, transmission = mosaic_checks.of_image(np.asarray(given))
             filters = "".join(
@@ -169,14 +171,14 @@ class Mosaic:
             )
 
     def full(self, height: int, width: int) -> Pattern:
-        """Return the places in `filters` of all pixels of an image, (H, W)."""
+        """Return the index into `filters` of each pixel of an image, (H, W)."""
         self.check_size(height, width)
         rows, columns = self.pattern.shape
         tiles = -(-height // rows), -(-width // columns)
         return np.tile(self.pattern, tiles)[:height, :width]
 
     def of_jots(self, height: int, width: int, oversampling: int) -> Pattern:
-        """Return the places in `filters` of all jots, when each pixel has several.
+        """Return the index into `filters` of each jot, (H, W) in jots.
 
         Examples
         --------

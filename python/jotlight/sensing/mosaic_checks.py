@@ -95,7 +95,7 @@ def checked_white_balance(values: npt.ArrayLike) -> Colors:
     if factors.shape != (3,):
         raise ValueError(
             "white_balance: expected three factors, of red, green, and blue, got shape "
-            f"{factors.shape}; a fourth one, as in rawpy, is that of the second green: omit it"
+            f"{factors.shape}; a fourth one, as in rawpy, is that of the second green: leave it out"
         )
     if not ((factors > 0) & (factors <= LIMITS[1])).all():
         raise ValueError(f"white_balance: expected numbers above 0, got {factors.tolist()}")

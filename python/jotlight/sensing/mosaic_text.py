@@ -26,7 +26,7 @@ def check_number(number: int) -> None:
 
 
 def read_pattern(given: Any, filters: str | None) -> tuple[Pattern, str]:
-    """Return the places in `filters` of the pixels of a pattern, and the filters.
+    """Return the index into `filters` of each pixel of a pattern, and the filters.
 
     Raises
     ------
@@ -61,8 +61,8 @@ def read_pattern(given: Any, filters: str | None) -> tuple[Pattern, str]:
     check_number(len(filters))
     if array.min() < 0 or array.max() >= len(filters):
         raise ValueError(
-            f"mosaic: expected places from 0 to {len(filters) - 1} in the filters {filters}, got "
-            f"{array.min()} to {array.max()}"
+            f"mosaic: expected indices from 0 to {len(filters) - 1} into the filters {filters}, "
+            f"got {array.min()} to {array.max()}"
         )
     return array.astype(np.uint8), filters
 
@@ -113,7 +113,7 @@ def letters_of(pattern: Pattern, filters: str) -> str:
 
 
 def pattern_to_json(pattern: Pattern, max_side: int) -> list[list[int]] | dict[str, Any]:
-    """Return the places of the filters as lists, or a large map as compressed text.
+    """Return the indices of the filters as lists, or a large map as compressed text.
 
     The size has this name because tifffile takes a TIFF description with "shape" for its own.
     """
@@ -124,7 +124,7 @@ def pattern_to_json(pattern: Pattern, max_side: int) -> list[list[int]] | dict[s
 
 
 def pattern_of_json(value: dict[str, Any]) -> Any:
-    """Return the pattern in the JSON of a mosaic: letters, or the places of the filters.
+    """Return the pattern in the JSON of a mosaic: letters, or the indices of the filters.
 
     Raises
     ------

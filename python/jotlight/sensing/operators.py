@@ -213,7 +213,7 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
     Returns
     -------
     Operator
-        An operator from `shape` to (2, H, W), downwards and to the right, or to (1, N). The
+        An operator from `shape` to (2, H, W), downward and to the right, or to (1, N). The
         differences past the border are 0.
 
     Examples

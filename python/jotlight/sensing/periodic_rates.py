@@ -63,7 +63,8 @@ class PeriodicRates:
         Side in jots of the squares of equal rates: half of the period, or 1 for a period of 4 if
         neighboring jots differ, too.
     greens : str, optional
-        The orders of a Bayer mosaic whose green filters are the two that are alike.
+        The orders of a Bayer mosaic that fit: their green filters are on the two jots of equal
+        rates.
     """
 
     period: int
@@ -209,7 +210,7 @@ def largest_period(
 
 
 def _greens(rates: Array, side: int) -> str | None:
-    """Return the orders of a Bayer mosaic whose green filters are the two that are alike.
+    """Return the orders of a Bayer mosaic whose green filters are on the jots of equal rates.
 
     Examples
     --------

@@ -236,8 +236,8 @@ def prepare_data(
         for name, value in (("trials", trials), ("channel_axis", channel_axis)):
             if value is not None:
                 raise TypeError(
-                    f"{name}: expected none, because {type(data).__name__} state their own; omit "
-                    f"{name}, or pass counts"
+                    f"{name}: expected none, because {type(data).__name__} state their own; leave "
+                    f"out {name}, or pass counts"
                 )
         return (_gray_images_of_list(several) if several else cast(PreparedData, data)), sensor
     check_whole(data, sensor.trials)

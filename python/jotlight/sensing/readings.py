@@ -290,7 +290,7 @@ def require_plain_bits(sensor: GroupedSensor, advice: str = COUNTS_ADVICE) -> No
 
 
 def without_mosaic(sensor: S) -> S:
-    """Return a sensor that takes all pixels for gray ones.
+    """Return a sensor that treats all pixels as gray.
 
     Examples
     --------
@@ -316,7 +316,7 @@ def refuse_mosaic(sensor: GroupedSensor) -> None:
         raise ValueError(
             f"sensor: expected a gray sensor, got one with the mosaic {sensor.mosaic!r}; "
             "jotlight.reconstruct estimates colors, by every method; sensor.replace(mosaic=None) "
-            "takes all pixels for gray ones"
+            "treats all pixels as gray"
         )
 
 

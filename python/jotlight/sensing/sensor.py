@@ -113,7 +113,7 @@ class Sensor(Exposure):
             object.__setattr__(self, name, value)
         if self.trials >= 2**31:
             raise ValueError(
-                f"oversampling**2 * frames: expected less than 2**31 trials per pixel, "
+                f"oversampling**2 * frames: expected fewer than 2**31 trials per pixel, "
                 f"got {self.trials}"
             )
         if self.kernel not in KERNELS:
@@ -146,7 +146,7 @@ class Sensor(Exposure):
     def light_per_intensity(self) -> float:
         """α/K: the light of a jot (photons per frame) at intensity 1, with the box kernel.
 
-        With a gain for each frame, this is an error.
+        If each frame has its own gain, there is no such number, and this raises ValueError.
         """
         if isinstance(cast(Any, self.gain), np.ndarray):
             readings.refuse_different_readings(self)
@@ -166,7 +166,7 @@ class Sensor(Exposure):
     def has_plain_bits(self) -> bool:
         """Whether readings are bits with one gain and one threshold, without read noise.
 
-        The count of the ones of a pixel then says as much as its bits.
+        The count of the ones of a pixel then has all information of its bits.
         """
         return readings.has_plain_bits(self)
 

@@ -51,7 +51,7 @@ class Network(nn.Module):
     Raises
     ------
     OSError, TypeError, ValueError
-        When there is no such file, or when it is not a network file, or the source no network.
+        When the file does not exist or is not a network file, or the source is not a network.
 
     Examples
     --------
@@ -113,7 +113,7 @@ class Network(nn.Module):
     def forward(self, data: Tensor, sensor: Sensor | None = None) -> Tensor:
         """Return intensities in [0, S], shape (N, 1, H, W), as the engine's network does.
 
-        In dim scenes, the engine's network sees several trials as one. So does this one where no
+        In dim scenes, the engine's network combines several trials into one. So does this one if no
         gradients are recorded, but not under torch.compile.
 
         Parameters
@@ -128,10 +128,10 @@ class Network(nn.Module):
         Raises
         ------
         TypeError, ValueError
-            When the data are no tensor or have another shape, when the network does not serve the
-            sensor, when the sensor has maps, or when there is no sensor for a K-conditioned
-            network. When data that need no gradient are not from 0 to K, or bits not from 0 to 1;
-            code under torch.compile does not check them.
+            When the data are not a tensor or have another shape, when the network does not serve
+            the sensor, when the sensor has maps, or when there is no sensor for a K-conditioned
+            network. When counts are not from 0 to K, or bits not from 0 to 1. Data that need a
+            gradient, and code under torch.compile, are not checked.
 
         Warns
         -----

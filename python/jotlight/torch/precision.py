@@ -39,7 +39,7 @@ def fastest_precision(
 ) -> str:
     """Return the `precision` of :func:`jotlight.torch.train` that is the fastest on this machine.
 
-    It measures some passes forward and back. Processors with matrix instructions (AMX) or dot
+    It times several forward and backward passes. Processors with matrix instructions (AMX) or dot
     products (AVX-512) for bfloat16 are faster with it; most others are not.
 
     Parameters

@@ -150,7 +150,7 @@ class Sensing(nn.Module):
         if not (per_jot or self._has_uniform_pixels):
             raise ValueError(
                 "data: expected bits for a smooth kernel and for maps of the jots, since a count "
-                'does not tell which jots fired; use Sensing(sensor, output="bits")'
+                'does not say which jots reported 1; use Sensing(sensor, output="bits")'
             )
         rate = self._rate(intensities, per_jot=per_jot)
         rate = rate + (_MIN_LIKELIHOOD_RATE - rate).clamp(min=0).detach()

@@ -22,7 +22,7 @@ _FINE = 1 / 2
 class ColorDrawings(PatchSource):
     """Random drawings as those of :class:`SyntheticPatches`, with two colors for 0 and 1.
 
-    Three of four stay gray, and half are fine drawings.
+    Three quarters stay gray, and half are fine drawings.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ class FilmExample:
     truth: npt.NDArray[np.floating]
     """The true intensities, (H, W)."""
     trials: float
-    """The usual number of readings behind a pixel."""
+    """The usual number of binary readings behind a pixel of the window."""
     light_per_intensity: float
     """Photons per jot and frame at intensity 1."""
 

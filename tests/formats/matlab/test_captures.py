@@ -197,6 +197,6 @@ def test_verification_counts_the_parts_and_their_description(tmp_path, monkeypat
 
 def test_bits_of_several_channels_are_refused_with_their_number(tmp_path):
     bits = jl.Bits.from_array(np.zeros((2, 4, 5, 3), bool))
-    with pytest.raises(ValueError, match=r"one channel, got 3; write to a name in \.npy"):
+    with pytest.raises(ValueError, match=r"one channel, got 3; write to a name that ends in \.npy"):
         jl.save(bits, tmp_path / "folder", format="matlab")
     assert not list(tmp_path.iterdir())

@@ -3,9 +3,9 @@
 //!
 //! The log-likelihood is ℓ(s) = Σ L log P(q, η s + d) + (n − L) log(1 − P(q, η s + d)), which
 //! equation (4) maximizes. An *element* of the sum is a jot, or a pixel whose jots all receive the
-//! same light. L of the n readings of an element are ones; n may be a real number, such as a mean. The light s is the expected number of
-//! photons per jot and frame. The quantum efficiency η and the dark counts d turn it into the rate
-//! η s + d.
+//! same light. L of the n readings of an element are ones; n may be a real number, such as a mean.
+//! The light s is the expected number of photons per jot and frame. The quantum efficiency η and the
+//! dark counts d turn it into the rate η s + d.
 
 mod chunk;
 pub(crate) mod one_photon;

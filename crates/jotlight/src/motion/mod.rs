@@ -11,9 +11,9 @@
 //! all tiles together. [`chi_squared`] tests which pixels agree with the template, and
 //! [`disagreement`] compares two parts of the frames.
 //!
-//! [`add_object_gain`] tells where objects explain the bits better than what is behind them.
-//!
-//! Before, [`velocity_scores`] tells how probable velocities are in windows of the scene.
+//! [`velocity_scores`] computes how probable velocities are in windows of the scene. The alignment
+//! begins with it. [`add_object_gain`] computes where objects explain the bits better than what is
+//! behind them.
 
 mod acceptance;
 mod affine;

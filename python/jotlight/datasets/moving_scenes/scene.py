@@ -262,8 +262,7 @@ def moving(
     sensor : Sensor, optional
         The sensor. Its `frames` are the length T of the burst. Masks of dead jots, maps of dark
         counts (hot jots), maps of the efficiency, and a mosaic for a color photograph are possible.
-        Default:
-        ``Sensor(frames=256)``, or as many frames as the array `motion` has.
+        Default: ``Sensor(frames=256)``, or as many frames as the array `motion` has.
     foreground : array_like of float, shape (H, W) or (H, W, C), optional
         The photograph of the objects, and of a plane in "parallax". Scenes without objects do not
         show it. Default: the background, turned by 180°.

@@ -276,7 +276,8 @@ def _write_tiff_readings(readings: Readings, path: Path) -> None:
 
     if readings.sensor.maps():
         raise ValueError(
-            "tiff: has no place for the maps of a sensor; write to a name in .npy to keep them"
+            "tiff: has no place for the maps of a sensor; write to a name that ends in .npy to "
+            "keep them"
         )
     kind = np.uint8 if readings.sensor.bit_depth <= 8 else np.uint16
     label = json.dumps(make_readings_label(readings.sensor, readings.provenance))

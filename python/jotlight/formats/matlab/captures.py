@@ -157,7 +157,8 @@ def _write_bits(bits: Bits, path: Path) -> None:
 
     if len(bits.shape) != 3:
         raise ValueError(
-            f"matlab: expected bits of one channel, got {bits.shape[3]}; write to a name in .npy"
+            f"matlab: expected bits of one channel, got {bits.shape[3]}; write to a name that ends "
+            "in .npy"
         )
     frames, height, width = bits.shape
     part_frames = max(1, min(_FRAMES_PER_PART, _BYTES_PER_PART // (height * width)))

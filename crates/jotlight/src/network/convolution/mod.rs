@@ -3,7 +3,8 @@
 //!
 //! `padded` adds the border and convolves, with the taps that `filter_taps` orders. `direct` and
 //! `channel_bank` hold its inner loops, for one output and for several. `winograd` is faster for
-//! many channels, and `tiles` for bfloat16 on processors with AMX. `adjoint` and `tap_gradient` compute derivatives.
+//! many channels, and `tiles` for bfloat16 on processors with AMX. `adjoint` and `tap_gradient`
+//! compute derivatives.
 
 pub(crate) mod adjoint;
 mod channel_bank;

@@ -2,7 +2,8 @@
 //! knots.
 //!
 //! `evaluate` computes φ and its derivatives, and `registers` does the same faster with AVX-512.
-//! `register_pairs` computes φ faster with AVX2. `backward` computes gradients. `channels` applies one spline per channel.
+//! `register_pairs` computes φ faster with AVX2. `backward` computes gradients. `channels` applies
+//! one spline per channel.
 
 mod backward;
 pub(crate) mod channels;
