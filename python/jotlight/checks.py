@@ -176,7 +176,8 @@ def whole_numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
     refuse_masked(name, values)
     array = np.asarray(values)
     if array.dtype.kind not in "iub":
-        raise TypeError(f"{name}: expected whole numbers, got {array.dtype}")
+        kind = type(values).__name__ if array.dtype == object else array.dtype
+        raise TypeError(f"{name}: expected whole numbers, got {kind}")
     if array.size and (array.min() < 0 or array.max() >= 2**31):
         raise ValueError(f"{name}: expected 0 to 2**31 - 1, got {array.min()} to {array.max()}")
     return np.require(array, np.int32, ["C", "ALIGNED"])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import jotlight as jl
 from jotlight.sensing.values import flatten
 
 
@@ -26,3 +27,13 @@ def test_a_map_that_images_share_is_contiguous(stack):
     flat = flatten(map_)
     assert flat.flags.c_contiguous
     assert flat.tolist() == [0.5] * map_.size
+
+
+def test_data_that_are_no_numbers_of_ones_are_named():
+    readings = jl.Sensor(bit_depth=4).expose(np.full((4, 4), 0.5), rng=0)
+    with pytest.raises(TypeError, match=r"got Readings of several bits; jotlight\.merge_readings"):
+        jl.Likelihood(readings)
+    with pytest.raises(TypeError, match="ones: expected whole numbers, got Merged"):
+        jl.Likelihood(jl.merge_readings(readings))
+    with pytest.raises(TypeError, match="ones: expected whole numbers, got Sensor"):
+        jl.Likelihood(jl.Sensor())
