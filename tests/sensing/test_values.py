@@ -37,3 +37,10 @@ def test_data_that_are_no_numbers_of_ones_are_named():
         jl.Likelihood(jl.merge_readings(readings))
     with pytest.raises(TypeError, match="ones: expected whole numbers, got Sensor"):
         jl.Likelihood(jl.Sensor())
+
+
+@pytest.mark.parametrize("data", [None, {"a": 1}, jl.Sensor()], ids=["None", "dict", "sensor"])
+def test_the_error_of_data_without_numbers_names_their_type(data):
+    for take in (jl.Bits.from_array, lambda data: jl.mle(data, jl.Sensor())):
+        with pytest.raises(TypeError, match=f"got {type(data).__name__}"):
+            take(data)
