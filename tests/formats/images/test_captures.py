@@ -133,3 +133,10 @@ def test_the_error_of_many_channels_says_what_to_do(tmp_path):
     tifffile.imwrite(tmp_path / "a.tif", np.zeros((5, 2, 6, 7), np.uint8), **options)
     with pytest.raises(ValueError, match="write each channel to a file of its own"):
         jl.open(tmp_path / "a.tif")
+
+
+def test_the_error_of_images_that_differ_names_two_of_them(tmp_path):
+    tifffile.imwrite(tmp_path / "a.tif", COUNTS[0], photometric="minisblack")
+    tifffile.imwrite(tmp_path / "b.tif", COUNTS[0, :5], photometric="minisblack")
+    with pytest.raises(ValueError, match=r"got uint16 .*\(6, 7\) in a\.tif, .*\(5, 7\) in b\.tif"):
+        jl.open(tmp_path)

@@ -80,8 +80,15 @@ def _open_images(
 ) -> Capture:
     files = list_files(path, extensions, name.upper())
     parts, labels = zip(*map(read, files), strict=True)
-    if len({(part.shape[1:], part.dtype) for part in parts}) != 1:
-        raise ValueError(f"{path}: expected images of one size and type")
+    kinds = {(part.shape[1:], part.dtype): file for part, file in zip(parts, files, strict=True)}
+    if len(kinds) != 1:
+        each = [
+            f"{dtype} of shape {shape} in {file.name}" for (shape, dtype), file in kinds.items()
+        ]
+        raise ValueError(
+            f"{path}: expected images of one size and type, got {each[0]}, and {each[1]}; move "
+            "others to another folder"
+        )
     provenance = Provenance(name, path.name)
     if len(files) > 1:
         provenance = provenance.with_notes(
