@@ -32,6 +32,18 @@ def shown(value: object) -> str:
     return repr(value)
 
 
+def type_of(value: object, array: npt.NDArray[Any]) -> str:
+    """Return the type of the numbers of an array, or that of a value that holds no numbers.
+
+    Examples
+    --------
+    >>> type_of(0.5, np.array(0.5)), type_of(None, np.array(None))
+    ('float64', 'NoneType')
+    """
+    is_other = array.dtype == object and not isinstance(value, np.ndarray)
+    return type(value).__name__ if is_other else str(array.dtype)
+
+
 def whole_number(name: str, value: Any, minimum: int) -> int:
     """Return `value` as an int that is at least `minimum`.
 
@@ -176,7 +188,7 @@ def whole_numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
     refuse_masked(name, values)
     array = np.asarray(values)
     if array.dtype.kind not in "iub":
-        raise TypeError(f"{name}: expected whole numbers, got {array.dtype}")
+        raise TypeError(f"{name}: expected whole numbers, got {type_of(values, array)}")
     if array.size and (array.min() < 0 or array.max() >= 2**31):
         raise ValueError(f"{name}: expected 0 to 2**31 - 1, got {array.min()} to {array.max()}")
     return np.require(array, np.int32, ["C", "ALIGNED"])
@@ -322,8 +334,8 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     if counts.dtype.kind not in "iu" and counts.size:  # an empty list has the type of floats
         raise TypeError(
             f"data: expected jotlight.Bits or an image of counts in whole numbers, got "
-            f"{counts.dtype}; pass frames of bool to jotlight.Bits.from_array(frames, sensor), and "
-            "cast rounded floats with astype(int)"
+            f"{type_of(data, counts)}; pass frames of bool to jotlight.Bits.from_array(frames, "
+            "sensor), and cast rounded floats with astype(int)"
         )
     if counts.ndim < 2 or counts.size == 0:
         raise ValueError(

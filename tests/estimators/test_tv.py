@@ -75,3 +75,8 @@ def test_the_weight_is_finite_and_positive_with_dead_jots(kernel):
     assert np.isfinite(history.weight).all()
     assert (history.weight > 0).all()
     assert np.abs(estimate - 0.5).mean() < 0.08
+
+
+def test_the_error_of_a_weight_that_is_no_number_shows_it():
+    with pytest.raises(ValueError, match=r"weight: expected a number, .* got '2'"):
+        jl.tv.check_map("weight", "2", (4, 4))

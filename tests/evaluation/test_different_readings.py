@@ -229,3 +229,18 @@ def test_mostly_saturated_readings_have_little_bias():
     sensor = jl.Sensor(frames=8, gain=96.0, bit_depth=2)
     estimate = jl.reconstruct(sensor.expose(truth, rng=0))
     assert estimate.mean() == pytest.approx(truth.mean(), rel=0.04)
+
+
+@pytest.mark.parametrize("gains", [[1.0, 1e6], [1e-6, 1e6], [1e-12, 1e12]], ids=repr)
+def test_exposures_of_any_range_find_darkness(gains):
+    sensor = jl.Sensor(frames=2, gain=gains)
+    bits = sensor.expose(np.zeros((16, 16)), rng=0)
+    # The most sensitive readings see less than a photon.
+    assert (jl.reconstruct(bits) * gains[1]).max() < 0.1
+
+
+@pytest.mark.parametrize("gains", [[1.0, 1e6], [1e-6, 1e6]], ids=repr)
+def test_exposures_of_a_wide_range_find_dim_light(gains):
+    sensor = jl.Sensor(frames=2, gain=gains)
+    bits = sensor.expose(np.full((64, 64), 1e-6), rng=0)
+    assert jl.reconstruct(bits).mean() == pytest.approx(1e-6, rel=0.1)

@@ -112,9 +112,39 @@ def test_dead_jots_are_not_typical():
     np.testing.assert_allclose(known.high, of_plain.high, atol=1e-5)
 
 
-def test_saturated_jots_permit_all_bright_light():
+@pytest.mark.parametrize("trials", [1, 4, 16, 256])
+def test_saturated_jots_permit_all_bright_light(trials):
+    sensor = jl.Sensor(frames=trials, max_intensity=60.0)
+    known = jl.uncertainty(np.full((32, 32), trials), sensor)
+    np.testing.assert_array_equal(known.high, 60)
+
+
+@pytest.mark.parametrize("trials", [4, 16])
+def test_a_saturated_lamp_may_have_any_brightness(trials):
+    lamp = np.zeros(CAMERA.shape, bool)
+    lamp[40:60, 30:50] = True
+    inside = np.zeros_like(lamp)
+    inside[42:58, 32:48] = True
+    scene = np.where(lamp, 40.0, CAMERA)
+    known = jl.uncertainty(jl.Sensor(frames=trials, max_intensity=60.0).expose(scene, rng=0))
+    np.testing.assert_array_equal(known.high[inside], 60)
+    assert known.high[~lamp].mean() < 1
+
+
+def test_behind_a_mosaic_saturated_jots_permit_all_bright_light():
+    sensor = jl.Sensor(frames=16, max_intensity=60.0, mosaic="RGGB")
+    bits = sensor.expose(np.full((32, 32, 3), 59.0), rng=0)
+    np.testing.assert_array_equal(jl.uncertainty(bits).high, 60)
+
+
+def test_pixels_without_trials_do_not_permit_all_bright_light():
+    trials = np.zeros((8, 8))
+    pixels = Pixels(jl.Sensor(), np.zeros((8, 8), np.int32), trials, 1.0, 0.0)
+    assert not pixels.unbounded.any()
+
+
+def test_dark_counts_that_saturate_jots_hide_all_light():
     known = jl.uncertainty(np.full((32, 32), 16), jl.Sensor(frames=16, max_intensity=200.0))
-    assert known.high.max() == 200
     hidden = jl.uncertainty(np.full((8, 8), 16), jl.Sensor(frames=16, dark_counts=80.0))
     assert (known.low > 0).any()
     np.testing.assert_array_equal(hidden.low, 0)

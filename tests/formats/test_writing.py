@@ -45,7 +45,7 @@ def test_the_format_can_be_named(tmp_path):
     np.testing.assert_array_equal(bits.to_array(), frames)
 
 
-@pytest.mark.parametrize("data", [[1, 2], np.ones((2, 2)), np.ones((1, 2, 2), bool)])
+@pytest.mark.parametrize("data", [[[True]], np.ones((2, 2)), np.ones((1, 2, 2), bool)])
 def test_only_bits_and_integers_are_saved(tmp_path, data):
     with pytest.raises(TypeError, match=r"expected jotlight\.Bits or an array of counts"):
         jl.save(data, tmp_path / "a.npy")
@@ -108,3 +108,32 @@ def test_a_name_that_implies_no_format_is_refused(tmp_path):
     with pytest.raises(ValueError, match="this name implies no single format"):
         jl.save(BITS, tmp_path / "capture.bin")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "convert",
+    [
+        np.ndarray.tolist,
+        lambda counts: pytest.importorskip("torch").from_numpy(counts),
+        lambda counts: pytest.importorskip("dask.array").from_array(counts),
+    ],
+    ids=["list", "tensor", "dask"],
+)
+def test_counts_of_any_array_are_saved(tmp_path, convert):
+    counts = np.arange(12, dtype=np.int32).reshape(3, 4)
+    jl.save(convert(counts), tmp_path / "a.npy")
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.npy"), counts)
+
+
+def test_frames_are_no_image_of_counts(tmp_path):
+    with pytest.raises(ValueError, match=r"at most 4 channels, got shape \(4, 12, 14\); .* packs"):
+        jl.save(np.ones((4, 12, 14), np.uint8), tmp_path / "a.npy")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("data", "kind"), [(None, "NoneType"), (jl.Sensor(), "Sensor"), ([[0.5]], "list")]
+)
+def test_the_error_of_other_data_names_their_type(tmp_path, data, kind):
+    with pytest.raises(TypeError, match=f"data: expected .* an array of counts, got {kind}"):
+        jl.save(data, tmp_path / "a.npy")

@@ -181,7 +181,10 @@ def test_stacks_of_counts_have_the_motion_of_their_bits():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"gain": np.tile([1.0, 3.0], FRAMES // 2)}, "one gain .* got a gain for each frame"),
+        (
+            {"gain": np.tile([1.0, 3.0], FRAMES // 2)},
+            "a map or exposures that repeat, but not both",
+        ),
         ({"read_noise": 0.2}, "without noise, got single bits with read noise 0.2"),
         ({"mosaic": "RGGB"}, "got a threshold for each jot"),
     ],

@@ -289,3 +289,9 @@ def test_frames_are_selected_by_a_slice(frames):
     for sensor in (jl.Sensor(frames=4), jl.Sensor(frames=4, gain=[1.0, 2.0, 1.0, 2.0])):
         with pytest.raises(TypeError, match=message):
             sensor.select_frames(frames)
+
+
+def test_the_error_of_a_map_of_thresholds_for_several_bits_is_short():
+    with pytest.raises(ValueError, match=r"got an array of \w+ of shape \(64, 64\)") as caught:
+        jl.Sensor(bit_depth=4, threshold=1 + np.indices((64, 64)).sum(axis=0) % 2)
+    assert len(str(caught.value)) < 250

@@ -341,3 +341,31 @@ def test_masked_arrays_are_refused():
         jl.mle(masked.astype(int), jl.Sensor())
     with pytest.raises(TypeError, match="masked"):
         jl.Bits.from_array(masked.astype(bool))
+
+
+MASKED = np.ma.masked_array(np.full((3, 3), 0.5), np.eye(3, dtype=bool))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("efficiency", MASKED),
+        ("dark_counts", MASKED),
+        ("mask", MASKED > 1),
+        ("threshold", np.ma.masked_array([[1, 2]], [[True, False]])),
+        ("gain", np.ma.masked_array([1.0, 2.0], [True, False])),
+    ],
+)
+def test_masked_parameters_are_refused(name, value):
+    with pytest.raises(TypeError, match=f"{name}: expected a plain array, got a masked one"):
+        jl.Sensor(frames=2, **{name: value})
+
+
+@pytest.mark.parametrize("value", [np.nan, -0.5, 1e30, [[0.1, -3.0]]])
+@pytest.mark.parametrize("name", ["dark_counts", "efficiency"])
+def test_the_error_of_a_number_out_of_range_states_it(name, value):
+    received = f"{np.min(value):g}" if np.ndim(value) else rf"({value}|{value:g})"
+    with pytest.raises(
+        ValueError, match=rf"{name}: expected .* got {received}".replace("+", r"\+")
+    ):
+        jl.Sensor(**{name: value})

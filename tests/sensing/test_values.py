@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import jotlight as jl
 from jotlight.sensing.values import flatten
 
 
@@ -26,3 +27,20 @@ def test_a_map_that_images_share_is_contiguous(stack):
     flat = flatten(map_)
     assert flat.flags.c_contiguous
     assert flat.tolist() == [0.5] * map_.size
+
+
+def test_data_that_are_no_numbers_of_ones_are_named():
+    readings = jl.Sensor(bit_depth=4).expose(np.full((4, 4), 0.5), rng=0)
+    with pytest.raises(TypeError, match=r"got Readings of several bits; jotlight\.merge_readings"):
+        jl.Likelihood(readings)
+    with pytest.raises(TypeError, match="ones: expected whole numbers, got Merged"):
+        jl.Likelihood(jl.merge_readings(readings))
+    with pytest.raises(TypeError, match="ones: expected whole numbers, got Sensor"):
+        jl.Likelihood(jl.Sensor())
+
+
+@pytest.mark.parametrize("data", [None, {"a": 1}, jl.Sensor()], ids=["None", "dict", "sensor"])
+def test_the_error_of_data_without_numbers_names_their_type(data):
+    for take in (jl.Bits.from_array, lambda data: jl.mle(data, jl.Sensor())):
+        with pytest.raises(TypeError, match=f"got {type(data).__name__}"):
+            take(data)

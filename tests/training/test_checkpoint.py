@@ -256,6 +256,31 @@ def test_a_damaged_checkpoint_is_refused(tmp_path, damage):
         train(checkpoint=path, resume=True)
 
 
+STATES = {
+    "adam": ["mean", "square"],
+    "gauss-newton": ["matrix", "damping"],
+}
+
+
+@pytest.mark.parametrize(
+    ("optimizer", "missing"),
+    [(name, part) for name, parts in STATES.items() for part in (*parts, "all")],
+)
+def test_a_checkpoint_without_the_state_of_its_optimizer_is_refused(tmp_path, optimizer, missing):
+    path = tmp_path / "run"
+    options = {"optimizer": OPTIMIZERS[optimizer], "checkpoint": path}
+    with pytest.raises(KeyboardInterrupt):
+        train(**options, callback=stopping(1))
+    names = STATES[optimizer] if missing == "all" else [missing]
+    with safe_open(path, framework="numpy") as file:
+        metadata = file.metadata()
+    tensors = load_file(path)
+    rest = {name: each for name, each in tensors.items() if name[6:] not in names}
+    save_file(rest, path, metadata)
+    with pytest.raises(ValueError, match=rf"it has no state\.{names[0]}\); start again"):
+        train(**options, resume=True)
+
+
 def test_a_full_disk_leaves_the_last_checkpoint_intact(tmp_path, monkeypatch):
     resource = pytest.importorskip("resource")
     path = tmp_path / "run"

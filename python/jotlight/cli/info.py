@@ -22,7 +22,7 @@ from jotlight.formats.archives import describe_npz_arrays, read_npz_label
 from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.capture import Capture, CountStack, is_single_image
 from jotlight.formats.detect import PHOTOGRAPH_EXTENSIONS, detect_format
-from jotlight.formats.images.tiff_directories import open_checked_tiff
+from jotlight.formats.images.tiff_directories import open_checked_tiff, shape_of
 from jotlight.formats.labels import COUNTS, parse_label
 from jotlight.formats.locations import is_url
 from jotlight.formats.verification import verify_capture
@@ -202,7 +202,8 @@ def _is_image(file: Path) -> bool:
     if ending in (".tif", ".tiff"):
         try:
             with open_checked_tiff(file) as tiff:
-                shape, dtype = tiff.series[0].shape, tiff.series[0].dtype
+                series = tiff.series[0]
+                shape, dtype = shape_of(series), series.dtype
                 if parse_label(tiff.pages[0].description, COUNTS) is not None:
                     return False
                 return bool(dtype.kind == "f" or (dtype == np.uint8 and is_single_image(shape)))

@@ -107,7 +107,8 @@ def _make_jobs(
     Raises
     ------
     OSError, ValueError
-        When there is no job. If no capture fits the options for the same reason, it is the error.
+        When there is no job. If all captures that can be opened are unfit for the same reason, it
+        is the error, after warnings of the damaged ones.
     """
     options = _opening(capture, run)
     jobs: list[tuple[Target, Job]] = []
@@ -132,6 +133,8 @@ def _make_jobs(
                 unfit[target.name] = error
     reasons = {error_message(error): error for error in (unfit or damaged).values()}
     if not jobs and len(reasons) == 1:
+        for name, damage in damaged.items() if unfit else ():
+            caution("failed", f"{name}: {error_message(damage)}")
         raise next(iter(reasons.values()))
     refused = {name: error_message(error) for name, error in {**damaged, **unfit}.items()}
     if not jobs and refused:

@@ -145,6 +145,8 @@ def _still_bits(
 
     Readings of several bits are drawn at once.
     """
+    if image.ndim > 3:
+        raise ValueError(f"photo: expected one image, (H, W) or (H, W, C), got {image.shape}")
     axis = None if image.ndim == 2 else -1
     exposed.check_map_shapes(*(size * exposed.oversampling for size in image.shape[:2]))
     channels = image.shape[2:] if exposed.mosaic is None else ()

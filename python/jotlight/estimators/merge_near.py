@@ -19,10 +19,10 @@ from jotlight.estimators.merge_readings import (
 from jotlight.estimators.neighbors import (
     MAX_FILTERS,
     MAX_FRACTION,
-    MIN_SHARE,
     average_fractions,
     common_intensity,
     each_filter,
+    min_intensity,
     toward_own,
     typical_spread,
 )
@@ -156,7 +156,7 @@ class Merging:
 
     def _toward_most_likely(self, near: Array) -> Array:
         """Return intensities between given ones and the most likely ones, (H, W)."""
-        least = MIN_SHARE * self.joint.sensor.max_intensity
+        least = min_intensity(self.joint.sensor)
         known = self.joint.information(np.maximum(near, least))
         return toward_own(near, self.maximum, known)
 
@@ -205,7 +205,7 @@ def _behind_filters(joint: JointLikelihood, near: Array, mosaic: Mosaic, pattern
     sensitivity = mosaic.sensitivity[pattern]
     values = near / sensitivity
     bright = brightest_mean(values, pattern) * sensitivity
-    known = joint.information(np.maximum(bright, MIN_SHARE * joint.sensor.max_intensity))
+    known = joint.information(np.maximum(bright, min_intensity(joint.sensor)))
     weights = np.where(joint.trials > 0, known * sensitivity**2, 0.0)
     plain = dataclasses.replace(mosaic, white_balance=np.ones(COLORS))
     colors = demosaic(values, plain, "differences", weights)
@@ -269,7 +269,7 @@ def _real_counts(
     """Return the ones and the trials near intensities, and the rates of a trial there, (H, W)."""
     reference, largest = reference_sensor(joint.sensor), joint.sensor.max_intensity
     efficiency, dark_counts = _jots_of_counts(joint.sensor, reference)
-    least = np.maximum(MIN_SHARE * largest, min_light(joint))
+    least = np.maximum(min_intensity(joint.sensor), min_light(joint))
     near = np.clip(intensity.astype(np.float64), least, largest)
     slope = efficiency * reference.light_per_intensity
     rate = np.asarray(slope * near + dark_counts)

@@ -5,6 +5,7 @@ sensor with one gain and one threshold have the same maximum and the same inform
 that takes merged counts works on them.
 """
 
+import math
 from typing import Any, cast
 
 import numpy as np
@@ -111,7 +112,8 @@ def reference_sensor(sensor: Sensor) -> Sensor:
     So it is not saturated where the readings are not, and its trials are at least about as many as
     those of the least sensitive readings. For readings of several bits, a jot of it gets 1/4
     photon per frame, at the largest intensity or at the light that saturates half of the readings,
-    whichever is dimmer, but at most as much light as in the readings.
+    whichever is dimmer, but at most as much light as in the readings. A jot gets more light if dark
+    pixels needed more than :data:`MAX_TRIALS` trials otherwise.
 
     Examples
     --------
@@ -120,22 +122,33 @@ def reference_sensor(sensor: Sensor) -> Sensor:
     """
     if sensor.has_plain_bits and sensor.threshold == 1:
         return sensor
-    half = float(inverse_detection_probability(1, 0.5, 0.5))
-    per_frame = []
+    per_frame, photons = [], 0.0
     for group in sensor.groups():
         own = group.sensor
-        # The light at which half of the readings are the largest one.
-        photons = own.threshold - 1 + own.max_reading
-        rate = float(inverse_detection_probability(photons, 0.5, 0.5))
-        share = half / rate
+        rate = half_rate(own)
+        share = math.log(2) / rate
         if own.bit_depth > 1:
             brightest = own.light_per_intensity * own.max_intensity
             share = min(1.0, MAX_RATE / min(brightest, rate))
         per_frame.append(own.gain / own.frames * share)
-    reference = sensor.replace(
-        threshold=1, gain=min(per_frame) * sensor.frames, bit_depth=1, read_noise=0.0
-    )
+        photons += own.gain / own.frames * len(group.frames)
+    # In the dark, trials that would receive as many photons say as much as the readings.
+    least = photons * sensor.oversampling**2 / MAX_TRIALS
+    gain = max(min(per_frame), least) * sensor.frames
+    reference = sensor.replace(threshold=1, gain=gain, bit_depth=1, read_noise=0.0)
     return reference.replace(dark_counts=noise_floor(sensor, reference, sensor.dark_counts))
+
+
+def half_rate(sensor: Sensor) -> float:
+    """Return the rate of a jot at which half of its readings are the largest one.
+
+    Examples
+    --------
+    >>> round(half_rate(Sensor()), 4), round(half_rate(Sensor(bit_depth=2)), 4)  # log(2)
+    (0.6931, 2.6741)
+    """
+    photons = sensor.threshold - 1 + sensor.max_reading
+    return float(inverse_detection_probability(photons, 0.5, 0.5))
 
 
 def noise_floor(

@@ -6,9 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.joint_mle import solve_expected_total
-from jotlight.estimators.merge_readings import min_light
+from jotlight.estimators.merge_readings import half_rate, min_light
 from jotlight.sensing.joint_likelihood import JointLikelihood
 from jotlight.sensing.response import Array
+from jotlight.sensing.sensor import Sensor
 
 _SIGMA, _MIN_SIGMA, _MAX_SIGMA = 4.0, 1.0, 3.0
 """Standard deviation of an average in pixels, for one reading per pixel, and its limits. For n
@@ -18,8 +19,9 @@ MAX_FILTERS = 16
 """With more filters, an average is wider, so that it has as many pixels of its own filter. Beyond
 this number, it grows no further."""
 
-MIN_SHARE = 1e-5
-"""Smallest intensity near which readings are linear, as a share of the largest one."""
+_MIN_SHARE = 1e-5
+"""Smallest intensity near which readings are linear, as a share of the largest one, or of the one
+that saturates half of the most sensitive readings, whichever is dimmer."""
 
 _STEPS, _TINY = 3, 1e-12
 """Number of steps toward the most likely light of a neighborhood, and the smallest information of
@@ -46,6 +48,22 @@ def typical_spread(readings: float) -> float:
     [3.0, 2.0, 1.0]
     """
     return float(min(max(_SIGMA / np.sqrt(max(readings, 1)), _MIN_SIGMA), _MAX_SIGMA))
+
+
+def min_intensity(sensor: Sensor) -> float:
+    """Return the smallest intensity near which readings become linear counts.
+
+    Examples
+    --------
+    >>> min_intensity(Sensor(gain=0.1))
+    1e-05
+    >>> round(min_intensity(Sensor(frames=2, gain=[0.01, 69.315])), 9)
+    1e-07
+    """
+    dimmest = sensor.max_intensity
+    for group in sensor.groups():
+        dimmest = min(dimmest, half_rate(group.sensor) / group.sensor.light_per_intensity)
+    return _MIN_SHARE * dimmest
 
 
 def common_intensity(
@@ -94,7 +112,7 @@ def _most_likely(
     def derivatives(light: Array) -> tuple[Array, Array]:
         return average(joint.gradient_and_curvature(light)[0]), average(joint.information(light))
 
-    least = np.maximum(MIN_SHARE * joint.sensor.max_intensity, min_light(joint))
+    least = np.maximum(min_intensity(joint.sensor), min_light(joint))
     first = np.maximum(average(start) / np.maximum(average(np.ones(joint.shape)), 1e-9), least)
     return fisher_scoring(first, derivatives, least, joint.sensor.max_intensity)
 

@@ -63,7 +63,8 @@ def find_channel_intervals(
             known = estimates[start + index]
             errors = one.errors(own, [colors[index] for colors in of_halves])
             scale = one.scale(known, errors, model)
-            results.append(one.uncertainty(known, scale, errors, confidence_level, model))
+            about = known, scale, errors, confidence_level, model
+            results.append(one.uncertainty(*about, one.unbounded))
     return Uncertainty.arrange(results, images.layout)
 
 

@@ -85,6 +85,12 @@ class MosaicPixels:
         return np.broadcast_to(np.asarray(self.counted.trials, float), self.counted.counts.shape)
 
     @cached_property
+    def behind_filters(self) -> Pixels:
+        """The pixels as those of a gray image, whose light has passed the filters."""
+        jot = self.counted.efficiency, self.counted.dark_counts
+        return Pixels(self.sensor, self.counted.counts, self.trials, *jot)
+
+    @cached_property
     def shares(self) -> Array:
         """The part of the light of each color that passes each pixel's filter, (3, H, W)."""
         places = self.mosaic.full(*self.counted.counts.shape)
@@ -141,10 +147,10 @@ class MosaicPixels:
         if np.median(self.trials) < MIN_TRIALS:
             return []
         pair = divide_bits(self.counted.counts, self.trials)
-        jot = self.counted.efficiency, self.counted.dark_counts
-        gray = Pixels(self.sensor, self.counted.counts, self.trials, *jot)
         counted = [
-            count_pixels(gray.merged(half.ones, half.trials), self.sensor, self.threads)
+            count_pixels(
+                self.behind_filters.merged(half.ones, half.trials), self.sensor, self.threads
+            )
             for half in pair
         ]
         if any(find_unseen(each, self.mosaic) for each in counted):
@@ -247,7 +253,8 @@ def find_color_intervals(
         if not is_own:
             difference = gray.stabilize(own) - gray.stabilize(known[..., color])
             scale = widen(scale, difference)
-        found = gray.uncertainty(own, scale, errors, confidence_level, model)
+        about = own, scale, errors, confidence_level, model
+        found = gray.uncertainty(*about, pixels.behind_filters.unbounded)
         is_saturated = saturated & (pixels.shares[color] > 0)
         results.append(dataclasses.replace(found, saturated=is_saturated[None], dead=dead[None]))
     return results

@@ -1,6 +1,7 @@
 """The pixels of a gray image, the scale of the errors of their estimates, and their intervals."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, Self
@@ -41,6 +42,14 @@ _MAX_RATIO = 8.0
 
 Beyond it, one of them is dark or saturated.
 """
+
+_MIN_BITS = 50
+"""Number of bits around a pixel that bound its intensity from above, if one of them is 0.
+
+If all of them are 1, the probability of a one is at least 0.94, with a confidence of 95 %."""
+
+_MIN_SIDE = 3
+"""Smallest side of the square of these bits, in pixels."""
 
 
 def stabilize(
@@ -152,6 +161,22 @@ class Pixels:
         """Whether the jots of all pixels are alike."""
         return not any(isinstance(each, np.ndarray) for each in (self.efficiency, self.dark_counts))
 
+    @cached_property
+    def unbounded(self) -> npt.NDArray[np.bool_]:
+        """Whether all bits around each pixel are 1, so that its light may be of any brightness.
+
+        The network has seen no photographs of such light. Its errors do not bound it, either.
+        """
+        from scipy.ndimage import maximum_filter
+
+        if not (typical := np.median(self.trials)):
+            return np.zeros(self.ones.shape, np.bool_)
+        side = max(math.ceil(math.sqrt(_MIN_BITS / typical)) // 2 * 2 + 1, _MIN_SIDE)
+        has_one, has_zero = (
+            maximum_filter(bits, side) for bits in (self.ones > 0, self.ones < self.trials)
+        )
+        return np.asarray(has_one & ~has_zero)
+
     def stabilize(self, estimate: Estimate) -> Array:
         """Return z of an estimate, at the typical jot."""
         return stabilize(estimate.astype(np.float64), self.sensor, *self.typical_jot)
@@ -229,8 +254,12 @@ class Pixels:
         errors: list[HalfErrors],
         confidence_level: float,
         model: ErrorModel,
+        unbounded: npt.NDArray[np.bool_],
     ) -> Uncertainty:
-        """Return the uncertainty (1, H, W) of an estimate whose errors have a scale."""
+        """Return the uncertainty (1, H, W) of an estimate whose errors have a scale.
+
+        Where it is `unbounded`, intervals end at S.
+        """
         z, trials = (
             self.stabilize(estimate),
             self.local_trials(self.trials, self.relative_slope(estimate)),
@@ -242,6 +271,7 @@ class Pixels:
         low, high = model.quantiles(z, trials, (1 - confidence_level) / 2)
         deviation = scale * model.deviations(z, trials)
         low, high = intensity(z + low * scale), intensity(z + high * scale)
+        high = np.where(unbounded, self.sensor.max_intensity, high)
         dead = self.trials == 0
         error = (intensity(z + deviation) - intensity(z - deviation)) / 2
         return Uncertainty(

@@ -68,9 +68,8 @@ def find_intervals(
             if not is_own:
                 difference = one.stabilize(own[place]) - one.stabilize(known[place])
                 scale = widen(scale, difference)
-            results.append(
-                one.uncertainty(own[place], scale, errors, confidence_level, error_model())
-            )
+            about = own[place], scale, errors, confidence_level, error_model()
+            results.append(one.uncertainty(*about, one.unbounded))
     return Uncertainty.arrange(results, images.layout)
 
 

@@ -310,7 +310,10 @@ def as_count_stack(
             f"(T, H, W, C), without a dimension of 0, got {images.dtype} of shape {shape}"
         )
     if len(shape) == 4 and shape[3] > 4:
-        raise ValueError(f"expected at most 4 channels, got shape {shape}")
+        raise ValueError(
+            f"expected at most 4 channels on the last axis, (T, H, W, C), got shape {shape}; write "
+            "each channel to a file of its own, (T, H, W)"
+        )
     sensor, origin = read_readings_label(label)
     if sensor is not None:
         return stack_of_readings(

@@ -11,6 +11,7 @@ from jotlight.checks import Counts, as_path, refuse_masked
 from jotlight.errors import warn
 from jotlight.formats.labels import make_counts_label
 from jotlight.formats.registry import WRITERS
+from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_frames
 from jotlight.sensing.photon_readings import Readings
@@ -72,8 +73,36 @@ def _advice(data: object) -> str:
     return "; their own method save writes them" if hasattr(data, "save") else ""
 
 
+def _checked_counts(data: object) -> Counts:
+    """Return an image of counts after a check."""
+    # Lists of bits, and other objects, would become arrays that are no counts.
+    is_array = hasattr(data, "__array__") or isinstance(data, list | tuple)
+    counts = np.asarray(data) if is_array else np.array(None)
+    if counts.dtype.kind not in "iu":
+        kind = getattr(data, "dtype", type(data).__name__)
+        raise TypeError(
+            f"data: expected jotlight.Bits or an array of counts, got {kind}{_advice(data)}"
+        )
+    if counts.ndim not in (2, 3) or counts.size == 0:
+        raise ValueError(f"data: expected counts (H, W) or (H, W, C), got shape {counts.shape}")
+    if counts.ndim == 3 and counts.shape[2] > MAX_CHANNELS:
+        raise ValueError(
+            f"data: expected counts (H, W) or (H, W, C) with at most {MAX_CHANNELS} channels, got "
+            f"shape {counts.shape}; jotlight.Bits.from_array(frames, sensor) packs frames of bits, "
+            "and frames.sum(0) is one image of all"
+        )
+    if counts.min() < 0 or counts.max() >= 2**31:
+        raise ValueError(
+            f"data: expected counts from 0 to 2**31 - 1, got {counts.min()} to {counts.max()}"
+        )
+    return counts.astype(np.int32)
+
+
 def save(
-    data: Bits | Readings | Counts, path: str | os.PathLike[str], *, format: str | None = None
+    data: Bits | Readings | npt.ArrayLike,
+    path: str | os.PathLike[str],
+    *,
+    format: str | None = None,
 ) -> None:
     """Write bits, or an image of counts, to a file or folder that :func:`jotlight.open` reads.
 
@@ -83,7 +112,7 @@ def save(
 
     Parameters
     ----------
-    data : Bits, Readings, or ndarray of int, shape (H, W) or (H, W, C)
+    data : Bits, Readings, or array_like of int, shape (H, W) or (H, W, C)
         Bits or readings of several bits, which are written part by part, or counts. Bits are summed
         to counts if the format has only counts. `.npy` and `.tif` hold readings and their sensor.
     path : path
@@ -118,18 +147,7 @@ def save(
     path = as_path(path, 'jotlight.save(bits, "capture.npy")')
     refuse_masked("data", data)
     if not isinstance(data, Bits | Readings):
-        if not isinstance(data, np.ndarray) or data.dtype.kind not in "iu":
-            kind = getattr(data, "dtype", type(data).__name__)
-            raise TypeError(
-                f"data: expected jotlight.Bits or an array of counts, got {kind}{_advice(data)}"
-            )
-        if data.ndim not in (2, 3) or data.size == 0:
-            raise ValueError(f"data: expected counts (H, W) or (H, W, C), got shape {data.shape}")
-        if data.min() < 0 or data.max() >= 2**31:
-            raise ValueError(
-                f"data: expected counts from 0 to 2**31 - 1, got {data.min()} to {data.max()}"
-            )
-        data = data.astype(np.int32)
+        data = _checked_counts(data)
     name = choose_output_format(path, format)
     if isinstance(data, Bits) and len(data) > 1 and WRITERS[name].bits is None:
         warn(

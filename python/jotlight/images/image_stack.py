@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.images.tiff import kind_of
 from jotlight.output_files import open_output
 
 NamedImages = Mapping[str, npt.NDArray[Any]]
@@ -53,7 +54,7 @@ def stack_writer(
             tifffile.imwrite(
                 handle,
                 stack,
-                photometric="rgb" if stack.ndim == 4 and stack.shape[3] == 3 else "minisblack",
+                **kind_of(stack[0]),
                 description=json.dumps({**(note or {}), "pages": list(images)}),
                 metadata=None,
             )

@@ -16,10 +16,10 @@ from jotlight.checks import as_path, positive_number
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
 from jotlight.formats.images.tiff_directories import open_checked_tiff
-from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.limits import check_claimed_size
 from jotlight.images.color import FloatImage, luma
 from jotlight.images.exr import check_exr, read_exr, read_exr_comments, write_exr
+from jotlight.images.tiff import read_tiff, write_tiff
 from jotlight.output_files import OutputFile, open_output
 
 DISPLAYED = (".png", ".jpg", ".jpeg")
@@ -82,7 +82,7 @@ def read_image(
     if path.suffix.lower() == ".npy":
         array, scale = read_npy(path), None
     elif path.suffix.lower() in (".tif", ".tiff"):
-        array, scale = _read_tiff(path)
+        array, scale = read_tiff(path)
     elif path.suffix.lower() == ".exr":
         array, scale = read_exr(path), None
     else:
@@ -179,23 +179,6 @@ def _upright(array: npt.NDArray[Any], orientation: int) -> npt.NDArray[Any]:
     return array
 
 
-def _read_tiff(path: Path) -> tuple[npt.NDArray[Any], float | None]:
-    """Return the values of an image, and the level of intensity 1 if it is known."""
-    try:
-        with open_checked_tiff(path) as file:
-            series = file.series[0]
-            size = series.size * series.dtype.itemsize
-            check_claimed_size("the header", size, path.stat().st_size, frame_bytes=size)
-            for page in filter(None, series.pages):
-                check_segments(file, page)
-            array = np.asarray(series.asarray())
-    except Exception as error:  # any type: tifffile does not check what it reads
-        raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
-    if array.ndim == 3 and array.shape[2] == 4:  # transparency
-        array = array[..., :3]
-    return array, 255.0 if array.dtype == np.uint8 else None
-
-
 def image_writer(
     path: str | os.PathLike[str],
     *,
@@ -253,15 +236,7 @@ def image_writer(
         if suffix == ".npy":
             np.save(handle, image)
         elif suffix in (".tif", ".tiff"):
-            import tifffile
-
-            photometric = "rgb" if image.ndim == 3 else "minisblack"
-            description: dict[str, Any] = {}
-            if note:
-                description = {"description": json.dumps(dict(note)), "metadata": None}
-            tifffile.imwrite(
-                handle, image.astype(np.float32), photometric=photometric, **description
-            )
+            write_tiff(handle, image, note)
         elif depth == 16:
             _write_png16(handle, display_levels(image, white, 65535).astype(np.uint16), note)
         else:

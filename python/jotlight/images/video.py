@@ -16,6 +16,7 @@ from jotlight.images.color import FloatImage
 from jotlight.images.gif import MAX_FPS, gif_writer
 from jotlight.images.io import image_writer
 from jotlight.images.mp4 import mp4_writer
+from jotlight.images.tiff import kind_of
 from jotlight.images.tone import Tone
 from jotlight.output_files import open_output
 
@@ -207,7 +208,6 @@ def _tiff_writer(path: Path, number: int | None) -> Iterator[AddImage]:
             if tiff is None:
                 is_large = number is None or 4 * number * image.size > _MAX_TIFF
                 tiff = stack.enter_context(tifffile.TiffWriter(file, bigtiff=is_large))
-            photometric = "rgb" if image.ndim == 3 and image.shape[2] == 3 else "minisblack"
-            tiff.write(image.astype(np.float32), photometric=photometric, contiguous=True)
+            tiff.write(image.astype(np.float32), contiguous=True, **kind_of(image))
 
         yield add

@@ -17,7 +17,7 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import carried_sensor
-from jotlight.sensing.readings import without_mosaic
+from jotlight.sensing.readings import frames_differ, without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 
@@ -69,6 +69,12 @@ def frames_of_kinds(data: object, sensor: object) -> tuple[Bits | CountStack, Se
         raise ValueError(
             f"data: expected gray frames (T, H, W) for a sensor with {kinds}, because its jots "
             f"have one {each} each, got shape {shape}"
+        )
+    if stated.mosaic is None and frames_differ(stated):
+        raise ValueError(
+            "sensor: expected one gain for a sensor with a map of thresholds, got a gain for each "
+            "frame; motion, films, and the viewer take a map or exposures that repeat, but not "
+            "both; jotlight.reconstruct makes one image of all frames"
         )
     # With a mosaic and a map of thresholds, there would be a kind for each pair of them.
     require_alike_frames(stated if stated.mosaic else without_kinds(stated))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Self, SupportsIndex, overload
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import refuse_masked
+from jotlight.checks import refuse_masked, type_of
 from jotlight.chunks import windows
 from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing import lazy, preview
@@ -115,7 +115,9 @@ class Bits(ArrayHints):
         refuse_masked("bits", array)
         values = np.asarray(array)
         if values.dtype.kind not in "biu":
-            raise TypeError(f"bits: expected bool or whole numbers 0 and 1, got {values.dtype}")
+            kind = type_of(array, values)
+            advice = "; pass array == 1 for floats" if values.dtype.kind == "f" else ""
+            raise TypeError(f"bits: expected bool or whole numbers 0 and 1, got {kind}{advice}")
         if values.ndim == 2:
             values = values[None]
         if values.ndim not in (3, 4) or values.size == 0:

@@ -14,7 +14,6 @@ from jotlight.checks import (
     positive_number,
     refuse_masked,
     whole_number_in_range,
-    whole_numbers,
 )
 from jotlight.sensing.operators import Operator
 from jotlight.sensing.response import Array, inverse_detection_probability
@@ -25,6 +24,7 @@ from jotlight.sensing.values import (
     flatten,
     number_or_map,
     numbers_from_zero,
+    numbers_of_ones,
 )
 
 
@@ -81,7 +81,7 @@ class Likelihood:
         dark_counts: float | npt.ArrayLike = 0.0,
         threads: int | None = None,
     ) -> None:
-        self.ones = whole_numbers("ones", ones)
+        self.ones = numbers_of_ones(ones)
         self.shape = self.ones.shape
         if self.ones.size == 0:
             raise ValueError(f"ones: expected at least one cell, got shape {self.shape}")

@@ -64,6 +64,14 @@ def checked_maps(
     return checked
 
 
+def _range_of(values: npt.NDArray[Any]) -> str:
+    """Return the smallest and the largest number of an array for messages, or nan."""
+    if values.size == 0:
+        return f"shape {values.shape}"
+    low, high = f"{values.min():g}", f"{values.max():g}"
+    return low if low == high else f"{low} to {high}"
+
+
 def _checked_dark_counts(dark_counts: npt.ArrayLike) -> float | npt.NDArray[np.float32]:
     dark = np.asarray(dark_counts)
     if dark.dtype.kind not in "iuf" or dark.ndim not in (0, 2):
@@ -76,7 +84,9 @@ def _checked_dark_counts(dark_counts: npt.ArrayLike) -> float | npt.NDArray[np.f
         with np.errstate(over="ignore"):
             dark = dark.astype(np.float32)
     if dark.size == 0 or not (dark.min() >= 0 and dark.max() <= LIMITS[1]):
-        raise ValueError(f"dark_counts: expected numbers from 0 to {LIMITS[1]:g}")
+        raise ValueError(
+            f"dark_counts: expected numbers from 0 to {LIMITS[1]:g}, got {_range_of(dark)}"
+        )
     return float(dark) if dark.ndim == 0 else _read_only_copy(dark, np.float32)
 
 
@@ -92,9 +102,9 @@ def _checked_efficiency(efficiency: npt.ArrayLike) -> float | npt.NDArray[np.flo
     values = values.astype(np.float32)
     if values.size == 0 or not (values >= np.float32(LIMITS[0])).all() or values.max() > 1:
         raise ValueError(
-            f"efficiency: expected numbers from {LIMITS[0]:g} to 1; divide efficiencies relative "
-            "to the mean by their maximum, and multiply gain by it; mark jots that detect nothing "
-            "in the mask"
+            f"efficiency: expected numbers from {LIMITS[0]:g} to 1, got {_range_of(values)}; "
+            "divide efficiencies relative to the mean by their maximum, and multiply gain by it; "
+            "mark jots that detect nothing in the mask"
         )
     return _read_only_copy(values, np.float32)
 

@@ -143,7 +143,7 @@ def checked_response(bit_depth: object, read_noise: object, threshold: Threshold
     if depth > 1 and (isinstance(threshold, np.ndarray) or threshold != 1):
         raise ValueError(
             f"threshold: expected 1, because readings of {depth} bits state the number of photons, "
-            f"got {threshold}; a threshold is for readings of one bit, bit_depth=1"
+            f"got {shown(threshold)}; a threshold is for readings of one bit, bit_depth=1"
         )
     if noise >= AMBIGUOUS_NOISE:
         wrong = math.erfc(0.5 / noise / math.sqrt(2))

@@ -6,11 +6,11 @@ from typing import Any, Self, cast
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range, shown, whole_number_in_range
+from jotlight.checks import number_in_range, refuse_masked, shown, whole_number_in_range
 from jotlight.parameter_names import require_names
 from jotlight.sensing import readings
 from jotlight.sensing.exposure import Exposure
-from jotlight.sensing.maps import LIMITS, checked_maps
+from jotlight.sensing.maps import LIMITS, MAPS, checked_maps
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.readings import ReadingGroup
 from jotlight.sensing.response import JotResponse, PixelResponse
@@ -108,6 +108,9 @@ class Sensor(Exposure):
     mosaic: Any = None  # __post_init__ makes it a Mosaic, or None
 
     def __post_init__(self) -> None:
+        for name in ("gain", *MAPS):
+            advice = "fill it, such as with array.filled(value), and pass its mask as mask="
+            refuse_masked(name, getattr(self, name), advice)
         for name, maximum in (("oversampling", 4096), ("frames", 2**31 - 1)):
             value = whole_number_in_range(name, getattr(self, name), 1, maximum)
             object.__setattr__(self, name, value)

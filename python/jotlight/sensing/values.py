@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import MAX_SHOWN, refuse_masked, shown
+from jotlight.checks import MAX_SHOWN, refuse_masked, shown, whole_numbers
+from jotlight.sensing.photon_readings import Readings
 
 
 def flatten(value: Any) -> Any:
@@ -66,6 +67,27 @@ def _outside(values: npt.ArrayLike) -> str:
         return shown(values)
     outside = array[~(np.isfinite(array) & (array >= 0))]
     return f"{outside[0]:g}" + (f" and {len(outside) - 1} others" if len(outside) > 1 else "")
+
+
+def numbers_of_ones(ones: npt.ArrayLike | Readings) -> npt.NDArray[np.int32]:
+    """Return numbers of ones as aligned int32 in C order.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For readings of several bits, and for others than whole numbers from 0.
+
+    Examples
+    --------
+    >>> numbers_of_ones([3, 0]).dtype
+    dtype('int32')
+    """
+    if isinstance(ones, Readings):
+        raise TypeError(
+            "ones: expected numbers of ones, got Readings of several bits; jotlight.merge_readings "
+            "turns readings and their sensor into ones and trials"
+        )
+    return whole_numbers("ones", ones)
 
 
 def number_or_map(

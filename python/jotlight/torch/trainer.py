@@ -195,10 +195,14 @@ class Trainer:
         ValueError
             When it does not fit the network.
         """
+        if missing := sorted(set(self.state_names) - set(checkpoint.state)):
+            raise ValueError(
+                f"{path}: damaged checkpoint: it has no state.{missing[0]}; start again with "
+                "resume=False (--restart)"
+            )
         shape = (sum(p.numel() for p in self.parameters),)
         vectors = [checkpoint.vector, *checkpoint.state.values()]
-        is_complete = sorted(checkpoint.state) == sorted(self.state_names)
-        if not is_complete or any(vector.shape != shape for vector in vectors):
+        if any(vector.shape != shape for vector in vectors):
             raise ValueError(f"{path}: damaged checkpoint: it does not fit the network")
         self.set_parameters(checkpoint.vector)
         moments = {name: self.split(checkpoint.state[name]) for name in Trainer.state_names}

@@ -81,9 +81,9 @@ class GaussNewton:
             return Step(vector, state, loss, np.full_like(gradient, np.nan))
         full_steps = max(1, cost.steps // 3)
         weight = 1 / (1 + max(0, cost.step - full_steps))
-        if state:
+        if cost.step:
             matrix = _MATRIX_DECAY * state["matrix"] + (1 - _MATRIX_DECAY) * matrix
-        damping = float(state["damping"]) if state else self.damping
+        damping = float(state["damping"]) if cost.step else self.damping
         model = matrix / weight + damping * _damping_matrix(cost.network, matrix)
         direction = constrained_minimum(model, gradient, vector, cost) - vector
         # 𝒜 is convex, so it contains the results of all shorter steps.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import whole_number
 from jotlight.notebook import card, table_of
 from jotlight.training.figure import draw_curves
 
@@ -123,7 +124,7 @@ class History:
         >>> History([Record(step, 1.0, 1.0, None) for step in range(1001)]).subsample(3).steps
         array([   0,  334,  668, 1000])
         """
-        every = -(-len(self) // max_records)
+        every = -(-len(self) // whole_number("max_records", max_records, 1))
         return type(self)(
             [
                 record

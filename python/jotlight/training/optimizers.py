@@ -77,8 +77,9 @@ class Adam:
         loss, gradient = cost.gradient(vector)
         zero = np.zeros_like(vector)
         mean_decay, square_decay = self.betas
-        mean = mean_decay * state.get("mean", zero) + (1 - mean_decay) * gradient
-        square = square_decay * state.get("square", zero) + (1 - square_decay) * gradient**2
+        last = state if cost.step else {"mean": zero, "square": zero}
+        mean = mean_decay * last["mean"] + (1 - mean_decay) * gradient
+        square = square_decay * last["square"] + (1 - square_decay) * gradient**2
         taken = cost.step + 1
         unbiased = mean / (1 - mean_decay**taken)
         root_mean_square = np.sqrt(square / (1 - square_decay**taken))

@@ -126,9 +126,11 @@ class Run:
         except (KeyError, ValueError, TypeError) as error:
             if resumed_from is None:
                 raise
+            is_missing = isinstance(error, KeyError)
+            reason = f"it has no state.{error.args[0]}" if is_missing else str(error)
             raise ValueError(
                 f"{resumed_from}: damaged checkpoint: {self.optimizer} cannot continue from it "
-                f"({error})"
+                f"({reason}); start again with resume=False (--restart)"
             ) from error
         is_tested = cost.step % max(1, self.steps // _MIN_TESTS) == 0
         psnr = self._test_psnr(state.vector) if is_tested else None

@@ -116,3 +116,27 @@ def test_images_of_counts_are_not_bits_and_the_reverse(tmp_path, levels, is_bits
         jl.open(tmp_path / name, counts=is_bits)
     same = jl.open(tmp_path / name, counts=not is_bits)
     assert isinstance(same, jl.Bits) == is_bits
+
+
+def test_channels_that_are_stored_apart_are_no_frames(tmp_path):
+    apart = np.moveaxis(COUNTS[:, :, :3], -1, 0)
+    options = {"photometric": "rgb", "planarconfig": "separate"}
+    tifffile.imwrite(tmp_path / "a.tif", apart, **options)
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), COUNTS[:, :, :3])
+    tifffile.imwrite(tmp_path / "a.tif", np.stack([apart, apart + 1]), **options)
+    with pytest.warns(jl.JotlightWarning, match="sum of its 2 images"):
+        np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), 2 * COUNTS[:, :, :3] + 1)
+
+
+def test_the_error_of_many_channels_says_what_to_do(tmp_path):
+    options = {"imagej": True, "metadata": {"axes": "TCYX"}}
+    tifffile.imwrite(tmp_path / "a.tif", np.zeros((5, 2, 6, 7), np.uint8), **options)
+    with pytest.raises(ValueError, match="write each channel to a file of its own"):
+        jl.open(tmp_path / "a.tif")
+
+
+def test_the_error_of_images_that_differ_names_two_of_them(tmp_path):
+    tifffile.imwrite(tmp_path / "a.tif", COUNTS[0], photometric="minisblack")
+    tifffile.imwrite(tmp_path / "b.tif", COUNTS[0, :5], photometric="minisblack")
+    with pytest.raises(ValueError, match=r"got uint16 .*\(6, 7\) in a\.tif, .*\(5, 7\) in b\.tif"):
+        jl.open(tmp_path)

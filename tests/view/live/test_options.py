@@ -86,6 +86,39 @@ def test_a_file_that_becomes_shorter_is_reported(tmp_path, opened):
     assert live.frames.stop == 300
 
 
+def test_a_file_that_vanishes_is_reported_after_its_last_frame(tmp_path, opened):
+    path = tmp_path / "a.bin"
+    path.write_bytes(FRAMES[:10].tobytes())
+    live = opened(path, SHAPE)
+    with path.open("ab", buffering=0) as file:
+        file.write(FRAMES[10:].tobytes())
+        path.unlink()
+    wait_for(lambda: live.ended)
+    assert "the file is gone" in live.problem
+    assert live.frames.stop == 300
+
+
+def test_a_file_that_is_replaced_is_reported(tmp_path, opened):
+    path = tmp_path / "a.bin"
+    path.write_bytes(FRAMES.tobytes())
+    live = opened(path, SHAPE)
+    (tmp_path / "b.bin").write_bytes(FRAMES.tobytes())
+    (tmp_path / "b.bin").replace(path)
+    wait_for(lambda: live.ended)
+    assert "another file has replaced it" in live.problem
+
+
+def test_a_folder_that_vanishes_is_reported(tmp_path, opened):
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    np.save(folder / "f0.npy", FRAMES[:4])
+    live = opened(folder, LiveOptions(arguments={"width": 13}))
+    wait_for(lambda: live.frames.stop == 4)
+    folder.rename(tmp_path / "moved")
+    wait_for(lambda: live.ended)
+    assert "frames" in live.problem
+
+
 def test_standard_input_is_read_to_its_end(opened, monkeypatch):
     read, write = os.pipe()
     with os.fdopen(read, "rb") as stdin, os.fdopen(write, "wb") as out:

@@ -26,7 +26,11 @@ from jotlight.formats.images.png_chunks import (
     check_png,
     read_png_header,
 )
-from jotlight.formats.images.tiff_directories import open_checked_tiff
+from jotlight.formats.images.tiff_directories import (
+    move_samples_last,
+    open_checked_tiff,
+    shape_of,
+)
 from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.labels import COUNTS, READINGS, make_readings_label, parse_label
 from jotlight.formats.limits import check_claimed_size
@@ -76,8 +80,15 @@ def _open_images(
 ) -> Capture:
     files = list_files(path, extensions, name.upper())
     parts, labels = zip(*map(read, files), strict=True)
-    if len({(part.shape[1:], part.dtype) for part in parts}) != 1:
-        raise ValueError(f"{path}: expected images of one size and type")
+    kinds = {(part.shape[1:], part.dtype): file for part, file in zip(parts, files, strict=True)}
+    if len(kinds) != 1:
+        each = [
+            f"{dtype} of shape {shape} in {file.name}" for (shape, dtype), file in kinds.items()
+        ]
+        raise ValueError(
+            f"{path}: expected images of one size and type, got {each[0]}, and {each[1]}; move "
+            "others to another folder"
+        )
     provenance = Provenance(name, path.name)
     if len(files) > 1:
         provenance = provenance.with_notes(
@@ -98,11 +109,11 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
     try:
         with open_checked_tiff(path) as tiff:
             series = tiff.series[0]
-            shape, dtype = series.shape, series.dtype
+            shape, axes, dtype = shape_of(series), series.axes, series.dtype
             description = tiff.pages[0].description
             is_own = any(parse_label(description, kind) for kind in (COUNTS, READINGS))
             # Other programs may store channels as pages. Ours are samples.
-            single = series.axes in ("YX", "YXS") or (not is_own and is_single_image(shape))
+            single = axes in ("YX", "YXS", "SYX") or (not is_own and is_single_image(shape))
             paged = not single and len(series.pages) == shape[0]
             size = series.size * dtype.itemsize
             frame_bytes = size // shape[0] if paged else size
@@ -124,10 +135,11 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
                 with open_checked_tiff(path) as tiff:
                     series = tiff.series[0]
                     if paged:
-                        return _read_pages(tiff, start, stop)
+                        return move_samples_last(_read_pages(tiff, start, stop), axes)
                     for part in filter(None, series.pages):
                         check_segments(tiff, part)
-                    return np.asarray(series.asarray().reshape(stack_shape)[start:stop])
+                    images = move_samples_last(series.asarray(), axes)
+                    return np.asarray(images.reshape(stack_shape)[start:stop])
             except Exception as error:
                 raise_failure([path])
                 raise ValueError(f"{path}: the TIFF file is damaged ({error})") from error

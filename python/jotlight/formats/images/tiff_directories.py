@@ -6,6 +6,9 @@ import os
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
+import numpy.typing as npt
+
 from jotlight.formats.magic import ByteOrder
 from jotlight.formats.stubs import open_binary, remote_file
 
@@ -42,6 +45,25 @@ def open_checked_tiff(path: Path) -> Any:
     source = path if remote_file(path) is None else open_binary(path)
     logging.getLogger("tifffile").addHandler(_NO_OUTPUT)
     return tifffile.TiffFile(source, is_ome=False, is_mmstack=False, is_ndtiff=False)
+
+
+def move_samples_last(values: npt.NDArray[Any], axes: str) -> npt.NDArray[Any]:
+    """Return images whose samples, such as colors, are on the last axis.
+
+    Some files store each sample apart. `axes` has a letter of tifffile for each axis.
+
+    Examples
+    --------
+    >>> move_samples_last(np.zeros((3, 480, 640)), "SYX").shape
+    (480, 640, 3)
+    """
+    return np.moveaxis(values, axes.index("S"), -1) if "S" in axes else values
+
+
+def shape_of(series: Any) -> tuple[int, ...]:
+    """Return the shape of a series of tifffile, with the samples on the last axis."""
+    empty = np.broadcast_to(np.uint8(0), series.shape)
+    return move_samples_last(empty, series.axes).shape
 
 
 @dataclasses.dataclass(frozen=True)

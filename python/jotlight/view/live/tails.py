@@ -63,13 +63,33 @@ class FileTail:
         return size
 
     def read(self, buffer: memoryview) -> int:
-        """Read into a buffer, and return the number of bytes."""
+        """Read into a buffer, and return the number of bytes.
+
+        Raises
+        ------
+        OSError
+            When the file became shorter, or its path no longer leads to it and no bytes wait.
+        """
         if self._position >= self.size:
+            self._check_path()
             self._stop.wait(POLL_SECONDS)
             return 0
         number = self._file.readinto(buffer) or 0
         self._position += number
         return number
+
+    def _check_path(self) -> None:
+        """Raise OSError if the path leads to no file or to another one."""
+        try:
+            is_same = os.path.samestat(self._path.stat(), os.fstat(self._file.fileno()))
+        except FileNotFoundError:
+            raise FileNotFoundError(
+                f"{self._path}: the file is gone; open the file that the camera writes now"
+            ) from None
+        if not is_same:
+            raise OSError(
+                f"{self._path}: another file has replaced it; open it again to follow that one"
+            )
 
     def unread(self, data: bytes) -> None:
         """Read the last bytes again."""
