@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.calibration.agreement import dark_count_conflict
 
 SHAPE = (96, 96)
 WARNING = "do not have the dark counts"
@@ -68,3 +69,26 @@ def test_few_hot_jots_are_no_evidence():
     with warnings.catch_warnings():
         warnings.filterwarnings("error", message=f".*{WARNING}")
         calibrate(draw(dark, 1000, 0), draw(np.full(SHAPE, 0.7), 1000, 1))
+
+
+@pytest.mark.parametrize("frames", [1, 16, 256])
+@pytest.mark.parametrize("light", [0.02, 0.2])
+def test_a_scene_shows_whether_the_dark_counts_are_those_of_its_sensor(light, frames):
+    dark = dark_counts(hot=0.03)
+    scene = light * jl.datasets.photograph("camera")[200:296, 200:296]
+    own = draw(scene + dark, frames, 0)
+    assert dark_count_conflict(own, frames, dark, 1) is None
+    shorter = draw(scene + dark / 20, frames, 0)
+    for ones, stated in (
+        (own, dark_counts(seed=1, hot=0.03)),
+        (own, dark[:, ::-1]),
+        (shorter, dark),
+    ):
+        missing, number = dark_count_conflict(ones, frames, stated, 1)
+        assert number / 2 < missing <= number
+
+
+def test_dark_counts_without_hot_jots_do_not_contradict_a_scene():
+    ones = np.zeros(SHAPE, np.int32)
+    for dark in (0.3, np.full(SHAPE, 0.3), np.zeros(SHAPE)):
+        assert dark_count_conflict(ones, 16, dark, 1) is None

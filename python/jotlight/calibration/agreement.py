@@ -1,12 +1,25 @@
-"""The test whether the jots of a dark capture are those of another capture."""
+"""Tests whether hot jots have the dark counts of a dark capture in another capture, too."""
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.rates import Rates
+from jotlight.calibration.rates import Rates, detections
 from jotlight.checks import Counts
 from jotlight.errors import warn
 from jotlight.sensing.response import detection_probability
+
+MIN_DARK = 0.1
+"""Minimum dark counts per frame of a jot that a scene reveals."""
+
+_MIN_RATIO = 4.0
+"""Minimum dark counts of such a jot, in those of the median jot."""
+
+_REACH = 2
+"""The light on a jot is that of the jots at most this many rows and columns away."""
+
+_MIN_SCORE = 4.75
+"""Score above which a scene contradicts dark counts. Chance exceeds it with a probability of 1e-6.
+"""
 
 _BORDER = 0.5
 """Fraction of the dark counts. A jot contradicts them if it detects less than that and the light.
@@ -91,3 +104,61 @@ def missing_dark_counts(
     chance = np.maximum(chance, 0.5)
     spread = max(float(np.sqrt((chance * (1 - chance)).sum())), 1e-9)
     return int(lacking.sum()), counts.size, float((lacking.sum() - chance.sum()) / spread)
+
+
+def dark_count_conflict(
+    ones: Counts, frames: int, dark: npt.ArrayLike, threshold: int
+) -> tuple[int, int] | None:
+    """Return how many hot jots lack their dark counts in a scene, and of how many, or None.
+
+    The result is None unless more than half of the jots lack them, and chance does not explain it.
+
+    Parameters
+    ----------
+    ones, frames : ndarray of int, int
+        L of each jot, and the number of frames.
+    dark : array_like of float
+        Dark counts per frame, a number or a map.
+    threshold : int
+        q.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> dark = np.where(rng.random((64, 64)) < 0.02, 1.0, 0.001)
+    >>> own = rng.binomial(16, -np.expm1(-dark - 0.2))
+    >>> dark_count_conflict(own, 16, dark, 1) is None
+    True
+    >>> dark_count_conflict(own[::-1], 16, dark, 1)
+    (75, 81)
+    """
+    rates = np.asarray(dark, np.float64)
+    if rates.shape != ones.shape:
+        return None
+    hot = rates > max(MIN_DARK, _MIN_RATIO * float(np.median(rates)))
+    if not hot.any() or hot.all():
+        return None
+    light = np.zeros(ones.shape)
+    light[hot] = _light_of_neighbors(detections(ones, frames, threshold) - rates, hot)
+    missing, number, score = missing_dark_counts(ones, frames, rates, light, hot, threshold)
+    return (missing, number) if score > _MIN_SCORE else None
+
+
+def _light_of_neighbors(light: Rates, hot: npt.NDArray[np.bool_]) -> Rates:
+    """Return the light around each hot jot, (N,): the median or the mean, whichever is lower.
+
+    The median of few counts may be too high by half a count. The mean is too high near bright
+    points. Light that is too low makes no jot lack dark counts.
+    """
+    height, width = light.shape
+    rows, columns = np.nonzero(hot)
+    steps = np.arange(-_REACH, _REACH + 1)
+    down, right = (each.ravel() for each in np.meshgrid(steps, steps, indexing="ij"))
+    near_rows = rows[:, None] + down
+    near_columns = columns[:, None] + right
+    inside = (near_rows >= 0) & (near_rows < height) & (near_columns >= 0) & (near_columns < width)
+    place = np.clip(near_rows, 0, height - 1), np.clip(near_columns, 0, width - 1)
+    usable = inside & ~hot[place]
+    values = np.ma.masked_array(light[place], ~usable)
+    lower = np.minimum(np.ma.median(values, axis=1).filled(0), values.mean(axis=1).filled(0))
+    return np.asarray(np.maximum(lower, 0), np.float64)
