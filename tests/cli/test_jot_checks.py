@@ -35,6 +35,17 @@ def test_hot_jots_are_reported_and_change_nothing(run, hot):
     np.testing.assert_allclose(np.load("a.npy"), jl.mle(bits, sensor), rtol=1e-6)
 
 
+def test_dark_counts_that_a_capture_does_not_show_are_reported(run, hot):
+    np.save("own.npy", np.where(hot, 2.0, 0.0))
+    np.save("flipped.npy", np.where(hot, 2.0, 0.0)[::-1])
+    command = ("reconstruct", "hot.npy", "--method", "mle", "-o", "a.npy", "--dark-counts")
+    status, output = run(*command, "flipped.npy")
+    assert status == 0, output
+    assert "jots with many dark counts do not show them in this capture" in output
+    status, output = run(*command, "own.npy")
+    assert "do not show them" not in output
+
+
 @pytest.mark.filterwarnings("default")
 def test_hot_jots_are_treated_as_dead_with_the_option(run, hot):
     options = ("--find-hot-jots", "--method", "mle", "-o", "a.npy")

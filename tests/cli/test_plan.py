@@ -73,6 +73,12 @@ def test_the_cost_of_motion_is_printed(run):
         assert f"and {cost.further_seconds:.2g} s for each further image" in output
 
 
+def test_frames_that_all_help_are_not_compared_with_twice_as_many(run):
+    output = run("plan", "0.02:0.5", "--speed", 0.1)[1]
+    assert "all frames help that show the image: beyond 5,120 frames nothing" in output
+    assert "twice as many" not in output
+
+
 @pytest.mark.slow
 def test_the_frames_that_help_at_a_speed_are_printed(run):
     arguments = ["plan", "0.01:0.5", "--frames", 64, "--size", "128x100"]

@@ -93,6 +93,15 @@ def test_the_color_network_is_the_default_and_better_than_differences(mosaic, tr
     assert psnr(found) > 0.2 + psnr(jl.reconstruct(bits, quality="medium", **LINEAR))
 
 
+@pytest.mark.parametrize("method", [None, "mle"])
+def test_the_white_balance_does_not_clip_bright_colors(method):
+    mosaic = Mosaic("RGGB", white_balance=[1.5, 1.0, 2.0])
+    sensor = jl.Sensor(frames=400, mosaic=mosaic)
+    bits = sensor.expose(np.full((24, 24, 3), 0.9), rng=0)
+    colors = jl.reconstruct(bits, method=method, demosaicing=method and "differences")
+    np.testing.assert_allclose(colors.mean(axis=(0, 1)), [1.35, 0.9, 1.8], rtol=0.03)
+
+
 def test_the_color_network_estimates_each_image_with_the_white_balance():
     mosaic = Mosaic("RGGB", white_balance=[0.5, 1.0, 0.8])
     plain = jl.Sensor(frames=8, mosaic="RGGB", max_intensity=3)

@@ -57,7 +57,7 @@ def merge(bits, message=None, **options):
 )
 def test_few_frames_stand_still(frames):
     bits = jl.Bits.from_array(RNG.random((frames, 40, 48)) < 0.3)
-    message = f"expected 16 frames, or cycles of exposures, or more .*, got {frames}; the scene"
+    message = f"expected 16 or more frames, images of counts, .*, got {frames}; the scene"
     with pytest.warns(jl.JotlightWarning, match=message):
         motion = jl.align(bits)
     assert motion.model == "none"

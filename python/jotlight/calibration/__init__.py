@@ -4,6 +4,7 @@
 - `bulk`: the distribution of the dark counts of ordinary jots, which identifies the hot ones.
 - `flat`: the response of each jot, from the `light` on it; `dead_jots`, and the `prnu` of others.
 - `evenness`: tests for the image of a scene, and for a mosaic, in a flat capture.
+- `agreement`: the test whether hot jots have their dark counts in another capture, too.
 - `steadiness`: tests of the assumption that frames are independent and identically distributed.
 - `hot_jots`: hot jots in a capture of a scene, without a dark capture.
 - `jotlight.sensing.periodic_rates`: rates that repeat every few jots, as under a mosaic.

@@ -92,8 +92,9 @@ def calibrate(
     -----
     JotlightWarning
         If frames are correlated, if the rates change over time, if there are too few frames to
-        distinguish hot jots from ordinary ones at the false-positive rate, and if the light of the
-        flat capture is not even.
+        distinguish hot jots from ordinary ones at the false-positive rate, if the light of the
+        flat capture is not even, and if most hot jots do not have their dark counts in the flat
+        capture.
     PeriodicRatesWarning
         If the rates of the flat capture repeat, as under color filters, and no `mosaic` is stated.
 

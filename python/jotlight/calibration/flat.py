@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.calibration.agreement import warn_about_dark_counts
 from jotlight.calibration.dead_jots import MIN_RESPONSE, find_dead_jots
 from jotlight.calibration.evenness import warn_about_light
 from jotlight.calibration.light import excess_and_slope, mean_light, median_light, window_mean
@@ -78,7 +79,7 @@ def measure_response(
     dark_ones, dark_frames : ndarray of int, int
         The same of the dark capture.
     bad : ndarray of bool
-        Jots to ignore.
+        Hot jots to ignore.
     threshold : int
         q.
     false_positive_rate : float
@@ -100,6 +101,7 @@ def measure_response(
             "and with the exposure of the dark capture"
         )
     start = np.maximum(start, 1e-3 * np.median(start[~bad]))
+    warn_about_dark_counts(ones, frames, dark, start, bad, threshold, false_positive_rate)
     # A jot with a one in each dark frame shows nothing, and half a one less would be wrong.
     fitted = np.where(dark_ones >= dark_frames, _NO_ZEROS, dark)
     noise = _counting_noise(ones, frames, dark_ones, dark_frames, start, threshold, bad)

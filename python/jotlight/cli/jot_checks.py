@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.calibration import find_hot_jots, find_periodic_rates
+from jotlight.calibration.agreement import dark_count_conflict
 from jotlight.calibration.hot_jots import fewest_trials
 from jotlight.checks import Counts
 from jotlight.cli.captured import Captured
@@ -36,20 +37,21 @@ def jot_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, 
     """
     if np.ndim(sensor.threshold) or sensor.mosaic is not None:
         return []  # the ones of jots with different thresholds or filters cannot be compared
+    conflict = _dark_count_remarks(counts, trials, sensor)
     periodic = None if counts.ndim > 2 else find_periodic_rates(counts)
     if periodic is not None:
         # Under color filters, jots differ from their neighbors without being hot.
-        return [(PERIODIC_RATES, periodic.describe())]
+        return [*conflict, (PERIODIC_RATES, periodic.describe())]
     hot = _find_hot_jots(counts, trials, sensor)
     if not hot.any():
-        return []
+        return conflict
     number = f"{hot.sum()} jot{'' if hot.sum() == 1 else 's'}"
     remark = (
         f"{number} of {hot.size} look hot, because they are much brighter than their neighbors; "
         "--find-hot-jots treats them as dead, and `jotlight calibrate` with a dark capture finds "
         "all hot jots"
     )
-    return [("hot jots", remark)]
+    return [*conflict, ("hot jots", remark)]
 
 
 def caution_about_jots(captured: Captured, threads: int | None) -> None:
@@ -119,6 +121,20 @@ def mask_hot_jots(captured: Captured, threads: int | None = None) -> Captured:
         sensor=sensor.replace(mask=mask) if hot.any() else sensor,
         hot_jots=int(np.count_nonzero(hot)),
     )
+
+
+def _dark_count_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, str]]:
+    """Return the remark that most hot jots of the sensor are not hot here, if it is true."""
+    found = dark_count_conflict(counts, trials, sensor.dark_counts, sensor.threshold)
+    if found is None:
+        return []
+    missing, number = found
+    remark = (
+        f"{missing:,} of the {number:,} jots with many dark counts do not show them in this "
+        "capture, so the dark counts are wrong; calibrate with captures of the same sensor, "
+        "orientation, exposure time, and temperature"
+    )
+    return [("dark counts", remark)]
 
 
 def _find_hot_jots(counts: Counts, trials: int, sensor: Sensor) -> npt.NDArray[np.bool_]:

@@ -183,6 +183,8 @@ def _motion_lines(motion: MotionPlan) -> list[str]:
         ]
     if motion.best_aligned is None:
         return [*lines, f"There is too little light for --motion at this speed: {error}."]
+    if motion.best_aligned == motion.frames_in_view:
+        return [*lines, f"With --motion, all frames help that show the image: {in_view}; {error}."]
     return [
         *lines,
         f"With --motion, up to {_count(motion.best_aligned)} help; twice as many gain less than "

@@ -14,9 +14,25 @@ _MAX_CLIPPED = 0.9
 """Fraction of pixels at the largest intensity above which a warning is issued."""
 
 
+def largest_colors(sensor: Sensor) -> npt.NDArray[np.float32]:
+    """Return the largest intensity of an estimate, which a mosaic multiplies by its white balance.
+
+    Examples
+    --------
+    >>> largest_colors(Sensor(max_intensity=2)).tolist()
+    2.0
+    >>> from jotlight.sensing.mosaic import Mosaic
+    >>> mosaic = Mosaic("RGGB", white_balance=[1.5, 1, 2])
+    >>> largest_colors(Sensor(mosaic=mosaic)).tolist()
+    [1.5, 1.0, 2.0]
+    """
+    factors = 1 if sensor.mosaic is None else sensor.mosaic.white_balance
+    return np.asarray(sensor.max_intensity * factors, np.float32)
+
+
 def warn_about_clipping(estimate: npt.NDArray[np.float32], sensor: Sensor) -> None:
     """Warn if the largest intensity clips most pixels, although the bits are not saturated."""
-    saturation, highest = saturation_intensity(sensor), np.float32(sensor.max_intensity)
+    saturation, highest = saturation_intensity(sensor), largest_colors(sensor)
     if saturation <= sensor.max_intensity:
         return
     # In parts: new memory for a large image takes longer than the comparison.

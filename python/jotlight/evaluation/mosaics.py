@@ -15,6 +15,7 @@ from jotlight.evaluation.choice import (
     OWN_NETWORK,
 )
 from jotlight.evaluation.choice import TITLES as METHOD_TITLES
+from jotlight.evaluation.clipping import largest_colors
 from jotlight.evaluation.info import Info, join_infos
 from jotlight.layout import Layout
 from jotlight.networks.color_inference import estimate_mosaic
@@ -80,7 +81,7 @@ def reconstruct_mosaic(
     Returns
     -------
     ndarray of float32, shape (..., H, W, 3)
-        Red, green, and blue in [0, S].
+        Red, green, and blue from 0 to S times the white balance.
     Info
         How the colors were made, with the time of everything.
 
@@ -113,6 +114,7 @@ def reconstruct_mosaic(
             "each, got color channels; sensor.replace(mosaic=None) is a sensor of color channels"
         )
     counted = [count_image(one, gray, threads, mosaic) for one in images.data]
+    largest = largest_colors(sensor)
     output = OutputImages(Layout((*images.layout.shape, 3), -1), counted[0].counts.shape, out)
     found: list[Image] = []
     infos: list[Info] = []
@@ -128,7 +130,7 @@ def reconstruct_mosaic(
             values, weights, infos_of_one = estimate_values(each, mosaic, estimate)
             colors = demosaic(values, mosaic, method, weights).astype(np.float32)
             infos += infos_of_one
-        np.clip(colors, 0, sensor.max_intensity, out=colors)
+        np.clip(colors, 0, largest, out=colors)
         found.append(np.moveaxis(colors, -1, 0))
     seconds = time.perf_counter() - start
     if estimate is None:

@@ -279,8 +279,8 @@ def _unusable(blocks: Blocks) -> str | None:
     burst = blocks.burst
     if len(burst) < MIN_FRAMES:
         return (
-            f"expected {MIN_FRAMES} frames, or cycles of exposures, or more to estimate a motion, "
-            f"got {len(burst)}"
+            f"expected {MIN_FRAMES} or more frames, images of counts, or cycles of exposures, to "
+            f"estimate a motion, got {len(burst)}"
         )
     if blocks.valid is not None and not blocks.valid.any():
         return "all jots are dead or hot, so that no motion can be estimated"

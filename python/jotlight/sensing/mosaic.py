@@ -44,7 +44,7 @@ class Mosaic:
         The shares of red, green, and blue light that each of the `filters` passes, 0 to 1. Default:
         ideal filters, for the letters R, G, B, W (white, 1 for all three), C, M, and Y.
     white_balance : array_like of float, shape (3,)
-        Factors of red, green, and blue in estimates.
+        Factors of red, green, and blue in estimates. They also multiply S, the largest intensity.
 
     Raises
     ------
