@@ -4,6 +4,7 @@
 - `paths`: where a plane is at each time.
 - `planes`: textures with an outline that move along paths.
 - `kinds`: the named scenes.
+- `drawn_frames`: frames that are drawn when they are read.
 - `scene`: what a sensor records of the planes.
 """
 

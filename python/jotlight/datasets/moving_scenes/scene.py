@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_image, number_in_range, whole_number_in_range
+from jotlight.datasets.moving_scenes.drawn_frames import drawn_once
 from jotlight.datasets.moving_scenes.kinds import MOTIONS
 from jotlight.datasets.moving_scenes.paths import Path
 from jotlight.datasets.moving_scenes.planes import Plane
@@ -45,7 +46,8 @@ class MovingScene:
         Samples of the light per pixel and dimension. A pixel integrates over all of them.
     bits : Bits or Readings
         The recorded bits, or readings of several bits. Each frame is drawn when it is read, and is
-        the same each time.
+        the same each time. Frames of up to 128 MiB in total are kept. Others are drawn anew each
+        time they are read, so save them to a file first.
     """
 
     def __init__(
@@ -77,10 +79,12 @@ class MovingScene:
         self.bits: Any
         if sensor.bit_depth > 1:
             shape = (sensor.frames, height, width, *channels)
-            self.bits = Readings(Frames(shape, self._draw, np.uint16), sensor)
+            read = drawn_once(shape, np.uint16, self._draw)
+            self.bits = Readings(Frames(shape, read, np.uint16), sensor)
         else:
             shape = (sensor.frames, height, math.ceil(width / 8), *channels)
-            (self.bits,) = simulated_bits([Frames(shape, self._draw)], width, sensor)
+            read = drawn_once(shape, np.uint8, self._draw)
+            (self.bits,) = simulated_bits([Frames(shape, read)], width, sensor)
 
     @property
     def has_objects(self) -> bool:
