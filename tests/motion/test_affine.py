@@ -14,8 +14,8 @@ from jotlight.motion.affine import (
     start_track,
 )
 from jotlight.motion.affine_curve import smooth_affine
-from jotlight.motion.blocks import Sums
 from jotlight.motion.segments import Segment
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import affine_basis, tile_counts
 from moving import blocks_of, moved, record
 from reference import motion as reference

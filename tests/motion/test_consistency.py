@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 import jotlight as jl
 from jotlight.motion import consistency
 from jotlight.motion import disagreement as disagreement_module
-from jotlight.motion.blocks import Sums
 from jotlight.motion.consistency import ComparedBlock, add_agreeing, find_consistent
 from jotlight.motion.path_search import _still
 from jotlight.motion.scoring import Template
+from jotlight.motion.sums import Sums
 from jotlight.motion.track import Paths
 from moving import blocks_of, random_counts
 from reference import motion as reference

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from jotlight.motion.affine import against_others
-from jotlight.motion.blocks import Sums
 from jotlight.motion.deformation import _add_prior, _at_reference, follow_tiles
 from jotlight.motion.regularize import Equations
 from jotlight.motion.scoring import Template
 from jotlight.motion.smoothing import interpolation_bias
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import tile_counts
 from jotlight.motion.track import Track
 from moving import blocks_of, record

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.affine_curve import smooth_affine
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.disagreement import chi_squared
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.regularize import Equations, fit_affine
@@ -15,6 +15,7 @@ from jotlight.motion.scoring import FAST, PRECISE, Template, make_template, norm
 from jotlight.motion.segments import Segment, limit_length
 from jotlight.motion.shrinkage import shrink_field
 from jotlight.motion.smoothing import cubic_weights, interpolation_bias
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import affine_basis, affine_inverse, mean_tiles, tile_counts
 from jotlight.motion.track import Paths, Track, from_center
 

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Sums
 from jotlight.motion.finer import double
 from jotlight.motion.jots import SeenJots
 from jotlight.motion.motion import Motion
 from jotlight.motion.posterior import posterior_error
+from jotlight.motion.sums import Sums
 from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.reference import reference_jot

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.affine import follow_segment, start_track
-from jotlight.motion.blocks import Sums
 from jotlight.motion.depth import ComparedBits, object_gains, refine_outlines, without_absent
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.scoring import make_template
 from jotlight.motion.segments import Segment
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import add_squares, tile_counts
 from jotlight.motion.track import Paths, Track
 from jotlight.motion.velocity_scores import BIN, MAX_BLOCKS, MIN_PEAK, VelocityScores

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from jotlight.motion.added_tiles import add_tiles, is_unexplained, share_of_unknown
 from jotlight.motion.affine import follow_segment, improve_inside, improve_together
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
 from jotlight.motion.kept_sums import keeps_sums
@@ -17,6 +17,7 @@ from jotlight.motion.objects import PARAMETERS, add_objects, more_likely
 from jotlight.motion.outlines import choose_labels
 from jotlight.motion.scoring import make_blurred_template
 from jotlight.motion.segments import Segment, energy_of, find_segments
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import mean_tiles, tile_counts
 from jotlight.motion.track import Paths, Track
 

@@ -12,12 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.blur import blur
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import make_blurred_template, normal_equations
 from jotlight.motion.shrinkage import shrink_field
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import TILE, add_squares, mean_tiles
 from jotlight.motion.velocity import find_velocities
 

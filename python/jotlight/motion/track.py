@@ -7,8 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.kept_sums import Curve, KeptSums, keeps_sums
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import interpolate
 
 Array = npt.NDArray[np.float64]
