@@ -10,6 +10,7 @@ from jotlight import _engine as engine
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import as_burst
 from jotlight.motion.sums import Sums
+from jotlight.motion.track import Track
 from moving import blocks_of
 from reference.motion import interpolate_tiles, shifted_counts
 
@@ -225,3 +226,9 @@ def test_tiles_and_pixels_agree():
     np.testing.assert_array_equal(tiles[0], of_pixels[0])
     np.testing.assert_array_equal(tiles[1], of_pixels[1])
     np.testing.assert_allclose(tiles[2], of_pixels[2], atol=1e-4)
+
+
+@pytest.mark.parametrize(("frames", "middle"), [(1, 0), (16, 8), (17, 8)])
+def test_a_motion_is_estimated_from_the_middle(frames, middle):
+    blocks = blocks_of(jl.Bits.from_array(np.zeros((frames, 16, 16), bool)))
+    assert blocks.middle == Track.still(blocks).reference == middle

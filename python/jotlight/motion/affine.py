@@ -65,17 +65,14 @@ _MIN_SHARE_OF_OTHERS = 0.3
 
 
 def follow_segment(
-    blocks: Blocks,
-    reference: int,
-    segment: Segment,
-    pixels: npt.NDArray[np.bool_] | None = None,
+    blocks: Blocks, segment: Segment, pixels: npt.NDArray[np.bool_] | None = None
 ) -> Track:
     """Return the displacements of all blocks under the affine motion of a segment.
 
     Bright blocks are aligned with a part of their frames. Only some pixels (H, W) are aligned if
     they are given.
     """
-    track = start_track(blocks.with_enough_light(), reference, segment.velocity).inside(pixels)
+    track = start_track(blocks.with_enough_light(), segment.velocity).inside(pixels)
     order = from_center(track)
     total = track.sums(order[0]) + track.sums(order[1])
     template, weights = make_template(total, blocks.threads), segment.weights
@@ -109,18 +106,12 @@ def _align_together(track: Track, weights: Array) -> None:
             break
 
 
-def start_track(blocks: Blocks, reference: int, velocity: Array) -> Track:
-    """Return a track whose two central blocks move at a velocity."""
-    centers, shape = blocks.centers, tile_counts(blocks.size)
-    track = Track(
-        blocks,
-        reference,
-        np.zeros((len(centers), 2, *shape)),
-        np.zeros(len(centers), bool),
-        np.zeros((len(centers), 3, *shape)),
-    )
+def start_track(blocks: Blocks, velocity: Array) -> Track:
+    """Return a track of which only the two central blocks are known, and move at a velocity."""
+    track = Track.still(blocks)
+    track.known[:] = False
     for block in from_center(track)[:2]:
-        track.nodes[block] = velocity * (centers[block] - reference)
+        track.nodes[block] = velocity * (blocks.centers[block] - blocks.middle)
         track.known[block] = True
     return track
 

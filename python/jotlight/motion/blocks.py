@@ -73,6 +73,11 @@ class Blocks:
         frames = max(_MIN_FRAMES, math.ceil(needed / rarer))
         return dataclasses.replace(self, step=max(1, length // frames))
 
+    @property
+    def middle(self) -> int:
+        """The middle frame. While a motion is estimated, displacements are 0 at this time."""
+        return len(self.burst) // 2
+
     @functools.cached_property
     def centers(self) -> npt.NDArray[np.float64]:
         """Times of the middles of the blocks, (n,)."""

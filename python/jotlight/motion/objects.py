@@ -95,7 +95,7 @@ def _with_object(paths: Paths) -> Paths | None:
             found.append((net, velocity, pixels))
     for _, velocity, pixels in sorted(found, key=lambda each: -each[0])[:_MAX_FOLLOWED]:
         segment = Segment(velocity, np.ones(tile_counts(paths.blocks.size)), energy=0.0, half=0)
-        track = follow_segment(paths.blocks, int(paths.reference), segment, pixels)
+        track = follow_segment(paths.blocks, segment, pixels)
         labels = np.where(pixels, np.uint8(index), paths.labels)
         more = without_absent(refine_outlines(Paths([*paths.tracks, track], labels)))
         gains = [
@@ -109,7 +109,7 @@ def _with_object(paths: Paths) -> Paths | None:
 
 def _constant(paths: Paths, velocity: Array) -> Track:
     """Return the track of a constant velocity."""
-    track = start_track(paths.blocks, int(paths.reference), velocity)
+    track = start_track(paths.blocks, velocity)
     times = paths.blocks.centers - paths.reference
     track.nodes = times[:, None, None, None] * velocity
     track.known[:] = True
