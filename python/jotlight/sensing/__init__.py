@@ -19,9 +19,9 @@ In reading order:
   means), ``array_hints``, and ``description`` (sensors as texts);
 * ``periodic_rates``: a test for a mosaic that is not stated;
 * ``response`` and ``reference``: the response of a jot, and numbers that represent a sensor;
-* ``operators`` and ``likelihood``: the spread of light, and the objective of reconstruction;
-  ``joint_likelihood`` is that of readings which differ, a sum of one ``joint_term`` for each group,
-  from ``reading_samples``.
+* ``operators``, ``likelihood``, and ``problem``: the spread of light, the objective of
+  reconstruction, and its maximization. ``joint_likelihood`` is the objective for readings which
+  differ, a sum of one ``joint_term`` for each group, from ``reading_samples``.
 """
 
 import lazy_loader
