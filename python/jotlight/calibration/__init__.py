@@ -1,6 +1,6 @@
 """Calibration: what a dark and a flat capture reveal about the jots of a sensor.
 
-- `estimate`: `calibrate`, from captures to a `Calibration`. `captured_sensor`: which bits it takes.
+- `calibrate`: from captures to a `Calibration`. `captured_sensor`: which bits it takes.
 - `bulk`: the distribution of the dark counts of ordinary jots, which identifies the hot ones.
 - `flat`: the response of each jot, from the `light` on it; `dead_jots`, and the `prnu` of others.
 - `evenness`: tests for the image of a scene, and for a mosaic, in a flat capture.
@@ -13,7 +13,7 @@
 """
 
 from jotlight.calibration.bulk import Bulk, fit_bulk
-from jotlight.calibration.estimate import calibrate
+from jotlight.calibration.calibrate import calibrate
 from jotlight.calibration.hot_jots import find_hot_jots
 from jotlight.calibration.result import Calibration
 from jotlight.calibration.steadiness import Steadiness, steadiness
