@@ -119,7 +119,7 @@ def test_noise_stands_still():
     rng = np.random.default_rng(0)
     for density in (0.01, 0.5):
         bits = jl.Bits.from_array(rng.random((32, 48, 48)) < density)
-        assert find(bits, "auto", 16)[1] == "none"
+        assert find(bits, "auto")[1] == "none"
 
 
 def unknown_along(paths):
