@@ -2,9 +2,10 @@
 
 In reading order:
 
-* ``sensor`` with ``exposure`` and ``simulate``: the parameters of a sensor, and the random bits of
-  an image. ``maps`` and ``values`` check parameters that differ from jot to jot, ``parameters``
-  treats all of them as a whole, and ``intensity_scale`` and ``simulated_bits`` serve simulations;
+* ``sensor`` with ``exposure``, ``simulate``, ``draws``, and ``draw_bits``: the parameters of a
+  sensor, and the random bits of an image. ``maps`` and ``values`` check parameters that differ from
+  jot to jot, ``parameters`` treats all of them as a whole, and ``intensity_scale`` and
+  ``simulated_bits`` serve simulations;
 * ``readings``, ``multibit``, ``photon_readings``, ``draw_readings``: gains and thresholds that
   differ, several bits, and read noise;
 * ``mosaic`` with ``mosaic_text`` and ``mosaic_checks``: color filters;
