@@ -18,7 +18,7 @@ from skimage.restoration import inpaint_biharmonic
 
 import jotlight as jl
 from jotlight.calibration.flat import shrink_response
-from jotlight.calibration.rates import detections, variance
+from jotlight.calibration.jot_counts import JotCounts
 from jotlight.datasets.scenes import PHOTOGRAPHS
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.evaluation.methods import METHODS
@@ -38,7 +38,7 @@ def main() -> None:
     maps = {"simulated": simulated(np.random.default_rng(2))}
     if options.data is not None:
         file = options.data / "real" / "spcimager" / "counts.npz"
-        maps["real"] = detections(jl.open(file, key="bframee"), 4096, 1)
+        maps["real"] = JotCounts(jl.open(file, key="bframee"), 4096, 1).detections()
     for name, dark in maps.items():
         hot_jots(name, dark)
     clusters()
@@ -99,7 +99,8 @@ def outliers() -> None:
     limits = (3.0, 4.0, 5.0, 6.0, np.inf)
     table("flat frames", "response", *(f"limit {limit:g} σ" for limit in limits[:-1]), "none")
     for frames in (128, 512, 4096):
-        noise = np.full(jots, variance(np.array([light]), frames, 1)[0] / light**2)
+        any_counts = JotCounts(np.zeros(jots, np.int32), frames, 1)
+        noise = np.full(jots, any_counts.variance(np.array([light]))[0] / light**2)
         for outlier in (1, 0.3, 0.5, 0.7, 1.5, 2, 3.5):
             truth = 1 + 0.05 * rng.standard_normal(jots)
             compared = slice(None)
@@ -107,7 +108,7 @@ def outliers() -> None:
                 compared = slice(outliers)
                 truth[compared] = outlier
             ones = rng.binomial(frames, -np.expm1(-light * truth)).astype(np.int32)
-            measured = detections(ones, frames, 1) / light
+            measured = JotCounts(ones, frames, 1).detections() / light
             shrunk = [shrink_response(measured, noise, 0.05**2, limit) for limit in limits]
             errors = [np.sqrt(np.mean((each - truth)[compared] ** 2)) for each in shrunk]
             name = "1 ± 0.05" if outlier == 1 else outlier

@@ -44,8 +44,9 @@ from jotlight.datasets.moving_scenes import MovingScene
 from jotlight.images.sets import read_image_set
 from jotlight.motion.align import prepare_burst
 from jotlight.motion.block_edges import block_edges
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.consistency import find_consistent
+from jotlight.motion.sums import Sums
 
 SIZE = 256, 256
 INNER = (slice(8, -8),) * 2

@@ -51,9 +51,9 @@ from .networks.pretrained import pretrained as pretrained
 from .sensing import operators as operators
 from .sensing.bits import Bits as Bits
 from .sensing.likelihood import Likelihood as Likelihood
-from .sensing.likelihood import Problem as Problem
 from .sensing.merged import Merged as Merged
 from .sensing.photon_readings import Readings as Readings
+from .sensing.problem import Problem as Problem
 from .sensing.sensor import Sensor as Sensor
 from .training import train as train
 

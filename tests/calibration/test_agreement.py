@@ -7,6 +7,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.calibration.agreement import dark_count_conflict
+from jotlight.calibration.jot_counts import JotCounts
 
 SHAPE = (96, 96)
 WARNING = "do not have the dark counts"
@@ -77,18 +78,18 @@ def test_a_scene_shows_whether_the_dark_counts_are_those_of_its_sensor(light, fr
     dark = dark_counts(hot=0.03)
     scene = light * jl.datasets.photograph("camera")[200:296, 200:296]
     own = draw(scene + dark, frames, 0)
-    assert dark_count_conflict(own, frames, dark, 1) is None
+    assert dark_count_conflict(JotCounts(own, frames, 1), dark) is None
     shorter = draw(scene + dark / 20, frames, 0)
     for ones, stated in (
         (own, dark_counts(seed=1, hot=0.03)),
         (own, dark[:, ::-1]),
         (shorter, dark),
     ):
-        missing, number = dark_count_conflict(ones, frames, stated, 1)
+        missing, number = dark_count_conflict(JotCounts(ones, frames, 1), stated)
         assert number / 2 < missing <= number
 
 
 def test_dark_counts_without_hot_jots_do_not_contradict_a_scene():
     ones = np.zeros(SHAPE, np.int32)
     for dark in (0.3, np.full(SHAPE, 0.3), np.zeros(SHAPE)):
-        assert dark_count_conflict(ones, 16, dark, 1) is None
+        assert dark_count_conflict(JotCounts(ones, 16, 1), dark) is None

@@ -6,6 +6,7 @@ from scipy.stats import binom
 
 import jotlight as jl
 from jotlight.calibration.dead_jots import MIN_RESPONSE, find_dead_jots
+from jotlight.calibration.jot_counts import JotCounts
 from jotlight.calibration.light import LocalLight
 
 RATE = 1e-3
@@ -34,15 +35,8 @@ def test_working_jots_are_called_dead_at_the_stated_rate_at_most(
     dark_ones, ones = np.mgrid[: dark_frames + 1, : frames + 1].astype(np.int32)
     full = np.full(ones.shape, light)
     found = LocalLight(full, full, 0 * full, 0 * full, full, 225 + 0 * full)
-    dead = find_dead_jots(
-        ones,
-        frames,
-        dark_ones,
-        dark_frames,
-        found,
-        threshold=threshold,
-        false_positive_rate=RATE,
-    )
+    counts = JotCounts(ones, frames, threshold), JotCounts(dark_ones, dark_frames, threshold)
+    dead = find_dead_jots(*counts, found, RATE)
     chance = binom.pmf(dark_ones, dark_frames, probability(threshold, dark)) * binom.pmf(
         ones, frames, probability(threshold, dark + response * light)
     )

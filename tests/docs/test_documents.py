@@ -52,7 +52,7 @@ LONG_DOCSTRINGS = [
     "jotlight.motion.film",
     "jotlight.motion.film_estimates",
     "jotlight.motion.merge",
-    "jotlight.training.loop",
+    "jotlight.training.train",
 ]
 """Modules whose examples take long. The tests of these modules run the same code."""
 

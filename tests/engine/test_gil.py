@@ -1,7 +1,5 @@
 """The engine releases Python's global interpreter lock."""
 
-import sys
-import threading
 import zlib
 
 import numpy as np
@@ -9,6 +7,7 @@ import pytest
 
 import jotlight as jl
 import jotlight._engine as engine_module
+from ticking import ticking
 
 SENSOR = jl.Sensor(oversampling=4, kernel="cubic")
 IMAGE = np.full((256, 256), 0.5, np.float32)
@@ -28,23 +27,9 @@ def ticks():
     The checksum of a buffer of this size offers the GIL, and takes a few microseconds. Sleep would
     take at least 50.
     """
-    interval = sys.getswitchinterval()
-    count, stop, buffer = [0], threading.Event(), bytes(8192)
-
-    def tick():
-        while not stop.is_set():
-            count[0] += 1
-            zlib.crc32(buffer)
-
-    thread = threading.Thread(target=tick)
-    sys.setswitchinterval(1000)
-    thread.start()
-    try:
+    buffer = bytes(8192)
+    with ticking(lambda: zlib.crc32(buffer)) as count:
         yield count
-    finally:
-        stop.set()
-        sys.setswitchinterval(interval)
-        thread.join()
 
 
 @pytest.mark.parametrize("name", CALLS)

@@ -14,9 +14,8 @@ from moving import blocks_of, record
 
 def along_affine_motion(motion, **options):
     scene, bits = record(motion, **options)
-    blocks = blocks_of(bits)
-    paths = find_paths(blocks, scene.reference, "affine", lambda _: None).paths
-    return scene, blocks, paths, find_consistent(paths)
+    paths = find_paths(blocks_of(bits), "affine", lambda _: None).paths
+    return scene, paths, find_consistent(paths)
 
 
 def squared_error(paths, scene):
@@ -34,11 +33,11 @@ def squared_error(paths, scene):
     [(0, 48, 96), *((seed, 64, 128) for seed in range(3))],
 )
 def test_tiles_are_added_to_a_scene_that_deforms(seed, frames, size):
-    scene, blocks, paths, consistent = along_affine_motion(
+    scene, paths, consistent = along_affine_motion(
         "sheet", frames=frames, shape=(size, size), rng=seed
     )
     assert is_unexplained(paths, consistent)
-    more, sums = add_tiles(blocks, scene.reference, paths, consistent)
+    more, sums = add_tiles(paths, consistent)
     assert more.free == 1
     assert len(more.tracks) == len(paths.tracks) + 1
     # An affine motion leaves the waves, which change their sign with time.
@@ -59,17 +58,17 @@ def test_tiles_are_added_to_a_scene_that_deforms(seed, frames, size):
     ],
 )
 def test_tiles_that_fit_noise_are_left_out(motion, frames, size, photons):
-    scene, blocks, paths, consistent = along_affine_motion(
+    _, paths, consistent = along_affine_motion(
         motion, frames=frames, shape=(size, size), photons=photons
     )
-    same, sums = add_tiles(blocks, scene.reference, paths, consistent)
+    same, sums = add_tiles(paths, consistent)
     assert same is paths
     assert sums is consistent
 
 
 @pytest.mark.slow
 def test_the_motion_of_a_camera_is_explained():
-    _, _, paths, consistent = along_affine_motion("shake", frames=64, shape=(128, 128))
+    _, paths, consistent = along_affine_motion("shake", frames=64, shape=(128, 128))
     assert not is_unexplained(paths, consistent)
 
 
@@ -87,16 +86,16 @@ def test_degrees_of_freedom_are_those_of_a_linear_estimate():
 
 @pytest.mark.slow
 def test_paths_along_which_more_bits_agree_are_kept():
-    scene, blocks, paths, consistent = along_affine_motion("sheet", frames=48, shape=(96, 96))
+    _, paths, consistent = along_affine_motion("sheet", frames=48, shape=(96, 96))
     every = dataclasses.replace(consistent, accepted=np.ones_like(consistent.accepted))
-    same, sums = add_tiles(blocks, scene.reference, paths, every)
+    same, sums = add_tiles(paths, every)
     assert same is paths
     assert sums is every
 
 
 @pytest.mark.slow
 def test_the_model_of_tiles_needs_no_test():
-    scene, blocks, paths, _ = along_affine_motion("shake", frames=32, shape=(64, 64), rng=0)
-    more, sums = add_tiles(blocks, scene.reference, paths, None)
+    _, paths, _ = along_affine_motion("shake", frames=32, shape=(64, 64), rng=0)
+    more, sums = add_tiles(paths, None)
     assert sums is None
     assert more is paths or more.free == 1

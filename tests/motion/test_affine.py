@@ -14,8 +14,8 @@ from jotlight.motion.affine import (
     start_track,
 )
 from jotlight.motion.affine_curve import smooth_affine
-from jotlight.motion.blocks import Sums
 from jotlight.motion.segments import Segment
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import affine_basis, tile_counts
 from moving import blocks_of, moved, record
 from reference import motion as reference
@@ -27,7 +27,7 @@ def follow_scene(scene, bits):
     at = scene.reference
     velocity = (scene.motion(at + 2) - scene.motion(at - 2)) / 4
     nodes = velocity[:, 8::16, 8::16][:, : shape[0], : shape[1]].astype(float)
-    return follow_segment(blocks, at, Segment(nodes, np.ones(shape), energy=1.0, half=1))
+    return follow_segment(blocks, Segment(nodes, np.ones(shape), energy=1.0, half=1))
 
 
 @pytest.mark.parametrize(("motion", "limit"), [("shake", 0.25), ("rotate", 0.35)])
@@ -104,7 +104,7 @@ def test_the_two_central_blocks_start_at_the_velocity():
     _, bits = record("shake")
     blocks = blocks_of(bits)
     velocity = np.random.default_rng(0).normal(size=(2, *tile_counts(blocks.size)))
-    track = start_track(blocks, 24, velocity)
+    track = start_track(blocks, velocity)
     assert np.flatnonzero(track.known).tolist() == [7, 8]
     for block in (7, 8):
         expected = velocity * (blocks.centers[block] - 24)
@@ -116,7 +116,7 @@ def test_displacements_are_extrapolated_with_the_last_velocity():
     blocks = blocks_of(bits)
     shape = tile_counts(blocks.size)
     velocity = np.random.default_rng(1).normal(size=(2, *shape))
-    track = start_track(blocks, 24, 0 * velocity)
+    track = start_track(blocks, 0 * velocity)
     # All known blocks lie on a line, so its continuation is exact.
     for block in (6, 7, 8, 9):
         track.nodes[block] = velocity * blocks.centers[block] + 5

@@ -10,11 +10,10 @@ from hypothesis import strategies as st
 import jotlight as jl
 from jotlight.motion import consistency
 from jotlight.motion import disagreement as disagreement_module
-from jotlight.motion.blocks import Sums
 from jotlight.motion.consistency import ComparedBlock, add_agreeing, find_consistent
-from jotlight.motion.path_search import _still
 from jotlight.motion.scoring import Template
-from jotlight.motion.track import Paths
+from jotlight.motion.sums import Sums
+from jotlight.motion.track import Paths, Track
 from moving import blocks_of, random_counts
 from reference import motion as reference
 
@@ -25,7 +24,7 @@ def test_bits_of_dim_and_of_saturated_scenes_agree(light):
     rng = np.random.default_rng(0)
     bits = rng.random((64, 64, 64)) < -np.expm1(-light * rng.uniform(0.9, 1.1, (64, 1, 1)))
     blocks = blocks_of(jl.Bits.from_array(bits))
-    still = Paths([_still(blocks, 32)], np.zeros(blocks.size, np.uint8))
+    still = Paths([Track.still(blocks)], np.zeros(blocks.size, np.uint8))
     assert find_consistent(still).accepted.mean() > 0.999
 
 
@@ -102,7 +101,7 @@ def hidden_scene(rng, channels=()):
 
 def test_what_hides_the_scene_is_left_out():
     bits = hidden_scene(np.random.default_rng(3))
-    still = _still(blocks_of(jl.Bits.from_array(bits)), 32)
+    still = Track.still(blocks_of(jl.Bits.from_array(bits)))
     found = find_consistent(still)
     # The last block before it is tested together with the next one, so it may be left out, too.
     assert np.isin(found.total.trials[24:40, 24:40], (36, 40)).mean() > 0.9
@@ -127,7 +126,7 @@ def test_a_dim_scene_that_stands_still_keeps_nearly_all_bits():
     sensor = jl.Sensor(frames=64, gain=0.05 * 64 / image.mean())
     kept = []
     for seed in range(4):
-        still = _still(blocks_of(sensor.expose(image, rng=seed)), 32)
+        still = Track.still(blocks_of(sensor.expose(image, rng=seed)))
         kept.append(find_consistent(still, is_still=True).accepted.mean())
     # Up to a χ² of 3.5, it would be 0.9985.
     assert np.mean(kept) > 0.999
@@ -135,7 +134,7 @@ def test_a_dim_scene_that_stands_still_keeps_nearly_all_bits():
 
 def test_other_channels_are_counted_where_their_sum_agrees():
     color = hidden_scene(np.random.default_rng(4), (3,))
-    still = _still(blocks_of(jl.Bits.from_array(color)), 32)
+    still = Track.still(blocks_of(jl.Bits.from_array(color)))
     found = find_consistent(still)
     parts = []
     for channel in range(3):
@@ -152,7 +151,7 @@ def test_a_block_that_is_brighter_as_a_whole_agrees():
     p[::4] = 0.4
     brightness = np.where(np.arange(64) % 20 < 10, 1.3, 0.7)[:, None, None]
     bits = jl.Bits.from_array(rng.random((64, 64, 64)) < p * brightness)
-    assert find_consistent(_still(blocks_of(bits), 32)).accepted.mean() > 0.97
+    assert find_consistent(Track.still(blocks_of(bits))).accepted.mean() > 0.97
 
 
 def test_pixels_without_bits_have_no_accepted_bits():
@@ -160,7 +159,7 @@ def test_pixels_without_bits_have_no_accepted_bits():
     valid = rng.random((32, 32)) < 0.5
     blocks = blocks_of(jl.Bits.from_array(rng.random((32, 32, 32)) < 0.3))
     blocks = dataclasses.replace(blocks, valid=np.packbits(valid, axis=1))
-    found = find_consistent(_still(blocks, 16))
+    found = find_consistent(Track.still(blocks))
     assert (found.total.trials[~valid] == 0).all()
     assert (found.accepted[~valid] == 0).all()
     assert found.accepted[valid].mean() > 0.95

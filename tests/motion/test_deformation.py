@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from jotlight.motion.affine import against_others
-from jotlight.motion.blocks import Sums
 from jotlight.motion.deformation import _add_prior, _at_reference, follow_tiles
 from jotlight.motion.regularize import Equations
 from jotlight.motion.scoring import Template
 from jotlight.motion.smoothing import interpolation_bias
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import tile_counts
 from jotlight.motion.track import Track
 from moving import blocks_of, record
@@ -37,7 +37,7 @@ def test_tiles_are_followed_from_their_velocities(motion, limit):
         rows, columns = tile_counts(blocks.size)
         near = (scene.motion(scene.reference + 2) - scene.motion(scene.reference - 2)) / 4
         velocity = near[:, 8::16, 8::16][:, :rows, :columns].astype(float)
-        track = follow_tiles(blocks, scene.reference, velocity)
+        track = follow_tiles(blocks, velocity)
         assert (track.information[:, [0, 2]] >= 0).all()
         errors += errors_of(track, scene)
         still += [scene.motion(time)[:, scene.visible(time)].ravel() for time in blocks.centers]

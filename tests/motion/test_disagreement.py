@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter, shift
 
 from jotlight import _engine as engine
-from jotlight.motion.blocks import Sums
 from jotlight.motion.disagreement import chi_squared, disagreement
 from jotlight.motion.scoring import Template
+from jotlight.motion.sums import Sums
 from moving import random_counts
 from reference import motion as reference
 

@@ -5,7 +5,6 @@ import pytest
 from scipy.ndimage import gaussian_filter, shift
 
 import jotlight as jl
-from jotlight.motion.blocks import Sums
 from jotlight.motion.disagreement import chi_squared, disagreement
 from jotlight.motion.equivalent import (
     equivalent_sums,
@@ -15,6 +14,7 @@ from jotlight.motion.equivalent import (
 )
 from jotlight.motion.jots import Jots
 from jotlight.motion.scoring import Template, make_blurred_template, normal_equations
+from jotlight.motion.sums import Sums
 from jotlight.sensing.response import detection_probability
 
 SIZE = 80, 96

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from jotlight.motion import flags as motion_flags
-from jotlight.motion.blocks import Sums
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.disagreement import disagreement
+from jotlight.motion.sums import Sums
 
 SIZE = 192, 256
 NOWHERE = np.zeros(SIZE, np.uint8)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from jotlight import _engine as engine
-from jotlight.motion.blocks import Sums
 from jotlight.motion.disagreement import chi_squared, disagreement
 from jotlight.motion.flicker import at_brightness, light_factor, without_saturation
 from jotlight.motion.scoring import Template
+from jotlight.motion.sums import Sums
 
 SIZE = 96, 128
 

@@ -5,9 +5,9 @@ import pytest
 
 import jotlight as jl
 from jotlight.motion.align import as_blocks
-from jotlight.motion.blocks import Sums
 from jotlight.motion.burst import as_burst
 from jotlight.motion.jots import Jots, SeenJots, inverse_response, response
+from jotlight.motion.sums import Sums
 from jotlight.sensing.response import detection_probability
 
 SIZE = 40, 70

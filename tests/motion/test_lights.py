@@ -8,7 +8,6 @@ from scipy.stats import poisson
 
 import jotlight as jl
 from jotlight.motion.align import prepare_burst
-from jotlight.motion.blocks import Sums
 from jotlight.motion.disagreement import chi_squared, disagreement
 from jotlight.motion.flicker import (
     at_brightness,
@@ -19,6 +18,7 @@ from jotlight.motion.flicker import (
 from jotlight.motion.lights import BlockLights, Lights
 from jotlight.motion.reading_counts import counts_of_readings
 from jotlight.motion.scoring import Template
+from jotlight.motion.sums import Sums
 
 SIZE = 96, 128
 

@@ -5,15 +5,14 @@ import pytest
 
 import jotlight as jl
 from jotlight.motion.likelihood_gain import likelihood_gain
-from jotlight.motion.path_search import _still
 from jotlight.motion.scoring import make_blurred_template, make_template
 from jotlight.motion.tiles import tile_counts
-from jotlight.motion.track import Paths
+from jotlight.motion.track import Paths, Track
 from moving import blocks_of, paths_of, record
 
 
-def still(blocks, reference):
-    return Paths([_still(blocks, reference)], np.zeros(blocks.size, np.uint8))
+def still(blocks):
+    return Paths([Track.still(blocks)], np.zeros(blocks.size, np.uint8))
 
 
 @pytest.mark.parametrize("density", [0.01, 0.1, 0.5])
@@ -52,7 +51,7 @@ def test_the_gain_of_mirrored_bits_along_the_mirrored_motion_is_the_same():
 
 def test_nothing_gains_over_itself():
     _, bits = record("shake")
-    none = still(blocks_of(bits), 24)
+    none = still(blocks_of(bits))
     assert likelihood_gain(none) == 0
 
 
@@ -78,7 +77,7 @@ def test_the_gain_is_that_of_a_loop_over_frames():
     moving.tracks[0].sums = lambda block: constant_sums(blocks, block, shifts[block])
     mean = array.mean()
     gain, kept, others, unmoved = 0.0, 0.0, 0.0, 0.0
-    none = still(blocks, 24)
+    none = still(blocks)
     for block in range(12):
         halves = [
             [motion.sums(other) for other in range(12) if other % 2 != block % 2]

@@ -5,12 +5,12 @@ import pytest
 
 import jotlight as jl
 from jotlight.motion import memory as memory_module
-from jotlight.motion.blocks import Sums
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.jots import Jots, SeenJots
 from jotlight.motion.memory import Memory, remembers, sum_leaving
 from jotlight.motion.merge import as_paths
 from jotlight.motion.motion import Motion
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import tile_counts
 from moving import blocks_of
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion.blocks import Sums
 from jotlight.motion.jots import Jots, SeenJots
 from jotlight.motion.merged_pixels import as_fine, as_merged, as_pixels
+from jotlight.motion.sums import Sums
 from moving import constant_motion
 
 PIXELS, FRAMES, LIGHT = (24, 32), 100, 0.5

@@ -14,7 +14,6 @@ from jotlight.motion.consistency import find_consistent
 from jotlight.motion.path_search import (
     Found,
     _are_in_doubt,
-    _still,
     _with_other_outlines,
     find_paths,
 )
@@ -23,9 +22,9 @@ from jotlight.motion.track import Paths, Track
 from moving import blocks_of, occluded, record, two_halves
 
 
-def find(bits, model, reference=24):
+def find(bits, model):
     progress = []
-    found = find_paths(blocks_of(bits), reference, model, progress.append)
+    found = find_paths(blocks_of(bits), model, progress.append)
     assert progress[0] == 0
     assert progress[-1] == 1
     assert progress == sorted(progress)
@@ -70,19 +69,19 @@ def test_the_division_that_gains_most_is_chosen_unless_the_first_is_clear(
 ):
     _, bits = record("shake", 16, shape=(32, 32))
     blocks = blocks_of(bits)
-    paths = [Paths([_still(blocks, 8)], np.zeros(blocks.size, np.uint8)) for _ in gains]
+    paths = [Paths([Track.still(blocks)], np.zeros(blocks.size, np.uint8)) for _ in gains]
     for number, each in enumerate(paths):
         each.tracks[0].nodes[:] = number
     explained = []
 
-    def explain(blocks, reference, segments, *others):
+    def explain(blocks, segments, *others):
         explained.append(segments)
         return Found(paths[segments], "affine", None)
 
     monkeypatch.setattr(path_search, "find_segments", lambda *_: [0, 1])
     monkeypatch.setattr(path_search, "_explain", explain)
     monkeypatch.setattr(path_search, "_gain_over_rest", lambda found: gains[explained[-1]])
-    found = find_paths(blocks, 8, "auto", lambda _: None)
+    found = find_paths(blocks, "auto", lambda _: None)
     assert len(explained) == tried
     assert found.model == ("none" if chosen is None else "affine")
     assert chosen is None or (found.paths.tracks[0].nodes == chosen).all()
@@ -107,7 +106,7 @@ def test_long_bursts_are_aligned_with_a_part_of_their_frames(monkeypatch):
     monkeypatch.setattr(path_search, "keeps_sums", lambda *_, **__: False)
     monkeypatch.setattr(path_search, "find_consistent", consistent)
     monkeypatch.setattr(path_search, "_follow", follow)
-    found = find_paths(blocks, 64, "auto", lambda _: None)
+    found = find_paths(blocks, "auto", lambda _: None)
     assert steps[0][0] == "follow"
     assert steps[0][1] > 1
     assert steps[1:] == [("test", 1)]
@@ -120,7 +119,7 @@ def test_noise_stands_still():
     rng = np.random.default_rng(0)
     for density in (0.01, 0.5):
         bits = jl.Bits.from_array(rng.random((32, 48, 48)) < density)
-        assert find(bits, "auto", 16)[1] == "none"
+        assert find(bits, "auto")[1] == "none"
 
 
 def unknown_along(paths):
@@ -139,13 +138,13 @@ def test_pixels_whose_bits_disagree_are_unknown_but_dead_ones_are_not():
     for seed in (3, 2, 1):
         rng = np.random.default_rng(seed)
         blocks = blocks_of(jl.Bits.from_array(rng.random((64, 48, 48)) < p))
-        shares.append(unknown_along(Paths([_still(blocks, 32)], labels)))
+        shares.append(unknown_along(Paths([Track.still(blocks)], labels)))
         left = dataclasses.replace(blocks, valid=np.packbits(valid, axis=1))
-        shares_of_left.append(unknown_along(Paths([_still(left, 32)], labels)))
+        shares_of_left.append(unknown_along(Paths([Track.still(left)], labels)))
     assert 0.35 < np.mean(shares) < 0.45
     assert np.mean(shares_of_left) < 0.02
     nothing = dataclasses.replace(blocks, valid=np.zeros((48, 6), np.uint8))
-    assert unknown_along(Paths([_still(nothing, 32)], labels)) == 0
+    assert unknown_along(Paths([Track.still(nothing)], labels)) == 0
 
 
 @pytest.mark.slow
@@ -189,16 +188,16 @@ def test_wrong_outlines_of_slow_segments_are_replaced(is_reversed):
 def test_slow_segments_replace_tiles_if_they_explain_the_scene(monkeypatch, of_slow):
     _, bits = record("shake", 16, shape=(32, 32))
     blocks = blocks_of(bits)
-    paths = Paths([_still(blocks, 8)] * 2, np.zeros(blocks.size, np.uint8))
+    paths = Paths([Track.still(blocks)] * 2, np.zeros(blocks.size, np.uint8))
 
     def segments(*_, is_slow=False):
         return [[of_slow] * 2] if is_slow else [["tiles"]]
 
-    def explain(_, __, parts, *___):
+    def explain(_, parts, *__):
         return Found(paths, parts[0], None)
 
     monkeypatch.setattr(path_search, "find_segments", segments)
     monkeypatch.setattr(path_search, "_explain", explain)
     monkeypatch.setattr(path_search, "_gain_over_rest", lambda _: (50.0, True))
     monkeypatch.setattr(path_search, "likelihood_gain", lambda *_: 1.0)
-    assert find_paths(blocks, 8, "auto", lambda _: None).model == of_slow
+    assert find_paths(blocks, "auto", lambda _: None).model == of_slow

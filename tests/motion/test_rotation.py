@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+import jotlight as jl
 import jotlight._engine as engine
 from jotlight.motion.rotation import find_rotation
 from jotlight.motion.velocity import find_velocities
-from moving import as_burst_of
+from moving import blocks_of
 
 
 def grid(rows, columns, distance):
@@ -108,7 +109,7 @@ def test_a_dim_scene_that_rotates_has_a_rotation_among_its_velocities():
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
         rows, columns = np.rint(np.tensordot(turn, places, axes=1) + 191.5).astype(int)
         bits[frame] = rng.random((256, 256)) < 0.1 * texture[rows, columns]
-    found = find_velocities(as_burst_of(bits), frames // 2, None)
+    found = find_velocities(blocks_of(jl.Bits.from_array(bits)))
     centers = 16 * np.indices((16, 16)) + 7.5 - 127.5
     true = rate * np.stack([-centers[1], centers[0]])
     distances = np.hypot(*np.moveaxis(found - true, 1, 0)).max(axis=(1, 2))

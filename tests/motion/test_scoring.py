@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter, shift, uniform_filter
 
 from jotlight import _engine as engine
-from jotlight.motion.blocks import Sums
 from jotlight.motion.scoring import (
     Template,
     make_blurred_template,
@@ -15,6 +14,7 @@ from jotlight.motion.scoring import (
     normal_equations,
     template_network,
 )
+from jotlight.motion.sums import Sums
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import FOLDER
 from jotlight.training.parameters import fingerprint_network

@@ -26,7 +26,7 @@ def field_of(velocity, blocks):
 
 def test_the_strongest_segment_has_the_velocity_of_the_camera():
     scene, bits = record("shake", photons=0.3)
-    segments = find_segments(blocks_of(bits), scene.reference)[0]
+    segments = find_segments(blocks_of(bits))[0]
     # The velocity changes with time, so a few tiles may fit another constant one.
     assert segments[0].weights.mean() > 0.6
     assert segments[0].energy == max(segment.energy for segment in segments)
@@ -38,7 +38,7 @@ def test_the_strongest_segment_has_the_velocity_of_the_camera():
 def test_halves_that_move_differently_are_two_segments():
     velocities = (0.4, 0.3), (-0.3, 0.5)
     bits = two_halves(velocities, 48)
-    segments = find_segments(blocks_of(bits), 24)[0]
+    segments = find_segments(blocks_of(bits))[0]
     assert len(segments) >= 2
     # The border is between the columns 5 and 6 of tiles.
     for velocity, inner in zip(velocities, (slice(1, 5), slice(7, 11)), strict=True):
@@ -57,7 +57,7 @@ def test_velocities_that_hardly_differ_are_found_in_all_frames():
     velocities = (0.1, 0.1), (-0.1, -0.1)
     blocks = blocks_of(two_halves(velocities, 96))
     for is_slow in (False, True):
-        segments = find_segments(blocks, 48, is_slow=is_slow)[0]
+        segments = find_segments(blocks, is_slow=is_slow)[0]
         found = [segment.velocity.mean(axis=(1, 2)) for segment in segments]
         errors = [min(abs(each - velocity).max() for each in found) for velocity in velocities]
         assert (max(errors) < 0.02) == is_slow
@@ -68,7 +68,7 @@ def test_the_energy_is_largest_at_the_true_velocity():
     bits = moved(np.outer(np.arange(48) - 24, velocity), shape=(80, 80), photons=0.3, rng=0)[1]
     blocks = blocks_of(bits)
     energies = {
-        (rows, columns): _energy(_Scene(blocks, 24, 12), field_of((rows, columns), blocks)).mean()
+        (rows, columns): _energy(_Scene(blocks, 12), field_of((rows, columns), blocks)).mean()
         for rows in (0.3, 0.5, 0.7)
         for columns in (-0.45, -0.25, -0.05)
     }
@@ -80,14 +80,12 @@ def test_the_energy_of_noise_is_about_zero_and_that_of_details_is_their_power():
     flat = blocks_of(jl.Bits.from_array(rng.random((64, 160, 160)) < 0.3))
     still = field_of((0, 0), flat)
     noise = 1 / 32 / (4 * np.pi * 1.5**2)
-    assert abs(_energy(_Scene(flat, 32, 16), still).mean()) < 0.1 * noise
+    assert abs(_energy(_Scene(flat, 16), still).mean()) < 0.1 * noise
     texture = gaussian_filter(rng.normal(size=(80, 80)), 2)
     p = 0.3 + 0.05 * texture / texture.std()
     blocks = blocks_of(jl.Bits.from_array(rng.random((64, 80, 80)) < p))
     power = gaussian_filter(p - gaussian_filter(p, 6), 1.5)[8:-8, 8:-8].var()
-    assert _energy(_Scene(blocks, 32, 16), still).mean() == pytest.approx(
-        power / (0.3 * 0.7), rel=0.15
-    )
+    assert _energy(_Scene(blocks, 16), still).mean() == pytest.approx(power / (0.3 * 0.7), rel=0.15)
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])
@@ -108,7 +106,7 @@ def test_a_velocity_is_refined():
     bits = moved(np.outer(np.arange(48) - 24, velocity), shape=(80, 80), photons=0.3, rng=0)[1]
     blocks = blocks_of(bits)
     start = field_of((0.56, -0.3), blocks)
-    found = _refine(blocks, 24, start, np.ones(tile_counts(blocks.size)))
+    found = _refine(blocks, start, np.ones(tile_counts(blocks.size)))
     np.testing.assert_allclose(found.mean(axis=(1, 2)), velocity, atol=0.02)
 
 
@@ -116,7 +114,7 @@ def test_frames_at_a_whole_velocity_are_shifted_and_added():
     rng = np.random.default_rng(1)
     bits = rng.random((10, 30, 40)) < 0.4
     blocks = blocks_of(jl.Bits.from_array(bits), 2)
-    sums = count_at_velocity(blocks, range(2, 9), field_of((1, -2), blocks), 5)
+    sums = count_at_velocity(blocks, range(2, 9), field_of((1, -2), blocks))
     expected, trials = np.zeros((30, 40), int), np.zeros((30, 40), int)
     for frame in range(2, 9):
         for row, column in np.ndindex(30, 40):
@@ -138,7 +136,7 @@ def test_bits_that_are_all_equal_are_one_segment_that_stands_still(value):
     from jotlight.motion.blocks import Blocks
 
     burst = as_burst_of(np.full((32, 40, 40), value))
-    ((segment,),) = find_segments(Blocks(burst, np.arange(0, 33, 2)), 16)
+    ((segment,),) = find_segments(Blocks(burst, np.arange(0, 33, 2)))
     np.testing.assert_allclose(segment.velocity, 0, atol=1e-6)
 
 
@@ -149,6 +147,6 @@ def test_a_velocity_whose_frames_leave_the_view_has_no_energy():
     still = np.zeros((2, 4, 6))
     away = still + np.array([0.0, 100.0]).reshape(2, 1, 1)
     frames = range(16, 48)
-    noise = energy_of(count_at_velocity(blocks, frames, still, 32), None)
-    lost = energy_of(count_at_velocity(blocks, frames, away, 32), None)
+    noise = energy_of(count_at_velocity(blocks, frames, still), None)
+    lost = energy_of(count_at_velocity(blocks, frames, away), None)
     assert abs(lost).max() < 0.1 * abs(noise).max()

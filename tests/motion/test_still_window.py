@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from jotlight.motion import still_window
-from jotlight.motion.blocks import Sums
 from jotlight.motion.still_window import count_window, find_window
+from jotlight.motion.sums import Sums
 from moving import blocks_of, paths_of, record
 
 

@@ -1,7 +1,5 @@
 """The engine's cost, gradient, and normal equations against slow twins."""
 
-import sys
-import threading
 import time
 
 import numpy as np
@@ -13,6 +11,7 @@ from jotlight.seeds import seed_bytes
 from jotlight.training.parameters import engine_layers, parameter_vector
 from reference import training as twins
 from reference.networks import random_network
+from ticking import ticking
 
 SEED = np.random.SeedSequence(5)
 CASES = {
@@ -287,22 +286,8 @@ def test_a_batch_that_does_not_fit_is_refused(call, changes):
 @pytest.fixture
 def ticks():
     """A number that another thread increments whenever it can run."""
-    interval, count, stop = sys.getswitchinterval(), [0], threading.Event()
-
-    def tick():
-        while not stop.is_set():
-            count[0] += 1
-            time.sleep(1e-4)
-
-    thread = threading.Thread(target=tick)
-    sys.setswitchinterval(1000)
-    thread.start()
-    try:
+    with ticking(lambda: time.sleep(1e-4)) as count:
         yield count
-    finally:
-        stop.set()
-        sys.setswitchinterval(interval)
-        thread.join()
 
 
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)

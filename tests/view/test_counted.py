@@ -9,10 +9,10 @@ import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.sensing.provenance import Provenance
 from jotlight.view.counted import EQUIVALENT, ONES, counted_by
-from jotlight.view.counts import RunningCounts
 from jotlight.view.estimate import alignment_reason, estimate, fraction_at, merge_window
 from jotlight.view.facts import describe_capture
 from jotlight.view.overlays import DEAD, JotMap, find_errors, find_saturated
+from jotlight.view.running_counts import RunningCounts
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
 from jotlight.view.timeline import firing_rates

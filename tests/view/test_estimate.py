@@ -12,12 +12,12 @@ import jotlight as jl
 from jotlight.evaluation.choice import COLOR_NETWORK
 from jotlight.images.io import display_levels
 from jotlight.images.tone import CURVES, Tone
-from jotlight.view.counts import RunningCounts
 from jotlight.view.display import display, display_difference, fit_white
 from jotlight.view.estimate import estimate, fraction_at, merge_window, recommend
 from jotlight.view.facts import describe_capture
 from jotlight.view.notes import collected
 from jotlight.view.overlays import DEAD, HOT, JotMap, error_levels, find_errors, find_saturated
+from jotlight.view.running_counts import RunningCounts
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
 from jotlight.view.viewed import Viewed

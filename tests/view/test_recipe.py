@@ -14,9 +14,9 @@ from jotlight.cli.app import app, run
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.cli.view import _open
-from jotlight.view.counts import RunningCounts
 from jotlight.view.estimate import estimate
 from jotlight.view.recipe import recipe
+from jotlight.view.running_counts import RunningCounts
 from jotlight.view.saving import save_view
 from jotlight.view.state import ViewState
 from jotlight.view.viewed import Viewed

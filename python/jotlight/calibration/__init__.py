@@ -1,6 +1,6 @@
 """Calibration: what a dark and a flat capture reveal about the jots of a sensor.
 
-- `estimate`: `calibrate`, from captures to a `Calibration`. `captured_sensor`: which bits it takes.
+- `calibrate`: from captures to a `Calibration`. `captured_sensor`: which bits it takes.
 - `bulk`: the distribution of the dark counts of ordinary jots, which identifies the hot ones.
 - `flat`: the response of each jot, from the `light` on it; `dead_jots`, and the `prnu` of others.
 - `evenness`: tests for the image of a scene, and for a mosaic, in a flat capture.
@@ -8,13 +8,13 @@
 - `steadiness`: tests of the assumption that frames are independent and identically distributed.
 - `hot_jots`: hot jots in a capture of a scene, without a dark capture.
 - `jotlight.sensing.periodic_rates`: rates that repeat every few jots, as under a mosaic.
-- `rates`: from counts to detections per frame.
+- `jot_counts`: the counts of a capture, and their detections per frame.
 - `result`: the `Calibration`; `fields` are its data, and `files` checks the contents of its files.
 - `figure`: a page of plots.
 """
 
 from jotlight.calibration.bulk import Bulk, fit_bulk
-from jotlight.calibration.estimate import calibrate
+from jotlight.calibration.calibrate import calibrate
 from jotlight.calibration.hot_jots import find_hot_jots
 from jotlight.calibration.result import Calibration
 from jotlight.calibration.steadiness import Steadiness, steadiness

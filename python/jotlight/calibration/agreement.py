@@ -3,8 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.rates import Rates, detections
-from jotlight.checks import Counts
+from jotlight.calibration.jot_counts import JotCounts, Rates
 from jotlight.errors import warn
 from jotlight.sensing.response import detection_probability
 
@@ -29,30 +28,26 @@ A jot that has the dark counts detects all of them, and a jot that has none dete
 
 
 def warn_about_dark_counts(
-    ones: Counts,
-    frames: int,
+    flat: JotCounts,
     dark: Rates,
     light: Rates,
     hot: npt.NDArray[np.bool_],
-    threshold: int,
     false_positive_rate: float,
 ) -> None:
     """Warn if most hot jots of the dark capture have no such dark counts in the flat capture.
 
     Parameters
     ----------
-    ones, frames : ndarray of int, int
-        L of each jot in the flat capture, and the number of its frames.
+    flat : JotCounts
+        The counts of the flat capture.
     dark, light : ndarray of float64
         The dark counts of each jot, and the light on it, from the jots around it.
     hot : ndarray of bool
         The hot jots to compare.
-    threshold : int
-        q.
     false_positive_rate : float
         Maximum probability of a warning if the two captures fit together.
     """
-    missing, number, score = missing_dark_counts(ones, frames, dark, light, hot, threshold)
+    missing, number, score = missing_dark_counts(flat, dark, light, hot)
     from scipy.stats import norm
 
     if score > norm.isf(false_positive_rate):
@@ -65,12 +60,7 @@ def warn_about_dark_counts(
 
 
 def missing_dark_counts(
-    ones: Counts,
-    frames: int,
-    dark: Rates,
-    light: Rates,
-    hot: npt.NDArray[np.bool_],
-    threshold: int,
+    jots: JotCounts, dark: Rates, light: Rates, hot: npt.NDArray[np.bool_]
 ) -> tuple[int, int, float]:
     """Return how many hot jots lack their dark counts, of how many, and the score of this number.
 
@@ -82,65 +72,61 @@ def missing_dark_counts(
     >>> rng = np.random.default_rng(0)
     >>> dark, light, hot = np.full((5, 8), 0.5), np.full((5, 8), 0.7), np.ones((5, 8), bool)
     >>> ones = rng.binomial(1000, -np.expm1(-(dark + light)))
-    >>> missing_dark_counts(ones, 1000, dark, light, hot, 1)[:2]
+    >>> missing_dark_counts(JotCounts(ones, 1000, 1), dark, light, hot)[:2]
     (0, 40)
     >>> ones = rng.binomial(1000, -np.expm1(-light))
-    >>> missing_dark_counts(ones, 1000, dark, light, hot, 1)[:2]
+    >>> missing_dark_counts(JotCounts(ones, 1000, 1), dark, light, hot)[:2]
     (40, 40)
     """
     from scipy.stats import binom
 
-    dark, light, counts = dark[hot], light[hot], ones[hot]
+    dark, light, counts, frames = dark[hot], light[hot], jots.ones[hot], jots.frames
     if not counts.size:
         return 0, 0, 0.0
-    border = frames * detection_probability(threshold, light + _BORDER * dark)
+    border = frames * detection_probability(jots.threshold, light + _BORDER * dark)
     # A jot without zeros may have any dark counts.
     lacking = (counts < border) & (counts < frames)
     chance = binom.cdf(
         np.minimum(np.ceil(border), frames) - 1,
         frames,
-        detection_probability(threshold, light + dark),
+        detection_probability(jots.threshold, light + dark),
     )
     chance = np.maximum(chance, 0.5)
     spread = max(float(np.sqrt((chance * (1 - chance)).sum())), 1e-9)
     return int(lacking.sum()), counts.size, float((lacking.sum() - chance.sum()) / spread)
 
 
-def dark_count_conflict(
-    ones: Counts, frames: int, dark: npt.ArrayLike, threshold: int
-) -> tuple[int, int] | None:
+def dark_count_conflict(jots: JotCounts, dark: npt.ArrayLike) -> tuple[int, int] | None:
     """Return how many hot jots lack their dark counts in a scene, and of how many, or None.
 
     The result is None unless more than half of the jots lack them, and chance does not explain it.
 
     Parameters
     ----------
-    ones, frames : ndarray of int, int
-        L of each jot, and the number of frames.
+    jots : JotCounts
+        The counts of the scene.
     dark : array_like of float
         Dark counts per frame, a number or a map.
-    threshold : int
-        q.
 
     Examples
     --------
     >>> rng = np.random.default_rng(0)
     >>> dark = np.where(rng.random((64, 64)) < 0.02, 1.0, 0.001)
     >>> own = rng.binomial(16, -np.expm1(-dark - 0.2))
-    >>> dark_count_conflict(own, 16, dark, 1) is None
+    >>> dark_count_conflict(JotCounts(own, 16, 1), dark) is None
     True
-    >>> dark_count_conflict(own[::-1], 16, dark, 1)
+    >>> dark_count_conflict(JotCounts(own[::-1], 16, 1), dark)
     (75, 81)
     """
     rates = np.asarray(dark, np.float64)
-    if rates.shape != ones.shape:
+    if rates.shape != jots.ones.shape:
         return None
     hot = rates > max(MIN_DARK, _MIN_RATIO * float(np.median(rates)))
     if not hot.any() or hot.all():
         return None
-    light = np.zeros(ones.shape)
-    light[hot] = _light_of_neighbors(detections(ones, frames, threshold) - rates, hot)
-    missing, number, score = missing_dark_counts(ones, frames, rates, light, hot, threshold)
+    light = np.zeros(rates.shape)
+    light[hot] = _light_of_neighbors(jots.detections() - rates, hot)
+    missing, number, score = missing_dark_counts(jots, rates, light, hot)
     return (missing, number) if score > _MIN_SCORE else None
 
 

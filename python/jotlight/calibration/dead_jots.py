@@ -3,9 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.calibration.jot_counts import JotCounts, Rates
 from jotlight.calibration.light import LocalLight
-from jotlight.calibration.rates import Rates
-from jotlight.checks import Counts
 from jotlight.sensing.response import detection_probability, inverse_detection_probability
 
 MIN_RESPONSE = 0.2
@@ -13,14 +12,7 @@ MIN_RESPONSE = 0.2
 
 
 def find_dead_jots(
-    ones: Counts,
-    frames: int,
-    dark_ones: Counts,
-    dark_frames: int,
-    found: LocalLight,
-    *,
-    threshold: int,
-    false_positive_rate: float,
+    flat: JotCounts, dark: JotCounts, found: LocalLight, false_positive_rate: float
 ) -> npt.NDArray[np.bool_]:
     """Return the jots that respond too weakly or too strongly to the light around them.
 
@@ -28,14 +20,10 @@ def find_dead_jots(
 
     Parameters
     ----------
-    ones, frames : ndarray of int, int
-        L of each jot in the flat capture, and its number of frames.
-    dark_ones, dark_frames : ndarray of int, int
-        The same of the dark capture.
+    flat, dark : JotCounts
+        The counts with light, and without.
     found : LocalLight
         The light on each jot.
-    threshold : int
-        q.
     false_positive_rate : float
         Maximum probability that a jot with 1/5 to 5 times the response of its neighborhood is
         called dead.
@@ -52,8 +40,9 @@ def find_dead_jots(
     from scipy.stats import norm
 
     share = false_positive_rate / 6
-    low, high = _dark_limits(dark_ones, dark_frames, threshold, share)
+    low, high = _dark_limits(dark, share)
     margin = norm.isf(share) * found.error
+    ones, frames, threshold = flat.ones, flat.frames, flat.threshold
     darkest, brightest = np.maximum(found.light - margin, 0), found.light + margin
     weak = detection_probability(threshold, low + MIN_RESPONSE * darkest)
     strong = detection_probability(threshold, high + brightest / MIN_RESPONSE)
@@ -62,24 +51,24 @@ def find_dead_jots(
     return np.asarray((bdtr(ones * 1.0, frames, weak) <= share) | (many <= share))
 
 
-def _dark_limits(ones: Counts, frames: int, threshold: int, share: float) -> tuple[Rates, Rates]:
+def _dark_limits(dark: JotCounts, share: float) -> tuple[Rates, Rates]:
     """Return limits of the dark counts that are wrong with at most this probability each.
 
     Examples
     --------
-    >>> low, high = _dark_limits(np.array([[0, 10]], np.int32), 10, 1, 0.05)
+    >>> low, high = _dark_limits(JotCounts(np.array([[0, 10]], np.int32), 10, 1), 0.05)
     >>> low.round(3).tolist(), high.round(3).tolist()  # 0.3 = -ln(0.05) / 10
     ([[0.0, 1.351]], [[0.3, inf]])
     """
     from scipy.special import betaincinv
 
-    unique, index = np.unique(ones, return_inverse=True)
-    k, rest = unique.astype(np.float64), frames - unique.astype(np.float64)
+    unique, index = np.unique(dark.ones, return_inverse=True)
+    k, rest = unique.astype(np.float64), dark.frames - unique.astype(np.float64)
     at_least = np.where(k > 0, betaincinv(np.maximum(k, 1), rest + 1, share), 0.0)
     zeros_at_least = np.where(rest > 0, betaincinv(np.maximum(rest, 1), k + 1, share), 0.0)
     limits = (
-        inverse_detection_probability(threshold, at_least, 1 - at_least),
-        inverse_detection_probability(threshold, 1 - zeros_at_least, zeros_at_least),
+        inverse_detection_probability(dark.threshold, at_least, 1 - at_least),
+        inverse_detection_probability(dark.threshold, 1 - zeros_at_least, zeros_at_least),
     )
-    low, high = (limit[index].reshape(ones.shape) for limit in limits)
+    low, high = (limit[index].reshape(dark.ones.shape) for limit in limits)
     return low, high

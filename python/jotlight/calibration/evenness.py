@@ -5,8 +5,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.calibration.jot_counts import Rates
 from jotlight.calibration.light import LocalLight
-from jotlight.calibration.rates import Rates
 from jotlight.errors import PeriodicRatesWarning, warn
 from jotlight.sensing.periodic_rates import THRESHOLD, PeriodicRates, largest_period
 

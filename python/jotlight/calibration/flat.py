@@ -8,10 +8,9 @@ import numpy.typing as npt
 from jotlight.calibration.agreement import warn_about_dark_counts
 from jotlight.calibration.dead_jots import MIN_RESPONSE, find_dead_jots
 from jotlight.calibration.evenness import warn_about_light
+from jotlight.calibration.jot_counts import JotCounts, Rates
 from jotlight.calibration.light import excess_and_slope, mean_light, median_light, window_mean
 from jotlight.calibration.prnu import measure_prnu
-from jotlight.calibration.rates import Rates, detections, variance
-from jotlight.checks import Counts
 from jotlight.sensing.mosaic import Pattern
 from jotlight.sensing.response import detection_density
 
@@ -54,13 +53,10 @@ class Response:
 
 
 def measure_response(
-    ones: Counts,
-    frames: int,
-    dark_ones: Counts,
-    dark_frames: int,
+    flat: JotCounts,
+    dark: JotCounts,
     bad: npt.NDArray[np.bool_],
     *,
-    threshold: int,
     false_positive_rate: float,
     filters: Pattern | None = None,
 ) -> Response:
@@ -74,61 +70,48 @@ def measure_response(
 
     Parameters
     ----------
-    ones, frames : ndarray of int, int
-        L of each jot, and the number of frames.
-    dark_ones, dark_frames : ndarray of int, int
-        The same of the dark capture.
+    flat, dark : JotCounts
+        The counts with light, and without.
     bad : ndarray of bool
         Hot jots to ignore.
-    threshold : int
-        q.
     false_positive_rate : float
         Maximum probability that a jot with 1/5 to 5 times the response of its neighborhood is
         called dead: see :func:`jotlight.calibration.dead_jots.find_dead_jots`.
     filters : ndarray of int, shape (H, W), optional
         The place of the color filter of each jot.
     """
-    full = ones >= frames
-    _check_ones(full[~bad], frames)
-    dark = detections(dark_ones, dark_frames, threshold)
-    light = detections(ones, frames, threshold) - dark
+    full = flat.ones >= flat.frames
+    _check_ones(full[~bad], flat.frames)
+    dark_counts = dark.detections()
+    light = flat.detections() - dark_counts
     start = median_light(light, bad, filters)
-    dark_variance = variance(dark, dark_frames, threshold)
-    counting = variance(start + dark, frames, threshold) + dark_variance
+    dark_variance = dark.variance(dark_counts)
+    counting = flat.variance(start + dark_counts) + dark_variance
     if not np.median(start[~bad]) > _MIN_LIGHT * np.sqrt(np.median(counting[~bad])):
         raise ValueError(
             "flat: expected more ones than in the dark capture, got no more; record it with light "
             "and with the exposure of the dark capture"
         )
     start = np.maximum(start, 1e-3 * np.median(start[~bad]))
-    warn_about_dark_counts(ones, frames, dark, start, bad, threshold, false_positive_rate)
+    warn_about_dark_counts(flat, dark_counts, start, bad, false_positive_rate)
     # A jot with a one in each dark frame shows nothing, and half a one less would be wrong.
-    fitted = np.where(dark_ones >= dark_frames, _NO_ZEROS, dark)
-    noise = _counting_noise(ones, frames, dark_ones, dark_frames, start, threshold, bad)
-    first = excess_and_slope(ones, frames, fitted, start, threshold)
-    used = _ordinary(*first, light / start - 1, noise, ~bad)
-    found = mean_light(ones, frames, fitted, threshold, start, used, filters)
-    dead = find_dead_jots(
-        ones,
-        frames,
-        dark_ones,
-        dark_frames,
-        found,
-        threshold=threshold,
-        false_positive_rate=false_positive_rate,
-    )
+    fitted = np.where(dark.ones >= dark.frames, _NO_ZEROS, dark_counts)
+    noise = _counting_noise(flat, dark, start, bad)
+    used = _ordinary(*excess_and_slope(flat, fitted, start), light / start - 1, noise, ~bad)
+    found = mean_light(flat, fitted, start, used, filters)
+    dead = find_dead_jots(flat, dark, found, false_positive_rate)
     warn_about_light(found, light / start, ~bad, gray=filters is None)
     working = ~(bad | dead)
     good = working & ~full
     if not good.any():
         raise ValueError("flat: expected some jots that respond, got none")
-    counting = variance(found.light + dark, frames, threshold) + dark_variance
+    counting = flat.variance(found.light + dark_counts) + dark_variance
     counting /= found.light**2
-    noise = _counting_noise(ones, frames, dark_ones, dark_frames, found.light, threshold, bad)
+    noise = _counting_noise(flat, dark, found.light, bad)
     used = (found.neighbors > 1) & _ordinary(
         found.excess, found.slope, light / found.light - 1, noise, working
     )
-    prnu, error = measure_prnu(found, noise, used, dark, threshold)
+    prnu, error = measure_prnu(found, noise, used, dark_counts, flat.threshold)
     relative = np.ones(light.shape)
     relative[good] = shrink_response((light / found.light)[good], counting[good], prnu**2)
     relative = np.clip(relative, MIN_RESPONSE, 1 / MIN_RESPONSE)
@@ -188,13 +171,7 @@ def _ordinary(
 
 
 def _counting_noise(
-    ones: Counts,
-    frames: int,
-    dark_ones: Counts,
-    dark_frames: int,
-    light: Rates,
-    threshold: int,
-    bad: npt.NDArray[np.bool_],
+    flat: JotCounts, dark: JotCounts, light: Rates, bad: npt.NDArray[np.bool_]
 ) -> Rates:
     """Return the variance of L/N - P(q, d + light), estimated from the counts of each jot.
 
@@ -202,12 +179,11 @@ def _counting_noise(
     For q = 1, P is linear in the L/N of the dark capture, so the same holds for its part. Otherwise
     that part is known to first order, and is no more than the scatter of d over the jots.
     """
-    flat, below = (
-        fraction * (1 - fraction) / max(number - 1, 1)
-        for fraction, number in ((ones / frames, frames), (dark_ones / dark_frames, dark_frames))
+    of_flat, of_dark = (
+        each.fractions * (1 - each.fractions) / max(each.frames - 1, 1) for each in (flat, dark)
     )
-    if threshold == 1:
-        return np.asarray(flat + np.exp(-2 * light) * below)
-    dark = detections(dark_ones, dark_frames, threshold)
-    below = np.minimum(variance(dark, dark_frames, threshold), dark[~bad].var())
-    return np.asarray(flat + detection_density(threshold, dark + light) ** 2 * below)
+    if flat.threshold == 1:
+        return np.asarray(of_flat + np.exp(-2 * light) * of_dark)
+    rates = dark.detections()
+    of_dark = np.minimum(dark.variance(rates), rates[~bad].var())
+    return np.asarray(of_flat + detection_density(flat.threshold, rates + light) ** 2 * of_dark)

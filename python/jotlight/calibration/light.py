@@ -5,8 +5,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.rates import Rates
-from jotlight.checks import Counts
+from jotlight.calibration.jot_counts import JotCounts, Rates
 from jotlight.interrupts import interruptible
 from jotlight.sensing.mosaic import Pattern
 from jotlight.sensing.response import detection_density, detection_probability
@@ -67,13 +66,7 @@ def median_light(light: Rates, bad: Flags, filters: Pattern | None) -> Rates:
 
 
 def mean_light(
-    ones: Counts,
-    frames: int,
-    dark: Rates,
-    threshold: int,
-    start: Rates,
-    used: Flags,
-    filters: Pattern | None,
+    flat: JotCounts, dark: Rates, start: Rates, used: Flags, filters: Pattern | None
 ) -> LocalLight:
     """Return the light with which the jots of each window report as many ones as they do.
 
@@ -82,12 +75,10 @@ def mean_light(
 
     Parameters
     ----------
-    ones, frames : ndarray of int, int
-        L of each jot, and the number of frames.
+    flat : JotCounts
+        The counts of even light.
     dark, start : ndarray of float64
         Dark counts per frame, and about the light of each jot.
-    threshold : int
-        q.
     used : ndarray of bool
         The jots that are no outliers.
     filters : ndarray of int, optional
@@ -96,7 +87,7 @@ def mean_light(
     light, weight = start, used.astype(np.float64)
     lowest = 1e-3 * float(np.median(start[used]))
     for _ in range(_STEPS):
-        excess, slope = excess_and_slope(ones, frames, dark, light, threshold)
+        excess, slope = excess_and_slope(flat, dark, light)
         passed = _passed(light, excess, slope, used, filters)
         # P is nearly linear in the light of a window, so this is a step of Newton's method.
         shown = light / passed
@@ -104,7 +95,7 @@ def mean_light(
         known = total > _MIN_SLOPE
         shown[known] = _window_sum(weight * (excess + slope))[known] / total[known]
         light = np.maximum(passed * shown, lowest)
-    excess, slope = excess_and_slope(ones, frames, dark, light, threshold)
+    excess, slope = excess_and_slope(flat, dark, light)
     total = np.maximum(_window_sum(weight * slope), _MIN_SLOPE)
     error = light * np.sqrt(np.maximum(_window_sum(weight * excess**2), 0)) / total
     return LocalLight(light, light / passed, error, excess, slope, np.rint(_window_sum(weight)))
@@ -116,13 +107,11 @@ def window_mean(values: Rates, used: Flags) -> Rates:
     return np.where(number > 0, _window_sum(values * used) / np.maximum(number, 1), 0.0)
 
 
-def excess_and_slope(
-    ones: Counts, frames: int, dark: Rates, light: Rates, threshold: int
-) -> tuple[Rates, Rates]:
+def excess_and_slope(flat: JotCounts, dark: Rates, light: Rates) -> tuple[Rates, Rates]:
     """Return the excess and the slope of each jot, as :class:`LocalLight` defines them."""
     rate = dark + light
-    excess = ones / frames - detection_probability(threshold, rate)
-    return excess, light * detection_density(threshold, rate)
+    excess = flat.fractions - detection_probability(flat.threshold, rate)
+    return excess, light * detection_density(flat.threshold, rate)
 
 
 def _passed(

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.calibration.jot_counts import Rates
 from jotlight.calibration.light import WINDOW, LocalLight
-from jotlight.calibration.rates import Rates
 from jotlight.sensing.response import detection_density, detection_probability
 
 _STEPS = 30

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from jotlight.calibration import Calibration
 from jotlight.calibration import calibrate as estimate_calibration
-from jotlight.calibration.estimate import MAX_DARK
+from jotlight.calibration.calibrate import MAX_DARK
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import check_outputs_of, check_trials, provenance_notes
 from jotlight.cli.common_options import CAPTURE_PANEL, Threads

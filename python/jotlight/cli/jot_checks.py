@@ -8,6 +8,7 @@ import numpy.typing as npt
 from jotlight.calibration import find_hot_jots, find_periodic_rates
 from jotlight.calibration.agreement import dark_count_conflict
 from jotlight.calibration.hot_jots import fewest_trials
+from jotlight.calibration.jot_counts import JotCounts
 from jotlight.checks import Counts
 from jotlight.cli.captured import Captured
 from jotlight.cli.console import caution, progress
@@ -125,7 +126,8 @@ def mask_hot_jots(captured: Captured, threads: int | None = None) -> Captured:
 
 def _dark_count_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, str]]:
     """Return the remark that most hot jots of the sensor are not hot here, if it is true."""
-    found = dark_count_conflict(counts, trials, sensor.dark_counts, sensor.threshold)
+    jots = JotCounts(counts, trials, sensor.threshold)
+    found = dark_count_conflict(jots, sensor.dark_counts)
     if found is None:
         return []
     missing, number = found

@@ -98,11 +98,11 @@ def plan(
     height, width = _size(options.size)
     # The predictions are about frames.
     rate = options.frame_rate or 1
-    planned, last = _planned_sensor(sensor)
+    planned, max_frames = _planned_sensor(sensor)
     predicted = predict(
         planned,
         (minimum / rate, maximum / rate),
-        frames=_frame_numbers(last),
+        frames=_frame_numbers(max_frames),
         target_psnr=options.target_psnr,
         max_intensity=sensor.max_intensity,
         speed=None if options.speed is None else options.speed / rate,
@@ -110,7 +110,8 @@ def plan(
     )
     out.print(_table(predicted, options.frame_rate))
     report(
-        *_explanation(predicted, planned, options.frame_rate), _motion_line(last, (height, width))
+        *_explanation(predicted, planned, options.frame_rate),
+        _motion_line(max_frames, (height, width)),
     )
     if predicted.motion is not None:
         report(*_motion_lines(predicted.motion))
@@ -125,12 +126,12 @@ def _planned_sensor(options: PlannedSensorOptions) -> tuple[Sensor, int]:
     """Return the sensor, and the largest number of frames."""
     parameters = options.to_kwargs()
     parameters.pop("max_intensity", None)
-    last = parameters.get("frames", 2 ** (_ROWS - 1))
+    max_frames = parameters.get("frames", 2 ** (_ROWS - 1))
     if options.calibration is None:
-        return Sensor(**parameters), last
+        return Sensor(**parameters), max_frames
     # The efficiency of a calibration is relative to the median jot, and so is the light.
     calibration = Calibration.load(options.calibration)
-    return calibration.sensor(**{"efficiency": 1.0, **parameters}), last
+    return calibration.sensor(**{"efficiency": 1.0, **parameters}), max_frames
 
 
 def _light_range(text: str) -> tuple[float, float]:
@@ -196,12 +197,12 @@ def _count(frames: int) -> str:
     return f"{frames:,} frame{'s' * (frames > 1)}"
 
 
-def _frame_numbers(last: int) -> list[int]:
-    """Return the powers of two below a number of frames, and that number."""
-    if last < 1:
-        raise ValueError(f"frames: expected 1 or more, got {last}")
-    powers = [2**n for n in range(last.bit_length()) if 2**n < last]
-    return [*powers, last][-_ROWS:]
+def _frame_numbers(max_frames: int) -> list[int]:
+    """Return the largest powers of two below a number of frames, and that number."""
+    if max_frames < 1:
+        raise ValueError(f"frames: expected 1 or more, got {max_frames}")
+    powers = [2**n for n in range(max_frames.bit_length()) if 2**n < max_frames]
+    return [*powers, max_frames][-_ROWS:]
 
 
 def _table(predicted: Plan, frame_rate: float | None) -> Table:

@@ -19,8 +19,8 @@ from jotlight.cli.motion_options import ImageMotionOptions, describe
 from jotlight.cli.output_options import ImageOutputOptions, describe_tone
 from jotlight.cli.records import Records, origin_of
 from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
+from jotlight.estimators.convergence import ConvergenceHistories
 from jotlight.estimators.demosaicing import TITLES as DEMOSAICING
-from jotlight.estimators.problem import ConvergenceHistories
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.choice import COLOR_NETWORK, choose_method
 from jotlight.evaluation.color_data import takes_channels

@@ -24,6 +24,7 @@ SYNTHETIC = "synthetic"
 """Word that stands for the random scenes of the paper."""
 
 _TEST_SCENES = 512
+"""Number of random scenes for tests."""
 
 
 def read_training_images(
@@ -71,6 +72,7 @@ def read_training_images(
 
 
 def _read_tests(options: ImageOptions, max_intensity: float, update: Any = None) -> Any:
+    """Return the images to test on, or None without the option."""
     if options.test is None:
         return None
     return _read(options.test, options.test_key, options.white, max_intensity, update)
@@ -79,9 +81,10 @@ def _read_tests(options: ImageOptions, max_intensity: float, update: Any = None)
 def _read(
     source: str | Path, key: str | None, white: float | None, max_intensity: float, update: Any
 ) -> Any:
-    return read_image_set(
+    _names, images = read_image_set(
         source, key=key, white=white, max_intensity=max_intensity, progress=update
-    )[1]
+    )
+    return images
 
 
 def scale_scenes(scenes: Any, scale: float) -> Any:
@@ -108,7 +111,7 @@ def read_training_sensor(
     sensor_options: CalibratedSensorOptions,
     threads: int | None,
 ) -> tuple[Sensor, float]:
-    """Return the median jot of the sensor of a capture, and the brightness of its scene.
+    """Return a sensor of the median jot of a capture, and the brightness of its scene.
 
     `path` may be the .json beside the bits.
     """

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.calibration.captured_sensor import captured_threshold
-from jotlight.calibration.estimate import (
+from jotlight.calibration.calibrate import (
     MAX_DARK,
     JotSums,
     calibrate_sums,
     check_limits,
     filters_of_jots,
 )
+from jotlight.calibration.captured_sensor import captured_threshold
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import block_frames, steadiness_of_blocks
 from jotlight.dask.counting import count

@@ -9,8 +9,9 @@ In reading order:
   ``whole_counts``, ``typical_trials`` (how many trials these have), ``generalized_anscombe``;
 * variance stabilization: ``vst`` (equations 6 and 7), ``denoise``, ``trial_levels`` (pixels with
   different numbers of trials), ``noniterative``;
-* iterative methods: ``problem`` (equation 4), ``convergence``, ``mle_iterative``, ``tv``, ``admm``
-  with ``admm_splitting``, ``admm_terms``, and ``linear_solver``, ``descent``;
+* iterative methods: ``problem_building`` (equation 4), ``image_solver`` (its solution for each
+  image), ``convergence``, ``mle_iterative`` with ``descent``, and ``tv``, ``admm`` with
+  ``admm_splitting``, ``admm_terms``, and ``linear_solver``;
 * smooth kernels and mosaics: ``deconvolution``, ``demosaicing``;
 * quality of an estimate: ``uncertainty`` with ``light_inversion``, ``joint_uncertainty`` with
   ``pixel_kinds``, ``brightness``;

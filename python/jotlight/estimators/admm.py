@@ -7,14 +7,15 @@ import numpy.typing as npt
 
 from jotlight.estimators.admm_splitting import BALANCE, Splitting
 from jotlight.estimators.convergence import (
+    ConvergenceHistories,
     ConvergenceMonitor,
     IterationCallback,
     check_stopping_rule,
 )
-from jotlight.estimators.problem import ConvergenceHistories, Inputs, solve_images
+from jotlight.estimators.image_solver import Inputs, solve_images
 from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variations
-from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.pixel_counts import Data, Estimate
+from jotlight.sensing.problem import Problem
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.stacks import select

@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from jotlight.estimators.admm_terms import BoxTerm, DataTerm, SplittingTerm, VariationTerm
 from jotlight.estimators.linear_solver import NormalEquations
-from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.operators import Scaling
+from jotlight.sensing.problem import Problem
 from jotlight.sensing.response import Array
 from jotlight.sensing.stacks import dots, each_image, image_means, select
 

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.operators import differences
+from jotlight.sensing.problem import Problem
 from jotlight.sensing.response import Array
 from jotlight.sensing.stacks import dots, each_image, image_means, select
 from jotlight.sensing.values import flatten

@@ -92,6 +92,10 @@ class ConvergenceHistory:
         return f"<ConvergenceHistory: {state} after {self.iterations} iterations, residuals {last}>"
 
 
+ConvergenceHistories = ConvergenceHistory | list[ConvergenceHistory]
+"""The history of a gray image, or a list with that of each image of a stack and each channel."""
+
+
 def follow_slowest(show: IterationCallback) -> IterationCallback:
     """Return a callback that shows only the image of a stack that has the longest way to go.
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.sensing.likelihood import Problem
+from jotlight.sensing.problem import Problem
 from jotlight.sensing.response import Array
 from jotlight.sensing.stacks import are_all, dots, each_image, replace, select
 

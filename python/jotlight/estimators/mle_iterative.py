@@ -7,15 +7,16 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.convergence import (
+    ConvergenceHistories,
     ConvergenceMonitor,
     IterationCallback,
     check_stopping_rule,
 )
 from jotlight.estimators.descent import SOLVERS, Direction, Mask, QuadraticModel, gradient_direction
+from jotlight.estimators.image_solver import Inputs, solve_images
 from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
-from jotlight.estimators.problem import ConvergenceHistories, Inputs, solve_images
-from jotlight.sensing.likelihood import Problem
 from jotlight.sensing.pixel_counts import Data, Estimate
+from jotlight.sensing.problem import Problem
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.stacks import dots, each_image, replace, select

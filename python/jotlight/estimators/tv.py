@@ -7,8 +7,9 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.interrupts import interruptible
-from jotlight.sensing.likelihood import Likelihood, Problem
+from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.operators import differences
+from jotlight.sensing.problem import Problem
 from jotlight.sensing.response import Array, inverse_detection_probability
 from jotlight.sensing.stacks import each_image, image_means, image_sums
 from jotlight.sensing.values import flatten

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jotlight.estimators.problem import ConvergenceHistories
+from jotlight.estimators.convergence import ConvergenceHistories
 
 
 @dataclasses.dataclass(frozen=True)

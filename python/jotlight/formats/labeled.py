@@ -89,7 +89,8 @@ def open_stored_array(
 
 
 def _select_key(arrays: dict[str, StoredArray], name: str, key: str | None) -> str:
-    labeled = [key for key, array in arrays.items() if array.label is not None]
+    """Return the key of the chosen array of the file `name`, or of the only one that it can be."""
+    labeled = [each for each, array in arrays.items() if array.label is not None]
     if key is None and (len(arrays) == 1 or len(labeled) == 1):
         return next(iter(labeled or arrays))
     if key is None or key not in arrays:
@@ -104,6 +105,7 @@ def _open_labeled_bits(
     provenance: Provenance,
     width: int | None,
 ) -> Bits:
+    """Return packed bits with the sensor and the provenance that their label states."""
     if type(label.get("width")) is not int:
         raise ValueError("expected the label of packed bits to state their width")
     if width not in (None, label["width"]):

@@ -13,8 +13,10 @@ from jotlight.images.tiff import kind_of
 from jotlight.output_files import open_output
 
 NamedImages = Mapping[str, npt.NDArray[Any]]
+"""Images by name, of the same shape: (H, W) or (H, W, C)."""
 
 ENDINGS = (".npz", ".npy", ".tif", ".tiff")
+"""Endings of the names of these files. The last two are the same format."""
 
 
 def stack_writer(
@@ -29,7 +31,7 @@ def stack_writer(
     Raises
     ------
     ValueError
-        If the ending is unknown. It is checked before any image is computed.
+        If the ending is unknown. Callers learn this before they compute any image.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in ENDINGS:

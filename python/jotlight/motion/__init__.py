@@ -6,8 +6,8 @@ In reading order:
   ``posterior``: the errors of displacements. ``reference_time``: the same motion as seen from
   another time.
 - ``align``: the alignment. ``path_search``: the search for the motion that explains the bits best.
-- ``burst``, ``block_edges``, ``frame_times``, ``blocks``: frames, their division into blocks, their
-  places between blocks, and counts of blocks along a motion.
+- ``burst``, ``block_edges``, ``frame_times``, ``blocks``, ``sums``: frames, their division into
+  blocks, their places between blocks, the counting along a motion, and the counts.
 - ``velocity``, ``segments``, ``rotation``, ``objects``: the search for the velocities of the parts
   of a scene. ``velocity_scores``: the correlations behind it.
 - ``scoring``, ``affine``, ``tiles``, ``regularize``, ``deformation``: displacements of blocks, from

@@ -3,7 +3,6 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Blocks
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.deformation import LESS_SMOOTH, SMOOTH, follow_tiles
 from jotlight.motion.disagreement import disagreement
@@ -67,9 +66,7 @@ def is_unexplained(paths: Paths, consistent: Consistent) -> bool:
     return bool(flags.mean() > limit)
 
 
-def add_tiles(
-    blocks: Blocks, reference: int, paths: Paths, consistent: Consistent | None
-) -> tuple[Paths, Consistent | None]:
+def add_tiles(paths: Paths, consistent: Consistent | None) -> tuple[Paths, Consistent | None]:
     """Return paths with a track whose tiles move by themselves, and the sums along them.
 
     Of two fields of different smoothness, the one that explains the bits better is taken. The given
@@ -79,7 +76,7 @@ def add_tiles(
     velocity = _velocity(paths)
     best, most = paths, likelihood_gain(paths) if consistent else -np.inf
     for smoothness in (SMOOTH, LESS_SMOOTH):
-        tiles = follow_tiles(blocks, reference, velocity, smoothness)
+        tiles = follow_tiles(paths.blocks, velocity, smoothness)
         more = _with_track(paths, tiles)
         if more is not paths:
             share = float((more.labels == len(paths.tracks)).mean())

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.motion.affine_curve import smooth_affine
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.disagreement import chi_squared
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.regularize import Equations, fit_affine
@@ -15,6 +15,7 @@ from jotlight.motion.scoring import FAST, PRECISE, Template, make_template, norm
 from jotlight.motion.segments import Segment, limit_length
 from jotlight.motion.shrinkage import shrink_field
 from jotlight.motion.smoothing import cubic_weights, interpolation_bias
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import affine_basis, affine_inverse, mean_tiles, tile_counts
 from jotlight.motion.track import Paths, Track, from_center
 
@@ -64,17 +65,14 @@ _MIN_SHARE_OF_OTHERS = 0.3
 
 
 def follow_segment(
-    blocks: Blocks,
-    reference: int,
-    segment: Segment,
-    pixels: npt.NDArray[np.bool_] | None = None,
+    blocks: Blocks, segment: Segment, pixels: npt.NDArray[np.bool_] | None = None
 ) -> Track:
     """Return the displacements of all blocks under the affine motion of a segment.
 
     Bright blocks are aligned with a part of their frames. Only some pixels (H, W) are aligned if
     they are given.
     """
-    track = start_track(blocks.with_enough_light(), reference, segment.velocity).inside(pixels)
+    track = start_track(blocks.with_enough_light(), segment.velocity).inside(pixels)
     order = from_center(track)
     total = track.sums(order[0]) + track.sums(order[1])
     template, weights = make_template(total, blocks.threads), segment.weights
@@ -108,18 +106,12 @@ def _align_together(track: Track, weights: Array) -> None:
             break
 
 
-def start_track(blocks: Blocks, reference: int, velocity: Array) -> Track:
-    """Return a track whose two central blocks move at a velocity."""
-    centers, shape = blocks.centers, tile_counts(blocks.size)
-    track = Track(
-        blocks,
-        reference,
-        np.zeros((len(centers), 2, *shape)),
-        np.zeros(len(centers), bool),
-        np.zeros((len(centers), 3, *shape)),
-    )
+def start_track(blocks: Blocks, velocity: Array) -> Track:
+    """Return a track of which only the two central blocks are known, and move at a velocity."""
+    track = Track.still(blocks)
+    track.known[:] = False
     for block in from_center(track)[:2]:
-        track.nodes[block] = velocity * (centers[block] - reference)
+        track.nodes[block] = velocity * (blocks.centers[block] - blocks.middle)
         track.known[block] = True
     return track
 

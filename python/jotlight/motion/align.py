@@ -127,7 +127,7 @@ def find_motion(
     if (reason := _unusable(blocks)) is not None:
         warn(f"{reason}; the scene is assumed to stand still")
         model = "none"
-    found = find_paths(blocks, len(burst) // 2, model, progress)
+    found = find_paths(blocks, model, progress)
     if (hidden := _frames_out_of_view(found.paths)) > 0:
         warn(
             f"what the image shows is out of view in {hidden} of {len(burst)} frames, which are "

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.motion.blocks import Sums
 from jotlight.motion.disagreement import FEW_TRIALS, Image, chi_squared, disagreement
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.flicker import at_brightness, change_of_light, min_change, without_saturation
@@ -20,6 +19,7 @@ from jotlight.motion.scoring import (
     Template,
     make_template,
 )
+from jotlight.motion.sums import Sums
 from jotlight.motion.track import Counted, from_center
 
 _LIMITS = 2.5, 1.4

@@ -34,23 +34,19 @@ _TIME_PRIOR = 1.0
 """Information with which the displacements of neighboring blocks are added to each tile."""
 
 
-def follow_tiles(
-    blocks: Blocks, reference: int, velocity: Array, smoothness: Smoothness = SMOOTH
-) -> Track:
+def follow_tiles(blocks: Blocks, velocity: Array, smoothness: Smoothness = SMOOTH) -> Track:
     """Return the displacements of all blocks if each tile has its own motion.
 
     Parameters
     ----------
     blocks : Blocks
         The burst.
-    reference : int
-        Time at which displacements are 0.
     velocity : ndarray of float, shape (2, rows, columns)
-        Velocity of each tile around the reference time.
+        Velocity of each tile around the middle.
     smoothness : Smoothness
         How similar the displacements of neighboring tiles are.
     """
-    track = start_track(blocks, reference, velocity)
+    track = start_track(blocks, velocity)
     order = from_center(track)
     total = track.sums(order[0]) + track.sums(order[1])
     template = make_template(total, blocks.threads)

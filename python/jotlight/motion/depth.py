@@ -15,10 +15,10 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.blur import blur
-from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.scoring import make_template
 from jotlight.motion.short_outlines import shortest_outlines
+from jotlight.motion.sums import Sums
 from jotlight.motion.track import Paths, Track
 
 Image = npt.NDArray[np.float32]

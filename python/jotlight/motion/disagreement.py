@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.blur import blur
-from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums, estimate_probability
 from jotlight.motion.scoring import Template, without_shift
+from jotlight.motion.sums import Sums
 
 Image = npt.NDArray[np.float32]
 

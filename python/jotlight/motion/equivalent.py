@@ -12,8 +12,8 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Sums
 from jotlight.motion.jots import Image, Jots, SeenJots, inverse_response, response
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import add_squares
 
 MIN_PROBABILITY = 1e-4

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Sums
 from jotlight.motion.merged_pixels import as_pixels
 from jotlight.motion.motion import Motion
+from jotlight.motion.sums import Sums
 from jotlight.motion.track import Paths, from_center
 from jotlight.networks.film_planes import NEIGHBORS
 from jotlight.sensing.bits import Bits

@@ -15,10 +15,11 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst, Planes
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.jots import Jots
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import interpolate_at, tile_centers
 from jotlight.motion.track import Paths, Track
 

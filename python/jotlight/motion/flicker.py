@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.motion.blocks import Counts, Sums
 from jotlight.motion.equivalent import clip_probability, equivalent_sums
 from jotlight.motion.lights import Lights
 from jotlight.motion.scoring import Template
+from jotlight.motion.sums import Counts, Sums
 
 Image = npt.NDArray[np.float32]
 

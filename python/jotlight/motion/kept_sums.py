@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Sums
 from jotlight.motion.frame_times import locate
+from jotlight.motion.sums import Sums
 
 Array = npt.NDArray[np.float64]
 

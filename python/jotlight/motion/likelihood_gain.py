@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import equivalent_sums, expected_probability
 from jotlight.motion.scoring import Template, make_template
+from jotlight.motion.sums import Sums
 from jotlight.motion.track import Counted
 
 Share = npt.NDArray[np.float32]

@@ -16,12 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.merge_readings import round_ones
-from jotlight.motion.blocks import Sums
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.disagreement import disagreement
 from jotlight.motion.jots import SeenJots
 from jotlight.motion.merge import as_paths, each_channel
 from jotlight.motion.motion import Motion
+from jotlight.motion.sums import Sums
 from jotlight.motion.track import Paths
 
 Image = npt.NDArray[np.float32]

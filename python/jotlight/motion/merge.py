@@ -17,7 +17,7 @@ from jotlight.motion.align import (
     reference_time,
 )
 from jotlight.motion.block_edges import block_edges
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.disagreement import disagreement
@@ -29,6 +29,7 @@ from jotlight.motion.merged_pixels import as_fine, as_merged
 from jotlight.motion.motion import Motion
 from jotlight.motion.reading_counts import counts_for_motion
 from jotlight.motion.still_window import count_window, find_window
+from jotlight.motion.sums import Sums
 from jotlight.motion.threshold_maps import count_still
 from jotlight.motion.track import Paths, Track
 from jotlight.progress import Progress, shown_progress

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Sums
 from jotlight.motion.finer import double
 from jotlight.motion.jots import SeenJots
 from jotlight.motion.motion import Motion
 from jotlight.motion.posterior import posterior_error
+from jotlight.motion.sums import Sums
 from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.reference import reference_jot
@@ -30,18 +30,17 @@ def as_merged(
 ) -> Merged:
     """Return sums over jots as the merged counts of pixels."""
     side = sensor.oversampling
-    each_jot = np.ones(channels[0].trials.shape)
     return as_pixels(
         channels,
         sensor,
-        acceptance=_mean_of_pixels(accepted, each_jot, side).astype(np.float32),
-        posterior_error=_mean_of_pixels(posterior_error(motion), each_jot, side).astype(np.float32),
-        flags=_mean_of_pixels(flags.astype(np.float32), each_jot, side) >= _MIN_FLAGGED,
+        acceptance=_mean_of_pixels(accepted, side).astype(np.float32),
+        posterior_error=_mean_of_pixels(posterior_error(motion), side).astype(np.float32),
+        flags=_mean_of_pixels(flags.astype(np.float32), side) >= _MIN_FLAGGED,
     )
 
 
-def as_pixels(channels: list[Sums], sensor: Sensor, **maps: Any) -> Merged:
-    """Return sums over jots as the counts of pixels, with further maps of :class:`Merged`."""
+def as_pixels(channels: list[Sums], sensor: Sensor, **others: Any) -> Merged:
+    """Return sums over jots as the counts of pixels, with other parameters of :class:`Merged`."""
     side, color = sensor.oversampling, len(channels) > 1
     efficiency, dark_counts = _seen_jots(channels[0], sensor, side)
     return Merged(
@@ -53,7 +52,7 @@ def as_pixels(channels: list[Sums], sensor: Sensor, **maps: Any) -> Merged:
         dark_counts,
         efficiency,
         channel_axis=-1 if color else None,
-        **maps,
+        **others,
     )
 
 
@@ -65,18 +64,12 @@ def as_fine(
     sensor: Sensor,
 ) -> Merged:
     """Return sums on the fine grid as merged counts. The error is in pixels of this grid."""
-    color = len(channels) > 1
-    efficiency, dark_counts = _seen_jots(channels[0], sensor, 1)
-    return Merged(
-        stack_channels([each.ones for each in channels], color=color),
-        stack_channels([each.trials.astype(np.float64) for each in channels], color=color),
+    return as_pixels(
+        channels,
         sensor,
-        dark_counts,
-        efficiency,
-        double(accepted),
-        2 * double(posterior_error(motion)),
-        double(flags),
-        channel_axis=-1 if color else None,
+        acceptance=double(accepted),
+        posterior_error=2 * double(posterior_error(motion)),
+        flags=double(flags),
         upsample=2,
     )
 
@@ -103,16 +96,8 @@ def _sum_pixels(values: npt.NDArray[Any], side: int) -> npt.NDArray[Any]:
     return np.ascontiguousarray(blocks.sum(axis=(1, 3), dtype=values.dtype))
 
 
-def _mean_of_pixels(values: npt.NDArray[np.floating], weights: npt.NDArray[Any], side: int) -> Map:
-    """Return the weighted means over the jots of each pixel, or the plain mean without weights."""
-    if side == 1:
-        return values.astype(np.float64)
+def _mean_of_pixels(values: npt.NDArray[np.floating], side: int) -> Map:
+    """Return the means over the jots of each pixel."""
     height, width = values.shape
-    shape = height // side, side, width // side, side
-    blocks, known = (
-        values.astype(np.float64).reshape(shape),
-        weights.astype(np.float64).reshape(shape),
-    )
-    total = known.sum(axis=(1, 3))
-    mean = (blocks * known).sum(axis=(1, 3)) / np.maximum(total, 1e-9)
-    return np.asarray(np.where(total > 0, mean, blocks.mean(axis=(1, 3))))
+    jots = values.astype(np.float64).reshape(height // side, side, width // side, side)
+    return np.asarray(jots.mean(axis=(1, 3)))

@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.affine import follow_segment, start_track
-from jotlight.motion.blocks import Sums
 from jotlight.motion.depth import ComparedBits, object_gains, refine_outlines, without_absent
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.scoring import make_template
 from jotlight.motion.segments import Segment
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import add_squares, tile_counts
 from jotlight.motion.track import Paths, Track
 from jotlight.motion.velocity_scores import BIN, MAX_BLOCKS, MIN_PEAK, VelocityScores
@@ -95,7 +95,7 @@ def _with_object(paths: Paths) -> Paths | None:
             found.append((net, velocity, pixels))
     for _, velocity, pixels in sorted(found, key=lambda each: -each[0])[:_MAX_FOLLOWED]:
         segment = Segment(velocity, np.ones(tile_counts(paths.blocks.size)), energy=0.0, half=0)
-        track = follow_segment(paths.blocks, int(paths.reference), segment, pixels)
+        track = follow_segment(paths.blocks, segment, pixels)
         labels = np.where(pixels, np.uint8(index), paths.labels)
         more = without_absent(refine_outlines(Paths([*paths.tracks, track], labels)))
         gains = [
@@ -109,7 +109,7 @@ def _with_object(paths: Paths) -> Paths | None:
 
 def _constant(paths: Paths, velocity: Array) -> Track:
     """Return the track of a constant velocity."""
-    track = start_track(paths.blocks, int(paths.reference), velocity)
+    track = start_track(paths.blocks, velocity)
     times = paths.blocks.centers - paths.reference
     track.nodes = times[:, None, None, None] * velocity
     track.known[:] = True

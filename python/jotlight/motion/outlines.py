@@ -5,9 +5,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Sums
 from jotlight.motion.disagreement import chi_squared
 from jotlight.motion.scoring import make_template
+from jotlight.motion.sums import Sums
 from jotlight.motion.track import Track, from_center
 
 Array = npt.NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from jotlight.motion.added_tiles import add_tiles, is_unexplained, share_of_unknown
 from jotlight.motion.affine import follow_segment, improve_inside, improve_together
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
 from jotlight.motion.kept_sums import keeps_sums
@@ -17,7 +17,8 @@ from jotlight.motion.objects import PARAMETERS, add_objects, more_likely
 from jotlight.motion.outlines import choose_labels
 from jotlight.motion.scoring import make_blurred_template
 from jotlight.motion.segments import Segment, energy_of, find_segments
-from jotlight.motion.tiles import mean_tiles, tile_counts
+from jotlight.motion.sums import Sums
+from jotlight.motion.tiles import mean_tiles
 from jotlight.motion.track import Paths, Track
 
 Array = npt.NDArray[np.float64]
@@ -61,17 +62,13 @@ class Found:
     """The sums along the paths, if they were computed."""
 
 
-def find_paths(
-    blocks: Blocks, reference: int, model: str, advance: Callable[[float], object]
-) -> Found:
+def find_paths(blocks: Blocks, model: str, advance: Callable[[float], object]) -> Found:
     """Return the paths of all pixels under a model of their motion.
 
     Parameters
     ----------
     blocks : Blocks
         The burst.
-    reference : int
-        Time at which displacements are 0.
     model : str
         One of MODELS, or "auto" for the one that explains the bits best.
     advance : callable
@@ -80,24 +77,23 @@ def find_paths(
     if not keeps_sums(blocks.size, len(blocks.centers), jots_differ=blocks.jots is not None):
         # All frames of such long bursts are counted only when the paths are known.
         blocks = blocks.with_enough_light()
-    still = Paths([_still(blocks, reference)], np.zeros(blocks.size, np.uint8))
+    still = Paths([Track.still(blocks)], np.zeros(blocks.size, np.uint8))
     advance(0.0)
     if model == "none":
         advance(1.0)
         return Found(still.exact(), model, None)
-    divisions = find_segments(blocks, reference)
+    divisions = find_segments(blocks)
     advance(0.2)
     if model == "auto":
-        best = _best_of(blocks, reference, divisions, Found(still, "none", None), advance)
+        best = _best_of(blocks, divisions, Found(still, "none", None), advance)
     else:
-        best = _explain(blocks, reference, divisions[0], model, advance)
+        best = _explain(blocks, divisions[0], model, advance)
     advance(1.0)
     return dataclasses.replace(best, paths=best.paths.exact())
 
 
 def _best_of(
     blocks: Blocks,
-    reference: int,
     divisions: list[list[Segment]],
     still: Found,
     advance: Callable[[float], object],
@@ -105,27 +101,27 @@ def _best_of(
     """Return the paths that explain the scene best: without motion, or by one of its divisions."""
     best, most = still, 0.0
     for number, segments in enumerate(divisions):
-        found = _explain(blocks, reference, segments, "auto", advance if number == 0 else _ignore)
+        found = _explain(blocks, segments, "auto", advance if number == 0 else _ignore)
         gain, is_clear = _gain_over_rest(found.paths)
         if gain > most:
             best, most = found, gain
         if is_clear:
             break
     if best.model == "tiles" and len(best.paths.tracks) == 2:
-        return _slow_segments(blocks, reference, best)
+        return _slow_segments(blocks, best)
     return best
 
 
-def _slow_segments(blocks: Blocks, reference: int, found: Found) -> Found:
+def _slow_segments(blocks: Blocks, found: Found) -> Found:
     """Return paths of segments that move slowly if they explain the scene, or those found before.
 
     If parts of a scene move slowly, tiles follow them before their velocities differ clearly. So
     the paths found before have one segment and the tiles.
     """
     most = -np.inf
-    for segments in find_segments(blocks, reference, is_slow=True):
+    for segments in find_segments(blocks, is_slow=True):
         if len(segments) > 1:
-            other = _explain(blocks, reference, segments, "auto", _ignore)
+            other = _explain(blocks, segments, "auto", _ignore)
             if other.model == "segments" and (gain := likelihood_gain(other.paths)) > most:
                 found, most = other, gain
     return found
@@ -137,7 +133,6 @@ def _ignore(_: float) -> None:
 
 def _explain(
     blocks: Blocks,
-    reference: int,
     segments: list[Segment],
     model: str,
     advance: Callable[[float], object],
@@ -146,7 +141,7 @@ def _explain(
     if model == "affine":
         weights = np.ones_like(segments[0].weights)
         segments = [dataclasses.replace(segments[0], weights=weights)]
-    tracks = _follow(blocks, reference, segments)
+    tracks = _follow(blocks, segments)
     advance(0.6)
     paths = Paths(tracks, choose_labels(tracks))
     if len(tracks) > 1:
@@ -156,7 +151,7 @@ def _explain(
     if model == "auto":
         paths, consistent = _with_objects(paths)
     if model == "tiles" or (consistent and is_unexplained(paths, consistent)):
-        paths, consistent = add_tiles(blocks, reference, paths, consistent)
+        paths, consistent = add_tiles(paths, consistent)
     advance(0.9)
     used = np.unique(paths.labels)
     if paths.free:
@@ -164,18 +159,18 @@ def _explain(
     return Found(paths, "affine" if len(used) == 1 else "segments", consistent)
 
 
-def _follow(blocks: Blocks, reference: int, segments: list[Segment]) -> list[Track]:
+def _follow(blocks: Blocks, segments: list[Segment]) -> list[Track]:
     """Return the tracks of the segments that move differently.
 
     The velocity of a scene changes with time. So a segment may have another constant velocity than
     the first one, but the same motion.
     """
-    tracks = [follow_segment(blocks, reference, segments[0])]
+    tracks = [follow_segment(blocks, segments[0])]
     for segment in segments[1:]:
         tiles = segment.weights > 0
         others = [float(_energy_along(track, segment.half)[tiles].sum()) for track in tracks]
         if max(others) < _EXPLAINED * segment.energy:
-            tracks.append(follow_segment(blocks, reference, segment))
+            tracks.append(follow_segment(blocks, segment))
     if len(tracks) == 1 and len(segments) > 1:
         for _ in range(_ROUNDS):
             improve_together(tracks[0], np.ones_like(segments[0].weights))
@@ -267,15 +262,3 @@ def _with_objects(paths: Paths) -> tuple[Paths, Consistent]:
         if more is not paths:
             return more, find_consistent(more.exact())
     return paths, consistent
-
-
-def _still(blocks: Blocks, reference: int) -> Track:
-    """Return the track of a scene that stands still."""
-    shape, number = tile_counts(blocks.size), len(blocks.centers)
-    return Track(
-        blocks,
-        reference,
-        np.zeros((number, 2, *shape)),
-        np.ones(number, bool),
-        np.zeros((number, 3, *shape)),
-    )

@@ -9,10 +9,10 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.blur import blur
 from jotlight.estimators.trial_levels import fill_from_nearest
-from jotlight.motion.blocks import Counts, Sums
 from jotlight.motion.equivalent import MIN_PROBABILITY, equivalent_sums
 from jotlight.motion.lights import Lights
 from jotlight.motion.regularize import Equations
+from jotlight.motion.sums import Counts, Sums
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, FOLDER, MAX_TRIALS, TEMPLATES
 

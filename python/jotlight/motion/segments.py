@@ -12,12 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.blur import blur
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import make_blurred_template, normal_equations
 from jotlight.motion.shrinkage import shrink_field
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import TILE, add_squares, mean_tiles
 from jotlight.motion.velocity import find_velocities
 
@@ -99,12 +100,11 @@ class _Scene:
     """The frames of a scene whose energies are compared."""
 
     blocks: Blocks
-    reference: int
     half: int
-    """Their number before the reference time, and after it."""
+    """Their number before the middle, and after it."""
 
 
-def find_segments(blocks: Blocks, reference: int, *, is_slow: bool = False) -> list[list[Segment]]:
+def find_segments(blocks: Blocks, *, is_slow: bool = False) -> list[list[Segment]]:
     """Return one or two divisions of a scene into segments, the more probable one first.
 
     One search begins with the best affine velocity of the whole scene. The other begins with a
@@ -116,17 +116,14 @@ def find_segments(blocks: Blocks, reference: int, *, is_slow: bool = False) -> l
     ----------
     blocks : Blocks
         The burst.
-    reference : int
-        Time at which displacements are 0.
     is_slow : bool
         Whether the energies are those of all frames, which differ more if parts move slowly.
         Otherwise, they are those of the central half, because velocities change.
     """
-    half = min(reference, len(blocks.burst) - reference)
-    scene = _Scene(blocks, reference, max(1, half if is_slow else half // 2))
+    half = blocks.middle
+    scene = _Scene(blocks, max(1, half if is_slow else half // 2))
     candidates = [
-        _Candidate(velocity, _energy(scene, velocity))
-        for velocity in find_velocities(blocks.burst, reference, blocks.threads, blocks.pattern)
+        _Candidate(velocity, _energy(scene, velocity)) for velocity in find_velocities(blocks)
     ]
     constant = [each for each in candidates if np.ptp(each.velocity, axis=(1, 2)).max() == 0]
     start = max(constant, key=lambda each: float(each.energy.sum()))
@@ -178,7 +175,7 @@ def _add_segments(
 
 def _refined(scene: _Scene, part: _Candidate, region: npt.NDArray[np.bool_]) -> _Candidate:
     """Return a better velocity of a region, or the same if none is better."""
-    velocity = _refine(scene.blocks, scene.reference, part.velocity, region.astype(float))
+    velocity = _refine(scene.blocks, part.velocity, region.astype(float))
     better = _Candidate(velocity, _energy(scene, velocity))
     return better if better.energy[region].sum() > part.energy[region].sum() else part
 
@@ -229,9 +226,9 @@ def _by_chance(number: int, noise: float, clear: float = _CLEAR) -> float:
 
 def _energy(scene: _Scene, field: Array) -> Array:
     """Return the energy of the sum of frames along a velocity, (rows, columns)."""
-    blocks, reference = scene.blocks, scene.reference
-    frames = range(reference - scene.half, reference + scene.half)
-    return energy_of(count_at_velocity(blocks, frames, field, reference), blocks.threads)
+    blocks, middle = scene.blocks, scene.blocks.middle
+    frames = range(middle - scene.half, middle + scene.half)
+    return energy_of(count_at_velocity(blocks, frames, field), blocks.threads)
 
 
 def energy_of(sums: Sums, threads: int | None) -> Array:
@@ -270,18 +267,15 @@ def _majority(energies: list[Array]) -> npt.NDArray[np.intp]:
     return np.asarray(np.argmax(votes, axis=0))
 
 
-def _refine(blocks: Blocks, reference: int, field: Array, weights: Array) -> Array:
-    """Return a better affine velocity, from the frames before and after the reference time."""
-    available = min(reference, len(blocks.burst) - reference)
+def _refine(blocks: Blocks, field: Array, weights: Array) -> Array:
+    """Return a better affine velocity, from the frames before and after the middle."""
+    middle = blocks.middle
     for fraction, sigmas in _ROUNDS:
-        half = min(max(_MIN_FRAMES, len(blocks.burst) // fraction), available)
+        half = min(max(_MIN_FRAMES, len(blocks.burst) // fraction), middle)
         for sigma in sigmas:
             before, after = (
-                count_at_velocity(blocks, frames, field, reference)
-                for frames in (
-                    range(reference - half, reference),
-                    range(reference, reference + half),
-                )
+                count_at_velocity(blocks, frames, field)
+                for frames in (range(middle - half, middle), range(middle, middle + half))
             )
             template = make_blurred_template(before, blocks.threads)
             equations = normal_equations(after, template, sigma)
@@ -290,11 +284,11 @@ def _refine(blocks: Blocks, reference: int, field: Array, weights: Array) -> Arr
     return field
 
 
-def count_at_velocity(blocks: Blocks, frames: range, field: Array, reference: int) -> Sums:
+def count_at_velocity(blocks: Blocks, frames: range, field: Array) -> Sums:
     """Return the sums of frames whose points move at a constant velocity."""
     frames = frames[:: -(-len(frames) // _most_counted(blocks.burst))]
     times = frames.start, frames.stop
-    fields = field * (times[0] - reference), field * (times[1] - reference)
+    fields = field * (times[0] - blocks.middle), field * (times[1] - blocks.middle)
     return blocks.count(frames, fields, times)
 
 

@@ -7,10 +7,10 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.blocks import Sums
 from jotlight.motion.equivalent import clip_probability, equivalent_sums, expected_probability
 from jotlight.motion.frame_times import locate
 from jotlight.motion.scoring import template_network
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import interpolate
 from jotlight.motion.track import Paths
 from jotlight.networks.trials_map import denoise_map

@@ -1,15 +1,16 @@
 """The displacements of all blocks while they are estimated, and the paths of all pixels."""
 
 import dataclasses
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.motion.blocks import Blocks, Sums
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.kept_sums import Curve, KeptSums, keeps_sums
-from jotlight.motion.tiles import interpolate
+from jotlight.motion.sums import Sums
+from jotlight.motion.tiles import interpolate, tile_counts
 
 Array = npt.NDArray[np.float64]
 
@@ -38,6 +39,7 @@ class Track:
 
     blocks: Blocks
     reference: float
+    """Time at which displacements are 0."""
     nodes: Array
     """Displacements, (n, 2, rows, columns)."""
     known: npt.NDArray[np.bool_]
@@ -52,6 +54,13 @@ class Track:
         default_factory=KeptSums, init=False, repr=False, compare=False
     )
     """The sums of blocks that were counted. Tracks over the same frames may share them."""
+
+    @classmethod
+    def still(cls, blocks: Blocks) -> Self:
+        """Return the track of a scene that stands still."""
+        shape, number = tile_counts(blocks.size), len(blocks.centers)
+        nodes, information = np.zeros((number, 2, *shape)), np.zeros((number, 3, *shape))
+        return cls(blocks, blocks.middle, nodes, np.ones(number, bool), information)
 
     def over(self, blocks: Blocks) -> "Track":
         """Return the same motion over other frames of the same blocks."""

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst
 from jotlight.motion.equivalent import flatten_counts
 from jotlight.motion.jots import Jots
@@ -35,31 +36,24 @@ _EXPLAINED = 0.7
 """A velocity explains a window if it has this fraction of the window's best score."""
 
 
-def find_velocities(
-    burst: Burst, reference: int, threads: int | None, jots: Jots | None = None
-) -> Array:
-    """Return the velocities around a reference time, (n, 2, rows, columns), in pixels per frame.
+def find_velocities(blocks: Blocks) -> Array:
+    """Return the velocities in the middle of a burst, (n, 2, rows, columns), in pixels per frame.
 
     They are fields of the velocities of tiles. The first one is 0. Others are constant, or a
     rotation with a zoom. Long blocks show slow motions best, and short ones fast motions.
 
     Parameters
     ----------
-    burst : Burst
-        T frames.
-    reference : int
-        The time between the two middle blocks.
-    threads : int, optional
-        Number of threads.
-    jots : Jots, optional
-        The jots that are counted, if some are not or if they differ. Their pattern stands still.
+    blocks : Blocks
+        The burst. Blocks of other lengths are correlated.
     """
-    places = tile_centers(burst.size) - (np.array(burst.size).reshape(2, 1, 1) - 1) / 2
+    size, threads, pattern = blocks.size, blocks.threads, blocks.pattern
+    places = tile_centers(size) - (np.array(size).reshape(2, 1, 1) - 1) / 2
     found = [np.zeros_like(places)]
-    for length in _lengths(min(reference, len(burst) - reference)):
-        blocks = _count_blocks(burst, reference, length, threads, jots)
-        frames = length * len(blocks)
-        for velocity, matrix in _peaks(blocks, length, threads):
+    for length in _lengths(blocks.middle):
+        counts = _count_blocks(blocks.burst, length, threads, pattern)
+        frames = length * len(counts)
+        for velocity, matrix in _peaks(counts, length, threads):
             field = velocity[:, None, None] + np.tensordot(matrix, places, axes=1)
             difference = np.hypot(*np.moveaxis(np.stack(found) - field, 1, 0)).max(axis=(1, 2))
             if (difference * frames > 2).all():
@@ -84,14 +78,16 @@ def _lengths(available: int) -> list[int]:
 
 
 def _count_blocks(
-    burst: Burst, reference: int, length: int, threads: int | None, jots: Jots | None = None
+    burst: Burst, length: int, threads: int | None, jots: Jots | None = None
 ) -> Counts:
-    """Return the counts of blocks of frames around a time, in squares of pixels, (n, h, w).
+    """Return the counts of blocks around the middle frame, in squares of pixels, (n, h, w).
 
-    The rest at the right and at the bottom is left out.
+    The rest at the right and at the bottom is left out. The pattern of `jots`, which stands still,
+    is left out, too.
     """
-    number = min(MAX_BLOCKS, 2 * (min(reference, len(burst) - reference) // length))
-    start = reference - number // 2 * length
+    middle = len(burst) // 2
+    number = min(MAX_BLOCKS, 2 * (middle // length))
+    start = middle - number // 2 * length
     side = BIN if min(burst.size) > BIN else 1
     height, width = (jots // side for jots in burst.size)
     counts = np.zeros((number, height, width), np.int32)

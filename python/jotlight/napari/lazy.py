@@ -10,8 +10,8 @@ from jotlight.chunks import windows
 from jotlight.estimators.demosaicing import COLORS
 from jotlight.sensing.alike_frames import check_cycles
 from jotlight.sensing.merged import Merged
-from jotlight.view.counts import RunningCounts
 from jotlight.view.estimate import estimate
+from jotlight.view.running_counts import RunningCounts
 from jotlight.view.state import COUNTS
 from jotlight.view.viewed import Viewable, whole_cycles
 

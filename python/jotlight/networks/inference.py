@@ -61,92 +61,198 @@ class GrayNetwork(Protocol):
     def engine_network(self) -> engine.Network:
         """The network in the engine."""
 
-
-def run(
-    network: GrayNetwork,
-    images: GrayImages,
-    sensor: Sensor,
-    output: OutputImages,
-    threads: int | None,
-) -> Image:
-    """Return the intensities in [0, S] of gray images, (N, H, W), as the images of `output`.
-
-    The engine runs the network once for images with the same number of trials, if it serves them.
-    Other images take several levels of K: those with a map of trials, and those with more trials
-    than the network was trained for.
-
-    Raises
-    ------
-    TypeError
-        When an untied network gets counts.
-    ValueError
-        When the data do not fit the sensor, or an untied network gets a sensor whose jots differ
-        from its own.
-    """
-    check_threads(threads)
-    if not network.tied:
-        return _run_untied(network, images, sensor, output, threads)
-    if network.trials_range is None:
-        return _run_tied(network, images, sensor, output, threads)
-    images, sensor = merge_different_jots(images, sensor, threads)
-    _run_tied(network, images, sensor, output, threads)
-    _improve_dim(network, images, sensor, output, threads)
-    return output.images
+    def estimates_zeros(self, sensor: Sensor) -> bool:
+        """Return whether a K-conditioned network estimates P(b = 0) for a sensor."""
 
 
-def _run_tied(
-    network: GrayNetwork,
-    images: GrayImages,
-    sensor: Sensor,
-    output: OutputImages,
-    threads: int | None,
-) -> Image:
-    """Return the intensities of a network that takes counts."""
-    model, places = sensor_model(sensor), list(output.images)
-    bits = _bits_alike(images, sensor)
-    if bits is not None:
-        # The engine counts the bits where it needs the counts, so that it needs no array of them.
-        packed = [np.asarray(each.packed) for each in bits]
-        side = sensor.oversampling
-        network.engine_network.bits(packed, bits[0].width, side, model, places, threads)
-        return output.images
-    pixels = images.count(sensor, threads)
-    check_any_valid(pixels.trials)
-    if network.trials_range is not None:
-        pixels = _with_typical_sensor(pixels)
-        model = sensor_model(pixels.sensor)
-    if pixels.uniform:
-        jot = cast(Jot, (pixels.efficiency, pixels.dark_counts))
-        trials = cast(float, pixels.trials)
-        network.engine_network.counts(pixels.counts, trials, jot, model, places, threads)
-        return output.images
-    return _run_different(network, pixels, output, threads)
+@dataclasses.dataclass(frozen=True)
+class Inference:
+    """Gray images that a network estimates from the data of one sensor."""
 
+    network: GrayNetwork
+    images: GrayImages
+    """The bits or the counts of each image."""
+    sensor: Sensor
+    """The sensor of the data."""
+    output: OutputImages
+    """Where the intensities are written, (N, H, W)."""
+    threads: int | None
+    """Number of threads. Default: all."""
 
-def _improve_dim(
-    network: GrayNetwork,
-    images: GrayImages,
-    sensor: Sensor,
-    output: OutputImages,
-    threads: int | None,
-) -> None:
-    """Replace the intensities of dim scenes by those of combined trials."""
-    number = math.inf if isinstance(images.data[0], Merged) else sensor.trials
-    dim = [index for index, each in enumerate(output.images) if may_be_dim(each, sensor, number)]
-    if not dim:
-        return
-    part = GrayImages([images.data[index] for index in dim], Layout((len(dim),)))
-    pixels = _with_typical_sensor(part.count(sensor, threads))
-    with hide_warnings():  # the first estimate has warned
-        fractions = equivalent_counts(pixels, reference_jot(pixels.sensor), 1, threads)
-    trials = count_local_trials(pixels, threads)
-    smallest, _ = cast(tuple[int, int], network.trials_range)
-    found = denoise_dim(network, fractions, trials, smallest, threads=threads)
-    for index, result in zip(dim, found, strict=True):
-        if result is not None:
-            probability, holds = np.clip(result[0], 0, 1), result[1]
-            intensity = intensity_from_probability(probability, pixels.sensor, threads)
-            np.copyto(output.images[index], intensity, where=holds)
+    def run(self) -> Image:
+        """Return the intensities in [0, S], (N, H, W): the images of `output`.
+
+        The engine runs the network once for images with the same number of trials, if it serves
+        them. Other images take several levels of K: those with a map of trials, and those with more
+        trials than the network was trained for.
+
+        Raises
+        ------
+        TypeError
+            When an untied network gets counts.
+        ValueError
+            When the data do not fit the sensor, or an untied network gets a sensor whose jots
+            differ from its own.
+        """
+        check_threads(self.threads)
+        if not self.network.tied:
+            self._run_untied()
+        elif self.network.trials_range is None:
+            self._run_tied()
+        else:
+            images, sensor = merge_different_jots(self.images, self.sensor, self.threads)
+            alike = dataclasses.replace(self, images=images, sensor=sensor)
+            alike._run_tied()
+            alike._improve_dim()
+        return self.output.images
+
+    def _run_tied(self) -> None:
+        """Write the intensities of a network that takes counts."""
+        places = list(self.output.images)
+        bits = self._bits_alike()
+        if bits is not None:
+            # The engine counts the bits where it needs the counts, so that it needs no array.
+            self._run_on_bits([np.asarray(each.packed) for each in bits], bits[0].width, places)
+            return
+        pixels = self.images.count(self.sensor, self.threads)
+        check_any_valid(pixels.trials)
+        if self.network.trials_range is not None:
+            pixels = _with_typical_sensor(pixels)
+        if not pixels.uniform:
+            self._run_different(pixels)
+            return
+        jot, trials = (pixels.efficiency, pixels.dark_counts), cast(float, pixels.trials)
+        self.network.engine_network.counts(
+            pixels.counts,
+            trials,
+            cast(Jot, jot),
+            sensor_model(pixels.sensor),
+            places,
+            self.threads,
+        )
+
+    def _bits_alike(self) -> Sequence[Bits] | None:
+        """Return bits in memory of which only the number of ones of each pixel matters.
+
+        Return None for other data, and for sensors with maps.
+        """
+        for each in self.images.data:
+            if not (isinstance(each, Bits) and isinstance(each.packed, np.ndarray)):
+                return None
+            check_fits(each.shape, self.sensor)
+        bits = cast(Sequence[Bits], self.images.data)
+        are_alike = not self.sensor.maps() and len({each.shape for each in bits}) == 1
+        return bits if are_alike else None
+
+    def _run_on_bits(
+        self, packed: list[npt.NDArray[np.uint8]], width: int, places: list[Image]
+    ) -> None:
+        """Write the intensities of packed bits, without a map or a mask."""
+        side, model = self.sensor.oversampling, sensor_model(self.sensor)
+        self.network.engine_network.bits(packed, width, side, model, places, self.threads)
+
+    def _run_different(self, pixels: PixelCounts) -> None:
+        """Write the intensities of pixels that differ in their trials or their jots."""
+        network, sensor = self.network, pixels.sensor
+        trials: list[LocalTrials] = [sensor.trials] * len(pixels.counts)
+        # Both sensors detect equal light at intensity 1.
+        reference = reference_jot(sensor)[0], reference_jot(network.sensor)[1]
+        smallest = largest = sensor.trials
+        if network.trials_range is not None:
+            trials, reference = count_local_trials(pixels, self.threads), reference_jot(sensor)
+            smallest, largest = network.trials_range
+        # The network takes counts of its own K, and fractions of ones where it runs at several K.
+        levels = [
+            each if isinstance(each, int) and smallest <= each <= largest else 1 for each in trials
+        ]
+        values = equivalent_counts(pixels, reference, np.array(levels, np.float64), self.threads)
+        number = max(1, MAX_PIXELS // values[0].size)
+        for start in range(0, len(values), number):
+            part = slice(start, start + number)
+            network.engine_network.equivalent_counts(
+                values[part],
+                levels[part],
+                trials[part],
+                sensor_model(sensor),
+                list(self.output.images[part]),
+                self.threads,
+            )
+
+    def _improve_dim(self) -> None:
+        """Replace the intensities of dim scenes by those of combined trials."""
+        data, sensor, threads = self.images.data, self.sensor, self.threads
+        number = math.inf if isinstance(data[0], Merged) else sensor.trials
+        found = self.output.images
+        dim = [index for index, each in enumerate(found) if may_be_dim(each, sensor, number)]
+        if not dim:
+            return
+        part = GrayImages([data[index] for index in dim], Layout((len(dim),)))
+        pixels = _with_typical_sensor(part.count(sensor, threads))
+        with hide_warnings():  # the first estimate has warned
+            fractions = equivalent_counts(pixels, reference_jot(pixels.sensor), 1, threads)
+        trials = count_local_trials(pixels, threads)
+        smallest, _ = cast(tuple[int, int], self.network.trials_range)
+        better = denoise_dim(self.network, fractions, trials, smallest, threads=threads)
+        for index, result in zip(dim, better, strict=True):
+            if result is not None:
+                probability, holds = np.clip(result[0], 0, 1), result[1]
+                intensity = intensity_from_probability(probability, pixels.sensor, threads)
+                np.copyto(found[index], intensity, where=holds)
+
+    def _run_untied(self) -> None:
+        """Write the intensities of a network whose first layer has one weight per jot and frame."""
+        bits = self._bits_of_untied()
+        mask = self.sensor.mask
+        # Memory may not hold the frames of all captures in files.
+        number = max(1, _MAX_BYTES // math.prod(bits[0].packed.shape))
+        for start in range(0, len(bits), number):
+            part = bits[start : start + number]
+            places = list(self.output.images[start : start + number])
+            if mask is not None and mask.any():
+                sums, model = self._masked_sums(part, mask), sensor_model(self.sensor)
+                self.network.engine_network.sums(sums, model, places, self.threads)
+            else:
+                # Frames that are read from files become an array here.
+                packed = [each.packed[:, : each.shape[1]] for each in part]
+                self._run_on_bits(packed, bits[0].width, places)
+        if mask is not None:
+            dead = Bits.from_array(~mask).counts(self.sensor.oversampling) == 0
+            warn_about_dead_pixels(np.broadcast_to(dead, (len(bits), *dead.shape)))
+
+    def _bits_of_untied(self) -> Sequence[Bits]:
+        """Return the bits of the images, after a check that an untied network serves them."""
+        sensor = self.sensor
+        for data in self.images.data:
+            if not isinstance(data, Bits):
+                raise TypeError(
+                    f"data: expected Bits, because this network weighs each jot of a pixel, got "
+                    f"{type(data).__name__}; a tied network takes counts"
+                )
+            check_fits(data.shape, sensor)
+        jots = sensor.efficiency, sensor.dark_counts
+        reference = reference_jot(sensor)[0], reference_jot(self.network.sensor)[1]
+        if any(np.any(a != b) for a, b in zip(jots, reference, strict=True)):
+            raise ValueError(
+                "sensor: expected the network's efficiency and dark counts, the same for all jots; "
+                "a tied network takes others"
+            )
+        return cast(Sequence[Bits], self.images.data)
+
+    def _masked_sums(self, bits: Sequence[Bits], mask: npt.NDArray[np.bool_]) -> list[Image]:
+        """Return p of each image, (C, H, W), from the valid jots. Dead pixels are inpainted."""
+        first, side = self.network.layers[0], self.sensor.oversampling
+        height, width = (size // side for size in mask.shape)
+        valid = np.packbits(~mask, axis=1)
+        sums = np.empty((len(bits), len(first.filters), height, width), np.float32)
+        for _, rows in frame_chunks(1, height, len(bits) * width * first.filters.size):
+            jots = slice(rows.start * side, rows.stop * side)
+            packed = [each.packed[:, jots] for each in bits]
+            sums[:, :, rows.start : rows.stop] = self.network.engine_network.masked_sums(
+                packed, bits[0].width, valid[jots], self.threads
+            )
+        # A pixel without a valid jot is NaN in every channel.
+        planes = sums.reshape(-1, height, width)
+        return list(fill_dead_pixels(planes, np.isnan(planes)).reshape(sums.shape))
 
 
 def _with_typical_sensor(pixels: PixelCounts) -> PixelCounts:
@@ -161,117 +267,3 @@ def _with_typical_sensor(pixels: PixelCounts) -> PixelCounts:
     efficiency, dark_counts = typical
     sensor = pixels.sensor.replace(efficiency=efficiency, dark_counts=dark_counts)
     return dataclasses.replace(pixels, sensor=sensor)
-
-
-def _run_different(
-    network: GrayNetwork, pixels: PixelCounts, output: OutputImages, threads: int | None
-) -> Image:
-    """Return the intensities of pixels that differ in their trials or their jots."""
-    sensor = pixels.sensor
-    trials: list[LocalTrials] = [sensor.trials] * len(pixels.counts)
-    # Both sensors detect equal light at intensity 1.
-    reference = reference_jot(sensor)[0], reference_jot(network.sensor)[1]
-    smallest = largest = sensor.trials
-    if network.trials_range is not None:
-        trials, reference = count_local_trials(pixels, threads), reference_jot(sensor)
-        smallest, largest = network.trials_range
-    # The network takes counts of its own K, and fractions of ones where it runs at several K.
-    of = [each if isinstance(each, int) and smallest <= each <= largest else 1 for each in trials]
-    values = equivalent_counts(pixels, reference, np.array(of, np.float64), threads)
-    number = max(1, MAX_PIXELS // values[0].size)
-    for start in range(0, len(values), number):
-        part = slice(start, start + number)
-        network.engine_network.equivalent_counts(
-            values[part],
-            of[part],
-            trials[part],
-            sensor_model(sensor),
-            list(output.images[part]),
-            threads,
-        )
-    return output.images
-
-
-def _run_untied(
-    network: GrayNetwork,
-    images: GrayImages,
-    sensor: Sensor,
-    output: OutputImages,
-    threads: int | None,
-) -> Image:
-    """Return the intensities of a network whose first layer has one weight per jot and frame."""
-    bits = _bits_of_untied(network, images, sensor)
-    model, mask = sensor_model(sensor), sensor.mask
-    # Memory may not hold the frames of all captures in files.
-    number = max(1, _MAX_BYTES // math.prod(bits[0].packed.shape))
-    for start in range(0, len(bits), number):
-        part = bits[start : start + number]
-        places = list(output.images[start : start + number])
-        if mask is not None and mask.any():
-            sums = _masked_sums(network, part, mask, sensor.oversampling, threads)
-            network.engine_network.sums(sums, model, places, threads)
-        else:
-            # Frames that are read from files become an array here.
-            packed = [each.packed[:, : each.shape[1]] for each in part]
-            side = sensor.oversampling
-            network.engine_network.bits(packed, bits[0].width, side, model, places, threads)
-    if mask is not None:
-        dead = Bits.from_array(~mask).counts(sensor.oversampling) == 0
-        warn_about_dead_pixels(np.broadcast_to(dead, (len(bits), *dead.shape)))
-    return output.images
-
-
-def _bits_of_untied(network: GrayNetwork, images: GrayImages, sensor: Sensor) -> Sequence[Bits]:
-    """Return the bits of images, after a check that the network serves them."""
-    for data in images.data:
-        if not isinstance(data, Bits):
-            raise TypeError(
-                f"data: expected Bits, because this network weighs each jot of a pixel, got "
-                f"{type(data).__name__}; a tied network takes counts"
-            )
-        check_fits(data.shape, sensor)
-    jots = sensor.efficiency, sensor.dark_counts
-    reference = reference_jot(sensor)[0], reference_jot(network.sensor)[1]
-    if any(np.any(a != b) for a, b in zip(jots, reference, strict=True)):
-        raise ValueError(
-            "sensor: expected the network's efficiency and dark counts, the same for all jots; "
-            "a tied network takes others"
-        )
-    return cast(Sequence[Bits], images.data)
-
-
-def _masked_sums(
-    network: GrayNetwork,
-    bits: Sequence[Bits],
-    mask: npt.NDArray[np.bool_],
-    side: int,
-    threads: int | None,
-) -> list[Image]:
-    """Return p of each image, (C, H, W), from the valid jots. Dead pixels are inpainted."""
-    first = network.layers[0]
-    height, width = (size // side for size in mask.shape)
-    valid = np.packbits(~mask, axis=1)
-    sums = np.empty((len(bits), len(first.filters), height, width), np.float32)
-    for _, rows in frame_chunks(1, height, len(bits) * width * first.filters.size):
-        jots = slice(rows.start * side, rows.stop * side)
-        packed = [each.packed[:, jots] for each in bits]
-        sums[:, :, rows.start : rows.stop] = network.engine_network.masked_sums(
-            packed, bits[0].width, valid[jots], threads
-        )
-    # A pixel without a valid jot is NaN in every channel.
-    planes = sums.reshape(-1, height, width)
-    return list(fill_dead_pixels(planes, np.isnan(planes)).reshape(sums.shape))
-
-
-def _bits_alike(images: GrayImages, sensor: Sensor) -> Sequence[Bits] | None:
-    """Return bits in memory of which only the number of ones of each pixel matters.
-
-    Return None for other data, and for sensors with maps.
-    """
-    for each in images.data:
-        if not (isinstance(each, Bits) and isinstance(each.packed, np.ndarray)):
-            return None
-        check_fits(each.shape, sensor)
-    bits = cast(Sequence[Bits], images.data)
-    are_alike = not sensor.maps() and len({each.shape for each in bits}) == 1
-    return bits if are_alike else None

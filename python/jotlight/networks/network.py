@@ -19,7 +19,7 @@ from jotlight.networks.conditional_inference import estimate_intensity
 from jotlight.networks.description import html_of, repr_of
 from jotlight.networks.engine_backed import EngineBacked, sensor_model
 from jotlight.networks.figure import figure_of_layers
-from jotlight.networks.inference import Image, run
+from jotlight.networks.inference import Image, Inference
 from jotlight.networks.layer import Layer
 from jotlight.networks.layer_checks import check_layers, check_rotations, require_layers
 from jotlight.networks.network_files import read_network, write_network
@@ -242,8 +242,8 @@ class Network(EngineBacked, TorchHints):
         self.check_sensor(sensor)
         images = gray_images(data)
         output = output_of(images, sensor, out)
-        estimate = estimate_intensity if self.trials_range is not None else run
-        return output.finish(estimate(self, images, sensor, output, threads))
+        task = Inference(self, images, sensor, output, threads)
+        return output.finish(task.run() if self.trials_range is None else estimate_intensity(task))
 
     __call__ = reconstruct
 

@@ -2,9 +2,10 @@
 
 In reading order:
 
-* ``sensor`` with ``exposure`` and ``simulate``: the parameters of a sensor, and the random bits of
-  an image. ``maps`` and ``values`` check parameters that differ from jot to jot, ``parameters``
-  treats all of them as a whole, and ``intensity_scale`` and ``simulated_bits`` serve simulations;
+* ``sensor`` with ``exposure``, ``simulate``, ``draws``, and ``draw_bits``: the parameters of a
+  sensor, and the random bits of an image. ``maps`` and ``values`` check parameters that differ from
+  jot to jot, ``parameters`` treats all of them as a whole, and ``intensity_scale`` and
+  ``simulated_bits`` serve simulations;
 * ``readings``, ``multibit``, ``photon_readings``, ``draw_readings``: gains and thresholds that
   differ, several bits, and read noise;
 * ``mosaic`` with ``mosaic_text`` and ``mosaic_checks``: color filters;
@@ -19,9 +20,9 @@ In reading order:
   means), ``array_hints``, and ``description`` (sensors as texts);
 * ``periodic_rates``: a test for a mosaic that is not stated;
 * ``response`` and ``reference``: the response of a jot, and numbers that represent a sensor;
-* ``operators`` and ``likelihood``: the spread of light, and the objective of reconstruction;
-  ``joint_likelihood`` is that of readings which differ, a sum of one ``joint_term`` for each group,
-  from ``reading_samples``.
+* ``operators``, ``likelihood``, and ``problem``: the spread of light, the objective of
+  reconstruction, and its maximization. ``joint_likelihood`` is the objective for readings which
+  differ, a sum of one ``joint_term`` for each group, from ``reading_samples``.
 """
 
 import lazy_loader

@@ -1,7 +1,5 @@
 """Simulation of readings of several bits, and of bits with read noise."""
 
-import dataclasses
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,79 +7,49 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import check_threads
-from jotlight.layout import Layout
-from jotlight.seeds import seed_of_image
-from jotlight.sensing.simulate import EnginePart, EngineSensor, Window, frame_runs
+from jotlight.sensing.draws import Draw
+from jotlight.sensing.simulate import EngineSensor, Window
 
 
-def draw_readings(
-    parts: list[EnginePart],
-    pixels: npt.NDArray[Any],
-    layout: Layout,
-    seed: bytes,
-    window: Window,
-    threads: int | None,
-    progress: Callable[[float], object] | None,
-) -> list[npt.NDArray[np.uint16]]:
-    """Return the readings of a window of each image of a stack, or of a single image.
-
-    The parameters are those of :func:`jotlight.sensing.simulate.draw_stack`. The shape of the
-    result is (frames, rows, columns), or (frames, rows, columns, C) for color.
-    """
-    check_threads(threads)
-    oversampling = parts[0].sensor["oversampling"]
-    is_color = layout.channel_axis is not None
-    stack = layout.shape[:-1] if is_color else layout.shape
-    number = int(np.prod(stack, dtype=int))
-    images = layout.split(pixels)
-    images = images.reshape(number, -1, *images.shape[1:])
-    sizes = (len(window.rows) * oversampling, len(window.columns) * oversampling)
-    out = np.zeros((number, images.shape[1], len(window.frames), *sizes), np.uint16)
-    seeds = [seed_of_image(seed, index) for index in range(number)]
-    runs = [
-        (run, sensor)
-        for frames, sensor in parts
-        for run in frame_runs(frames, window.frames, len(window.frames))
-    ]
-    for index, (run, sensor) in enumerate(runs):
-        start = run.start - window.frames.start
-        place = out[:, :, start : start + len(run)]
-        own = dataclasses.replace(window, frames=run)
+def draw_readings(draw: Draw) -> list[npt.NDArray[np.uint16]]:
+    """Return the readings of each image, (frames, rows, columns), or (frames, rows, columns, C)."""
+    check_threads(draw.threads)
+    images, window = draw.images, draw.window
+    sizes = (len(window.rows) * draw.oversampling, len(window.columns) * draw.oversampling)
+    out = np.zeros((*images.shape[:2], len(window.frames), *sizes), np.uint16)
+    runs = draw.runs(len(window.frames))
+    for index, (sensor, own, frames) in enumerate(runs):
+        place = out[:, :, frames]
         # A jot reports 0 in all parts but its own, because their sensors mask it. A part without
         # masked jots shares its frames with no other part.
         shared = len(runs) > 1 and sensor["dead"] is not None
         target = np.zeros(place.shape, np.uint16) if shared else place
-        _draw(sensor, images, seeds, own, target, threads)
+        _draw_part(draw, sensor, own, target)
         if shared:
             place += target
-        if progress:
-            progress((index + 1) / len(runs))
-    readings = list(np.moveaxis(out, 1, -1) if is_color else out[:, 0])
+        if draw.progress:
+            draw.progress((index + 1) / len(runs))
+    readings = list(np.moveaxis(out, 1, -1) if draw.is_color else out[:, 0])
     return [np.ascontiguousarray(each) for each in readings]
 
 
-def _draw(
-    sensor: EngineSensor,
-    images: npt.NDArray[Any],
-    seeds: list[bytes],
-    window: Window,
-    out: npt.NDArray[np.uint16],
-    threads: int | None,
+def _draw_part(
+    draw: Draw, sensor: EngineSensor, window: Window, out: npt.NDArray[np.uint16]
 ) -> None:
-    """Draw the readings of a window of each image into `out` (N, C, frames, rows, columns)."""
+    """Draw the readings of a part in a window into `out`, (N, C, frames, rows, columns)."""
     # A reading takes as much memory as 16 bits.
-    parts = list(window.parts(sensor["oversampling"], 16 * len(seeds)))
-    for channel in range(images.shape[1]):
-        streams = [(seed, channel) for seed in seeds]
-        for part, place in parts:
+    pieces = list(window.parts(draw.oversampling, 16 * len(draw.seeds)))
+    for channel in range(draw.images.shape[1]):
+        streams = [(seed, channel) for seed in draw.seeds]
+        for piece, place in pieces:
             engine.draw_readings(
                 sensor,
                 sensor["response"],
-                images[:, channel],
+                draw.images[:, channel],
                 streams,
-                *part.bounds(),
+                *piece.bounds(),
                 out[:, channel, *place],
-                threads,
+                draw.threads,
             )
 
 

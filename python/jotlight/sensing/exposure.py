@@ -7,10 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
-from jotlight.layout import Layout
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.draw_bits import draw_bits
 from jotlight.sensing.draw_readings import draw_readings, noisy_probability
+from jotlight.sensing.draws import Draw
 from jotlight.sensing.parameters import Parameters
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.simulate import (
@@ -18,7 +19,6 @@ from jotlight.sensing.simulate import (
     Window,
     checked_images,
     crop,
-    draw_stack,
     evaluate_parts,
 )
 from jotlight.sensing.simulated_bits import simulated_bits
@@ -185,38 +185,20 @@ class Exposure(Parameters):
         height, width = layout.moved(pixels).shape[-2:]
         window = Window.from_slices((height, width), self.frames, tile, frames)
         sensor = crop(self, window, (height, width))
-        if self.bit_depth > 1 or self.read_noise:
-            return self._draw(pixels, layout, rng, window, sensor, out, threads, progress)
-        packed = draw_stack(
-            self.engine_parts(), pixels, layout, seed_bytes(rng), window, out, threads, progress
-        )
-        bits = simulated_bits(packed, len(window.columns) * self.oversampling, sensor)
-        # The type of the result cannot tell images from stacks. Most callers have images.
-        return bits if layout.is_stack else bits[0]  # type: ignore[return-value]
-
-    def _draw(
-        self,
-        pixels: npt.NDArray[Any],
-        layout: Layout,
-        rng: SeedLike,
-        window: Window,
-        sensor: Self,
-        out: object,
-        threads: int | None,
-        progress: Callable[[float], object] | None,
-    ) -> Bits:
-        """Return readings of several bits, or bits with read noise."""
-        if out is not None:
+        is_plain = self.bit_depth == 1 and not self.read_noise
+        if out is not None and not is_plain:
             raise ValueError(
                 "out: expected none, because it is for bits without read noise; leave it out"
             )
-        drawn = draw_readings(
-            self.engine_parts(), pixels, layout, seed_bytes(rng), window, threads, progress
-        )
+        seed = seed_bytes(rng)
+        draw = Draw(self.engine_parts(), pixels, layout, seed, window, threads, progress)
+        drawn: Any = draw_bits(draw, out) if is_plain else draw_readings(draw)
         if self.bit_depth > 1:
             several: Any = [Readings(each, sensor) for each in drawn]
         else:
-            packed = [np.packbits(each.astype(np.bool_), axis=2) for each in drawn]
-            several = simulated_bits(packed, drawn[0].shape[2], sensor)
-        # The type of the result cannot tell bits from readings. Most callers have bits.
+            width = len(window.columns) * self.oversampling
+            packed = drawn if is_plain else [np.packbits(each > 0, axis=2) for each in drawn]
+            several = simulated_bits(packed, width, sensor)
+        # The type of the result cannot tell images from stacks, nor bits from readings. Most
+        # callers have the bits of an image.
         return several if layout.is_stack else several[0]  # type: ignore[no-any-return]

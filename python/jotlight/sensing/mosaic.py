@@ -83,17 +83,18 @@ class Mosaic:
             )
         else:
             pattern, filters = mosaic_text.read_pattern(given, filters)
-        matrix = mosaic_checks.checked_transmission(transmission, pattern, filters)
-        pattern, filters, matrix = mosaic_checks.unite(pattern, filters, matrix)
-        if np.linalg.matrix_rank(matrix) < 3:
+        transmission = mosaic_checks.checked_transmission(transmission, pattern, filters)
+        pattern, filters, transmission = mosaic_checks.sort_filters(pattern, filters, transmission)
+        if np.linalg.matrix_rank(transmission) < 3:
             raise ValueError(
                 f"mosaic: expected filters that tell red, green, and blue apart, got {filters} "
-                f"with the transmission {matrix.round(3).tolist()}; a gray sensor has mosaic=None"
+                f"with the transmission {transmission.round(3).tolist()}; a gray sensor has "
+                "mosaic=None"
             )
         checked = {
             "pattern": pattern,
             "filters": filters,
-            "transmission": matrix,
+            "transmission": transmission,
             "white_balance": mosaic_checks.checked_white_balance(self.white_balance),
         }
         for name, value in checked.items():

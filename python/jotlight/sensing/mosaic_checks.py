@@ -22,7 +22,6 @@ LETTERS = {
 }
 """The shares of red, green, and blue light that ideal filters pass."""
 
-
 _MAX_SHOWN_LETTERS = 32
 """Largest length of a pattern that a message shows."""
 
@@ -45,7 +44,7 @@ def of_image(image: npt.NDArray[Any]) -> tuple[Pattern, Colors]:
 
 
 def letter_of(shares: list[float], index: int) -> str:
-    """Return the letter of an ideal filter, or another one by its place."""
+    """Return the letter of an ideal filter, or for another filter a, b, c, … by its index."""
     for letter, ideal in LETTERS.items():
         if tuple(shares) == ideal:
             return letter
@@ -102,11 +101,13 @@ def checked_white_balance(values: npt.ArrayLike) -> Colors:
     return factors
 
 
-def unite(pattern: Pattern, filters: str, matrix: Colors) -> tuple[Pattern, str, Colors]:
-    """Return the same mosaic with its filters in one order, each of them once."""
+def sort_filters(
+    pattern: Pattern, filters: str, transmission: Colors
+) -> tuple[Pattern, str, Colors]:
+    """Return the same mosaic with its filters sorted, and with equal filters united."""
     rows = [
         (mosaic_text.rank(letter), tuple(shares))
-        for letter, shares in zip(filters, matrix.tolist(), strict=True)
+        for letter, shares in zip(filters, transmission.tolist(), strict=True)
     ]
     distinct = sorted(set(rows))
     places = np.array([distinct.index(row) for row in rows], np.uint8)

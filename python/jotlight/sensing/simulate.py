@@ -1,4 +1,4 @@
-"""Simulation of a sensor from an image: random bits, and rates or probabilities of all jots.
+"""Simulation of a sensor from an image: checks, windows, and rates or probabilities of all jots.
 
 The functions take the sensor as the dictionary that `Sensor.engine_arguments` returns.
 """
@@ -11,11 +11,9 @@ from typing import Any, NamedTuple, Self, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-import jotlight._engine as engine
 from jotlight.checks import as_image, check_threads, require_slice
 from jotlight.chunks import frame_chunks
 from jotlight.layout import Layout
-from jotlight.seeds import seed_of_image
 from jotlight.sensing.intensity_scale import warn_about_scale
 from jotlight.sensing.output_images import OutputImages, check_out
 from jotlight.sensing.sensor_like import SensorLike
@@ -23,9 +21,6 @@ from jotlight.sensing.sensor_like import SensorLike
 AnySensor = TypeVar("AnySensor", bound=SensorLike)
 EngineSensor = dict[str, Any]
 Ends = tuple[int, int]
-
-_MAX_JOTS = 1 << 26
-"""Maximum number of jots that are drawn at once for one of several parts."""
 
 JotFunction = Callable[
     [EngineSensor, npt.NDArray[Any], int, npt.NDArray[np.float32], int | None], None
@@ -145,140 +140,6 @@ def crop(sensor: AnySensor, window: Window, image_size: tuple[int, int]) -> AnyS
     if sensor.mosaic is not None:
         maps["mosaic"] = sensor.mosaic.crop(window.rows, window.columns)
     return cropped.replace(**maps) if maps else cropped
-
-
-def packed_output(
-    shape: tuple[int, ...], out: npt.NDArray[np.uint8] | None
-) -> npt.NDArray[np.uint8]:
-    """Return `out`, after checking its type and shape, or a new array.
-
-    Raises
-    ------
-    TypeError, ValueError
-        When `out` cannot hold packed bits of this shape.
-    """
-    return np.empty(shape, np.uint8) if out is None else check_out(out, shape, np.uint8)
-
-
-def draw_stack(
-    parts: list[EnginePart],
-    pixels: npt.NDArray[Any],
-    layout: Layout,
-    seed: bytes,
-    window: Window,
-    out: npt.NDArray[np.uint8] | None,
-    threads: int | None,
-    progress: Callable[[float], object] | None,
-) -> list[npt.NDArray[np.uint8]]:
-    """Return the packed bits of a window of each image of a stack, or of a single image.
-
-    Their shape is (frames, rows, bytes), or (frames, rows, bytes, C) for color.
-    """
-    shape = window.packed_shape(parts[0].sensor["oversampling"])
-    is_color = layout.channel_axis is not None
-    stack, channels = (layout.shape[:-1], layout.shape[-1:]) if is_color else (layout.shape, ())
-    packed = packed_output((*stack, *shape, *channels), out)
-    number = math.prod(stack)
-    if len(stack) > 1 and not packed.flags.c_contiguous:
-        raise ValueError("out: expected an array in C order for a stack of several axes")
-    drawn = packed if stack else packed[None]
-    if len(stack) > 1:
-        drawn = drawn.reshape(number, *shape, *channels)
-    views = np.moveaxis(drawn, -1, 1) if is_color else drawn[:, None]
-    images = layout.split(pixels)
-    images = images.reshape(number, -1, *images.shape[1:])
-    seeds = [seed_of_image(seed, index) for index in range(number)]
-    draw_parts(parts, images, seeds, window, views, threads, progress)
-    return list(drawn) if stack else [packed]
-
-
-def draw_parts(
-    parts: list[EnginePart],
-    images: npt.NDArray[Any],
-    seeds: list[bytes],
-    window: Window,
-    out: npt.NDArray[np.uint8],
-    threads: int | None,
-    progress: Callable[[float], object] | None,
-) -> None:
-    """Draw the packed bits of readings that may differ, as :func:`draw_bits` does.
-
-    A jot reports 0 in all parts but its own, because their sensors mask it. So the bits of parts
-    with the same frames are combined by OR. The random numbers depend on the positions alone.
-    """
-    check_threads(threads)
-    if len(parts) == 1:
-        draw_bits(parts[0].sensor, images, seeds, window, out, threads, progress)
-        return
-    out[:] = 0
-    jots = len(seeds) * out.shape[3] * out.shape[4] * 8
-    length = max(1, _MAX_JOTS // jots)
-    runs = [
-        (run, sensor)
-        for frames, sensor in parts
-        for run in frame_runs(frames, window.frames, length)
-    ]
-    for index, (run, sensor) in enumerate(runs):
-        drawn = np.empty((*out.shape[:2], len(run), *out.shape[3:]), np.uint8)
-        own = dataclasses.replace(window, frames=run)
-        draw_bits(sensor, images, seeds, own, drawn, threads, None)
-        start = run.start - window.frames.start
-        out[:, :, start : start + len(run)] |= drawn
-        if progress:
-            progress((index + 1) / len(runs))
-
-
-def frame_runs(frames: npt.NDArray[np.intp] | None, window: range, length: int) -> list[range]:
-    """Return the frames of a part in a window, as ranges of at most `length` frames."""
-    if frames is None:
-        inside = np.arange(window.start, window.stop)
-    else:
-        inside = frames[(frames >= window.start) & (frames < window.stop)]
-    ends = np.flatnonzero(np.diff(inside) > 1) + 1
-    return [
-        range(start, min(start + length, int(run[-1]) + 1))
-        for run in np.split(inside, ends)
-        if len(run)
-        for start in range(int(run[0]), int(run[-1]) + 1, length)
-    ]
-
-
-def draw_bits(
-    sensor: EngineSensor,
-    images: npt.NDArray[Any],
-    seeds: list[bytes],
-    window: Window,
-    out: npt.NDArray[np.uint8],
-    threads: int | None,
-    progress: Callable[[float], object] | None,
-) -> None:
-    """Draw the packed bits of a window of each image.
-
-    Parameters
-    ----------
-    sensor : dict
-        The sensor.
-    images : ndarray, shape (N, C, H, W)
-        N images of C channels.
-    seeds : list of bytes
-        The seed of each image.
-    window : Window
-        The frames, rows, and columns to draw.
-    out : ndarray of uint8, shape (N, C, frames, rows, bytes)
-        The packed bits. Its images may be strided.
-    threads : int, optional
-        The number of threads.
-    progress : callable, optional
-        It receives the completed fraction.
-    """
-    parts = list(window.parts(sensor["oversampling"], len(seeds)))
-    for channel in range(images.shape[1]):
-        streams = [(seed, channel) for seed in seeds]
-        for index, (part, place) in enumerate(parts):
-            target = out[:, channel, *place]
-            engine.expose(sensor, images[:, channel], streams, *part.bounds(), target, threads)
-            if progress:
-                progress((channel + (index + 1) / len(parts)) / images.shape[1])
 
 
 def evaluate_on_jots(

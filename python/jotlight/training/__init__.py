@@ -1,8 +1,8 @@
 """Training of networks in the engine by error backpropagation (paper, section 3).
 
-In reading order: `loop` (the function `train`), `run` (its settings, steps, and result), `patches`
-and `images` (training examples), `cost` (the objective and its gradient), `parameters` (all
-parameters as one vector), `admissible` (the set that they stay in), `optimizer`, `optimizers`, and
+In reading order: `train` (the function), `run` (its settings, steps, and result), `patches` and
+`images` (training examples), `cost` (the objective and its gradient), `parameters` (all parameters
+as one vector), `admissible` (the set that they stay in), `optimizer`, `optimizers`, and
 `gauss_newton` (steps), `history` and `checkpoint` (records and state of a run), `reporting` and
 `figure` (its progress and its curves). `patch_sources`, `photographs`, `url_photographs`,
 `synthetic_patches`, `color_patches` and `color_drawings` (both with `random_mosaics`), and
@@ -16,7 +16,6 @@ from jotlight.training.cost import Cost
 from jotlight.training.film_patches import FilmExample, FilmPatches
 from jotlight.training.gauss_newton import GaussNewton
 from jotlight.training.history import History, Record
-from jotlight.training.loop import train
 from jotlight.training.optimizer import Optimizer, Step
 from jotlight.training.optimizers import OPTIMIZERS, Adam, ProjectedGradient
 from jotlight.training.parameters import parameter_vector, split_vector, with_parameters
@@ -30,6 +29,7 @@ from jotlight.training.patch_sources import (
 from jotlight.training.photographs import PhotographPatches, read_photographs
 from jotlight.training.random_mosaics import random_mosaic
 from jotlight.training.synthetic_patches import SyntheticPatches
+from jotlight.training.train import train
 from jotlight.training.url_photographs import UrlPhotographs
 
 __all__ = [

@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from jotlight.estimators.brightness import unit_scale
 from jotlight.sensing.merged import Merged
-from jotlight.view.counts import Counts, RunningCounts
 from jotlight.view.display import display, display_difference, fit_white
 from jotlight.view.estimate import Estimate, choose, estimate, fraction_estimate, merge_window
 from jotlight.view.messages import encode
 from jotlight.view.notes import collected
 from jotlight.view.overlays import error_levels, find_errors, find_saturated
+from jotlight.view.running_counts import Counts, RunningCounts
 from jotlight.view.state import COUNTS, ViewState
 from jotlight.view.viewed import (
     MAX_BRIEF_BYTES,

@@ -10,9 +10,9 @@ from jotlight._engine import __version__
 from jotlight.estimators.brightness import UNITS
 from jotlight.images.exr import check_exr
 from jotlight.images.io import image_writer
-from jotlight.view.counts import RunningCounts
 from jotlight.view.display import display_difference, displayable, fit_white, tone_of
 from jotlight.view.estimate import Estimate, estimate, merge_window
+from jotlight.view.running_counts import RunningCounts
 from jotlight.view.state import COUNTS, ViewState
 from jotlight.view.viewed import Viewable
 

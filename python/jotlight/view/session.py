@@ -7,11 +7,11 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Any, TypeVar
 
 from jotlight.errors import error_message
-from jotlight.view.counts import Counts
 from jotlight.view.facts import describe_capture
 from jotlight.view.messages import decode_request, encode
 from jotlight.view.pipeline import MAX_KEEPING_UP, Pipeline, Request, is_quick
 from jotlight.view.recipe import recipe
+from jotlight.view.running_counts import Counts
 from jotlight.view.state import COUNTS, ViewState, parse_probe
 from jotlight.view.viewed import CancelledError
 from jotlight.view.workshop import Workshop

@@ -22,10 +22,13 @@ class LiveCapture:
     Parameters
     ----------
     title : str
+        The name of the capture.
     ring : FrameRing
+        The memory for the newest frames.
     sensor : Sensor
         The sensor of one frame.
     provenance : Provenance
+        The origin of the frames.
     is_range_known : bool
         Whether the user states the largest intensity.
     """
@@ -50,9 +53,11 @@ class LiveCapture:
         """Number of frames that were never read, or are missing in the capture."""
         self.ended = False
         self.problem: str | None = None
+        """What is wrong with the capture, as the page shows it, or None."""
         self.remark: str | None = None
         """What happened last that needs no action, such as a file that is no capture."""
         self.stop = threading.Event()
+        """The request to the thread to end."""
         self._sensor = sensor
         self._thread: threading.Thread | None = None
 

@@ -10,7 +10,7 @@ from jotlight.calibration.bulk import fit_bulk
 from jotlight.calibration.captured_sensor import captured_threshold
 from jotlight.calibration.flat import measure_response
 from jotlight.calibration.hot_jots import check_false_positive_rate
-from jotlight.calibration.rates import detections
+from jotlight.calibration.jot_counts import JotCounts
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import Steadiness, steadiness
 from jotlight.checks import Counts, as_counts, positive_number, real_number, refuse_path, shown
@@ -208,7 +208,7 @@ def calibrate_sums(
         )
     bulk = fit_bulk(ones, number)
     hot_threshold = bulk.threshold(false_positive_rate)
-    dark_counts = detections(ones, number, threshold)
+    dark_counts = JotCounts(ones, number, threshold).detections()
     if (ones == number).all():
         raise ValueError("dark: expected some jots that do not report 1 in every frame, got none")
     hot = ones >= hot_threshold
@@ -249,12 +249,9 @@ def _with_flat(found: Calibration, flat: JotSums) -> Calibration:
             f"{ones.shape[0]} x {ones.shape[1]}"
         )
     measured = measure_response(
-        ones,
-        number,
-        found.dark_ones,
-        found.dark_frames,
+        JotCounts(ones, number, found.threshold),
+        JotCounts(found.dark_ones, found.dark_frames, found.threshold),
         found.mask,
-        threshold=found.threshold,
         false_positive_rate=found.false_positive_rate,
         filters=flat.filters,
     )

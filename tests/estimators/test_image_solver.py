@@ -99,14 +99,3 @@ def test_other_readings_with_a_smooth_kernel_are_refused_with_advice_that_works(
         jl.reconstruct(data, method=method)
     estimate = jl.reconstruct(data, sensor.replace(kernel="box"), method=method)
     assert estimate.shape == (8, 8)
-
-
-def test_an_operator_whose_light_does_not_fit_the_bits_is_refused():
-    with pytest.raises(ValueError, match=r"operator: .* bits' shape \(4,\), got \(5,\)"):
-        jl.Problem(jl.operators.spread((5,)), jl.Likelihood([0, 1, 1, 0]))
-
-
-def test_a_problem_without_any_bit_is_refused():
-    light = jl.operators.scaling((4,), 1.0)
-    with pytest.raises(ValueError, match="at least one cell with a bit"):
-        jl.Problem(light, jl.Likelihood(np.zeros(4, int), 0))

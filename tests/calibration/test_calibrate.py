@@ -7,7 +7,6 @@ from scipy.stats import beta, binom
 import jotlight as jl
 from jotlight.calibration import fit_bulk
 from jotlight.calibration.dead_jots import MIN_RESPONSE
-from jotlight.calibration.rates import detections, variance
 from jotlight.sensing.provenance import Provenance
 
 SHAPE = (160, 160)
@@ -220,17 +219,6 @@ def test_a_clear_outlier_keeps_the_response_that_was_counted(clear):
     assert calibration.prnu == pytest.approx(0.05, abs=4 * calibration.prnu_error)
     error = (calibration.efficiency * calibration.scale - relative)[~is_clear].std()
     assert error < 0.044
-
-
-def test_the_variance_of_detections_is_that_of_many_draws():
-    rng = np.random.default_rng(7)
-    for threshold, rate in ((1, 0.05), (1, 1.5), (3, 2.0)):
-        chance = jl.Sensor(threshold=threshold).probability(np.full((1, 1), rate))
-        draws = detections(
-            rng.binomial(2000, chance, (20_000, 1)).astype(np.int32), 2000, threshold
-        )
-        expected = variance(np.array([rate]), 2000, threshold)[0]
-        assert draws.var() == pytest.approx(expected, rel=0.05)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,104 @@
+"""The problem of maximizing the likelihood of bits: equation (4)."""
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.checks import positive_number
+from jotlight.sensing.likelihood import Likelihood
+from jotlight.sensing.operators import Operator
+from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.stacks import are_all, image_sums
+
+
+@dataclasses.dataclass(frozen=True)
+class Problem:
+    """Maximize ℓ(A c) over images c in [0, S]: equation (4).
+
+    Parameters
+    ----------
+    operator : Operator
+        A, which maps the image to the light of the likelihood's cells. No entry of A is negative.
+        :func:`jotlight.sensing.operators.spread` returns the operator of a sensor.
+    likelihood : Likelihood
+        ℓ, the likelihood of the cells' bits; or that of a stack of N images, with the cells of each
+        along its first axis.
+    max_intensity : float
+        S: the largest intensity.
+
+    Raises
+    ------
+    ValueError
+        When the operator's output does not have the shape of the likelihood's cells, or no cell
+        has a bit.
+
+    Examples
+    --------
+    A signal on a line of jots, 6 per pixel, with a cubic kernel:
+
+    >>> from jotlight import mle_iterative, operators
+    >>> light = operators.spread((20,), oversampling=6, kernel="cubic", gain=6.0)
+    >>> ramp = np.linspace(0.2, 0.8, 20)
+    >>> probability = -np.expm1(-light.forward(ramp))
+    >>> ones = np.random.default_rng(0).binomial(100, probability)
+    >>> estimate = mle_iterative(Problem(light, Likelihood(ones, trials=100)))
+    >>> estimate.shape, bool(abs(estimate - ramp).max() < 0.3)
+    ((20,), True)
+    """
+
+    operator: Operator
+    likelihood: Likelihood
+    max_intensity: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.operator.output_shape not in (self.likelihood.shape, self.likelihood.shape[1:]):
+            raise ValueError(
+                f"operator: expected light of the bits' shape {self.likelihood.shape}, "
+                f"got {self.operator.output_shape}"
+            )
+        trials = np.asarray(self.likelihood.trials)
+        axes = tuple(range(int(self.is_stack), trials.ndim))
+        if not trials.max(axis=axes).all():
+            raise ValueError("trials: expected at least one cell with a bit, got none")
+        positive_number("max_intensity", self.max_intensity)
+
+    @property
+    def is_stack(self) -> bool:
+        """Whether the problem consists of those of N images."""
+        return self.operator.output_shape != self.likelihood.shape
+
+    def stacked(self) -> "Problem":
+        """Return the problem as one of a stack."""
+        if self.is_stack:
+            return self
+        return dataclasses.replace(self, likelihood=self.likelihood.stacked())
+
+    def select(self, images: npt.NDArray[np.bool_]) -> "Problem":
+        """Return the problem of the images of a stack that a mask (N,) marks."""
+        if are_all(images):
+            return self
+        return dataclasses.replace(self, likelihood=self.likelihood.select(images))
+
+    def constant_estimates(self) -> Array:
+        """Return the intensity of the constant image that best explains the total number of ones.
+
+        There is one for each image of a stack, (N,). It is clipped to [0.001 S, 0.9 S], so that
+        iterative methods can start from it.
+        """
+        cells = self.stacked().likelihood
+        trials = np.broadcast_to(np.asarray(cells.trials, np.float64), cells.shape)
+        total = image_sums(trials)
+        # The number of zeros may be a real number below 1, which the fraction of ones hides.
+        fraction = image_sums(cells.ones) / total
+        rest = image_sums(trials - cells.ones) / total
+        rate = inverse_detection_probability(cells.threshold, fraction, rest)
+        dark = image_sums(trials * cells.dark_counts) / total
+        light = self.operator.forward(np.ones(self.operator.input_shape))
+        light = image_sums(trials * (cells.efficiency * light)) / total
+        low, high = 1e-3 * self.max_intensity, 0.9 * self.max_intensity
+        return np.asarray(np.clip((rate - dark) / light, low, high))
+
+    def log_likelihood(self, image: npt.ArrayLike) -> float:
+        """Return ℓ(A c) in nats, summed over all cells."""
+        return self.likelihood.value(self.operator.forward(np.asarray(image, np.float64)))
