@@ -39,7 +39,7 @@ def drawn_once(shape: tuple[int, ...], dtype: npt.DTypeLike, draw: Draw) -> Draw
     is_drawn = np.zeros(shape[0], np.bool_)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
-        for frame in start + np.flatnonzero(~is_drawn[start:stop]):
+        for frame in (start + np.flatnonzero(~is_drawn[start:stop])).tolist():
             frames[frame : frame + 1] = draw(frame, frame + 1)
             is_drawn[frame] = True
         part = frames[start:stop]
