@@ -10,6 +10,7 @@ if "PYTEST_XDIST_WORKER" in os.environ:
         worker = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
         os.sched_setaffinity(0, {cores[worker % len(cores)]})
 
+import gc
 import signal
 import sys
 from pathlib import Path
@@ -28,6 +29,20 @@ from jotlight.cli import app, console
 hypothesis.settings.register_profile("quick", max_examples=30, deadline=None, derandomize=True)
 hypothesis.settings.register_profile("slow", max_examples=1000, deadline=None)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
+
+# All objects of the collection live until the end, so a search for garbage among them is in vain.
+gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Search for garbage only among the objects of the tests."""
+    gc.freeze()
+    gc.enable()
+
+
+# Tests cut no power. Without this, they wait for the disk thousands of times. A closed file is an
+# error as before.
+os.fsync = os.fstat
 
 # A shell lets its background jobs ignore Ctrl-C, and the tests may be one.
 signal.signal(signal.SIGINT, signal.default_int_handler)
