@@ -2,13 +2,11 @@
 
 import os
 
-# pytest runs a process per core. Threads on the cores of other processes would wait for each other.
-if "PYTEST_XDIST_WORKER" in os.environ:
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    if hasattr(os, "sched_setaffinity"):  # Linux
-        cores = sorted(os.sched_getaffinity(0))
-        worker = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
-        os.sched_setaffinity(0, {cores[worker % len(cores)]})
+# pytest runs a process per core.
+if "PYTEST_XDIST_WORKER" in os.environ and hasattr(os, "sched_setaffinity"):  # Linux
+    cores = sorted(os.sched_getaffinity(0))
+    worker = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
+    os.sched_setaffinity(0, {cores[worker % len(cores)]})
 
 import gc
 import signal
@@ -46,6 +44,15 @@ os.fsync = os.fstat
 
 # A shell lets its background jobs ignore Ctrl-C, and the tests may be one.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_xdist_setupnodes() -> None:
+    """Let the linear algebra of each process use one thread.
+
+    Threads on the cores of other processes would wait for each other. Plugins of pytest import
+    NumPy before this file, so a process cannot limit its own threads here.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @pytest.fixture(scope="session")
