@@ -268,7 +268,7 @@ def test_only_the_product_of_efficiency_and_gain_matters():
         ("small", 25.95),
         ("medium", 26.43),
         ("large", 26.70),
-        ("extra-large", 26.75),
+        pytest.param("extra-large", 26.75, marks=pytest.mark.exhaustive),
     ],
 )
 def test_networks_reach_the_documented_psnr(data, quality, least):
