@@ -29,13 +29,15 @@ hypothesis.settings.register_profile("slow", max_examples=1000, deadline=None)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
 
 # All objects of the collection live until the end, so a search for garbage among them is in vain.
-gc.disable()
+# `gc.disable` would last: dask, which is imported meanwhile, notes the present state as the usual.
+THRESHOLDS = gc.get_threshold()
+gc.set_threshold(0)
 
 
 def pytest_collection_finish() -> None:
     """Search for garbage only among the objects of the tests."""
     gc.freeze()
-    gc.enable()
+    gc.set_threshold(*THRESHOLDS)
 
 
 # Tests cut no power. Without this, they wait for the disk thousands of times. A closed file is an

@@ -9,6 +9,7 @@ import pytest
 
 def test_the_search_for_garbage_ignores_the_objects_of_the_collection():
     assert gc.isenabled()
+    assert gc.get_threshold()[0] > 0
     assert gc.get_freeze_count() > 100_000
 
 
