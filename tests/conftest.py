@@ -2,14 +2,13 @@
 
 import os
 
-# pytest runs a process per core. Threads on the cores of other processes would wait for each other.
-if "PYTEST_XDIST_WORKER" in os.environ:
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    if hasattr(os, "sched_setaffinity"):  # Linux
-        cores = sorted(os.sched_getaffinity(0))
-        worker = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
-        os.sched_setaffinity(0, {cores[worker % len(cores)]})
+# pytest runs a process per core.
+if "PYTEST_XDIST_WORKER" in os.environ and hasattr(os, "sched_setaffinity"):  # Linux
+    cores = sorted(os.sched_getaffinity(0))
+    worker = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw"))
+    os.sched_setaffinity(0, {cores[worker % len(cores)]})
 
+import gc
 import signal
 import sys
 from pathlib import Path
@@ -29,8 +28,33 @@ hypothesis.settings.register_profile("quick", max_examples=30, deadline=None, de
 hypothesis.settings.register_profile("slow", max_examples=1000, deadline=None)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
 
+# All objects of the collection live until the end, so a search for garbage among them is in vain.
+# `gc.disable` would last: dask, which is imported meanwhile, notes the present state as the usual.
+THRESHOLDS = gc.get_threshold()
+gc.set_threshold(0)
+
+
+def pytest_collection_finish() -> None:
+    """Search for garbage only among the objects of the tests."""
+    gc.freeze()
+    gc.set_threshold(*THRESHOLDS)
+
+
+# Tests cut no power. Without this, they wait for the disk thousands of times. A closed file is an
+# error as before.
+os.fsync = os.fstat
+
 # A shell lets its background jobs ignore Ctrl-C, and the tests may be one.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_xdist_setupnodes() -> None:
+    """Let the linear algebra of each process use one thread.
+
+    Threads on the cores of other processes would wait for each other. Plugins of pytest import
+    NumPy before this file, so a process cannot limit its own threads here.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @pytest.fixture(scope="session")

@@ -59,7 +59,15 @@ def lights(shape):
 
 
 @pytest.mark.parametrize("frames", [1000, pytest.param(16, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", list(lights((128, 160))))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name, marks=[pytest.mark.exhaustive] * (name in ("cosine", "lamp on one side"))
+        )
+        for name in lights((128, 160))
+    ],
+)
 def test_even_and_smoothly_falling_light_is_a_flat_capture(name, frames):
     shape = (128, 160)
     with warnings.catch_warnings():

@@ -60,6 +60,12 @@ COMMANDS = CONVERSIONS | {
 FAST = ("bits to npy", "bits to hdf5", "bits to visionsim", "counts to zarr", "jpg", "exr")
 """Commands whose libraries crash or lie if they are used carelessly. The others take longer."""
 
+SIMILAR = (
+    "png of 16 bits", "tif", "uncertainty npy", "uncertainty tif", "film gif", "calibrate",
+    "train", "train --plot pdf", "train --plot svg",
+)  # fmt: skip
+"""Commands that write with the code of others."""
+
 PACKAGES = {"exr": "OpenEXR", "film mp4": "imageio_ffmpeg"} | {
     f"{kind} to {name}": package for name, package in NEEDS.items() for kind in ("bits", "counts")
 }
@@ -91,10 +97,11 @@ def snapshot(folder):
     }
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[] if name in FAST else pytest.mark.slow) for name in COMMANDS],
-)
+def marks(name):
+    return [pytest.mark.slow] * (name not in FAST) + [pytest.mark.exhaustive] * (name in SIMILAR)
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=marks(name)) for name in COMMANDS])
 def test_a_failed_write_is_one_line_and_changes_nothing(name, run, material, tmp_path):
     package = PACKAGES.get(name)
     if package and importlib.util.find_spec(package) is None:

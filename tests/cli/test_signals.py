@@ -43,9 +43,18 @@ def large_capture(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
 @pytest.mark.parametrize(
-    "target", ["out.npy.gz", pytest.param("out.h5", marks=pytest.mark.slow), "out.zarr", "out"]
+    ("name", "target"),
+    [
+        ("SIGTERM", "out.npy.gz"),
+        ("SIGTERM", "out.h5"),
+        ("SIGHUP", "out.zarr"),
+        ("SIGHUP", "out"),
+        pytest.param("SIGHUP", "out.npy.gz", marks=pytest.mark.exhaustive),
+        pytest.param("SIGHUP", "out.h5", marks=pytest.mark.exhaustive),
+        pytest.param("SIGTERM", "out.zarr", marks=pytest.mark.exhaustive),
+        pytest.param("SIGTERM", "out", marks=pytest.mark.exhaustive),
+    ],
 )
 def test_a_signal_ends_a_command_silently_and_leaves_no_files(large_capture, name, target):
     pytest.importorskip(NEEDS.get(target, "numpy"))

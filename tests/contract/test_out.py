@@ -100,8 +100,10 @@ def cases():
         for data in DATA:
             is_fast = data == "bits" or (data == "counts" and name not in METHODS)
             is_fast &= "held" not in name and "large" not in name
-            marks = () if is_fast and "reconstruct, n" not in name else pytest.mark.slow
-            yield pytest.param(name, data, marks=marks)
+            marks = [pytest.mark.slow] * (not is_fast or "reconstruct, n" in name)
+            # `reconstruct` gives all kinds of data to each method in the same way.
+            is_alike = name.startswith("reconstruct, ") and data in ("list", "counts", "dead jots")
+            yield pytest.param(name, data, marks=[*marks, *[pytest.mark.exhaustive] * is_alike])
 
 
 @pytest.mark.parametrize(("name", "data"), [*cases()])

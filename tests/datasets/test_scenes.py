@@ -14,6 +14,15 @@ def test_photographs_are_gray_levels_divided_by_255(name):
     assert image.max() <= 1
 
 
+def test_a_photograph_is_decoded_once_and_each_array_is_the_callers_own(monkeypatch):
+    first = datasets.photograph("coins")
+    monkeypatch.delattr("skimage.data.coins")
+    second = datasets.photograph("coins")
+    first[:] = 0
+    np.testing.assert_array_equal(second, datasets.photograph("coins"))
+    assert second.max() > 0
+
+
 def test_the_first_photographs_are_gray_and_the_rest_in_color():
     dimensions = [datasets.photograph(name).ndim for name in datasets.PHOTOGRAPHS]
     assert dimensions == [2, 2, 2, 3, 3, 3, 3]

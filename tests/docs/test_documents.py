@@ -11,7 +11,7 @@ import runpy
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -90,8 +90,7 @@ def page_cases() -> Iterator[object]:
 
 
 @pytest.mark.parametrize("page", list(page_cases()))
-def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_the_page_runs_from_top_to_bottom(page, run):
     code = page.read_text("utf-8")
     if "jotlight.torch" in code or "--quality" in "".join(blocks(page, "sh")):
         pytest.importorskip("torch")
@@ -104,7 +103,7 @@ def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
             exec(compile(block, page.name, "exec"), names)
         elif page.name != "README.md":  # its sh blocks install the package itself
             for line in block.splitlines():
-                run_command(line)
+                run_command(line, run)
 
 
 def test_the_code_of_pages_is_python_and_uses_names_that_exist():
@@ -117,12 +116,13 @@ def test_the_code_of_pages_is_python_and_uses_names_that_exist():
     assert [name for name in sorted(used) if not hasattr(jotlight, name)] == []
 
 
-def run_command(line: str) -> None:
+def run_command(line: str, run: Callable[..., tuple[int, str]]) -> None:
     words = shlex.split(line, comments=True)
     if not words:
         return
     assert words[0] == "jotlight", f"expected a jotlight command, got {line!r}"
-    subprocess.run([sys.executable, "-m", "jotlight", *words[1:]], check=True, timeout=120)
+    status, output = run(*words[1:])
+    assert status == 0, output
 
 
 def test_the_readme_names_only_commands_that_exist():

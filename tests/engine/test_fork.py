@@ -55,7 +55,7 @@ os._exit(0)
 ENGINE = """
 image = np.full((40, 40), 0.5, np.float32)
 counts = np.arange(1600, dtype=np.int32).reshape(40, 40) % 17
-original = jl.pretrained(jl.Sensor(oversampling=4), "large")
+original = jl.pretrained(jl.Sensor(oversampling=4), "medium")
 current = [original, 1]
 
 def renew(round):

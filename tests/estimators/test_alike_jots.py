@@ -25,7 +25,7 @@ def photograph():
 @pytest.mark.parametrize(
     ("threshold", "light"), [(1, 0.05), (1, 0.6), (1, 2.0), (3, 0.6), (3, 2.0), (3, 6.0)]
 )
-@pytest.mark.parametrize("trials", [2, 16, 300])
+@pytest.mark.parametrize("trials", [2, pytest.param(16, marks=pytest.mark.exhaustive), 300])
 def test_fractions_have_the_mean_and_the_variance_of_the_reference_jot(threshold, light, trials):
     rng = np.random.default_rng(1)
     efficiency, dark = rng.uniform(0.3, 1, (1, 256, 256)), rng.gamma(1, 0.1, (1, 256, 256))

@@ -26,7 +26,7 @@ def errors_of(track, scene):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("motion", "limit"),
-    [("shake", 0.5), ("sheet", 1.8)],
+    [("shake", 0.5), pytest.param("sheet", 1.8, marks=pytest.mark.exhaustive)],
 )
 def test_tiles_are_followed_from_their_velocities(motion, limit):
     frames, shape = (48, (96, 96)) if motion == "shake" else (128, (160, 160))

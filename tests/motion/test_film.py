@@ -38,10 +38,10 @@ def quality(merged, truth):
 @pytest.mark.parametrize(
     ("motion", "window", "step"),
     [
-        pytest.param("shake", 64, 16, marks=pytest.mark.slow),
+        pytest.param("shake", 64, 16, marks=[pytest.mark.slow, pytest.mark.exhaustive]),
         pytest.param("shake", 60, 7, marks=pytest.mark.slow),
         pytest.param("rotate", 64, 16, marks=pytest.mark.slow),
-        pytest.param("layers", 64, 16, marks=pytest.mark.slow),
+        pytest.param("layers", 64, 16, marks=[pytest.mark.slow, pytest.mark.exhaustive]),
     ],
 )
 def test_each_image_is_as_good_as_with_a_fresh_alignment(motion, window, step):
@@ -144,7 +144,9 @@ def test_a_causal_film_does_not_depend_on_later_frames():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sizes", [(1,), (7, 30), (100,)])
+@pytest.mark.parametrize(
+    "sizes", [pytest.param((1,), marks=pytest.mark.exhaustive), (7, 30), (100,)]
+)
 def test_frames_that_arrive_in_any_parts_make_the_same_film(sizes):
     _, bits = moving("shake", 64, (48, 48))
     live = LiveFilm(bits.sensor, window=32, step=8)

@@ -46,9 +46,9 @@ def attempts(monkeypatch):
     ("causal", "is_better", "model"),
     [
         (True, True, "affine"),
-        (True, True, "auto"),
+        pytest.param(True, True, "auto", marks=pytest.mark.exhaustive),
         (False, True, "auto"),
-        (True, False, "auto"),
+        pytest.param(True, False, "auto", marks=pytest.mark.exhaustive),
         (False, False, "auto"),
     ],
 )

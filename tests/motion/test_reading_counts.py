@@ -30,6 +30,13 @@ BRACKETS = [
 ]
 FAST = BRACKETS[0]
 """The sensor whose moving scene the fast tests show."""
+SLOW = SENSORS[2], BRACKETS[1], BRACKETS[4]
+"""Sensors with the peculiarities of the others, whose moving scenes the slow tests show."""
+
+
+def marks(sensor):
+    is_slow = any(sensor is each for each in SLOW)
+    return [] if sensor is FAST else [pytest.mark.slow if is_slow else pytest.mark.exhaustive]
 
 
 def scene_of(sensor, motion="shake", shape=SHAPE, color=False):
@@ -147,10 +154,7 @@ def test_hot_jots_make_no_bias_in_brackets(read_noise, error):
 
 @pytest.mark.parametrize(
     "sensor",
-    [
-        pytest.param(each, marks=[pytest.mark.slow] * (each is not FAST), id=repr(each))
-        for each in [*SENSORS, *BRACKETS]
-    ],
+    [pytest.param(each, marks=marks(each), id=repr(each)) for each in [*SENSORS, *BRACKETS]],
 )
 def test_a_moving_scene_is_about_as_good_as_one_that_stands_still(sensor):
     scene = scene_of(sensor)

@@ -43,7 +43,9 @@ def test_the_estimate_equals_the_twins(channels, sizes, tied, height, width, mas
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tied", [True, False])
-@pytest.mark.parametrize(("channels", "sizes"), [SHAPES[1], SHAPES[4]])
+@pytest.mark.parametrize(
+    ("channels", "sizes"), [SHAPES[1], pytest.param(*SHAPES[4], marks=pytest.mark.exhaustive)]
+)
 @pytest.mark.parametrize(
     ("height", "width"),
     [(130, 1024), pytest.param(65, 1031, marks=pytest.mark.exhaustive), (3, 2059)],

@@ -1,8 +1,6 @@
 """The command line and the code of the page make the image that it shows."""
 
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -87,65 +85,77 @@ def open_with(name, options):
     return _open(name, capture, sensor)
 
 
+def run_python(option, code):
+    """Run `python -c CODE` in this process, which has imported the packages."""
+    assert option == "-c"
+    exec(code, {})
+
+
 RESPONSE = "--read-noise 0.3 --gain 120"
 WIDTH = "--width 60 --gain 40"
 BRACKET = "--gain 0.25,1,4,... --threshold 1 --width 60 --frames 60"
 CASES = [
     ("own sensor.npy", "", ViewState(5, 20, "mle", white=0.8)),
-    ("own sensor.npy", "", ViewState(0, 16, "network-medium", white=0.7, curve="reinhard")),
-    ("own sensor.npy", "--gain 30 --max-intensity 3", ViewState(5, 20, "mle", white=2.0)),
     ("plain.npy", "--frame-range 10:50:2 --rotate 90", ViewState(3, 10, "mle", white=1.5)),
     ("plain.npy", "--mask mask.npy --width 60", ViewState(3, 10, "admm-tv", curve="log")),
     ("-x.npy", "", ViewState(5, 20, "mle", white=0.8)),
-    ("hot.npy", "--find-hot-jots --frame-range 0:56", ViewState(5, 20, "mle", white=0.8)),
-    ("hot.npy", "--find-hot-jots", ViewState(0, 60, "mle", white=0.8)),
     ("hot counts.npy", "--find-hot-jots --counts --frames 60", ViewState(1, 3, "mle", white=0.8)),
-    ("counts.npy", "--frames 60 --counts", ViewState(0, 6, "mle", align=True, white=0.8)),
     (
         "means.npy",
         "--counts-scale 255 --trials 10",
         ViewState(0, 6, "mle", align=True, white=0.8),
     ),
+    ("two.npz", f"--key b --bits {WIDTH}", ViewState(1, 30, "mle", white=0.8)),
+    ("mosaic.npy", "", ViewState(4, 50, "network-color", align=True, white=0.8)),
+    ("gray.npy", "", ViewState(2, 44, "network-medium", align=True, white=0.8)),
+    ("color.npy", "", ViewState(4, 50, "mle", align=True, white=0.8)),
+    ("several.npy", "--mask mask.npy --bit-depth 4", ViewState(5, 20, "admm-tv", white=0.8)),
+    ("numbers.npy", f"--bit-depth 4 {RESPONSE}", ViewState(0, 60, "noniterative-tv", white=0.8)),
+    ("noisy.npy", "--read-noise 0.25", ViewState(0, 60, "mle", align=True, white=0.8)),
+    ("bracket.npy", "--find-hot-jots", ViewState(6, 21, "mle", white=0.8)),
+    ("bracket without sensor.npy", BRACKET, ViewState(6, 21, "mle", white=0.8)),
+    ("plain.npy", f"--threshold thresholds.npy {WIDTH}", ViewState(5, 20, "mle", white=0.8)),
+    ("mosaic counts.npy", "--mosaic RGGB --frames 60", ViewState(0, 6, "mle", align=True)),
+    ("two channels.npy", "", ViewState(5, 20, "mle", curve="reinhard")),
+    ("moving bracket.npy", "", ViewState(6, 51, "network-medium", align=True, white=0.8)),
+]
+SIMILAR = [
+    ("own sensor.npy", "", ViewState(0, 16, "network-medium", white=0.7, curve="reinhard")),
+    ("own sensor.npy", "--gain 30 --max-intensity 3", ViewState(5, 20, "mle", white=2.0)),
+    ("hot.npy", "--find-hot-jots --frame-range 0:56", ViewState(5, 20, "mle", white=0.8)),
+    ("hot.npy", "--find-hot-jots", ViewState(0, 60, "mle", white=0.8)),
+    ("counts.npy", "--frames 60 --counts", ViewState(0, 6, "mle", align=True, white=0.8)),
     ("means.npy", "--counts-scale 255 --frames 60", ViewState(1, 4, "mle", white=0.8)),
     ("counts.npy", "--frames 60 --counts", ViewState(1, 4, "mle", white=0.8, curve="linear")),
-    ("two.npz", f"--key b --bits {WIDTH}", ViewState(1, 30, "mle", white=0.8)),
     ("mosaic.npy", "", ViewState(4, 50, "network-color", white=0.8)),
     ("mosaic.npy", "", ViewState(4, 50, "mle", white=0.8)),
-    ("mosaic.npy", "", ViewState(4, 50, "network-color", align=True, white=0.8)),
     ("mosaic.npy", "", ViewState(4, 50, "mle", align=True, white=0.8)),
     ("shaken.npy", "", ViewState(0, 60, "network-color", align=True, white=0.8)),
     ("shaken.npy", "", ViewState(0, 60, "mle", align=True, white=0.8)),
     ("gray.npy", "", ViewState(0, 48, "mle", align=True, white=0.8)),
-    ("gray.npy", "", ViewState(2, 44, "network-medium", align=True, white=0.8)),
     ("color.npy", "", ViewState(4, 50, "network-color", white=0.8)),
-    ("color.npy", "", ViewState(4, 50, "mle", align=True, white=0.8)),
     ("several.npy", "", ViewState(5, 20, "network-medium", white=0.8)),
     ("several.npy", "--gain 90 --max-intensity 3", ViewState(5, 20, "mle", white=2.0)),
-    ("several.npy", "--mask mask.npy --bit-depth 4", ViewState(5, 20, "admm-tv", white=0.8)),
     ("numbers.npy", f"--bit-depth 4 {RESPONSE}", ViewState(5, 20, "mle", white=0.8)),
-    ("numbers.npy", f"--bit-depth 4 {RESPONSE}", ViewState(0, 60, "noniterative-tv", white=0.8)),
     ("noisy.npy", "--find-hot-jots", ViewState(5, 20, "network-small", white=0.8)),
-    ("noisy.npy", "--read-noise 0.25", ViewState(0, 60, "mle", align=True, white=0.8)),
     ("bracket.npy", "", ViewState(6, 21, "network-medium", white=0.8)),
-    ("bracket.npy", "--find-hot-jots", ViewState(6, 21, "mle", white=0.8)),
     ("bracket.npy", "--frame-range 1:50 --efficiency 0.5", ViewState(6, 21, "mle", white=0.8)),
-    ("bracket without sensor.npy", BRACKET, ViewState(6, 21, "mle", white=0.8)),
     ("bracket without sensor.npy", BRACKET, ViewState(6, 21, "network-medium", align=True)),
     ("plain.npy", "--mask mask.png --width 60", ViewState(3, 10, "mle", white=0.8)),
-    ("plain.npy", f"--threshold thresholds.npy {WIDTH}", ViewState(5, 20, "mle", white=0.8)),
     ("gray without sensor.npy", "--dark-counts dark.npy", ViewState(0, 48, "mle", align=True)),
     ("mosaic bits.npy", f"--mosaic filters.json {WIDTH}", ViewState(5, 20, "mle", white=0.8)),
-    ("mosaic counts.npy", "--mosaic RGGB --frames 60", ViewState(0, 6, "mle", align=True)),
     ("several mosaic.npy", "", ViewState(0, 60, "mle", align=True, white=0.8)),
-    ("two channels.npy", "", ViewState(5, 20, "mle", curve="reinhard")),
     ("moving several.npy", "", ViewState(6, 50, "network-medium", align=True, white=0.8)),
-    ("moving bracket.npy", "", ViewState(6, 51, "network-medium", align=True, white=0.8)),
 ]
+"""Cases whose options and methods the cases above have in other combinations."""
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::jotlight.JotlightWarning")
-@pytest.mark.parametrize(("name", "options", "state"), CASES)
+@pytest.mark.parametrize(
+    ("name", "options", "state"),
+    [*CASES, *(pytest.param(*case, marks=pytest.mark.exhaustive) for case in SIMILAR)],
+)
 def test_both_make_the_saved_image(folder, name, options, state):
     viewed = open_with(name, options)
     expected = folder / "expected.png"
@@ -153,7 +163,7 @@ def test_both_make_the_saved_image(folder, name, options, state):
     texts = recipe(viewed, state)
     program, *words = shlex.split(texts["command"])
     if program == "python":
-        subprocess.run([sys.executable, *words], check=True)
+        run_python(*words)
     else:
         assert run(words) == 0
     by_command = np.asarray(Image.open("view.png")).astype(int)
@@ -169,16 +179,32 @@ def test_both_make_the_saved_image(folder, name, options, state):
 @pytest.mark.parametrize(
     ("name", "options", "state"),
     [
-        ("own sensor.npy", "", ViewState(5, 20, "counts")),
-        ("own sensor.npy", "", ViewState(5, 20, "mle", "admm-tv")),
+        pytest.param(
+            "own sensor.npy", "", ViewState(5, 20, "counts"), marks=pytest.mark.exhaustive
+        ),
+        pytest.param(
+            "own sensor.npy", "", ViewState(5, 20, "mle", "admm-tv"), marks=pytest.mark.exhaustive
+        ),
         ("gray.npy", "", ViewState(0, 48, "mle", "network-small", align=True)),
-        ("plain.npy", "--width 60", ViewState(0, 16, "mle", "network-small")),
+        pytest.param(
+            "plain.npy",
+            "--width 60",
+            ViewState(0, 16, "mle", "network-small"),
+            marks=pytest.mark.exhaustive,
+        ),
         ("plain.npy", "--width 60", ViewState(0, 16, "network-small", "mle", align=True)),
-        ("two channels.npy", "", ViewState(5, 20, "mle", "admm-tv")),
+        pytest.param(
+            "two channels.npy", "", ViewState(5, 20, "mle", "admm-tv"), marks=pytest.mark.exhaustive
+        ),
         ("two channels.npy", "", ViewState(5, 20, "counts")),
         ("counts.npy", "--frames 60 --counts", ViewState(1, 4, "counts", align=True)),
-        ("counts.npy", "--frames 60 --counts", ViewState(1, 4, "counts")),
-        ("several.npy", "", ViewState(5, 20, "counts")),
+        pytest.param(
+            "counts.npy",
+            "--frames 60 --counts",
+            ViewState(1, 4, "counts"),
+            marks=pytest.mark.exhaustive,
+        ),
+        pytest.param("several.npy", "", ViewState(5, 20, "counts"), marks=pytest.mark.exhaustive),
         ("bracket.npy", "", ViewState(6, 21, "counts")),
         ("moving bracket.npy", "", ViewState(6, 51, "mle", "network-small", align=True)),
     ],
@@ -186,7 +212,7 @@ def test_both_make_the_saved_image(folder, name, options, state):
 def test_the_command_for_counts_and_differences_runs_the_code(folder, name, options, state):
     viewed = open_with(name, options)
     words = shlex.split(recipe(viewed, state)["command"])
-    subprocess.run([sys.executable, *words[1:]], check=True)
+    run_python(*words[1:])
     (folder / "saved.tif").write_bytes(save_view(viewed, state, "tif"))
     np.testing.assert_array_equal(jl.read_image("view.tif"), jl.read_image("saved.tif"))
 

@@ -1,5 +1,7 @@
 """Scenes that need no download: photographs of scikit-image, and synthetic scenes."""
 
+import functools
+
 import numpy as np
 import numpy.typing as npt
 
@@ -31,10 +33,16 @@ def photograph(name: str = "camera", *, gray: bool = False) -> npt.NDArray[np.fl
     """
     if name not in PHOTOGRAPHS:
         raise ValueError(f"photograph: expected one of {', '.join(PHOTOGRAPHS)}, got {name!r}")
+    photo = np.asarray(_levels(name), np.float32) / np.float32(255)
+    return luma(photo).astype(np.float32) if gray and photo.ndim == 3 else photo
+
+
+@functools.cache
+def _levels(name: str) -> npt.NDArray[np.uint8]:
     import skimage.data
 
-    photo = np.asarray(getattr(skimage.data, name)(), np.float32) / np.float32(255)
-    return luma(photo).astype(np.float32) if gray and photo.ndim == 3 else photo
+    levels: npt.NDArray[np.uint8] = getattr(skimage.data, name)()
+    return levels
 
 
 def uniform_scene(

@@ -35,6 +35,7 @@ class EngineBacked:
     sensor: Sensor
     trials_range: tuple[int, int] | None
     rotations: int
+    history: dict[str, Any]
     precision: str = F32
     """Precision of the products, which :meth:`with_precision` selects. A file does not store it."""
     planes: ClassVar[int] = 0
@@ -92,6 +93,13 @@ class EngineBacked:
         changed.precision = precision
         changed.__dict__[_KEPT] = (self.layers, self.rotations), network
         return changed
+
+    def sharing_engine(self) -> Self:
+        """Return a copy with attributes of its own, and with the same network of the engine."""
+        copied = copy.copy(self)
+        copied.history = dict(self.history)
+        copied.__dict__[_KEPT] = (self.layers, self.rotations), self.engine_network
+        return copied
 
     @property
     def halo(self) -> int:

@@ -1,6 +1,7 @@
 """The trained networks that come with jotlight; each file has a model card beside it."""
 
 from pathlib import Path
+from typing import Any, TypeVar
 
 from jotlight.networks.architectures import EXTRA_LARGE, QUALITIES
 from jotlight.networks.color_network import ColorNetwork
@@ -8,6 +9,14 @@ from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.network import Network
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
+
+_Kind = TypeVar("_Kind", Network, ColorNetwork, FilmNetwork)
+
+_kept: dict[tuple[Path, int], Any] = {}
+"""The networks that were read, by file and number of rotations.
+
+Reading takes longer than the reconstruction of a small image.
+"""
 
 CONDITIONAL_SIZE = "medium"
 """The default size. It has no networks for one K alone."""
@@ -155,10 +164,7 @@ def pretrained_color(file: Path) -> ColorNetwork:
     >>> pretrained_color(MOSAIC_FILE).trials_range
     (1, 256)
     """
-    network = ColorNetwork.load(file)
-    if file == MOSAIC_FILE:
-        network.rotations = MOSAIC_ROTATIONS
-    return network
+    return _read(ColorNetwork, file, MOSAIC_ROTATIONS if file == MOSAIC_FILE else 1)
 
 
 def pretrained_film() -> FilmNetwork:
@@ -169,15 +175,23 @@ def pretrained_film() -> FilmNetwork:
     >>> pretrained_film().planes
     14
     """
-    return FilmNetwork.load(FILM_FILE)
+    return _read(FilmNetwork, FILM_FILE)
 
 
 def _load(file: Path, sensor: Sensor, quality: str) -> Network:
-    network = Network.load(file)
+    network = _read(Network, file, 4 if quality == EXTRA_LARGE else 1)
     network.default_sensor = sensor
-    if quality == EXTRA_LARGE:
-        network.rotations = 4
     return network
+
+
+def _read(kind: type[_Kind], file: Path, rotations: int = 1) -> _Kind:
+    """Return a copy of the network in a file. The caller may change its attributes."""
+    if (file, rotations) not in _kept:
+        network = kind.load(file)
+        network.rotations = rotations
+        _kept[file, rotations] = network
+    copied: _Kind = _kept[file, rotations].sharing_engine()
+    return copied
 
 
 def uses_conditional(sensor: Sensor, quality: str) -> bool:
