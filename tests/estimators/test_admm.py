@@ -296,7 +296,7 @@ def test_an_overexposed_scene_has_a_bright_even_estimate(kernel, gain):
         (np.full((4, 4), -2.0), "weight: .*, got -2"),
         (np.ones((4, 5)), r"\(4, 4\), got .*\(4, 5\)"),
         (np.ones(4), r"weight: .*\(4, 4\), got .*\(4,\)"),
-        ("strong", "weight: expected a number, .* got <U6"),
+        ("strong", "weight: expected a number, got 'strong'"),
         ([], r"weight: expected .*\(0,\)"),
     ],
 )

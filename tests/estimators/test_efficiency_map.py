@@ -169,7 +169,7 @@ def test_a_network_trained_for_a_map_gives_the_same_estimate_after_saving(tmp_pa
 @pytest.mark.parametrize(
     ("efficiency", "message"),
     [
-        (np.zeros((2, 2)), "efficiency: expected numbers from 1e-18 to 1; .*mask"),
+        (np.zeros((2, 2)), "efficiency: expected numbers from 1e-18 to 1, got 0; .*mask"),
         (np.full((2, 2), 1.5), r"relative to the mean.*gain"),
         (np.full((2, 2), np.nan), "from 1e-18 to 1"),
         (np.full((2, 2), 1e-19), "from 1e-18 to 1"),

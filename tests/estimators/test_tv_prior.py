@@ -155,9 +155,9 @@ def test_other_shapes_and_norms_are_refused(function, arguments, message):
         ([[1.0, 1.0], [-1.0, 1.0]], "expected finite numbers, 0 or more, got -1.0"),
         ([[1.0, 1.0], [np.nan, 1.0]], "expected finite numbers, 0 or more, got nan"),
         ([1.0, 1.0], r"expected a number, or an array of shape \(2, 2\), got float64 of shape"),
-        ("1", r"expected a number, or an array of shape \(2, 2\), got <U1"),
-        (True, r"expected a number, or an array of shape \(2, 2\), got bool"),
-        (1j, r"expected a number, or an array of shape \(2, 2\), got complex128"),
+        ("1", r"expected a number, or an array of shape \(2, 2\), got '1'"),
+        (True, r"expected a number, or an array of shape \(2, 2\), got True"),
+        (1j, r"expected a number, or an array of shape \(2, 2\), got 1j"),
     ],
     ids=str,
 )

@@ -116,7 +116,7 @@ def dark_count_conflict(jots: JotCounts, dark: npt.ArrayLike) -> tuple[int, int]
     >>> dark_count_conflict(JotCounts(own, 16, 1), dark) is None
     True
     >>> dark_count_conflict(JotCounts(own[::-1], 16, 1), dark)
-    (75, 81)
+    (86, 88)
     """
     rates = np.asarray(dark, np.float64)
     if rates.shape != jots.ones.shape:

@@ -300,10 +300,9 @@ def check_map(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -
     """
     array = np.asarray(value)
     if array.dtype.kind not in "iuf" or array.shape not in ((), shape) or array.size == 0:
-        raise ValueError(
-            f"{name}: expected a number, or an array of shape {shape}, got "
-            f"{repr(value) if array.ndim == 0 else f'{array.dtype} of shape {array.shape}'}"
-        )
+        expected = f"a number, or an array of shape {shape}" if shape else "a number"
+        received = repr(value) if array.ndim == 0 else f"{array.dtype} of shape {array.shape}"
+        raise ValueError(f"{name}: expected {expected}, got {received}")
     if not (np.isfinite(array).all() and array.min() >= 0):
         raise ValueError(f"{name}: expected finite numbers, 0 or more, got {array.min()}")
     if array.ndim == 0:
