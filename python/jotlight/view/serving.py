@@ -12,6 +12,7 @@ import uvicorn
 
 from jotlight.view.access import LOOPBACK, is_loopback, names_of
 from jotlight.view.app import make_app
+from jotlight.view.connections import BoundedProtocol
 from jotlight.view.state import MAX_STATE_BYTES
 from jotlight.view.viewed import Viewable
 from jotlight.view.workshop import Workshop
@@ -66,6 +67,7 @@ class Server:
         )
         config = uvicorn.Config(
             app,
+            http=BoundedProtocol,
             access_log=False,  # addresses contain the token
             log_level="critical",
             lifespan="off",
