@@ -1,13 +1,43 @@
 """Progress bars in terminals and in notebooks. Import this module late, because rich is large."""
 
+import re
+from collections.abc import Iterable
 from time import monotonic
 from typing import Any
 
 from rich.console import Console
 from rich.progress import Progress, ProgressColumn, SpinnerColumn, TaskID
+from rich.segment import Segment
+
+_CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+"""Control characters except tabs and ends of lines."""
+
+
+def printable(text: str) -> str:
+    r"""Return a text with escapes in place of control characters.
+
+    Names and notes in files from strangers could otherwise command the terminal, for example to
+    clear the screen, or to hide what follows.
+
+    Examples
+    --------
+    >>> print(printable("\x1b[2Jname"))
+    \x1b[2Jname
+    """
+    return _CONTROLS.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
+
+
+class SafeConsole(Console):
+    """A console that prints no control characters but those of rich itself."""
+
+    def render(self, *arguments: Any, **options: Any) -> Iterable[Segment]:
+        """Yield the parts of an object to print."""
+        for part in super().render(*arguments, **options):
+            yield part if part.control else Segment(printable(part.text), part.style)
+
 
 # Without emoji=False, rich replaces text between colons, as in a range of frames, by an emoji.
-console = Console(stderr=True, highlight=False, emoji=False)
+console = SafeConsole(stderr=True, highlight=False, emoji=False)
 """The console that shows bars. Other messages on it appear above a bar."""
 
 _DELAY, _INTERVAL = 0.5, 0.1

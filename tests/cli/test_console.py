@@ -9,6 +9,7 @@ import pytest
 import jotlight as jl
 from jotlight.cli import console
 from jotlight.evaluation.methods import METHODS
+from jotlight.sensing.provenance import Provenance
 from jotlight.training import Record
 from terminals import on_a_terminal
 
@@ -19,6 +20,30 @@ BOX = jl.Sensor(oversampling=4)
 
 def files(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_names_in_files_cannot_command_the_terminal(run):
+    np.savez("a.npz", **{"\x1b[2J": np.ones(2), "\x9b2K": np.ones(2)})
+    provenance = Provenance("npy", "\x1b[8mhidden", ("a note\x1b[2J",))
+    jl.save(jl.Bits(np.ones((4, 3, 1), np.uint8), provenance=provenance), "b.npy")
+    shown = [run("info", "a.npz")[1], run("reconstruct", "a.npz", "-o", "a.tif")[1]]
+    shown += [run("info", "b.npy")[1], run("reconstruct", "b.npy", "-o", "b.tif")[1]]
+    shown.append(run("info", "\x1b[2Jnone.npy")[1])
+    for text in shown:
+        assert r"\x1b[" in text
+        assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", text)
+
+
+def test_names_with_brackets_are_printed_as_they_are(run):
+    """They are no markup of rich, which raises an error for a closing tag alone."""
+    name = "night [dark] [/x]"
+    np.savez("a.npz", **{name: np.ones(2), "b": np.ones(2)})
+    bits = jl.Bits(np.ones((4, 3, 1), np.uint8), provenance=Provenance("npy", name, (name,)))
+    jl.save(bits, "b.npy")
+    for path in ("a.npz", "b.npy"):
+        status, output = run("info", path)
+        assert status == 0
+        assert name in output
 
 
 @pytest.mark.slow

@@ -166,21 +166,24 @@ def test_a_terminated_command_leaves_no_files(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seconds", [1.5, 2.5, 4.0])
+@pytest.mark.parametrize("seconds", [1.0, 2.0, 3.5])
 def test_ctrl_c_ends_a_command_and_its_workers_in_one_line(tmp_path, seconds):
+    """Python itself, which has no handler yet, takes a while to start on a busy machine."""
     pytest.importorskip("distributed")
     sensor = jl.Sensor(frames=40_000)
     jl.save(sensor.expose(np.full((64, 64), 0.5), rng=0), tmp_path / "a.npy")
     arguments = ["reconstruct", "a.npy", "-o", "{name}.zarr", "--window", "2", "--workers", "2"]
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
-    code += "from jotlight.cli.entry import main; main()"
+    code += "from jotlight.cli.entry import main; print('begun', flush=True); main()"
     with subprocess.Popen(
         [sys.executable, "-c", code, *arguments],
         cwd=tmp_path,
+        stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
     ) as child:
+        assert child.stdout.readline() == "begun\n"
         time.sleep(seconds)
         os.killpg(child.pid, signal.SIGINT)  # as a terminal does
         _, output = child.communicate(timeout=60)

@@ -200,6 +200,6 @@ def test_a_browser_in_the_terminal_does_not_delay_the_page(monkeypatch):
     with serving.serving(Viewed.from_data(BITS)) as server:
         server.open_browser()
         assert begun.wait(20)
-        assert opened == [server.address]
+        assert len(opened) == 1
         assert not closed.is_set()
         closed.set()

@@ -11,7 +11,7 @@ from websockets.sync.client import connect
 
 
 def get(server, path, **headers):
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=20)
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
     connection.putrequest("GET", path, skip_host=True)
     for name, value in {"Host": f"127.0.0.1:{server.port}", **headers}.items():
         connection.putheader(name, value)
@@ -36,7 +36,7 @@ def connected(server, origin=None, token=None, **options):
 
 
 def read(stream):
-    message = stream.recv(timeout=20)
+    message = stream.recv(timeout=60)
     size = int.from_bytes(message[:4], "little")
     header = json.loads(message[4 : 4 + size])
     if header["type"] in ("image", "overlay"):
@@ -72,7 +72,7 @@ def is_alive(server):
     return get(server, "/", **cookie(server))[0].status == 200
 
 
-def wait_until(condition, seconds=10):
+def wait_until(condition, seconds=60):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end

@@ -1,6 +1,7 @@
 """The server: pages, images, and files, over real sockets."""
 
 import json
+import queue
 import threading
 import urllib.parse
 
@@ -14,6 +15,7 @@ pytest.importorskip("starlette")
 exceptions = pytest.importorskip("websockets.exceptions")
 
 from jotlight.images.tone import Tone  # noqa: E402
+from jotlight.view import serving as serving_module  # noqa: E402
 from jotlight.view.facts import describe_capture  # noqa: E402
 from jotlight.view.serving import Server, serving  # noqa: E402
 from jotlight.view.viewed import Viewed  # noqa: E402
@@ -42,6 +44,26 @@ def test_the_address_leads_to_the_page_and_sets_a_cookie(server):
     assert "unsafe" not in policy
     for name in ("main.js", "theme.css"):
         assert get(server, f"/page/{name}", **cookie(server))[0].status == 200
+
+
+def test_the_address_on_the_command_line_of_a_browser_is_worthless_once_it_was_used(
+    server, monkeypatch
+):
+    """All users of a machine can see command lines."""
+    opened = queue.SimpleQueue()
+    monkeypatch.setattr(serving_module.webbrowser, "open", opened.put)
+    server.open_browser()
+    address = opened.get(timeout=20)
+    assert server.token not in address
+    path = address.removeprefix(f"http://127.0.0.1:{server.port}")
+    assert path.startswith("/?ticket=")
+    assert get(server, path.replace("/?", "/page/main.js?"))[0].status == 403
+    assert get(server, path, Host="evil.example")[0].status == 403
+    answer, _ = get(server, path)
+    assert answer.status == 303
+    assert server.token in answer.getheader("Set-Cookie")
+    assert get(server, path)[0].status == 403
+    assert get(server, "/?ticket=")[0].status == 403
 
 
 def test_images_are_those_of_the_library(server, bits):

@@ -8,7 +8,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from typing import IO, Any, Protocol, TextIO
 
-from rich.console import Console
 from rich.markup import escape
 from rich.progress import (
     BarColumn,
@@ -18,14 +17,14 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from jotlight.bars import console, make_bar
+from jotlight.bars import SafeConsole, console, make_bar
 from jotlight.errors import JotlightWarning
 from jotlight.estimators.convergence import Iteration, IterationCallback, follow_slowest
 from jotlight.training import Record
 from jotlight.training.reporting import StepDescriber
 
 
-class _Output(Console):
+class _Output(SafeConsole):
     """The standard output."""
 
     def print(self, *objects: Any, **options: Any) -> None:
@@ -47,7 +46,7 @@ def _discard(file: IO[str]) -> None:
         os.close(null)
 
 
-out = _Output(highlight=False, emoji=False)
+out = _Output(highlight=False, emoji=False, markup=False)  # names may contain brackets
 err = console
 
 _LOG_SECONDS = 60.0
@@ -67,7 +66,7 @@ def with_options_only(message: str) -> str:
 def report(*lines: str) -> None:
     """Print results to the standard output."""
     for line in lines:
-        out.print(with_options_only(line), soft_wrap=True, markup=False)
+        out.print(with_options_only(line), soft_wrap=True)
 
 
 def caution(label: str, message: str) -> None:
@@ -136,7 +135,8 @@ def progress(total: float | None, *, remaining: bool = False) -> Iterator[Begin]
         Takes the name of the next step, and the part of the total that it counts as.
     """
     time = [TimeRemainingColumn(), TextColumn("left")] if remaining else [TimeElapsedColumn()]
-    bar = make_bar(TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), *time)
+    text = TextColumn("{task.description}", markup=False)
+    bar = make_bar(text, BarColumn(), TaskProgressColumn(), *time)
     with bar:
         task = bar.add_task("", total=total)
         next_start = 0.0

@@ -9,6 +9,7 @@ import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
+from jotlight.bars import printable
 from jotlight.calibration import Calibration
 from jotlight.calibration.result import FORMAT as CALIBRATION
 from jotlight.cli.capture_facts import bits_facts, notes, readings_facts
@@ -97,7 +98,7 @@ def _table(rows: list[tuple[str, str]]) -> Table:
     table.add_column(style="bold")
     table.add_column(overflow="fold")
     for name, value in rows:
-        table.add_row(name, with_options_only(value))
+        table.add_row(printable(name), printable(with_options_only(value)))
     return table
 
 

@@ -99,9 +99,10 @@ def reproduce(
     facts = _run(work, folder)
     tables.write_facts(folder.results / "run.csv", facts)
     written = write_report(folder)
-    out.print(_claims([section for section in written.sections if section.name in facts]))
+    sections = [section for section in written.sections if section.name in facts]
+    out.print(_claims(sections), markup=True)
     if quick:
-        out.print("[yellow]A quick run: too little to draw conclusions from.[/]")
+        out.print("[yellow]A quick run: too little to draw conclusions from.[/]", markup=True)
     report(f"Report: {folder.page}")
 
 

@@ -8,9 +8,10 @@ In reading order:
   ``overlays``, and ``display``.
 - ``session``, ``workshop``, ``messages``, ``notes``: the connection of a page, and what connections
   share. ``timeline``, ``facts``, ``recipe``, ``saving``: what else the page shows and saves.
-- ``app``, ``serving``, ``access``: the web application, its server, and who may use it.
+- ``app``, ``serving``, ``connections``, ``access``: the web application, its server, when
+  connections end, and who may use it.
 - ``live``: captures that grow while they are viewed. ``extra``: the packages of the server.
 
-The modules of the server, :mod:`jotlight.view.app` and :mod:`jotlight.view.serving`, need the extra
-``view``. All other modules need nothing but jotlight.
+The modules of the server, ``app``, ``serving``, and ``connections``, need the extra ``view``. All
+other modules need nothing but jotlight.
 """

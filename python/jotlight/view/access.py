@@ -7,6 +7,7 @@ the same host.
 
 import hmac
 import ipaddress
+import secrets
 import socket
 from collections.abc import Collection
 from http.cookies import CookieError, SimpleCookie
@@ -97,6 +98,36 @@ def accepts_origin(origin: str | None, host: str | None, *, required: bool) -> b
 def accepts_token(given: str | None, token: str) -> bool:
     """Return whether a token is the right one, in a time that does not depend on its letters."""
     return given is not None and hmac.compare_digest(given.encode(), token.encode())
+
+
+class Ticket:
+    """A secret that is accepted once, in place of the token.
+
+    All users of a machine can see the command line of a browser, which contains the address of the
+    page. When the browser has used the ticket in it, the ticket is worthless to them.
+
+    Examples
+    --------
+    >>> ticket = Ticket()
+    >>> secret = ticket.issue()
+    >>> ticket.redeem(secret), ticket.redeem(secret)
+    (True, False)
+    """
+
+    def __init__(self) -> None:
+        self._secret: str | None = None
+
+    def issue(self) -> str:
+        """Return a new secret. An earlier one is no longer accepted."""
+        self._secret = secrets.token_urlsafe(24)
+        return self._secret
+
+    def redeem(self, given: str | None) -> bool:
+        """Return whether a secret is the issued one. From then on, it is not accepted."""
+        if self._secret is None or not accepts_token(given, self._secret):
+            return False
+        self._secret = None
+        return True
 
 
 def cookie_token(header: str | None, name: str) -> str | None:

@@ -13,7 +13,13 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from jotlight.errors import error_message
-from jotlight.view.access import accepts_host, accepts_origin, accepts_token, cookie_token
+from jotlight.view.access import (
+    Ticket,
+    accepts_host,
+    accepts_origin,
+    accepts_token,
+    cookie_token,
+)
 from jotlight.view.saving import ENDINGS, file_name, save_view
 from jotlight.view.session import Session, UnreadError
 from jotlight.view.state import MAX_STATE_BYTES, ViewState
@@ -36,6 +42,8 @@ _HEADERS = {
 }
 """Headers of every response. The page runs no script but its own, and no other site embeds it."""
 
+_UNKNOWN = "the token is missing or wrong; use the address that jotlight view printed"
+
 _REFUSED = 1008
 """WebSocket code for a client that breaks the rules."""
 
@@ -44,6 +52,7 @@ def make_app(
     workshop: Workshop,
     token: str,
     names: frozenset[str],
+    ticket: Ticket,
     *,
     port: int,
     any_address: bool = False,
@@ -58,6 +67,8 @@ def make_app(
         The secret that the address of the page contains.
     names : frozenset of str
         Names of this server in the header Host.
+    ticket : Ticket
+        A secret for the address that a browser is started with.
     port : int
         The port, which is part of the cookie's name, because browsers share cookies among ports.
     any_address : bool
@@ -92,7 +103,8 @@ def make_app(
         Route("/save", save, methods=["GET"]),
         WebSocketRoute("/stream", stream),
     ]
-    return _Guard(Starlette(routes=routes), token, names, f"jotlight-{port}", any_address)
+    cookie = f"jotlight-{port}"
+    return _Guard(Starlette(routes=routes), token, ticket, names, cookie, any_address)
 
 
 def _page_files() -> dict[str, bytes]:
@@ -106,9 +118,15 @@ class _Guard:
     """Refuse requests with a foreign Host or Origin, or without the token."""
 
     def __init__(
-        self, app: ASGIApp, token: str, names: frozenset[str], cookie: str, any_address: bool
+        self,
+        app: ASGIApp,
+        token: str,
+        ticket: Ticket,
+        names: frozenset[str],
+        cookie: str,
+        any_address: bool,
     ) -> None:
-        self._app, self._token, self._names = app, token, names
+        self._app, self._token, self._ticket, self._names = app, token, ticket, names
         self._cookie, self._any_address = cookie, any_address
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -118,16 +136,23 @@ class _Guard:
         headers = {
             name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]
         }
-        refusal = self._refusal(scope, headers)
+        refusal = self._foreign(scope, headers)
         if refusal is not None:
             await _refuse(scope, receive, send, refusal)
             return
-        given = _query_token(scope)
-        if scope["type"] == "http" and scope["path"] == "/" and given is not None:
-            # As in Jupyter, the token of the address becomes a cookie.
+        given, is_first = _query(scope, "token"), False
+        if scope["type"] == "http" and scope["path"] == "/":
+            is_first = accepts_token(given, self._token)
+            is_first = is_first or self._ticket.redeem(_query(scope, "ticket"))
+        if is_first:
+            # As in Jupyter, the secret of the address becomes a cookie.
             response = RedirectResponse("/", 303, dict(_HEADERS))
             response.set_cookie(self._cookie, self._token, httponly=True, samesite="lax")
             await response(scope, receive, send)
+            return
+        cookie = cookie_token(headers.get("cookie"), self._cookie)
+        if not any(accepts_token(each, self._token) for each in (given, cookie)):
+            await _refuse(scope, receive, send, _UNKNOWN)
             return
 
         async def send_with_headers(message: Any) -> None:
@@ -138,23 +163,20 @@ class _Guard:
 
         await self._app(scope, receive, send_with_headers)
 
-    def _refusal(self, scope: Scope, headers: dict[str, str]) -> str | None:
-        """Return why a request is refused, or None."""
+    def _foreign(self, scope: Scope, headers: dict[str, str]) -> str | None:
+        """Return why a request is not one of a page of this server, or None."""
         host = headers.get("host")
         if not accepts_host(host, self._names, any_address=self._any_address):
             return "the header Host does not name this server"
         is_socket = scope["type"] == "websocket"
         if not accepts_origin(headers.get("origin"), host, required=is_socket):
             return "the header Origin is that of another site"
-        cookie = cookie_token(headers.get("cookie"), self._cookie)
-        if not any(accepts_token(given, self._token) for given in (_query_token(scope), cookie)):
-            return "the token is missing or wrong; use the address that jotlight view printed"
         return None
 
 
-def _query_token(scope: Scope) -> str | None:
-    token: str | None = Request({**scope, "type": "http"}).query_params.get("token")
-    return token
+def _query(scope: Scope, name: str) -> str | None:
+    value: str | None = Request({**scope, "type": "http"}).query_params.get(name)
+    return value
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, reason: str) -> None:

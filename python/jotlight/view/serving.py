@@ -10,8 +10,9 @@ from collections.abc import Iterator
 
 import uvicorn
 
-from jotlight.view.access import LOOPBACK, is_loopback, names_of
+from jotlight.view.access import LOOPBACK, Ticket, is_loopback, names_of
 from jotlight.view.app import make_app
+from jotlight.view.connections import BoundedProtocol
 from jotlight.view.state import MAX_STATE_BYTES
 from jotlight.view.viewed import Viewable
 from jotlight.view.workshop import Workshop
@@ -54,18 +55,22 @@ class Server:
         # An address that stands for all addresses of this machine is none to connect to.
         name = socket.gethostname() if host in ("0.0.0.0", "::") else host  # noqa: S104
         shown = f"[{name}]" if ":" in name else name
-        self.address = f"http://{shown}:{self.port}/?token={self.token}"
+        self._page = f"http://{shown}:{self.port}/"
+        self.address = f"{self._page}?token={self.token}"
         """The address of the page."""
+        self._ticket = Ticket()
         self._workshop = Workshop(viewed)
         app = make_app(
             self._workshop,
             self.token,
             names_of(host),
+            self._ticket,
             port=self.port,
             any_address=not is_loopback(host),
         )
         config = uvicorn.Config(
             app,
+            http=BoundedProtocol,
             access_log=False,  # addresses contain the token
             log_level="critical",
             lifespan="off",
@@ -83,9 +88,11 @@ class Server:
         """Open the page in the browser of this machine, in a thread.
 
         The socket listens already, so the page may be opened before :meth:`run`. A browser that
-        runs in the terminal would wait for the server.
+        runs in the terminal would wait for the server. The command line of the browser has a ticket
+        in place of the token.
         """
-        threading.Thread(target=webbrowser.open, args=(self.address,), daemon=True).start()
+        address = f"{self._page}?ticket={self._ticket.issue()}"
+        threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
 
     def run(self) -> None:
         """Serve until Ctrl-C, or until :meth:`stop` is called."""

@@ -61,7 +61,7 @@ def started(tmp_path_factory):
 
 def wait_for_end(process_id):
     """Wait until a process, which is not a child of this one, has ended."""
-    for _ in range(500):
+    for _ in range(6000):
         try:
             os.kill(process_id, 0)
         except ProcessLookupError:

@@ -14,7 +14,7 @@ FRAMES = RNG.integers(0, 256, (300, 6, 2), np.uint8)
 SHAPE = LiveOptions(shape="6x13")
 
 
-def wait_for(condition, seconds=10.0):
+def wait_for(condition, seconds=60.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "nothing arrived"

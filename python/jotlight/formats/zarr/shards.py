@@ -24,16 +24,22 @@ def chunks_per_shard(metadata: Path) -> int:
 
     Raises
     ------
-    KeyError, TypeError, ValueError
+    ValueError
         When the metadata are damaged.
     """
-    content = json.loads(metadata.read_text(encoding="utf-8"))
-    codecs = content.get("codecs", [])
-    if [codec["name"] for codec in codecs] != ["sharding_indexed"]:
-        return 1
-    shard = content["chunk_grid"]["configuration"]["chunk_shape"]
-    inner = codecs[0]["configuration"]["chunk_shape"]
-    return int(math.prod(shard) // math.prod(inner))
+    try:
+        content = json.loads(metadata.read_text(encoding="utf-8"))
+        codecs = content.get("codecs", [])
+        if [codec["name"] for codec in codecs] != ["sharding_indexed"]:
+            return 1
+        shard = content["chunk_grid"]["configuration"]["chunk_shape"]
+        inner = codecs[0]["configuration"]["chunk_shape"]
+        if not all(type(size) is int and size > 0 for size in (*shard, *inner)):
+            raise TypeError("expected sizes")
+        number: int = math.prod(shard) // math.prod(inner)
+    except (AttributeError, LookupError, RecursionError, TypeError) as error:
+        raise ValueError(f"{metadata}: the description of the array is damaged") from error
+    return number
 
 
 def index_bytes(chunks: int) -> int:
@@ -93,7 +99,15 @@ def check_index(index: bytes, checksums: str) -> dict[int, str]:
 
 
 def parts_of_shard(content: bytes, chunks: int) -> list[bytes]:
-    """Return the chunks of a shard in the order of their positions, and its index."""
+    """Return the chunks of a shard in the order of their positions, and its index.
+
+    Raises
+    ------
+    ValueError
+        When chunks overlap. Each of many chunks could then be as large as the file.
+    """
     index = content[-index_bytes(chunks) :]
-    parts = [content[start : start + size] for start, size in parse_index(index)]
-    return [*parts, index]
+    places = parse_index(index)
+    if sum(size for _, size in places) + len(index) > len(content):
+        raise ValueError("the index of a shard is damaged")
+    return [*(content[start : start + size] for start, size in places), index]
