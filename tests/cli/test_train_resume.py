@@ -58,6 +58,13 @@ def test_the_same_command_removes_what_a_killed_run_left(run, photo_folder, tmp_
     assert file_names(tmp_path) == [CHECKPOINT, "photos"]
 
 
+def test_names_like_markup_are_printed_as_they_are(run, photo_folder, tmp_path):
+    (tmp_path / "a[").mkdir()
+    with interrupted_at(1, jl.training):
+        _, output = run("train", photo_folder, "-o", "a[/b].safetensors", *SMALL)
+    assert "a[/b].checkpoint.safetensors" in output
+
+
 @pytest.mark.slow
 def test_a_run_stopped_by_ctrl_c_resumes_to_the_same_network(run, photo_folder, tmp_path):
     with long_run(tmp_path) as child:

@@ -5,6 +5,8 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from rich.markup import escape
+
 import jotlight.plots as plots
 from jotlight.cli.console import err, print_steps, report
 from jotlight.cli.training_options import TrainingOptions
@@ -117,8 +119,9 @@ def _explain_stop(checkpoint: Path, remedy: str) -> Iterator[None]:
         yield
     except (KeyboardInterrupt, OSError):
         if checkpoint.exists():
+            name = escape(str(checkpoint))
             err.print(
-                f"\nThe run so far is kept in [bold]{checkpoint}[/]. The same command with "
+                f"\nThe run so far is kept in [bold]{name}[/]. The same command with "
                 "--resume continues it.",
                 soft_wrap=True,
             )

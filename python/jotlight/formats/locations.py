@@ -1,5 +1,6 @@
 """Paths, URLs, and globs of captures."""
 
+import contextlib
 import glob
 import os
 import re
@@ -99,10 +100,17 @@ def file_state(path: str, storage_options: dict[str, Any] | None = None) -> tupl
 
 
 def files_state(path: Path) -> tuple[int, int, int]:
-    """Return the number, the total size, and the latest change of the files of a capture."""
-    files = [path]
-    if path.is_dir():
+    """Return the number, the total size, and the latest change of the files of a capture.
+
+    In a folder, links to nothing and files that vanish meanwhile do not count.
+    """
+    if not path.is_dir():
+        states = [path.stat()]
+    else:
         files = [Path(folder, name) for folder, _, names in os.walk(path) for name in names]
-    states = [file.stat() for file in files]
+        states = []
+        for file in files:
+            with contextlib.suppress(FileNotFoundError):
+                states.append(file.stat())
     latest = max((state.st_mtime_ns for state in states), default=0)
     return len(states), sum(state.st_size for state in states), latest

@@ -198,9 +198,10 @@ async def _converse(socket: WebSocket, workshop: Workshop, token: str) -> None:
     except UnreadError:
         reason = "the page does not read its images"
     except (ValueError, KeyError) as error:
-        reason = str(error)[:100]
+        reason = str(error)
     if socket.application_state is WebSocketState.CONNECTED:
-        await socket.close(_REFUSED, reason)
+        # The protocol limits the reason to 123 bytes.
+        await socket.close(_REFUSED, reason.encode()[:123].decode(errors="ignore"))
 
 
 async def _save(request: Request, workshop: Workshop) -> Response:

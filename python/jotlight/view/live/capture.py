@@ -99,9 +99,13 @@ class LiveCapture:
         def run() -> None:
             try:
                 work(self)
-            except (OSError, ValueError) as error:
+            except Exception as error:
+                # Nobody else learns of an error in this thread.
                 self.problem = error_message(error)
-            self.ended = True
+                if not isinstance(error, (OSError, ValueError)):
+                    raise
+            finally:
+                self.ended = True
 
         self._thread = threading.Thread(target=run, daemon=True, name="jotlight-live")
         self._thread.start()

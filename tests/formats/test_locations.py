@@ -1,0 +1,18 @@
+"""The state of the files of a capture."""
+
+import pytest
+
+from jotlight.formats.locations import files_state
+
+
+def test_links_to_nothing_in_a_folder_do_not_count(tmp_path):
+    (tmp_path / "a.png").write_bytes(b"123")
+    number, size, latest = files_state(tmp_path)
+    (tmp_path / ".#a.png").symlink_to("nothing")
+    assert (number, size) == (1, 3)
+    assert files_state(tmp_path) == (number, size, latest)
+
+
+def test_a_missing_capture_has_no_state(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        files_state(tmp_path / "a.npy")
