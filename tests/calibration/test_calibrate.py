@@ -315,7 +315,9 @@ def test_a_real_dark_map(data):
 def test_a_real_flat_field(data):
     path = data / "real" / "spcimager" / "counts.npz"
     dark, flat = jl.open(path, key="bframee"), jl.open(path, key="tempframe_lo")
-    calibration = jl.calibrate(dark, flat, frames=4096, flat_frames=1024)
+    # The two captures come from different chips.
+    with pytest.warns(jl.JotlightWarning, match="2,989 of 4,947 hot jots do not have"):
+        calibration = jl.calibrate(dark, flat, frames=4096, flat_frames=1024)
     assert 0.2 < calibration.prnu < 0.24
     assert calibration.dead.mean() < 0.005
     # A dark map of some jots with nearly none.
@@ -326,3 +328,9 @@ def test_a_real_flat_field(data):
 def test_paths_in_place_of_captures_are_named():
     with pytest.raises(TypeError, match=r"got the path 'c\.npy'; pass jotlight\.open\(path\)"):
         jl.calibrate("c.npy", frames=8)
+
+
+def test_readings_of_several_bits_are_refused_with_advice():
+    readings = jl.Sensor(frames=3, bit_depth=4).expose(np.full((4, 5), 0.5), rng=0)
+    with pytest.raises(ValueError, match=r"dark: expected single bits .*, got readings of 4 bits"):
+        jl.calibrate(readings)

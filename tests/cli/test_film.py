@@ -144,7 +144,7 @@ def test_a_warning_about_short_windows_is_about_some_images(run, moving):
     arguments = ["film", "moving.npy", "--motion", "--window", 6, "--step", 1, "-m", "mle"]
     status, output = run(*arguments, "-o", "film.npy")
     assert status == 0, output
-    warning = "or more to estimate a motion, got 6; the scene is assumed to stand"
+    warning = "to estimate a motion, got 6; the scene is assumed to stand"
     assert f"{warning} still (in at least one image)" in output
     with hide_warnings():
         images = list(film(moving, window=6, step=1))

@@ -24,10 +24,11 @@ def test_the_command_prints_the_required_frames_and_draws_the_figure(run, tmp_pa
     ]
     status, output = run(*arguments)
     assert status == 0
-    assert (
-        f"{expected.required_frames} frames ({expected.required_frames / 1000:.3g} s) are enough"
-        in output
+    seconds = f"{expected.required_frames / 1000:.3g} s"
+    enough = (
+        f"{expected.required_frames} frames ({seconds}) of a scene that stands still are enough"
     )
+    assert enough in output
     assert f"{expected.psnr[-1]:.1f}" in output
     assert (tmp_path / "a.png").stat().st_size > 10_000
     status, output = run("plan", "0.5", "--frames", 100)
@@ -86,7 +87,8 @@ def test_the_frames_that_help_at_a_speed_are_printed(run):
     assert status == 0, output
     plan = jl.plan(jl.Sensor(), (0.01, 0.5), frames=[64], speed=0.25, size=(128, 100)).motion
     assert f"the sum of {plan.best_sum:,} frames is best; longer sums are worse" in output
-    assert f"With --motion, up to {plan.best_aligned:,} frames help" in output
+    assert plan.best_aligned == plan.frames_in_view
+    assert "With --motion, all frames help that show the image" in output
     assert f"beyond {plan.frames_in_view:,} frames nothing of the image is in view" in output
     assert f"an error of {plan.registration_error:.2g} pixels" in output
     status, per_second = run(
@@ -95,6 +97,12 @@ def test_the_frames_that_help_at_a_speed_are_printed(run):
     )  # fmt: skip
     assert status == 0
     assert per_second.splitlines()[-2:] == output.splitlines()[-2:]
+    slow = jl.plan(jl.Sensor(), (0.01, 0.5), frames=[64], speed=0.01, size=(128, 100)).motion
+    assert slow.best_aligned < slow.frames_in_view
+    helping = (
+        f"With --motion, up to {slow.best_aligned:,} frames help; twice as many gain less than"
+    )
+    assert helping in run(*arguments, "--speed", 0.01)[1]
     assert "At rest, all frames help." in run(*arguments, "--speed", 0)[1]
     output = run("plan", "1e-6", "--speed", 1, "--size", "64x64")[1]
     assert "There is too little light for --motion at this speed" in output

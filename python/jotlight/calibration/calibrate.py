@@ -17,6 +17,7 @@ from jotlight.checks import Counts, as_counts, positive_number, real_number, ref
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import Mosaic, Pattern
+from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -283,6 +284,12 @@ def count_jots(
 ) -> JotSums:
     """Return what a calibration needs from a capture, named in messages."""
     refuse_path(data)
+    if isinstance(data, Readings):
+        raise ValueError(
+            f"{name}: expected single bits or counts of ones, got readings of "
+            f"{data.sensor.bit_depth} bits; state their measured dark_counts, efficiency, and mask "
+            "in the Sensor"
+        )
     if isinstance(data, Bits):
         if len(data.shape) != 3:
             raise ValueError(

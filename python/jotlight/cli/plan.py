@@ -246,4 +246,5 @@ def _explanation(predicted: Plan, sensor: Sensor, frame_rate: float | None) -> l
         return [*lines, f"2**31 trials per pixel do not reach a PSNR of {target:g} dB."]
     seconds = "" if frame_rate is None else f" ({frames / frame_rate:.3g} s)"
     noun, verb = ("frame", "is") if frames == 1 else ("frames", "are")
-    return [*lines, f"{frames} {noun}{seconds} {verb} enough for a PSNR of {target:g} dB."]
+    enough = f"{frames} {noun}{seconds} of a scene that stands still {verb} enough"
+    return [*lines, f"{enough} for a PSNR of {target:g} dB."]

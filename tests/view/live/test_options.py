@@ -327,3 +327,11 @@ def test_hostile_headers_of_npy_are_refused(tmp_path, header):
     path.write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + bytes(99))
     with pytest.raises(ValueError, match="expected raw frames"):
         open_live(path, LiveOptions(), {"frames": 1})
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")
+def test_a_named_pipe_is_refused_with_advice(tmp_path, opened):
+    path = tmp_path / "frames"
+    os.mkfifo(path)
+    with pytest.raises(ValueError, match="got a pipe; redirect it to standard input: jotlight"):
+        opened(path, SHAPE)

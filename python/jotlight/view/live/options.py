@@ -143,6 +143,11 @@ def _open_stream(path: Path, options: LiveOptions, stop: threading.Event) -> _Op
     """Return the frames of a file or of standard input, and the work that adds later ones."""
     tail: FileTail | PipeTail
     if path != STANDARD_INPUT:
+        if path.is_fifo():
+            raise ValueError(
+                f"{path}: expected a file or a folder, got a pipe; redirect it to standard input: "
+                f"jotlight view - --follow < {path}"
+            )
         tail = FileTail(path, stop)
     elif sys.stdin is None or sys.stdin.isatty():
         raise ValueError(
