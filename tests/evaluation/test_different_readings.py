@@ -244,3 +244,18 @@ def test_exposures_of_a_wide_range_find_dim_light(gains):
     sensor = jl.Sensor(frames=2, gain=gains)
     bits = sensor.expose(np.full((64, 64), 1e-6), rng=0)
     assert jl.reconstruct(bits).mean() == pytest.approx(1e-6, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"gain": np.tile([1.0, 8.0], 8)}, {"bit_depth": 3, "gain": 160.0}, {"read_noise": 0.2}],
+)
+def test_intervals_of_saturated_readings_end_at_the_largest_intensity(options):
+    sensor = jl.Sensor(frames=16, max_intensity=60.0, **options)
+    image = np.full((24, 24), 0.05)
+    image[:, 12:] = 50
+    found = jl.uncertainty(sensor.expose(image, rng=0))
+    assert found.saturated[:, 12:].all()
+    assert not found.saturated[:, :12].any()
+    assert (found.high[:, 13:] == 60).all()
+    assert found.high[:, :11].max() < 10

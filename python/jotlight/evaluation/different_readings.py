@@ -1,13 +1,19 @@
 """Readings that a count of ones does not describe, for methods that take counts."""
 
+import dataclasses
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from jotlight.blur import blur
 from jotlight.estimators.merge_near import Merging
 from jotlight.estimators.merge_readings import merge_joint, reference_sensor
+from jotlight.estimators.uncertainty import Uncertainty
+from jotlight.evaluation.interval_pixels import find_unbounded
 from jotlight.evaluation.methods import LARGE_METHOD, find_method
+from jotlight.layout import join
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained_conditional
@@ -74,6 +80,37 @@ def with_one_response(
     merge = _merging_for(method, threads)
     each = [merge(joint_likelihood(one, sensor, threads)) for one in images.data]
     return GrayImages(each, images.layout), reference_sensor(sensor)
+
+
+def with_saturation(
+    found: Uncertainty, images: GrayImages, sensor: Sensor, threads: int | None
+) -> Uncertainty:
+    """Return the uncertainty of images where their readings are saturated.
+
+    Equivalent counts are never saturated. Where all readings around a pixel are the largest one,
+    intervals end at S.
+
+    Parameters
+    ----------
+    found : Uncertainty
+        The uncertainty by equivalent counts.
+    images : GrayImages
+        The data of a sensor whose readings differ.
+    sensor : Sensor
+        That sensor.
+    threads : int, optional
+        The number of threads. Default: all cores.
+    """
+    saturated, unbounded = [], []
+    for each in images.data:
+        joint = joint_likelihood(each, sensor, threads)
+        saturated.append(((joint.total == joint.max_total) & (joint.trials > 0))[None])
+        unbounded.append(find_unbounded(joint.total, joint.max_total, joint.trials)[None])
+    is_saturated, is_unbounded = (
+        images.layout.arrange(join(parts)) for parts in (saturated, unbounded)
+    )
+    high = np.where(is_unbounded, np.float32(sensor.max_intensity), found.high)
+    return dataclasses.replace(found, saturated=is_saturated, high=high)
 
 
 def _merging_for(

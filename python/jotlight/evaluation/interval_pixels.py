@@ -115,6 +115,30 @@ def slope_of(
     return np.asarray(np.divide(change, noise, out=np.zeros_like(noise), where=noise > 0))
 
 
+def find_unbounded(
+    total: npt.NDArray[Any], largest: npt.NDArray[Any], trials: npt.NDArray[Any]
+) -> npt.NDArray[np.bool_]:
+    """Return whether all readings around each pixel are the largest one.
+
+    The light of the pixel may then be of any brightness. The network has seen no photographs of
+    such light, so its errors do not bound it, either.
+
+    Parameters
+    ----------
+    total, largest : ndarray, shape (H, W)
+        The sum of the readings of each pixel, and the largest possible one.
+    trials : ndarray, shape (H, W)
+        Their number.
+    """
+    from scipy.ndimage import maximum_filter
+
+    if not (typical := np.median(trials)):
+        return np.zeros(total.shape, np.bool_)
+    side = max(math.ceil(math.sqrt(_MIN_BITS / typical)) // 2 * 2 + 1, _MIN_SIDE)
+    has_light, has_less = (maximum_filter(each, side) for each in (total > 0, total < largest))
+    return np.asarray(has_light & ~has_less)
+
+
 @dataclasses.dataclass(frozen=True)
 class Pixels:
     """The pixels of a gray image, (H, W).
@@ -163,19 +187,8 @@ class Pixels:
 
     @cached_property
     def unbounded(self) -> npt.NDArray[np.bool_]:
-        """Whether all bits around each pixel are 1, so that its light may be of any brightness.
-
-        The network has seen no photographs of such light. Its errors do not bound it, either.
-        """
-        from scipy.ndimage import maximum_filter
-
-        if not (typical := np.median(self.trials)):
-            return np.zeros(self.ones.shape, np.bool_)
-        side = max(math.ceil(math.sqrt(_MIN_BITS / typical)) // 2 * 2 + 1, _MIN_SIDE)
-        has_one, has_zero = (
-            maximum_filter(bits, side) for bits in (self.ones > 0, self.ones < self.trials)
-        )
-        return np.asarray(has_one & ~has_zero)
+        """Whether the light of each pixel may be of any brightness: see :func:`find_unbounded`."""
+        return find_unbounded(self.ones, self.trials, self.trials)
 
     def stabilize(self, estimate: Estimate) -> Array:
         """Return z of an estimate, at the typical jot."""

@@ -24,7 +24,7 @@ from jotlight.evaluation.color_data import (
     uses_color_network,
 )
 from jotlight.evaluation.color_intervals import check_color_errors_known, mosaic_uncertainty
-from jotlight.evaluation.different_readings import with_one_response
+from jotlight.evaluation.different_readings import with_one_response, with_saturation
 from jotlight.evaluation.intervals import find_intervals
 from jotlight.evaluation.known_estimate import read_estimate
 from jotlight.evaluation.methods import find_method
@@ -210,7 +210,9 @@ def _of_gray_images(
     if not sensor.has_plain_bits:
         if estimate is None:
             estimate = reconstruct(images, sensor, **request.arguments())
-        images, sensor = with_one_response(images, sensor, method, threads)
+        merged, reference = with_one_response(images, sensor, method, threads)
+        found = _of_gray_images(merged, reference, request, estimate, confidence_level)
+        return with_saturation(found, images, sensor, threads)
     if method == EXACT_METHOD:
         return exact_uncertainty(images, sensor, confidence_level, threads)
     check_errors_known(method, sensor)
