@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 import jotlight as jl
+from jotlight.calibration.prnu import _from_counts
 
 SHAPE = (128, 128)
 SEEDS = 6
@@ -69,3 +70,18 @@ def test_one_flat_frame_is_refused():
     dark = rng.binomial(1000, 0.01, (32, 32))
     with pytest.raises(ValueError, match=r"flat: expected 2 frames or more.* record more frames"):
         jl.calibrate(dark, rng.binomial(1, 0.4, (32, 32)), frames=1000, flat_frames=1)
+
+
+@pytest.mark.parametrize(("response", "light"), [(0.2, 4.0), (0.15, 6.0)])
+def test_the_spread_of_bright_counts_becomes_that_of_the_response(response, light):
+    # The probability of a zero, exp(-light · r), is log-normal.
+    variance = (light * response) ** 2
+    usual = light - variance / 2
+    spread = np.sqrt(np.expm1(variance)) / usual
+    assert _from_counts(spread, usual, 0.0, 1) == pytest.approx(response, rel=0.02)
+
+
+def test_spreads_that_no_response_explains_are_limited():
+    for light in np.geomspace(0.01, 60, 12):
+        for spread in (1e-6, 0.1, 0.4, 0.99):
+            assert 0 < _from_counts(spread, light, 0.01, 5) <= 1

@@ -74,6 +74,13 @@ def test_one_tied_network_serves_jots_and_frames(sensor):
     np.testing.assert_array_equal(network.reconstruct(counts, sensor), estimate)
 
 
+def test_changes_of_a_nested_history_stay_with_their_copy():
+    first, second = (pretrained(jl.Sensor(frames=16), "small") for _ in range(2))
+    first.history["run"]["patches"] = "changed"
+    assert second.history["run"].get("patches") != "changed"
+    assert pretrained(jl.Sensor(frames=16), "small").history == second.history
+
+
 @pytest.mark.parametrize("quality", ["medium", "extra-large"])
 def test_a_network_is_read_once_and_its_copies_are_independent(quality):
     first = pretrained(jl.Sensor(frames=20), quality)

@@ -9,8 +9,12 @@ from jotlight.calibration.jot_counts import Rates
 from jotlight.calibration.light import WINDOW, LocalLight
 from jotlight.sensing.response import detection_density, detection_probability
 
-_STEPS = 30
-"""Steps from the spread of the counts to that of the response."""
+_LIGHT_REACH = 7.0
+"""The logarithm of the light that explains the mean of all jots is at most this far from that of
+the usual light."""
+
+_MAX_ONES = 1 - 1e-9
+"""Fraction of ones above which the spread of the counts is not corrected: there are no zeros."""
 
 
 def measure_prnu(
@@ -87,17 +91,30 @@ def _from_counts(spread: float, light: float, dark: float, threshold: int) -> fl
     >>> round(_from_counts(spread, 2.955, 0.0, 1), 4)  # 2.955 = 3 - 0.3²/2
     0.1
     """
-    nodes, weights = np.polynomial.hermite_e.hermegauss(20)
-    weights = weights / weights.sum()
+    from scipy.optimize import brentq
+
     slope = light * float(detection_density(threshold, dark + light))
     mean = float(detection_probability(threshold, dark + light))
-    result, own_light = spread, light
-    for _ in range(_STEPS if 0 < spread < 1 and slope > 0 else 0):
-        rates = dark + own_light * np.maximum(1 + result * nodes, 0)
-        values = detection_probability(threshold, rates)
-        own_mean = float(weights @ values)
+    if not (0 < spread < 1 and slope > 0 and mean < _MAX_ONES):
+        return spread
+    nodes, weights = np.polynomial.hermite_e.hermegauss(20)
+    weights = weights / weights.sum()
+
+    def excess(result: float) -> float:
+        responses = np.maximum(1 + result * nodes, 0)
+
+        def values(log_light: float) -> Rates:
+            rates = dark + math.exp(log_light) * responses
+            return np.asarray(detection_probability(threshold, rates))
+
+        def mean_excess(log_light: float) -> float:
+            return float(weights @ values(log_light)) - mean
+
         # The light is that for which the mean of all jots is the measured one.
-        own_light *= min(max(1 + (mean - own_mean) / slope, 0.5), 2.0)
-        own = math.sqrt(float(weights @ (values - own_mean) ** 2)) / slope
-        result = min(result * spread / own, 1.0)
-    return result
+        low, high = (math.log(light) + sign * _LIGHT_REACH for sign in (-1, 1))
+        if mean_excess(low) >= 0 or mean_excess(high) <= 0:
+            return 1.0  # the mean allows fewer jots without a response
+        own = values(brentq(mean_excess, low, high)) - mean
+        return math.sqrt(float(weights @ own**2)) / slope - spread
+
+    return float(brentq(excess, 0, 1)) if excess(1.0) > 0 else 1.0

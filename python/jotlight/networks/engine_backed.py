@@ -97,7 +97,7 @@ class EngineBacked:
     def sharing_engine(self) -> Self:
         """Return a copy with attributes of its own, and with the same network of the engine."""
         copied = copy.copy(self)
-        copied.history = dict(self.history)
+        copied.history = copy.deepcopy(self.history)
         copied.__dict__[_KEPT] = (self.layers, self.rotations), self.engine_network
         return copied
 

@@ -43,6 +43,17 @@ pub struct Response {
     thresholds: [Threshold; 2],
 }
 
+impl PartialEq for Response {
+    fn eq(&self, other: &Self) -> bool {
+        // The thresholds and the tables of the noise follow from these numbers.
+        let numbers = |each: &Self| {
+            let sigma = each.noise.as_ref().map(Noise::sigma);
+            (each.lowest, each.highest, sigma)
+        };
+        numbers(self) == numbers(other)
+    }
+}
+
 impl Response {
     /// The maximum standard deviation of read noise.
     pub const MAX_NOISE: f64 = 100.0;

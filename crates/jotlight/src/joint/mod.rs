@@ -6,6 +6,8 @@
 //! counts: without dark counts, the log-likelihood is concave in v too, and nearly quadratic. Steps
 //! that leave the known bounds of the root are replaced by a bisection of v.
 
+mod tables;
+
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
@@ -13,6 +15,7 @@ use crate::interrupt;
 use crate::likelihood::Readings;
 use crate::multibit::{Cells, RateTable, Response, ScoreTable};
 use crate::values::{check_not_negative, check_positive};
+use tables::{Tabulated, with_tables};
 
 /// The maximum number of steps of Newton's method with bisection. Most pixels need less than ten.
 const MAX_STEPS: usize = 200;
@@ -62,21 +65,6 @@ pub struct Term<'a> {
     pub places: Option<&'a [i32]>,
 }
 
-/// The readings of the cells of a term, with a table of their response.
-enum Tabulated<'a, T> {
-    Bits(Readings<'a>),
-    Several(Cells<'a>, T),
-}
-
-impl<'a> TermCells<'a> {
-    fn with_table<T>(&self, table: impl Fn(&'a Response) -> T) -> Tabulated<'a, T> {
-        match *self {
-            Self::Bits(readings) => Tabulated::Bits(readings),
-            Self::Several(cells) => Tabulated::Several(cells, table(cells.response())),
-        }
-    }
-}
-
 /// The readings of all pixels of an image.
 #[derive(Clone, Debug)]
 pub struct JointReadings<'a> {
@@ -124,7 +112,7 @@ impl<'a> JointReadings<'a> {
     /// and above 0, or `offset` is not finite or negative.
     pub fn maximize(&self, highest: f64, offset: f64, intensity: &mut [f64]) -> Result<()> {
         check_search(highest, offset)?;
-        let cells = self.with_tables(ScoreTable::new);
+        let cells = with_tables(&self.terms, ScoreTable::new);
         self.for_each_pixel(intensity, |pixel, start| {
             let derivatives = |x: f64| {
                 let (gradient, curvature) = self.derivatives(pixel, x, &cells);
@@ -151,7 +139,7 @@ impl<'a> JointReadings<'a> {
             return Err(Error::shape("total", self.pixels, total.len()));
         }
         check_search(highest, offset)?;
-        let cells = self.with_tables(Response::mean_table);
+        let cells = with_tables(&self.terms, Response::mean_table);
         self.for_each_pixel(intensity, |pixel, start| {
             let evaluate = |x: f64| {
                 let (expected, slope) = self.expected_total(pixel, x, &cells);
@@ -159,12 +147,6 @@ impl<'a> JointReadings<'a> {
             };
             find_root(evaluate, start, highest, offset)
         })
-    }
-
-    /// Return the cells of each term, with a table of their response.
-    fn with_tables<T>(&self, table: impl Fn(&'a Response) -> T) -> Vec<Tabulated<'a, T>> {
-        let terms = self.terms.iter();
-        terms.map(|term| term.cells.with_table(&table)).collect()
     }
 
     fn for_each_pixel(
