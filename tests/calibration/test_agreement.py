@@ -30,7 +30,14 @@ def calibrate(dark, flat, frames=1000, flat_frames=1000, **options):
 
 
 @pytest.mark.parametrize(
-    ("light", "flat_frames"), [(0.7, 2), (0.7, 10), (2.0, 10), (0.05, 1000), (2.0, 1000)]
+    ("light", "flat_frames"),
+    [
+        (0.7, 2),
+        pytest.param(0.7, 10, marks=pytest.mark.slow),
+        pytest.param(2.0, 10, marks=pytest.mark.slow),
+        pytest.param(0.05, 1000, marks=pytest.mark.slow),
+        (2.0, 1000),
+    ],
 )
 def test_captures_of_one_sensor_fit_together(light, flat_frames):
     dark = dark_counts()

@@ -87,6 +87,7 @@ def test_jots_of_a_pixel_may_differ(options, method):
     assert psnr(found, image) > psnr(jl.reconstruct(bits, method="mle"), image)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["network-medium", "noniterative-gaussian", "admm-tv"])
 @pytest.mark.parametrize("name", ["efficiency", "dark_counts"])
 def test_brackets_of_jots_that_differ_have_no_bias(name, method):

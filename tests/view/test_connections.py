@@ -14,6 +14,9 @@ from jotlight.view.serving import _MAX_CONNECTIONS, serving
 from jotlight.view.viewed import Viewed
 from streams import connected, is_alive, read, wait_until
 
+# They wait for seconds.
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def patient_server(bits, monkeypatch):
