@@ -40,11 +40,10 @@ def warn_about_clipping(estimate: npt.NDArray[np.float32], sensor: Sensor) -> No
     parts = (estimate[start : start + number] for start in range(0, len(estimate), number))
     clipped = sum(np.count_nonzero(part >= highest) for part in parts) / estimate.size
     if clipped > _MAX_CLIPPED:
-        balance = "" if sensor.mosaic is None else " times the white balance"
+        balance = " times the white balance" if np.any(highest != sensor.max_intensity) else ""
         warn(
             f"{clipped:.0%} of the pixels have the largest intensity, {sensor.max_intensity:g}"
-            f"{balance}, "
-            f"although the bits saturate only at {saturation:.3g}; "
+            f"{balance}, although the bits saturate only at {saturation:.3g}; "
             f"sensor.replace(max_intensity={saturation:.3g}) (--max-intensity) lets them be "
             "brighter"
         )
