@@ -1,6 +1,7 @@
 """Images of films of moving photographs, which train the film network.
 
     python tools/film_data.py DATA FOLDER [--scenes 400] [--first 0] [--validation]
+        [--photons 0.03 1.0] [--auto 0.25]
 
 Each scene is a burst of a random photograph that moves in a random way, and its film. A file of
 `FOLDER` holds the images of a scene in the order of time: the counts that the network reads, the
@@ -56,13 +57,6 @@ WINDOWS = {256: 0.6, 128: 0.25, 64: 0.15}
 STEPS = 4, 8, 8, 16
 """A window has this number of steps."""
 
-AUTO = 0.25
-"""Fraction of the scenes whose model of the motion is chosen by the bits. All others have an affine
-motion, which is found faster, so the bits of objects disagree with it."""
-
-PHOTONS = 0.03, 1.0
-"""Range of the mean number of photons per pixel and frame."""
-
 VIDEO, PER_FRAME, SPEEDS = 0.6, 16, (1, 2, 3, 4)
 """Fraction of the scenes that stand still for the frames of a video, the number of binary frames of
 each, and factors of their speed."""
@@ -82,12 +76,31 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--scenes", type=int, default=400)
     parser.add_argument("--validation", action="store_true")
+    parser.add_argument(
+        "--photons",
+        type=float,
+        nargs=2,
+        default=(0.03, 1.0),
+        metavar=("FEWEST", "MOST"),
+        help="range of the mean number of photons per pixel and frame",
+    )
+    parser.add_argument(
+        "--auto",
+        type=float,
+        default=0.25,
+        metavar="FRACTION",
+        help="fraction of the scenes whose model of the motion is chosen by the bits; all others "
+        "have an affine motion, which is found faster, so the bits of objects disagree with it",
+    )
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     for number in range(options.first, options.first + options.scenes):
         path = options.folder / f"{number:05}.npz"
         if not path.exists():
-            arrays = as_arrays(scene_images(options.data, number, options.validation))
+            rng = np.random.default_rng(number)
+            recipe = Recipe.draw(rng, options.photons, options.auto)
+            images = scene_images(options.data, rng, recipe, options.validation)
+            arrays = as_arrays(images)
             with path.with_suffix(".part").open("wb") as file:
                 np.savez(file, **arrays)
             path.with_suffix(".part").rename(path)
@@ -104,15 +117,15 @@ class Recipe(NamedTuple):
     photons: float
 
     @classmethod
-    def draw(cls, rng: np.random.Generator) -> "Recipe":
-        """Return a random recipe."""
+    def draw(cls, rng: np.random.Generator, photons: tuple[float, float], auto: float) -> "Recipe":
+        """Return a random recipe for a range of photons and a fraction of chosen models."""
         window = int(rng.choice(list(WINDOWS), p=_shares(WINDOWS)))
         return cls(
             window,
             window // int(rng.choice(STEPS)),
-            "auto" if rng.random() < AUTO else "affine",
+            "auto" if rng.random() < auto else "affine",
             bool(rng.random() < CAUSAL),
-            float(np.exp(rng.uniform(*np.log(PHOTONS)))),
+            float(np.exp(rng.uniform(*np.log(photons)))),
         )
 
     @property
@@ -122,11 +135,9 @@ class Recipe(NamedTuple):
 
 
 def scene_images(
-    data: Path, number: int, is_validation: bool
+    data: Path, rng: np.random.Generator, recipe: Recipe, is_validation: bool
 ) -> Iterator[dict[str, npt.NDArray[np.floating]]]:
     """Yield the counts, the displacement from the image before, and the truth of each image."""
-    rng = np.random.default_rng(number)
-    recipe = Recipe.draw(rng)
     is_video = rng.random() < VIDEO
     bits, truth = (video_burst if is_video else burst)(data, rng, recipe, is_validation)
     before = None
