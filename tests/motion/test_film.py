@@ -145,7 +145,12 @@ def test_a_causal_film_does_not_depend_on_later_frames():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "sizes", [pytest.param((1,), marks=pytest.mark.exhaustive), (7, 30), (100,)]
+    "sizes",
+    [
+        pytest.param((1,), marks=pytest.mark.exhaustive),
+        (7, 30),
+        pytest.param((100,), marks=pytest.mark.exhaustive),
+    ],
 )
 def test_frames_that_arrive_in_any_parts_make_the_same_film(sizes):
     _, bits = moving("shake", 64, (48, 48))

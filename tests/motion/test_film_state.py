@@ -47,7 +47,7 @@ def attempts(monkeypatch):
     [
         (True, True, "affine"),
         pytest.param(True, True, "auto", marks=pytest.mark.exhaustive),
-        (False, True, "auto"),
+        pytest.param(False, True, "auto", marks=pytest.mark.exhaustive),
         pytest.param(True, False, "auto", marks=pytest.mark.exhaustive),
         (False, False, "auto"),
     ],

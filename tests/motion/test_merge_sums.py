@@ -69,7 +69,7 @@ def test_whole_shifts_give_the_sums_of_shifted_frames_bit_for_bit(step):
     [
         ("shake", 20.5, 2),
         pytest.param("shake", None, 1, marks=[pytest.mark.slow, pytest.mark.exhaustive]),
-        pytest.param("fast", None, 2, marks=pytest.mark.slow),
+        pytest.param("fast", None, 2, marks=[pytest.mark.slow, pytest.mark.exhaustive]),
         pytest.param("layers", None, 1, marks=[pytest.mark.slow, pytest.mark.exhaustive]),
         pytest.param("sheet", None, 1, marks=pytest.mark.slow),
     ],

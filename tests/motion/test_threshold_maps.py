@@ -145,7 +145,7 @@ def test_each_jot_is_in_the_sensor_of_its_threshold():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("causal", [False, True])
+@pytest.mark.parametrize("causal", [pytest.param(False, marks=pytest.mark.exhaustive), True])
 def test_films_and_live_films_are_about_as_good_as_merging(causal):
     scene, bits = scene_of()
     images = list(film(bits, window=64, step=16, causal=causal))
