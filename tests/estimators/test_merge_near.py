@@ -233,3 +233,25 @@ def test_colors_tell_how_bright_saturated_clear_pixels_are(intensity):
         fraction = merged.ones[own].sum() / merged.trials[own].sum()
         found = -np.log1p(-fraction) / merged.sensor.light_per_intensity
         assert found == pytest.approx(light, rel=0.1)
+
+
+def test_dim_scenes_of_jots_that_differ_have_no_bias():
+    """Narrow averages of few photons are noisy. Counts near them weigh dark ones too much."""
+    sensor = jl.Sensor(
+        frames=4,
+        gain=1.6,
+        oversampling=2,
+        dark_counts=np.random.default_rng(0).gamma(1, 0.02, (192, 192)),
+    )
+    bits = sensor.expose(np.full((96, 96), 0.5), rng=1)
+    merged = Merging(joint_likelihood(bits, sensor, None)).near_neighbors()
+    trials = np.broadcast_to(merged.trials, merged.shape)
+
+    def expected(light):
+        rate = merged.efficiency * merged.sensor.light_per_intensity * light + merged.dark_counts
+        return float((trials * -np.expm1(-rate)).sum())
+
+    # The mean intensity at which the sum of ones is expected: 0.37 near narrow averages.
+    candidates = np.linspace(0.3, 0.7, 401)
+    found = candidates[np.argmin([abs(expected(c) - merged.ones.sum()) for c in candidates])]
+    assert found == pytest.approx(0.5, abs=0.05)

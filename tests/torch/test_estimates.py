@@ -111,3 +111,15 @@ def test_dim_scenes_are_estimated_in_every_mode_without_gradients():
             assert torch.isfinite(network(counts)).all()
         mapped = torch.func.vmap(network)(counts[None])
     assert mapped.shape == (1, *expected.shape)
+
+
+@pytest.mark.parametrize(("frames", "photons"), [(1, 0.5), (64, 0.002)])
+def test_images_of_few_photons_are_those_of_the_engine(frames, photons):
+    image = jl.datasets.photograph("camera")[60:125, 160:223].astype(float)
+    sensor = jl.Sensor(frames=frames, gain=frames * photons)
+    counts = sensor.expose(np.stack([image, image[::-1]]), rng=0)
+    counts = np.stack([each.counts() for each in counts])
+    own = jl.pretrained(sensor)
+    with torch.no_grad():
+        found = Network(own)(torch.from_numpy(counts).float()[:, None], sensor)
+    np.testing.assert_allclose(found[:, 0].numpy(), own.reconstruct(counts, sensor), atol=2e-4)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -115,7 +116,12 @@ def alike_fractions(
     >>> bool(abs(found.mean() - (1 - np.exp(-0.2))) < 0.01)
     True
     """
-    spreads = np.array([typical_spread(float(each.mean())) for each in counts.trials])
+    spreads = np.array(
+        [
+            typical_spread(float(trials.mean()), information)
+            for trials, information in zip(counts.trials, _typical_information(counts), strict=True)
+        ]
+    )
     result = np.zeros(counts.ones.shape)
     for spread in np.unique(spreads):
         same = spreads == spread
@@ -140,7 +146,12 @@ def _fractions_of_filter(
     Pixels are combined with their neighbors by a Gaussian filter with a standard deviation.
     """
     fraction, trials = counts.fraction, counts.trials
-    light = _toward_own(counts, _common_light(counts, np.where(own, trials, 0.0), sigma, threads))
+
+    def sums(*parts: Array) -> list[Array]:
+        stacked = np.concatenate(parts)
+        return [*blur(stacked, sigma, threads).astype(np.float64).reshape(-1, *fraction.shape)]
+
+    light = _toward_own(counts, _common_light(counts, np.where(own, trials, 0.0), sums))
     expected, variance = _bit(counts.rate(light), counts.threshold)
     p, reference_variance = _bit(reference[0] * light + reference[1], counts.threshold)
     number = np.maximum(trials, 1)
@@ -154,18 +165,20 @@ def _fractions_of_filter(
     return np.where(known, paid, p)
 
 
-def _common_light(counts: JotCounts, weights: Array, sigma: float, threads: int | None) -> Array:
-    """Return the most likely light of each pixel and its neighbors, (N, H, W).
+def _common_light(counts: JotCounts, weights: Array, sums: Callable[..., Sequence[Array]]) -> Array:
+    """Return the most likely light of neighborhoods of pixels.
 
-    The likelihood of a neighborhood is that of its pixels with Gaussian weights of a standard
-    deviation, times the given ones.
+    Parameters
+    ----------
+    counts : JotCounts
+        The counts.
+    weights : ndarray of shape (N, H, W)
+        The weights of the pixels.
+    sums : callable
+        ``sums(*parts)`` returns the sum or the mean of each part (N, H, W) over neighborhoods.
     """
     fraction, threshold = counts.fraction, counts.threshold
     efficiency, dark_counts = counts.efficiency, counts.dark_counts
-
-    def sums(*parts: Array) -> list[Array]:
-        stacked = np.concatenate(parts)
-        return [*blur(stacked, sigma, threads).astype(np.float64).reshape(-1, *fraction.shape)]
 
     def derivatives(light: Array) -> tuple[Array, Array]:
         rate = counts.rate(light)
@@ -185,16 +198,35 @@ def _common_light(counts: JotCounts, weights: Array, sigma: float, threads: int 
     return fisher_scoring(start, derivatives, _MIN_LIGHT)
 
 
+def _typical_information(counts: JotCounts) -> Array:
+    """Return the mean information of a pixel about the logarithm of its light, (N,).
+
+    The light is the most likely one of a whole image.
+    """
+
+    def means(*parts: Array) -> list[Array]:
+        return [np.asarray(part.mean((1, 2), keepdims=True)) for part in parts]
+
+    light = _common_light(counts, counts.trials, means)
+    (information,) = means(_information(counts, light))
+    return np.asarray(light**2 * information)[:, 0, 0]
+
+
+def _information(counts: JotCounts, light: Array) -> Array:
+    """Return the Fisher information of each pixel about its light, (N, H, W)."""
+    rate = counts.rate(light)
+    _, variance = _bit(rate, counts.threshold)
+    slope = counts.efficiency * detection_density(counts.threshold, rate)
+    return counts.trials * slope**2 / variance
+
+
 def _toward_own(counts: JotCounts, light: Array) -> Array:
     """Return light between that of neighborhoods and the most likely one of each pixel."""
     efficiency, trials, threshold = counts.efficiency, counts.trials, counts.threshold
-    rate = counts.rate(light)
-    _, variance = _bit(rate, threshold)
-    information = trials * (efficiency * detection_density(threshold, rate)) ** 2 / variance
     # A saturated pixel has no most likely light.
     p = np.minimum(counts.fraction, 1 - 0.5 / np.maximum(trials, 1))
     own = intensity_at_probability(threshold, p, 1 - p, efficiency, counts.dark_counts)
-    return toward_own(light, np.maximum(own, _MIN_LIGHT), information)
+    return toward_own(light, np.maximum(own, _MIN_LIGHT), _information(counts, light))
 
 
 def _bit(rate: Array, threshold: int) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import COLORS, brightest_mean, demosaic
-from jotlight.estimators.joint_mle import maximize
+from jotlight.estimators.joint_mle import maximize, solve_expected_total
 from jotlight.estimators.merge_readings import (
     MAX_TRIALS,
     linear_counts,
@@ -94,8 +94,7 @@ class Merging:
         joint = self.joint
         if joint.sensor.has_plain_bits and not _jots_of_pixels_differ(joint):
             return merge_joint(joint)
-        readings = float(np.mean(joint.trials))
-        sigma = typical_spread(readings)
+        sigma = typical_spread(float(np.mean(joint.trials)), _typical_information(joint))
         pattern = None if mosaic is None else mosaic.full(*joint.shape)
         near = _average(joint, sigma, pattern)
         if mosaic is not None and pattern is not None and len(np.unique(pattern)) > COLORS:
@@ -246,6 +245,17 @@ def _jots_of_counts(sensor: Sensor, reference: Sensor) -> tuple[float | Array, f
     all of them refer to the same jot.
     """
     return reference_jot(reference) if np.ndim(sensor.threshold) == 2 else mean_jots(reference)
+
+
+def _typical_information(joint: JointLikelihood) -> float:
+    """Return the mean information of a pixel about the logarithm of its intensity.
+
+    The intensity is the one that explains the sum of all readings.
+    """
+    fraction = joint.total.sum() / max(float(joint.max_total.sum()), 1.0)
+    light = solve_expected_total(joint, fraction * joint.max_total)
+    light = np.maximum(light, min_intensity(joint.sensor))
+    return float(np.mean(light**2 * joint.information(light)))
 
 
 def _kinds_of_pixels(joint: JointLikelihood, pattern: Pattern | None) -> npt.NDArray[np.integer]:

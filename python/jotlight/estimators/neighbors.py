@@ -15,6 +15,11 @@ _SIGMA, _MIN_SIGMA, _MAX_SIGMA = 4.0, 1.0, 3.0
 """Standard deviation of an average in pixels, for one reading per pixel, and its limits. For n
 readings, it is divided by √n. The noise of narrow averages of few readings biases the counts."""
 
+_ENOUGH, _MAX_WIDE_SIGMA = 20.0, 32.0
+"""Information that an average has about the logarithm of its light, so that the light has a
+relative error of at most 1/√20, and the largest standard deviation of such an average, in pixels.
+In dim scenes, narrow averages are so noisy that dark ones get too much weight."""
+
 MAX_FILTERS = 16
 """With more filters, an average is wider, so that it has as many pixels of its own filter. Beyond
 this number, it grows no further."""
@@ -39,15 +44,27 @@ _POWER = 3
 """Power of this square with which the weight of the most likely intensity rises."""
 
 
-def typical_spread(readings: float) -> float:
-    """Return the standard deviation of an average in pixels, for a number of readings of a pixel.
+def typical_spread(readings: float, information: float) -> float:
+    """Return the standard deviation of an average in pixels.
+
+    Parameters
+    ----------
+    readings : float
+        The number of readings of a pixel.
+    information : float
+        The Fisher information of a pixel about the logarithm of its light. In dim scenes, it is the
+        number of photons.
 
     Examples
     --------
-    >>> [typical_spread(readings) for readings in (1, 4, 100)]
+    >>> [typical_spread(readings, information=4.0) for readings in (1, 4, 100)]
     [3.0, 2.0, 1.0]
+    >>> round(typical_spread(4, information=0.02), 1)
+    8.9
     """
-    return float(min(max(_SIGMA / np.sqrt(max(readings, 1)), _MIN_SIGMA), _MAX_SIGMA))
+    spread = min(max(_SIGMA / np.sqrt(max(readings, 1)), _MIN_SIGMA), _MAX_SIGMA)
+    wide = np.sqrt(_ENOUGH / (4 * np.pi * max(information, _TINY)))
+    return float(max(spread, min(wide, _MAX_WIDE_SIGMA)))
 
 
 def min_intensity(sensor: Sensor) -> float:

@@ -20,11 +20,13 @@ from jotlight.estimators.inverse_response import (
 from jotlight.estimators.merge_near import merge_different_jots
 from jotlight.estimators.trial_levels import LocalTrials, count_local_trials
 from jotlight.layout import Layout
+from jotlight.networks.coarse_scales import add_coarse, counts_of_squares, has_few_photons
 from jotlight.networks.dim_scenes import denoise_dim, may_be_dim
 from jotlight.networks.engine_backed import sensor_model
 from jotlight.networks.layer import Layer
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.output_images import OutputImages
 from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages, PixelCounts
@@ -104,6 +106,7 @@ class Inference:
             alike = dataclasses.replace(self, images=images, sensor=sensor)
             alike._run_tied()
             alike._improve_dim()
+            alike._improve_coarse()
         return self.output.images
 
     def _run_tied(self) -> None:
@@ -198,6 +201,30 @@ class Inference:
                 probability, holds = np.clip(result[0], 0, 1), result[1]
                 intensity = intensity_from_probability(probability, pixels.sensor, threads)
                 np.copyto(found[index], intensity, where=holds)
+
+    def _improve_coarse(self) -> None:
+        """Correct the coarse structure of images with few photons by squares of pixels."""
+        data, found = self.images.data, self.output.images
+        usual = [
+            float(np.mean(each.trials)) if isinstance(each, Merged) else self.sensor.trials
+            for each in data
+        ]
+        few = [
+            index
+            for index, (image, trials) in enumerate(zip(found, usual, strict=True))
+            if has_few_photons(image, self.sensor, trials)
+        ]
+        if not few:
+            return
+        pixels = self.images.select(few).count(self.sensor, self.threads)
+        squares = counts_of_squares(_with_typical_sensor(pixels))
+        images, sensor = GrayImages(squares, Layout((len(few),))), squares[0].sensor
+        output = output_of(images, sensor, None)
+        coarse = dataclasses.replace(self, images=images, sensor=sensor, output=output)
+        with hide_warnings():  # the estimate of the pixels has warned
+            estimates = coarse.run()
+        for index, estimate, counts in zip(few, estimates, squares, strict=True):
+            found[index] = add_coarse(found[index], estimate, sensor, counts.trials)
 
     def _run_untied(self) -> None:
         """Write the intensities of a network whose first layer has one weight per jot and frame."""

@@ -10,6 +10,12 @@ import torch
 from torch import Tensor
 
 from jotlight._engine import BRIGHT, RATIO_OF_PASS
+from jotlight.networks.coarse_scales import (
+    add_coarse,
+    add_squares,
+    has_few_photons,
+    sensor_of_squares,
+)
 from jotlight.networks.dim_scenes import combine, may_be_dim
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import detection_density, inverse_detection_probability
@@ -216,6 +222,36 @@ def improve_dim(
         full = torch.from_numpy(found.full).to(intensity.device)
         images[index] = torch.where(full, images[index], dim.to(intensity))
     return torch.stack(images) if images else intensity
+
+
+def improve_coarse(
+    estimate: Callable[[Tensor, Sensor], Tensor], intensity: Tensor, counts: Tensor, sensor: Sensor
+) -> Tensor:
+    """Return the intensities (N, 1, H, W) with the coarse structure of squares of pixels.
+
+    They are those of :mod:`jotlight.networks.coarse_scales`.
+
+    Parameters
+    ----------
+    estimate : callable
+        ``estimate(counts, sensor)`` returns the intensities of squares.
+    intensity, counts : Tensor, shape (N, 1, H, W)
+        The intensities without squares, and L.
+    sensor : Sensor
+        The sensor, without maps of its jots.
+    """
+    try:
+        fine, ones = _values(intensity), _values(counts)
+    except RuntimeError:  # the transforms of torch.func hide the values
+        return intensity
+    few = [n for n, (each,) in enumerate(fine) if has_few_photons(each, sensor, sensor.trials)]
+    if not few:
+        return intensity
+    squares = sensor_of_squares(sensor)
+    coarse = _values(estimate(torch.from_numpy(add_squares(ones[few])).to(counts), squares))
+    for index, (each,) in zip(few, coarse, strict=True):
+        fine[index, 0] = add_coarse(fine[index, 0], each, squares, squares.trials)
+    return torch.from_numpy(fine).to(intensity)
 
 
 def _values(images: Tensor) -> npt.NDArray[np.float32]:

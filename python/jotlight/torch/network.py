@@ -23,6 +23,7 @@ from jotlight.sensing.sensor import Sensor
 from jotlight.torch.data_checks import check_values, shape_advice
 from jotlight.torch.estimates import (
     equivalent_counts,
+    improve_coarse,
     improve_dim,
     intensity_from_complement,
     intensity_from_probability,
@@ -113,8 +114,9 @@ class Network(nn.Module):
     def forward(self, data: Tensor, sensor: Sensor | None = None) -> Tensor:
         """Return intensities in [0, S], shape (N, 1, H, W), as the engine's network does.
 
-        In dim scenes, the engine's network combines several trials into one. So does this one if no
-        gradients are recorded, but not under torch.compile.
+        In dim scenes, the engine's network combines several trials into one, and sums the bits of
+        squares of pixels. So does this one if no gradients are recorded, but not under
+        torch.compile.
 
         Parameters
         ----------
@@ -141,10 +143,11 @@ class Network(nn.Module):
         sensor = self._sensor_of(data, sensor)
         if self._trials_range is not None:
             found = self._estimate(data, sensor)
-            # Training passes no errors through the choice of combined trials.
+            # Training passes no errors through combined trials and squares.
             if torch.is_grad_enabled() or torch.compiler.is_compiling():
                 return found
-            return improve_dim(self.run_layers, found, data, sensor, self._trials_range)
+            found = improve_dim(self.run_layers, found, data, sensor, self._trials_range)
+            return improve_coarse(self.forward, found, data, sensor)
         if reference_jot(sensor)[1] != self._dark_counts:
             data = equivalent_counts(data, sensor, self._dark_counts)
         return self.run_layers(data).clamp(0, sensor.max_intensity)

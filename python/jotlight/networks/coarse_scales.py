@@ -1,0 +1,170 @@
+"""Few photons: a K-conditioned network sees the coarse structure of a scene in squares of pixels.
+
+A network sees the neighborhood of a pixel. If all of it holds only a few ones, its mean light is
+uncertain, and the estimate is too bright or has spots. Squares of 2 x 2 pixels have four times as
+many ones, and a network sees twice as far in them. So the probability p of a one gains what the
+squares say about its coarse structure::
+
+    p + enlarge(w (p' - mean of p over the square)),    w = 1 / (1 + 2 I),
+
+where p' is the probability of a square, and I is the Fisher information of a pixel about the
+logarithm of its intensity. In dim scenes, I is the expected number of detected photons. Squares may
+gain from squares of squares in the same way.
+"""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.sensing.reference import reading_information, reference_jot, response_of
+from jotlight.sensing.response import intensity_at_probability
+from jotlight.sensing.sensor import Sensor
+
+Image = npt.NDArray[np.float32]
+Array = npt.NDArray[np.float64]
+
+_FEW = 3.0
+"""Detected photons of a pixel above which squares say too little to be worth their time."""
+
+_MIN_SIDE = 32
+"""Smallest height and width of an image, in pixels, that has squares."""
+
+
+def log_information(intensity: npt.ArrayLike, sensor: Sensor, trials: npt.ArrayLike) -> Array:
+    """Return the Fisher information of pixels about the logarithms of their intensities.
+
+    Parameters
+    ----------
+    intensity : array_like
+        The intensities.
+    sensor : Sensor
+        The sensor.
+    trials : array_like
+        The number of trials of each pixel.
+
+    Examples
+    --------
+    >>> dim = Sensor(frames=100, gain=1.0)
+    >>> log_information([0.5, 1.0], dim, 100).round(3)  # about the numbers of photons
+    array([0.499, 0.995])
+    """
+    light = sensor.light_per_intensity * np.maximum(np.asarray(intensity, np.float64), 1e-12)
+    number = np.asarray(trials, np.float64)
+    return np.asarray(light**2 * number * reading_information(sensor, light))
+
+
+def has_few_photons(image: Image, sensor: Sensor, trials: float) -> bool:
+    """Return whether an image gains from squares of pixels.
+
+    Parameters
+    ----------
+    image : ndarray of float32, shape (H, W)
+        The estimate without squares.
+    sensor : Sensor
+        The sensor.
+    trials : float
+        The usual number of trials of a pixel.
+
+    Examples
+    --------
+    >>> image = np.full((64, 64), 0.5, np.float32)
+    >>> has_few_photons(image, Sensor(), 1), has_few_photons(image, Sensor(frames=16), 16)
+    (True, False)
+    """
+    efficiency, _ = reference_jot(sensor)
+    light = efficiency * sensor.light_per_intensity * float(image.mean(dtype=np.float64))
+    return min(image.shape) >= _MIN_SIDE and light * trials < _FEW
+
+
+def add_squares(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return the sums over squares of 2 x 2 pixels. The edge of an odd image counts twice.
+
+    Examples
+    --------
+    >>> add_squares(np.array([[1, 2, 3], [4, 5, 6]]))
+    array([[12, 18]])
+    """
+    height, width = values.shape[-2:]
+    if height % 2 or width % 2:
+        margins = [(0, 0)] * (values.ndim - 2) + [(0, height % 2), (0, width % 2)]
+        values = np.pad(values, margins, mode="edge")
+        height, width = values.shape[-2:]
+    parts = values.reshape(*values.shape[:-2], height // 2, 2, width // 2, 2)
+    return np.asarray(parts.sum(axis=(-3, -1)))
+
+
+def sensor_of_squares(sensor: Sensor) -> Sensor:
+    """Return the sensor of squares of 2 x 2 pixels, with the same light per jot and frame.
+
+    Examples
+    --------
+    >>> sensor_of_squares(Sensor(frames=4)).trials
+    16
+    """
+    return sensor.replace(
+        frames=4 * sensor.trials, gain=4 * sensor.gain, oversampling=1, kernel="box", mask=None
+    )
+
+
+def counts_of_squares(pixels: PixelCounts) -> list[Merged]:
+    """Return the counts of squares of 2 x 2 pixels of each image.
+
+    Parameters
+    ----------
+    pixels : PixelCounts
+        The counts of the pixels, (N, H, W).
+    """
+    trials = np.broadcast_to(np.asarray(pixels.trials, np.float64), pixels.counts.shape)
+    dark = pixels.dark_counts
+    if pixels.sensor.threshold == 1 and isinstance(dark, np.ndarray):
+        dark = -np.log(_means(np.exp(-dark), trials))
+    else:
+        dark = _means(dark, trials)
+    parts = add_squares(pixels.counts), add_squares(trials), dark
+    sensor, efficiency = sensor_of_squares(pixels.sensor), _means(pixels.efficiency, trials)
+    return [
+        Merged(ones, number, sensor, dark_counts=d, efficiency=e)
+        for ones, number, d, e in zip(*parts, efficiency, strict=True)
+    ]
+
+
+def _means(values: float | Array, trials: Array) -> Array:
+    """Return the mean of pixels over each square, weighed by their trials.
+
+    A square without trials has the mean of all of its pixels.
+    """
+    if not isinstance(values, np.ndarray):
+        return np.full(len(trials), values)
+    weights = np.maximum(trials, 1e-9)
+    return np.asarray(add_squares(weights * values) / add_squares(weights))
+
+
+def add_coarse(fine: Image, coarse: Image, sensor: Sensor, trials: npt.ArrayLike) -> Image:
+    """Return an image that gains what squares of pixels say about its coarse structure.
+
+    Parameters
+    ----------
+    fine : ndarray of float32, shape (H, W)
+        The intensities c of the pixels.
+    coarse : ndarray of float32
+        The intensities c' of the squares.
+    sensor : Sensor
+        The sensor of the squares.
+    trials : array_like
+        The number of trials of each square.
+    """
+    from scipy.ndimage import zoom
+
+    response = response_of(sensor)
+    p = response(np.asarray(fine, np.float64))
+    of_pixels = log_information(coarse, sensor, np.asarray(trials, np.float64) / 4)
+    change = (response(np.asarray(coarse, np.float64)) - add_squares(p) / 4) / (1 + 2 * of_pixels)
+    enlarged = zoom(change, 2, order=3, mode="reflect", grid_mode=True)
+    found = (p + enlarged[: p.shape[0], : p.shape[1]]).clip(0, 1)
+    efficiency, dark_counts = reference_jot(sensor)
+    slope = efficiency * sensor.light_per_intensity
+    intensity = intensity_at_probability(sensor.threshold, found, 1 - found, slope, dark_counts)
+    return intensity.clip(0, sensor.max_intensity).astype(np.float32)

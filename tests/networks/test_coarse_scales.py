@@ -1,0 +1,173 @@
+"""Few photons: squares of pixels. Loops, closed forms, and the true image are the oracles."""
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+from jotlight.metrics import psnr
+from jotlight.networks import coarse_scales
+from jotlight.networks.coarse_scales import (
+    add_coarse,
+    add_squares,
+    counts_of_squares,
+    has_few_photons,
+    log_information,
+    sensor_of_squares,
+)
+from jotlight.networks.inference import Inference
+from jotlight.sensing.pixel_counts import PixelCounts
+
+FEW = [(1, 0.2), (4, 0.02), (64, 0.002), (1000, 1e-4)]
+"""Numbers of frames, and photons per frame at intensity 1."""
+
+
+def photograph():
+    return jl.datasets.photograph("camera")[60:252, 160:352].astype(float)
+
+
+def without_squares(monkeypatch, *arguments, **options):
+    with monkeypatch.context() as context:
+        context.setattr(Inference, "_improve_coarse", lambda self: None)
+        return jl.reconstruct(*arguments, **options)
+
+
+@pytest.mark.parametrize(("frames", "photons"), FEW)
+@pytest.mark.parametrize(
+    "quality", ["medium", *(pytest.param(q, marks=pytest.mark.slow) for q in ("small", "large"))]
+)
+def test_images_of_few_photons_are_better_and_as_bright_as_the_scene(
+    monkeypatch, frames, photons, quality
+):
+    image, sensor = photograph(), jl.Sensor(frames=frames, gain=frames * photons)
+    bits = sensor.expose(image, rng=1)
+    before = without_squares(monkeypatch, bits, quality=quality)
+    found = jl.reconstruct(bits, quality=quality)
+    assert psnr(found, image) > psnr(before, image) + 0.15
+    # The number of ones determines the mean to this precision.
+    ones = bits.counts().sum()
+    assert found.mean() == pytest.approx(image.mean(), rel=0.03 + 3 / np.sqrt(ones))
+
+
+def test_many_photons_need_no_squares(monkeypatch):
+    sensor = jl.Sensor(frames=16)
+    bits = sensor.expose(photograph(), rng=0)
+    found = jl.reconstruct(bits)
+    np.testing.assert_array_equal(found, without_squares(monkeypatch, bits))
+
+
+@pytest.mark.parametrize("threshold", [1, 2])
+def test_the_information_is_that_of_the_likelihood(threshold):
+    """It is the mean of the squared derivative by the logarithm, by finite differences."""
+    sensor = jl.Sensor(frames=8, gain=12.0, threshold=threshold, dark_counts=0.3, efficiency=0.6)
+    step = 1e-5
+    for intensity in (0.01, 0.4, 1.0):
+        p, above, below = (
+            coarse_scales.response_of(sensor)(np.array(intensity * np.exp(shift)))
+            for shift in (0, step, -step)
+        )
+        slope = (above - below) / (2 * step)
+        expected = 8 * slope**2 / (p * (1 - p))
+        assert log_information(intensity, sensor, 8) == pytest.approx(expected, rel=1e-6)
+
+
+def test_few_photons_are_counted_without_dark_counts():
+    image = np.full((32, 40), 0.5, np.float32)
+    sensor = jl.Sensor(frames=8, gain=4.0, dark_counts=5.0)
+    assert has_few_photons(image, sensor, 8)
+    assert not has_few_photons(image, sensor.replace(gain=8 * 1.6), 8)
+    assert not has_few_photons(image[:31], sensor, 8)
+
+
+@pytest.mark.parametrize("shape", [(4, 6), (5, 7)])
+@pytest.mark.parametrize("threshold", [1, 3])
+def test_counts_of_squares_are_those_of_a_loop(shape, threshold):
+    rng = np.random.default_rng(0)
+    trials = rng.uniform(1, 9, (2, *shape))
+    trials[1, :2, :2] = 0
+    counts = np.floor(rng.random(trials.shape) * trials).astype(np.int32)
+    efficiency, dark = rng.uniform(0.2, 1, trials.shape), rng.uniform(0, 2, trials.shape)
+    sensor = jl.Sensor(frames=9, threshold=threshold)
+    found = counts_of_squares(PixelCounts(sensor, counts, trials, efficiency, dark, False))
+    assert found[0].sensor == sensor_of_squares(sensor)
+    assert found[0].sensor.light_per_intensity == sensor.light_per_intensity
+    rows, columns = (np.minimum(np.arange(n + n % 2), n - 1).reshape(-1, 2) for n in shape)
+    for image, merged in enumerate(found):
+        for y, x in np.ndindex(merged.shape):
+            square = np.ix_([image], rows[y], columns[x])
+            number = trials[square].sum()
+            weights = trials[square] / number if number else np.full((1, 2, 2), 0.25)
+            assert merged.ones[y, x] == counts[square].sum()
+            assert np.broadcast_to(merged.trials, merged.shape)[y, x] == pytest.approx(number)
+            assert merged.efficiency[y, x] == pytest.approx((weights * efficiency[square]).sum())
+            mean = (weights * dark[square]).sum()
+            if threshold == 1:
+                mean = -np.log((weights * np.exp(-dark[square])).sum())
+            assert merged.dark_counts[y, x] == pytest.approx(mean)
+
+
+def test_pixels_alike_have_squares_alike():
+    counts = np.ones((1, 4, 4), np.int32)
+    (merged,) = counts_of_squares(PixelCounts(jl.Sensor(frames=3), counts, 3.0, 0.5, 0.1, False))
+    assert np.unique(merged.trials) == 12
+    assert np.unique(merged.efficiency) == 0.5
+    assert np.unique(merged.dark_counts) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("shape", [(32, 40), (33, 41)])
+def test_a_constant_image_moves_toward_that_of_the_squares(shape):
+    squares = sensor_of_squares(jl.Sensor(frames=1))
+    fine = np.full(shape, 0.3, np.float32)
+    coarse = np.full(add_squares(fine).shape, 0.5, np.float32)
+    information = 0.25 * np.exp(-0.5) / -np.expm1(-0.5)
+    p, other = -np.expm1(-0.3), -np.expm1(-0.5)
+    expected = -np.log1p(-(p + (other - p) / (1 + 2 * information)))
+    np.testing.assert_allclose(add_coarse(fine, coarse, squares, 4), expected, rtol=1e-5)
+    # If a pixel has many photons, squares say nothing new.
+    np.testing.assert_allclose(add_coarse(fine, coarse, squares, 4e9), 0.3, rtol=1e-5)
+
+
+def test_images_stay_within_the_range():
+    squares = sensor_of_squares(jl.Sensor(frames=1, max_intensity=0.6, dark_counts=0.2))
+    fine = np.tile(np.float32([0.0, 0.6]), (32, 16))
+    coarse = np.tile(np.float32([0.6, 0.0]), (16, 8))
+    found = add_coarse(fine, coarse, squares, 4)
+    assert found.dtype == np.float32
+    assert found.min() >= 0
+    assert found.max() <= np.float32(0.6)
+
+
+def test_each_image_of_a_stack_is_that_of_itself():
+    sensor = jl.Sensor(frames=4)
+    images = np.stack([photograph()[:65, :64] * scale for scale in (0.02, 1.0, 0.2)])
+    stack = np.stack([sensor.expose(each, rng=1).counts() for each in images])
+    found = jl.reconstruct(stack, sensor)
+    for one, counts in zip(found, stack, strict=True):
+        np.testing.assert_array_equal(one, jl.reconstruct(counts, sensor))
+        np.testing.assert_array_equal(one, jl.reconstruct(counts, sensor, threads=1))
+
+
+@pytest.mark.filterwarnings("ignore:.*no valid bit")
+@pytest.mark.parametrize("oversampling", [1, 2])
+def test_dead_and_different_jots_leave_no_pattern(oversampling):
+    rng = np.random.default_rng(0)
+    shape = (96 * oversampling,) * 2
+    sensor = jl.Sensor(
+        frames=4,
+        gain=2.0 * oversampling**2,
+        oversampling=oversampling,
+        efficiency=np.where(np.arange(shape[1]) < shape[1] // 2, 0.5, 1.0) * np.ones(shape),
+        dark_counts=rng.gamma(1, 0.002, shape),
+        mask=rng.random(shape) < 0.1,
+    )
+    found = jl.reconstruct(sensor.expose(np.full((96, 96), 0.5), rng=0))
+    for half in (found[:, :40], found[:, 56:]):
+        assert half.mean() == pytest.approx(0.5, rel=0.1)
+    assert found.std() < 0.08
+
+
+def test_squares_warn_no_more_than_their_pixels(recwarn):
+    mask = np.zeros((64, 64), bool)
+    mask[20:30, 20:30] = True
+    sensor = jl.Sensor(frames=1, gain=0.5, mask=mask)
+    jl.reconstruct(sensor.expose(np.full(mask.shape, 0.5), rng=0))
+    assert len([each for each in recwarn if "no valid bit" in str(each.message)]) == 1
