@@ -28,7 +28,7 @@ _BLUR = 2.0
 """The standard deviation, in pixels, of the Gaussian for the local fraction of ones."""
 
 _TABLE_SIZE = 1025
-"""The number of points in the table from the fraction of ones to the information of a bit."""
+"""The number of points in the table from the odds of a 1 to the information of a bit."""
 
 
 def total_variation(
