@@ -95,3 +95,9 @@ def test_the_information_is_exact_for_any_number_of_trials_and_of_ones(threshold
             found = local_information(problem, np.ones((3, 3)))
             expected = counts.information(np.full((3, 3), light))
             np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
+def test_rare_photons_have_the_same_weight_in_any_number_of_frames():
+    counts = np.random.default_rng(22).poisson(100 * scene(40, 40))
+    few, many = (automatic(counts, frames) / frames for frames in (10**4, 10**8))
+    np.testing.assert_allclose(many, few, rtol=0.05)
