@@ -235,7 +235,8 @@ def _intensity(fraction: Array, sensor: Sensor) -> Array:
     reference = reference_sensor(sensor)
     efficiency, dark_counts = _jots_of_counts(sensor, reference)
     one = np.clip(fraction, 0, MAX_FRACTION)
-    slope = np.maximum(efficiency, 1e-9) * reference.light_per_intensity
+    # Dead pixels have no efficiency.
+    slope = np.where(efficiency > 0, efficiency, 1.0) * reference.light_per_intensity
     return np.maximum(intensity_at_probability(1, one, 1 - one, slope, dark_counts), 0)
 
 

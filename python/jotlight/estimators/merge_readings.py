@@ -314,7 +314,10 @@ def min_light(joint: JointLikelihood) -> float | Array:
     if joint.sensor.read_noise == 0:
         return 0.0
     photons = sum(term.light * term.sum_pixels(term.trials) for term in joint.terms)
-    return np.minimum(0.5 / np.maximum(photons, 1e-12), joint.sensor.max_intensity)
+    largest = np.full(joint.shape, joint.sensor.max_intensity)
+    with np.errstate(over="ignore"):
+        half = np.divide(0.5, photons, out=largest.copy(), where=photons > 0)
+    return np.asarray(np.minimum(half, largest))
 
 
 def mean_jots(sensor: Sensor) -> tuple[float | Array, float | Array]:

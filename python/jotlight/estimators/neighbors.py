@@ -23,9 +23,8 @@ _MIN_SHARE = 1e-5
 """Smallest intensity near which readings are linear, as a share of the largest one, or of the one
 that saturates half of the most sensitive readings, whichever is dimmer."""
 
-_STEPS, _TINY = 3, 1e-12
-"""Number of steps toward the most likely light of a neighborhood, and the smallest information of
-one. More steps change nothing visible."""
+_STEPS = 3
+"""Number of steps toward the most likely light of a neighborhood. More change nothing visible."""
 
 MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
@@ -146,7 +145,8 @@ def fisher_scoring(
     light = start
     for _ in range(_STEPS):
         gradient, information = derivatives(light)
-        light = np.clip(light + gradient / np.maximum(information, _TINY), least, largest)
+        step = np.divide(gradient, information, out=np.zeros(light.shape), where=information > 0)
+        light = np.clip(light + step, least, largest)
     return light
 
 
