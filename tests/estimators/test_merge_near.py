@@ -6,7 +6,7 @@ import pytest
 import jotlight as jl
 from jotlight.estimators import merge_near as merge_near_module
 from jotlight.estimators.merge_near import Merging
-from jotlight.estimators.merge_readings import reference_sensor
+from jotlight.estimators.reference_sensors import reference_sensor
 from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.merged import MAX_SILENT_TRIALS
 from jotlight.sensing.mosaic import Mosaic

@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.joint_mle import solve_expected_total
-from jotlight.estimators.merge_readings import half_rate, min_light
+from jotlight.estimators.merge_readings import min_light
+from jotlight.estimators.reference_sensors import half_rate
 from jotlight.sensing.joint_likelihood import JointLikelihood
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
