@@ -16,7 +16,8 @@ import numpy as np
 import torch
 
 import jotlight as jl
-from jotlight.estimators.merge_readings import merge_images, reference_sensor
+from jotlight.estimators.merge_readings import merge_images
+from jotlight.estimators.reference_sensors import reference_sensor
 from jotlight.images.sets import read_image_set
 from jotlight.metrics import psnr
 from jotlight.networks.pretrained import FOLDER, MAX_TRIALS

@@ -129,3 +129,13 @@ def test_each_image_of_a_stack_is_that_of_itself(method, side):
     stack = [sensor.expose(image, rng=1) for image in images]
     for found, bits in zip(jl.reconstruct(stack, method=method), stack, strict=True):
         np.testing.assert_array_equal(found, jl.reconstruct(bits, method=method))
+
+
+@pytest.mark.parametrize("frames", [10**3, 10**8])
+def test_rare_photons_are_right_in_any_number_of_frames(frames):
+    rng = np.random.default_rng(0)
+    efficiency = rng.uniform(0.5, 1, (48, 48)).astype(np.float32)
+    counts = rng.poisson(3 * efficiency)
+    sensor = jl.Sensor(frames=frames, gain=3.0, efficiency=efficiency, max_intensity=4.0)
+    found = jl.reconstruct(counts, sensor, method="noniterative-gaussian")
+    assert found.mean() == pytest.approx(1, rel=0.03)

@@ -197,3 +197,24 @@ def test_a_notebook_shows_the_state_and_the_residuals():
     html = history._repr_html_()
     assert "not converged" not in html
     assert all(name in html for name in ("converged", str(history.iterations), *history.residuals))
+
+
+@pytest.mark.parametrize("kernel", ["box", "cubic"])
+@pytest.mark.parametrize("largest", [1e4, 1e18])
+@pytest.mark.parametrize("method", [jl.mle_iterative, jl.admm_tv])
+def test_a_largest_intensity_far_above_the_scene_changes_nothing(method, largest, kernel):
+    sensor = jl.Sensor(oversampling=2, frames=64, kernel=kernel, max_intensity=30.0)
+    bits = sensor.expose(scene(8, 8), rng=3)
+    expected = method(bits, sensor)
+    found = method(bits, sensor.replace(max_intensity=largest))
+    np.testing.assert_allclose(found, expected, rtol=1e-2, atol=1e-3)
+
+
+def test_the_scale_of_dark_images_is_their_noise():
+    operator, counts = jl.operators.scaling((2, 2), 1.0), np.zeros((2, 2), int)
+    dark = jl.Likelihood(counts, trials=2500)
+    assert jl.Problem(operator, dark, 1e9).intensity_scales() == pytest.approx(7.1e-4, rel=0.01)
+    hot = jl.Likelihood(counts + 900, trials=2500, dark_counts=1.0)
+    slope, fraction = 0.64, 0.36  # at the rate of the counts
+    noise = (fraction * slope / 10_000) ** 0.5 / slope
+    assert jl.Problem(operator, hot, 1e9).intensity_scales() == pytest.approx(10 * noise, rel=0.01)

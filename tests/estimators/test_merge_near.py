@@ -6,7 +6,7 @@ import pytest
 import jotlight as jl
 from jotlight.estimators import merge_near as merge_near_module
 from jotlight.estimators.merge_near import Merging
-from jotlight.estimators.merge_readings import reference_sensor
+from jotlight.estimators.reference_sensors import reference_sensor
 from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.merged import MAX_SILENT_TRIALS
 from jotlight.sensing.mosaic import Mosaic
@@ -255,3 +255,35 @@ def test_dim_scenes_of_jots_that_differ_have_no_bias():
     candidates = np.linspace(0.3, 0.7, 401)
     found = candidates[np.argmin([abs(expected(c) - merged.ones.sum()) for c in candidates])]
     assert found == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize("unit", [1e-14, 1e14])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"efficiency": np.where(np.indices((16, 16))[1] % 2, 1.0, 0.3)},
+        {"threshold": 1 + np.indices((16, 16)).sum(axis=0) % 3},
+        {"bit_depth": 2, "read_noise": 0.3, "efficiency": np.linspace(0.3, 1, 256).reshape(16, 16)},
+    ],
+    ids=lambda options: next(iter(options)),
+)
+def test_counts_do_not_depend_on_the_unit_of_intensity(options, unit):
+    sensor = jl.Sensor(oversampling=2, frames=8, gain=48.0, **options)
+    data = sensor.expose(np.linspace(0.1, 0.9, 64).reshape(8, 8), rng=0)
+    other = sensor.replace(gain=sensor.gain * unit, max_intensity=1 / unit)
+    expected, found = (
+        Merging(joint_likelihood(data, each, None)).near_neighbors() for each in (sensor, other)
+    )
+    np.testing.assert_array_equal(found.ones, expected.ones)
+    np.testing.assert_allclose(found.trials, expected.trials, rtol=1e-6)
+
+
+def test_an_efficiency_of_1e_12_counts_like_a_gain():
+    threshold = 1 + np.indices((8, 8)).sum(axis=0) % 3
+    sensor = jl.Sensor(frames=8, gain=16.0, threshold=threshold)
+    data = sensor.expose(np.full((8, 8), 0.5), rng=0)
+    other = sensor.replace(gain=16e12, efficiency=1e-12)
+    expected, found = (
+        Merging(joint_likelihood(data, each, None)).near_neighbors() for each in (sensor, other)
+    )
+    np.testing.assert_array_equal(found.ones, expected.ones)

@@ -5,7 +5,8 @@ import pytest
 
 import jotlight as jl
 from jotlight.estimators.joint_mle import maximize
-from jotlight.estimators.merge_readings import counts_at_maximum, reference_sensor
+from jotlight.estimators.merge_readings import counts_at_maximum
+from jotlight.estimators.reference_sensors import reference_sensor
 from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.likelihood import Likelihood
 

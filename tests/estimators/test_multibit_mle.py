@@ -7,7 +7,8 @@ from scipy import optimize
 import jotlight as jl
 from jotlight.estimators.bracketing import intensity_range, snr_bound
 from jotlight.estimators.joint_mle import maximize
-from jotlight.estimators.merge_readings import counts_at_maximum, reference_sensor
+from jotlight.estimators.merge_readings import counts_at_maximum
+from jotlight.estimators.reference_sensors import reference_sensor
 from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.multibit import reading_probability
 

@@ -200,3 +200,20 @@ def test_the_saturation_intensity_clips_only_saturated_pixels(options):
     sensor = sensor.replace(max_intensity=saturation_intensity(sensor))
     estimates = jl.mle(np.array([[48, 49, 50]]), sensor)[0]
     assert estimates[0] < estimates[1] < estimates[2] == np.float32(sensor.max_intensity)
+
+
+@pytest.mark.parametrize("dark", [0.0, 0.5])
+def test_a_largest_intensity_far_above_the_scene_changes_no_interval_of_unequal_jots(dark):
+    rng = np.random.default_rng(0)
+    efficiency = rng.uniform(0.05, 1, (8, 8))
+    sensor = jl.Sensor(
+        oversampling=2, frames=12, max_intensity=9.0, efficiency=efficiency, dark_counts=dark
+    )
+    bits = sensor.expose(np.full((4, 4), 0.7), rng=0)
+    expected, found = (
+        jl.uncertainty(bits, sensor.replace(max_intensity=largest), method="mle")
+        for largest in (9.0, 1e18)
+    )
+    assert expected.high.max() < 9
+    np.testing.assert_allclose(found.low, expected.low, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(found.high, expected.high, rtol=1e-5)

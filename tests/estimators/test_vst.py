@@ -206,3 +206,17 @@ def test_inverse_transforms_map_any_value_to_the_range_of_counts(z, bits):
         assert (np.diff(counts) >= 0).all()
         assert counts.min() >= 0
         assert counts.max() <= bits
+
+
+@pytest.mark.parametrize("bits", [10**5, 10**7, 2**31 - 1])
+def test_the_exact_inverse_is_unbiased_for_rare_ones_and_zeros(bits):
+    mean = np.array([0.01, 0.3, 1, 3, 10, 100, 200, 1000])
+    rare = np.arange(1500)
+    weights = methods.binom.pmf(rare, bits, mean[:, None] / bits)
+    for is_one in (True, False):
+        z = methods.anscombe(rare if is_one else bits - rare, bits)
+        found = jl.vst.inverse_anscombe(weights @ z, bits)
+        # The result is a float32, and so is z.
+        rounding = 0 if is_one else 1e-7 * bits + 0.01 * np.sqrt(mean * bits) / np.sqrt(bits)
+        expected = mean if is_one else bits - mean
+        assert (abs(found - expected) <= 0.003 + 0.002 * mean + rounding).all()

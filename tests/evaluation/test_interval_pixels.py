@@ -149,3 +149,17 @@ def test_dark_counts_that_saturate_jots_hide_all_light():
     assert (known.low > 0).any()
     np.testing.assert_array_equal(hidden.low, 0)
     np.testing.assert_array_equal(hidden.high, 1)
+
+
+@pytest.mark.parametrize("largest", [1e6, 1e18])
+def test_a_largest_intensity_far_above_the_scene_changes_no_interval(largest):
+    efficiency = np.random.default_rng(0).uniform(0.5, 1, (48, 48))
+    sensor = jl.Sensor(
+        oversampling=2, frames=12, gain=72.0, efficiency=efficiency, max_intensity=9.0
+    )
+    bits = sensor.expose(np.linspace(0.1, 0.7, 576).reshape(24, 24), rng=0)
+    expected, found = (
+        jl.uncertainty(bits, sensor.replace(max_intensity=each)) for each in (9.0, largest)
+    )
+    np.testing.assert_allclose(found.low, expected.low, rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(found.high, expected.high, rtol=1e-3)

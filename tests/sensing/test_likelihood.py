@@ -219,3 +219,9 @@ def test_the_largest_count_is_accepted():
     exact = Exact(1, 0.5)
     expected = (maximum + 1) * exact.log_one + (2 * maximum - 1) * exact.log_zero
     assert close(cells.value(0.5), expected)
+
+
+@pytest.mark.parametrize("threshold", [1, 3])
+def test_at_an_infinite_light_a_zero_is_impossible(threshold):
+    assert jl.Likelihood([2], trials=2, threshold=threshold).value([np.inf]) == 0
+    assert jl.Likelihood([1], trials=2, threshold=threshold).value([np.inf]) == -np.inf

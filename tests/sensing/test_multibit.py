@@ -154,7 +154,7 @@ def test_a_reading_far_from_the_light_has_a_finite_slope():
         ({"reading": 4, "bit_depth": 2}, "expected whole numbers from 0 to 3"),
         ({"reading": 0.5}, "expected whole numbers from 0 to 1"),
         ({"reading": 0, "rate": -1.0}, "rate: expected numbers of 0 or more"),
-        ({"reading": 0, "read_noise": -0.1}, "read noise: expected 0 to 100"),
+        ({"reading": 0, "read_noise": -0.1}, "read noise: expected 0, or 0.001 to 100"),
         ({"reading": 0, "threshold": 0}, "threshold: expected 1 to 65535"),
     ],
 )
@@ -176,3 +176,14 @@ def test_the_information_of_clipped_counts_is_its_closed_form(top):
     )
     of_clipped = np.divide(last**2, clipped, out=np.zeros_like(rates), where=clipped > 0)
     np.testing.assert_allclose(found, below / rates + last - before + of_clipped, rtol=1e-9)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+def test_at_an_infinite_rate_all_readings_are_the_largest_one(noise):
+    probability = reading_probability([0, 1, 2, 3], np.inf, bit_depth=2, read_noise=noise)
+    assert probability.tolist() == [0, 0, 0, 1]
+
+
+def test_read_noise_that_changes_no_reading_is_refused():
+    with pytest.raises(ValueError, match=r"read noise: expected 0, or 0.001 to 100, got 0\.00"):
+        reading_probability(0, 1.0, read_noise=1e-200)

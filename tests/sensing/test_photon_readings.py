@@ -176,6 +176,7 @@ def test_bits_of_a_sensor_with_several_bits_are_refused():
         ({"bit_depth": 2.5}, "bit_depth: expected a whole number"),
         ({"read_noise": -0.1}, "read_noise: expected a number from 0 to 100"),
         ({"read_noise": math.nan}, "read_noise: expected a number from 0 to 100"),
+        ({"read_noise": 1e-200}, "read_noise: expected 0, or 0.001 photons or more, got 1e-200"),
         ({"bit_depth": 2, "threshold": 2}, "readings of 2 bits state the number of photons"),
         ({"bit_depth": 2, "frames": 2, "threshold": [1, 2]}, "threshold: expected 1, because"),
     ],

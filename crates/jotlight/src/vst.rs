@@ -88,9 +88,17 @@ impl Anscombe {
 }
 
 /// The exact unbiased inverse, which maps E\[T(L)\] with L ~ Binomial(K, p) to K p.
+///
+/// For a large K, a table has too few nodes for rare ones or zeros. Their number then is nearly a
+/// Poisson count. The exact inverse exceeds the algebraic one by a bias that depends on the count
+/// alone, up to the factor 1 − 2p. The table of a smaller K contains the bias of small counts, and
+/// that of larger ones has a closed form (Makitalo and Foi, "Optimal inversion of the Anscombe
+/// transformation in low-count Poisson image denoising", 2011, equation (10)).
 #[derive(Clone, Debug)]
 pub struct ExactInverse {
     trials: f64,
+    /// The number of readings of the table: K, or [`Self::MAX_TABULATED`] if K is larger.
+    tabulated: f64,
     expectations: Vec<f64>,
     counts: Vec<f64>,
 }
@@ -100,12 +108,18 @@ impl ExactInverse {
     /// they are dense where T is steep. The error of linear interpolation is below 10⁻⁶ K.
     const INTERVALS: usize = 2048;
 
+    /// The maximum K of a table. The error of small counts is then below 0.003.
+    const MAX_TABULATED: u32 = 1 << 14;
+
+    /// The counts between which the closed form of the bias replaces the table gradually.
+    const REPLACED: (f64, f64) = (128.0, 256.0);
+
     /// Return the tabulated inverse for K = `trials` readings per pixel.
     ///
     /// # Errors
     /// [`Error::Range`] for K = 0.
     pub fn new(trials: u32) -> Result<Self> {
-        let anscombe = Anscombe::new(trials)?;
+        let anscombe = Anscombe::new(trials.min(Self::MAX_TABULATED))?;
         let probabilities: Vec<f64> = (0..=Self::INTERVALS)
             .map(|node| {
                 let angle = std::f64::consts::FRAC_PI_2 * node as f64 / Self::INTERVALS as f64;
@@ -124,7 +138,8 @@ impl ExactInverse {
             .collect();
         let counts = probabilities.iter().map(|p| p * anscombe.trials).collect();
         Ok(Self {
-            trials: anscombe.trials,
+            trials: f64::from(trials),
+            tabulated: anscombe.trials,
             expectations,
             counts,
         })
@@ -134,11 +149,45 @@ impl ExactInverse {
     /// above it to K.
     #[must_use]
     pub fn inverse(&self, z: f64) -> f64 {
+        if self.trials <= self.tabulated {
+            return self.look_up(z);
+        }
+        let largest = std::f64::consts::FRAC_PI_2 * (self.trials + 0.5).sqrt();
+        let count = if 2.0 * z <= largest {
+            self.rare_count(z)
+        } else {
+            self.trials - self.rare_count(largest - z)
+        };
+        count.clamp(0.0, self.trials)
+    }
+
+    /// Return K p for a K above that of the table and a p of at most 1/2.
+    fn rare_count(&self, z: f64) -> f64 {
+        let sine = (z / (self.trials + 0.5).sqrt()).max(0.0).sin();
+        let algebraic = (self.trials + 0.75) * sine * sine - 0.375;
+        if algebraic <= 0.0 {
+            return 0.0;
+        }
+        // In terms of D = 2 √(count + 3/8), it is 1/4 + √(3/2)/(4 D) − 11/(8 D²).
+        let inverse_d = 0.5 / (algebraic + 0.375).sqrt();
+        let mut bias = 0.25 + inverse_d * (0.25 * 1.5f64.sqrt() - 1.375 * inverse_d);
+        let (first, last) = Self::REPLACED;
+        if algebraic < last {
+            let tabulated = self.look_up(transform(algebraic, self.tabulated));
+            let of_table = (tabulated - algebraic) / (1.0 - 2.0 * algebraic / self.tabulated);
+            let share = ((algebraic - first) / (last - first)).max(0.0);
+            bias = of_table + share * (bias - of_table);
+        }
+        algebraic + bias * (1.0 - 2.0 * algebraic / self.trials)
+    }
+
+    /// Return the value of the table for `z`.
+    fn look_up(&self, z: f64) -> f64 {
         let above = self.expectations.partition_point(|&value| value <= z);
         if above == 0 {
             0.0
         } else if above > Self::INTERVALS {
-            self.trials
+            self.tabulated
         } else {
             let (left, right) = (self.expectations[above - 1], self.expectations[above]);
             let fraction = (z - left) / (right - left);

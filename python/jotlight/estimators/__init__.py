@@ -6,7 +6,8 @@ In reading order:
   ``alike_jots`` (jots that differ);
 * readings that differ, or of several bits: ``joint_mle``, ``merge_readings`` (equivalent counts at
   the maximum) and ``merge_near`` (near an estimate) with ``neighbors`` (averages) and
-  ``whole_counts``, ``typical_trials`` (how many trials these have), ``generalized_anscombe``;
+  ``whole_counts``, ``reference_sensors`` and ``typical_trials`` (the sensor of these counts, and
+  how many trials they have), ``generalized_anscombe``;
 * variance stabilization: ``vst`` (equations 6 and 7), ``denoise``, ``trial_levels`` (pixels with
   different numbers of trials), ``noniterative``;
 * iterative methods: ``problem_building`` (equation 4), ``image_solver`` (its solution for each

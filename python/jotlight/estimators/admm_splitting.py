@@ -32,7 +32,8 @@ _BALANCE_DAMPING = 0.8
 """The factor by which each adjustment of the penalties weakens the next, so that they end."""
 
 _DARK = 1e-3
-"""The minimum intensity that the primal residual is relative to, as a fraction of S."""
+"""The minimum intensity that the primal residual is relative to, as a fraction of the scale of an
+image."""
 
 _MIN_FORCE = 0.1
 """The minimum force that the dual residual is relative to, as a fraction of the stiffness."""
@@ -70,7 +71,7 @@ class Splitting:
         threads: int | None,
     ) -> None:
         self._operator, self._max_intensity = problem.operator, problem.max_intensity
-        level = problem.constant_estimates()
+        level, self._scale = problem.constant_estimates(), problem.intensity_scales()
         image = start
         if image is None:
             image = np.empty((len(level), *self._operator.input_shape))
@@ -105,7 +106,7 @@ class Splitting:
         distances, changes = zip(*(term.update(image) for term in self._terms), strict=True)
         size, change = dots(image, image), _sum(changes)
         # Dark images have a small norm, so it is bounded from below.
-        dark = _DARK * self._max_intensity
+        dark = _DARK * self._scale
         primal = _relative(_sum(distances), size + image[0].size * dark**2)
         # Without a prior the multipliers vanish, and the stiffness of the likelihood is the scale.
         min_force = _MIN_FORCE * self._stiffness
@@ -120,8 +121,9 @@ class Splitting:
 
     def select(self, images: npt.NDArray[np.bool_]) -> None:
         """Keep only the images of a mask (N,)."""
-        self._image, self._stiffness, self._exponent = (
-            select(each, images) for each in (self._image, self._stiffness, self._exponent)
+        self._image, self._scale, self._stiffness, self._exponent = (
+            select(each, images)
+            for each in (self._image, self._scale, self._stiffness, self._exponent)
         )
         for term in self._terms:
             term.select(images)

@@ -27,10 +27,8 @@ from jotlight.sensing.response import (
 )
 
 _MIN_LIGHT = 1e-6
-"""Smallest light of a jot near which ones are linear."""
-
-_MIN_PROBABILITY = 1e-6
-"""Smallest probability of a one or a zero from which the light of a neighborhood is guessed."""
+"""Smallest light of a jot near which ones are linear, and smallest probability of a one or a zero
+from which the light of a neighborhood is guessed; or that of half a one, if it is smaller."""
 
 _TINY = 1e-12
 """Smallest variance of a bit, and other divisors."""
@@ -70,6 +68,12 @@ class JotCounts:
             efficiency=self.efficiency[images],
             dark_counts=self.dark_counts[images],
         )
+
+    @functools.cached_property
+    def min_light(self) -> Array:
+        """The smallest light of each image, (N, 1, 1)."""
+        largest = self.trials.max(axis=(1, 2), keepdims=True)
+        return np.asarray(np.minimum(_MIN_LIGHT, 0.5 / np.maximum(largest, 1)))
 
     def rate(self, light: Array) -> Array:
         """Return η s + d."""
@@ -192,10 +196,11 @@ def _common_light(counts: JotCounts, weights: Array, sums: Callable[..., Sequenc
         weights, weights * fraction, weights * efficiency, weights * dark_counts
     )
     total = np.maximum(total, _TINY)
-    p = np.clip(ones / total, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)
+    least = counts.min_light
+    p = np.clip(ones / total, least, 1 - least)
     rate = inverse_detection_probability(threshold, p, 1 - p)
-    start = np.maximum((total * rate - dark) / np.maximum(gain, _TINY), _MIN_LIGHT)
-    return fisher_scoring(start, derivatives, _MIN_LIGHT)
+    start = np.maximum((total * rate - dark) / np.maximum(gain, _TINY), least)
+    return fisher_scoring(start, derivatives, least)
 
 
 def _typical_information(counts: JotCounts) -> Array:
@@ -226,7 +231,7 @@ def _toward_own(counts: JotCounts, light: Array) -> Array:
     # A saturated pixel has no most likely light.
     p = np.minimum(counts.fraction, 1 - 0.5 / np.maximum(trials, 1))
     own = intensity_at_probability(threshold, p, 1 - p, efficiency, counts.dark_counts)
-    return toward_own(light, np.maximum(own, _MIN_LIGHT), _information(counts, light))
+    return toward_own(light, np.maximum(own, counts.min_light), _information(counts, light))
 
 
 def _bit(rate: Array, threshold: int) -> tuple[Array, Array]:

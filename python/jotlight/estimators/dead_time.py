@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import as_counts, number_in_range, positive_number, shown
-from jotlight.estimators.merge_readings import MAX_RATE, counts_of_equal_likelihood, round_ones
+from jotlight.estimators.merge_readings import counts_of_equal_likelihood, round_ones
+from jotlight.estimators.reference_sensors import MAX_RATE
 from jotlight.interrupts import interruptible
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.merged import Merged

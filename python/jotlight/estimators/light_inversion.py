@@ -19,6 +19,9 @@ from jotlight.sensing.sensor import Sensor
 _MAX_NEWTON_STEPS = 60
 """The maximum number of steps of Newton's method with bisection."""
 
+_MIN_RATIO = 1e-6
+"""Smallest ratio of the bounds between which a bisection takes place."""
+
 _CHUNK = 1 << 14
 """The number of pixels with unequal jots that are solved at once. It limits the memory."""
 
@@ -133,6 +136,7 @@ class _UnequalJots:
         """Return the light by Newton's method, with bisection where a step leaves the bounds."""
         low, high = np.zeros(probability.shape), np.full(probability.shape, max_light)
         light = np.where((guess > 0) & (guess < max_light), guess, max_light / 2)
+        tolerance = 1e-8 * self._dark_light()
         for _ in range(_MAX_NEWTON_STEPS):
             value, slope = self._mean_probability(light)
             below = value < probability
@@ -140,14 +144,22 @@ class _UnequalJots:
             # A slope of nearly 0 leads far outside the bounds, where bisection replaces the step.
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 newton = light + (probability - value) / slope
-            converged = np.abs(newton - light) <= 1e-8 * light + 1e-12 * max_light
+            converged = np.abs(newton - light) <= 1e-8 * light + tolerance
             if converged.all():
                 break
             # Rounding can move a last tiny step across a bound, where bisection would undo it.
             inside = (low < newton) & (newton < high)
-            candidate = np.where(inside, newton, (low + high) / 2)
+            middle = np.sqrt(np.maximum(low, _MIN_RATIO * high) * high)
+            candidate = np.where(inside, newton, middle)
             light = np.where(converged, light, candidate)
         return light
+
+    def _dark_light(self) -> Array:
+        """Return the light that causes as many detections as the dark counts of each pixel."""
+        efficiency, dark = (
+            (self._alive * values).sum(-1) for values in (self._efficiency, self._dark_counts)
+        )
+        return np.asarray(np.divide(dark, efficiency, out=np.zeros(dark.shape), where=dark > 0))
 
     def _mean_probability(self, light: Array) -> tuple[Array, Array]:
         """Return the mean probability of a 1 over each pixel's live jots, and its derivative."""

@@ -8,14 +8,7 @@ import numpy.typing as npt
 
 from jotlight.estimators.demosaicing import COLORS, brightest_mean, demosaic
 from jotlight.estimators.joint_mle import maximize, solve_expected_total
-from jotlight.estimators.merge_readings import (
-    MAX_TRIALS,
-    linear_counts,
-    mean_jots,
-    merge_joint,
-    min_light,
-    reference_sensor,
-)
+from jotlight.estimators.merge_readings import linear_counts, mean_jots, merge_joint, min_light
 from jotlight.estimators.neighbors import (
     MAX_FILTERS,
     MAX_FRACTION,
@@ -26,6 +19,7 @@ from jotlight.estimators.neighbors import (
     toward_own,
     typical_spread,
 )
+from jotlight.estimators.reference_sensors import MAX_TRIALS, reference_sensor
 from jotlight.estimators.whole_counts import carry_debts, diffuse
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
@@ -234,7 +228,8 @@ def _intensity(fraction: Array, sensor: Sensor) -> Array:
     reference = reference_sensor(sensor)
     efficiency, dark_counts = _jots_of_counts(sensor, reference)
     one = np.clip(fraction, 0, MAX_FRACTION)
-    slope = np.maximum(efficiency, 1e-9) * reference.light_per_intensity
+    # Dead pixels have no efficiency.
+    slope = np.where(efficiency > 0, efficiency, 1.0) * reference.light_per_intensity
     return np.maximum(intensity_at_probability(1, one, 1 - one, slope, dark_counts), 0)
 
 

@@ -5,32 +5,23 @@ sensor with one gain and one threshold have the same maximum and the same inform
 that takes merged counts works on them.
 """
 
-import math
 from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.joint_mle import regular_maximum
+from jotlight.estimators.reference_sensors import MAX_TRIALS, reference_sensor
 from jotlight.sensing.channels import stack_channels
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.pixel_counts import Data, GrayImages, gray_images, prepare_data
-from jotlight.sensing.response import Array, JotResponse, inverse_detection_probability
+from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
-
-MAX_TRIALS = 2.0**30
-"""Maximum number of equivalent trials. Counts are 32-bit integers."""
 
 _SATURATED = 700.0
 """Rate of a jot above which the information of its bits is 0 in double precision."""
-
-MAX_RATE = 0.25
-"""Light of a jot of the reference sensor at the largest intensity, or at the light that saturates
-half of the readings, for readings of several bits. With so little light, the number of trials
-hardly depends on the estimate, which is noisy itself."""
 
 
 def merge_readings(
@@ -57,7 +48,8 @@ def merge_readings(
     -------
     Merged
         Merged counts (H, W), or (H, W, C) for color. Their sensor has threshold 1 and the gain of
-        :func:`reference_sensor`. For a list or a stack, a list of merged counts.
+        :func:`jotlight.estimators.reference_sensors.reference_sensor`. For a list or a stack, a
+        list of merged counts.
 
     Raises
     ------
@@ -105,87 +97,6 @@ def merge_images(images: GrayImages, sensor: Sensor, threads: int | None) -> Gra
     return GrayImages(each, images.layout)
 
 
-def reference_sensor(sensor: Sensor) -> Sensor:
-    """Return the sensor with one gain and threshold 1 to which equivalent counts refer.
-
-    At the light at which half of the least sensitive readings are ones, half of its bits are ones.
-    So it is not saturated where the readings are not, and its trials are at least about as many as
-    those of the least sensitive readings. For readings of several bits, a jot of it gets 1/4
-    photon per frame, at the largest intensity or at the light that saturates half of the readings,
-    whichever is dimmer, but at most as much light as in the readings. A jot gets more light if dark
-    pixels needed more than :data:`MAX_TRIALS` trials otherwise.
-
-    Examples
-    --------
-    >>> reference_sensor(Sensor(frames=4, gain=[2.0, 2.0, 16.0, 16.0])).gain
-    8.0
-    """
-    if sensor.has_plain_bits and sensor.threshold == 1:
-        return sensor
-    per_frame, photons = [], 0.0
-    for group in sensor.groups():
-        own = group.sensor
-        rate = half_rate(own)
-        share = math.log(2) / rate
-        if own.bit_depth > 1:
-            brightest = own.light_per_intensity * own.max_intensity
-            share = min(1.0, MAX_RATE / min(brightest, rate))
-        per_frame.append(own.gain / own.frames * share)
-        photons += own.gain / own.frames * len(group.frames)
-    # In the dark, trials that would receive as many photons say as much as the readings.
-    least = photons * sensor.oversampling**2 / MAX_TRIALS
-    gain = max(min(per_frame), least) * sensor.frames
-    reference = sensor.replace(threshold=1, gain=gain, bit_depth=1, read_noise=0.0)
-    return reference.replace(dark_counts=noise_floor(sensor, reference, sensor.dark_counts))
-
-
-def half_rate(sensor: Sensor) -> float:
-    """Return the rate of a jot at which half of its readings are the largest one.
-
-    Examples
-    --------
-    >>> round(half_rate(Sensor()), 4), round(half_rate(Sensor(bit_depth=2)), 4)  # log(2)
-    (0.6931, 2.6741)
-    """
-    photons = sensor.threshold - 1 + sensor.max_reading
-    return float(inverse_detection_probability(photons, 0.5, 0.5))
-
-
-def noise_floor(
-    sensor: Sensor, reference: Sensor, dark_counts: float | npt.NDArray[np.floating]
-) -> float | Array:
-    """Return the dark counts with which bits tell as much about darkness as the readings.
-
-    With dark counts d, T bits have the information T (α/K)² / (exp(d) - 1) about intensity 0.
-    Readings of several bits count as whether they are 0: the information of larger ones, which are
-    rare in the dark, vanishes with the least light.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        The sensor of the readings.
-    reference : Sensor
-        Their reference sensor. Its dark counts do not matter.
-    dark_counts : float or ndarray of float
-        Dark counts of the readings, of any shape.
-    """
-    dark = np.asarray(dark_counts, np.float64)
-    if sensor.read_noise == 0:
-        return float(dark) if dark.ndim == 0 else dark
-    distinct, places = np.unique(dark, return_inverse=True)
-    information = np.zeros(len(distinct))
-    for group in sensor.groups():
-        own, light = group.sensor, group.sensor.light_per_intensity
-        response = JotResponse(1, own.read_noise, own.threshold)
-        none = np.zeros((len(distinct), 0), np.int32)
-        cells = ReadingLikelihood(response, none, False, 1.0, distinct)
-        share = 1.0 if own.mask is None else float(1 - own.mask.mean())
-        information += len(group.frames) * share * light**2 * cells.information_per_reading(0.0)
-    floor = np.log1p(sensor.frames * reference.light_per_intensity**2 / information)
-    floors = floor[places].reshape(dark.shape)
-    return float(floors) if floors.ndim == 0 else floors
-
-
 def merge_joint(joint: JointLikelihood) -> Merged:
     """Return the equivalent counts of a gray image."""
     if joint.sensor.has_plain_bits and all(term.side == 1 for term in joint.terms):
@@ -208,7 +119,7 @@ def counts_at_maximum(joint: JointLikelihood, reference: Sensor) -> tuple[Array,
     joint : JointLikelihood
         The likelihood of the readings.
     reference : Sensor
-        The :func:`reference_sensor` of the readings.
+        The :func:`jotlight.estimators.reference_sensors.reference_sensor` of the readings.
 
     Examples
     --------
@@ -314,7 +225,10 @@ def min_light(joint: JointLikelihood) -> float | Array:
     if joint.sensor.read_noise == 0:
         return 0.0
     photons = sum(term.light * term.sum_pixels(term.trials) for term in joint.terms)
-    return np.minimum(0.5 / np.maximum(photons, 1e-12), joint.sensor.max_intensity)
+    largest = np.full(joint.shape, joint.sensor.max_intensity)
+    with np.errstate(over="ignore"):
+        half = np.divide(0.5, photons, out=largest.copy(), where=photons > 0)
+    return np.asarray(np.minimum(half, largest))
 
 
 def mean_jots(sensor: Sensor) -> tuple[float | Array, float | Array]:

@@ -31,7 +31,8 @@ _MAX_HALVINGS = 40
 """The maximum number of halvings of a step."""
 
 _MIN_LIGHT = 1e-3
-"""The fraction of S below which intensities are negligible, and dark counts in their units."""
+"""The fraction of the scale of an image below which intensities are negligible, and dark counts in
+their units."""
 
 _MIN_RATIO = 0.1
 """The fraction of its intensity that a pixel keeps in a step if one of its bits needs light."""
@@ -118,8 +119,8 @@ def mle_iterative(
         The maximum number of iterations, at least 1.
     tol : float
         The run ends when the projected-gradient step ``c - proj(c - ∇/h)`` moves no pixel by more
-        than `tol` S. Here h is an upper bound of the curvature for each pixel. The step is 0 only
-        at the maximum.
+        than `tol` times S, or ten times the mean intensity if that is smaller. Here h is an upper
+        bound of the curvature for each pixel. The step is 0 only at the maximum.
     callback : callable, optional
         A function that receives a :class:`jotlight.estimators.convergence.Iteration` after each
         iteration of each image. It ends the run of the image by raising StopIteration.
@@ -193,6 +194,8 @@ class _State:
     """-ℓ of each image, (N,)."""
     needs_light: Mask
     """The pixels that must have light."""
+    scale: Array
+    """The scale of the intensities of each image, (N,)."""
 
     def select(self, images: Mask) -> "_State":
         """Return the state of the images of a mask (N,)."""
@@ -202,6 +205,7 @@ class _State:
             select(self.light, images),
             select(self.cost, images),
             select(self.needs_light, images),
+            select(self.scale, images),
         )
 
 
@@ -247,18 +251,20 @@ def _initial_state(problem: Problem, start: Array | None, light_of_ones: Array) 
     image = np.where(any_one, np.where(any_zero, start, max_intensity), 0.0)
     # A bit of 1 that dark counts hardly explain needs light. Without light and dark counts, ℓ is
     # -inf.
-    faint = likelihood.dark_counts <= _MIN_LIGHT * max_intensity * light_of_ones
+    scale = problem.intensity_scales()
+    least = _MIN_LIGHT * each_image(scale, image)
+    faint = likelihood.dark_counts <= _MIN_LIGHT * each_image(scale, ones) * light_of_ones
     needs_light = _pixels_with(problem, ones & faint)
-    image = np.where(needs_light, np.maximum(image, _MIN_LIGHT * max_intensity), image)
+    image = np.where(needs_light, np.maximum(image, least), image)
     light = problem.operator.forward(image)
-    return _State(problem, image, light, -likelihood.values(light), needs_light)
+    return _State(problem, image, light, -likelihood.values(light), needs_light, scale)
 
 
 def _residuals(state: _State, model: QuadraticModel) -> Array:
-    """Return the largest change of each image by the projected gradient, over S, (N,)."""
+    """Return the largest change of each image by the projected gradient, over its scale, (N,)."""
     image, max_intensity = state.image, state.problem.max_intensity
     move = np.abs(image - np.clip(image - model.scaled_gradient(), 0, max_intensity))
-    return np.asarray(move.reshape(len(image), -1).max(axis=1) / max_intensity)
+    return np.asarray(move.reshape(len(image), -1).max(axis=1) / state.scale)
 
 
 def _step(state: _State, model: QuadraticModel, residual: Array, find_direction: Direction) -> Mask:
@@ -267,7 +273,7 @@ def _step(state: _State, model: QuadraticModel, residual: Array, find_direction:
     Pixels near a bound stay there while the gradient draws them to it.
     """
     image, max_intensity = state.image, state.problem.max_intensity
-    margin = each_image(np.minimum(residual, 1e-3) * max_intensity, image)
+    margin = each_image(np.minimum(residual, 1e-3) * state.scale, image)
     fixed = ((image <= margin) & (model.gradient > 0)) | (
         (image >= max_intensity - margin) & (model.gradient < 0)
     )

@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.joint_mle import solve_expected_total
-from jotlight.estimators.merge_readings import half_rate, min_light
+from jotlight.estimators.merge_readings import min_light
+from jotlight.estimators.reference_sensors import half_rate
 from jotlight.sensing.joint_likelihood import JointLikelihood
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
@@ -28,9 +29,8 @@ _MIN_SHARE = 1e-5
 """Smallest intensity near which readings are linear, as a share of the largest one, or of the one
 that saturates half of the most sensitive readings, whichever is dimmer."""
 
-_STEPS, _TINY = 3, 1e-12
-"""Number of steps toward the most likely light of a neighborhood, and the smallest information of
-one. More steps change nothing visible."""
+_STEPS = 3
+"""Number of steps toward the most likely light of a neighborhood. More change nothing visible."""
 
 MAX_FRACTION = 1 - 1e-6
 """Largest fraction of ones of an average."""
@@ -63,8 +63,8 @@ def typical_spread(readings: float, information: float) -> float:
     8.9
     """
     spread = min(max(_SIGMA / np.sqrt(max(readings, 1)), _MIN_SIGMA), _MAX_SIGMA)
-    wide = np.sqrt(_ENOUGH / (4 * np.pi * max(information, _TINY)))
-    return float(max(spread, min(wide, _MAX_WIDE_SIGMA)))
+    least = _ENOUGH / (4 * np.pi * _MAX_WIDE_SIGMA**2)
+    return float(max(spread, _MAX_WIDE_SIGMA * np.sqrt(least / max(information, least))))
 
 
 def min_intensity(sensor: Sensor) -> float:
@@ -163,7 +163,8 @@ def fisher_scoring(
     light = start
     for _ in range(_STEPS):
         gradient, information = derivatives(light)
-        light = np.clip(light + gradient / np.maximum(information, _TINY), least, largest)
+        step = np.divide(gradient, information, out=np.zeros(light.shape), where=information > 0)
+        light = np.clip(light + step, least, largest)
     return light
 
 

@@ -28,7 +28,7 @@ _BLUR = 2.0
 """The standard deviation, in pixels, of the Gaussian for the local fraction of ones."""
 
 _TABLE_SIZE = 1025
-"""The number of points in the table from the fraction of ones to the information of a bit."""
+"""The number of points in the table from the odds of a 1 to the information of a bit."""
 
 
 def total_variation(
@@ -193,15 +193,18 @@ def automatic_weight(problem: Problem, *, norm: str = "isotropic") -> Array:
     # If nearly all bits are saturated, the roughness is unknown, and 1 stands in for it.
     known = mean > 1e-6 * image_means(np.square(local))
     with np.errstate(over="ignore", invalid="ignore"):
-        roughness = _roughness(score, information, stack.max_intensity) * np.sqrt(mean)
+        roughness = _roughness(score, information, stack.intensity_scales()) * np.sqrt(mean)
     roughness = np.where(known, roughness, 1.0)
     norm_factor = math.pi / 4 if check_norm(norm) == "anisotropic" and local.ndim == 3 else 1.0
     weight = norm_factor * WEIGHT_STRENGTH * each_image(roughness**-WEIGHT_POWER, local) * local
     return weight if problem.is_stack else weight[0]
 
 
-def _roughness(score: Array, information: Array, max_intensity: float) -> Array:
-    """Return γ of each image, at least its uncertainty due to noise, or S for a single block."""
+def _roughness(score: Array, information: Array, scale: Array) -> Array:
+    """Return γ of each image, at least its uncertainty due to noise.
+
+    For a single block, it is the scale of the image.
+    """
     sides = [min(_BLOCK, max(1, size // 2)) for size in score.shape[1:]]
     score, information = _block_sums(score, sides), _block_sums(information, sides)
     known = information > 0
@@ -219,7 +222,7 @@ def _roughness(score: Array, information: Array, max_intensity: float) -> Array:
     number = np.maximum(number, 1)
     square, expected = square / number, expected / number
     uncertainty = expected * np.sqrt(2 / number)
-    return np.where(several, np.sqrt(np.maximum(square - expected, uncertainty)), max_intensity)
+    return np.where(several, np.sqrt(np.maximum(square - expected, uncertainty)), scale)
 
 
 def _block_sums(images: Array, sides: list[int]) -> Array:
@@ -268,21 +271,28 @@ def local_information(problem: Problem, light_of_ones: Array) -> Array:
     total = image_sums(trials)
     overall = each_image(image_sums(likelihood.ones) / total, ones)
     fraction = np.where(valid > 0, ones / np.where(valid > 0, valid, 1), overall)
-    # The information is a smooth function of the fraction alone, so a table suffices.
-    fractions = np.linspace(0, 1, _TABLE_SIZE)
-    threshold, threads = likelihood.threshold, likelihood.threads
-    none = np.zeros(_TABLE_SIZE, np.int32)
-    one_bit = Likelihood(none, 1, threshold=threshold, threads=threads)
     mean_bits = total / fraction[0].size
     information = np.empty(fraction.shape)
     for bits in np.unique(mean_bits):
-        p = (bits * fractions + 3 / 8) / (bits + 3 / 4)
-        rates = inverse_detection_probability(likelihood.threshold, p, 1 - p)
         same = mean_bits == bits
-        table = bits * one_bit.information(rates)
-        information[same] = np.interp(fraction[same], fractions, table)
+        information[same] = _information_of_bits(likelihood, bits, np.clip(fraction[same], 0, 1))
     information *= np.mean(likelihood.efficiency * light_of_ones) ** 2
     return information if problem.is_stack else information[0]
+
+
+def _information_of_bits(likelihood: Likelihood, bits: float, fraction: Array) -> Array:
+    """Return the information of some bits about their light, at fractions of ones."""
+    from scipy.special import expit
+
+    # Its logarithm is a smooth function of the log-odds alone, so a table suffices.
+    largest = np.log((bits + 3 / 8) / (3 / 8))
+    nodes = np.linspace(-largest, largest, _TABLE_SIZE)
+    rates = inverse_detection_probability(likelihood.threshold, expit(nodes), expit(-nodes))
+    none = np.zeros(_TABLE_SIZE, np.int32)
+    one_bit = Likelihood(none, 1, threshold=likelihood.threshold, threads=likelihood.threads)
+    table = np.log(one_bit.information(rates))
+    odds = (bits * fraction + 3 / 8) / (bits * (1 - fraction) + 3 / 8)
+    return np.asarray(bits * np.exp(np.interp(np.log(odds), nodes, table)))
 
 
 def check_map(name: str, value: float | npt.ArrayLike, shape: tuple[int, ...]) -> float | Array:

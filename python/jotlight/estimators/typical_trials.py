@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from jotlight.estimators.merge_readings import linear_counts, mean_jots, reference_sensor
+from jotlight.estimators.merge_readings import linear_counts, mean_jots
+from jotlight.estimators.reference_sensors import reference_sensor
 from jotlight.sensing.reference import reading_information
 from jotlight.sensing.sensor import Sensor
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from jotlight.blur import blur
 from jotlight.estimators.merge_near import Merging
-from jotlight.estimators.merge_readings import merge_joint, reference_sensor
+from jotlight.estimators.merge_readings import merge_joint
+from jotlight.estimators.reference_sensors import reference_sensor
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.interval_pixels import find_unbounded
 from jotlight.evaluation.methods import LARGE_METHOD, find_method

@@ -35,7 +35,8 @@ _LEAST_TRIALS = 0.5
 """Smallest number of trials for which a scale is computed."""
 
 _LEAST_LIGHT = 1e-4
-"""Smallest intensity at which jots are compared, as a fraction of the largest one."""
+"""Smallest intensity at which jots are compared, as a fraction of the largest one, or of ten times
+the mean estimate if that is smaller."""
 
 _MAX_RATIO = 8.0
 """Largest derivative of z at a jot with respect to z at another one.
@@ -221,7 +222,9 @@ class Pixels:
         """
         if self.has_alike_jots:
             return 1.0
-        light = np.maximum(estimate.astype(np.float64), _LEAST_LIGHT * self.sensor.max_intensity)
+        light, largest = estimate.astype(np.float64), self.sensor.max_intensity
+        largest = min(largest, 10 * float(light.mean())) or largest
+        light = np.maximum(light, _LEAST_LIGHT * largest)
         own, typical = (
             slope_of(light, self.sensor, *jot)
             for jot in ((self.efficiency, self.dark_counts), self.typical_jot)

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.estimators.merge_readings import linear_counts, noise_floor, reference_sensor
+from jotlight.estimators.merge_readings import linear_counts
 from jotlight.estimators.neighbors import average_fractions, toward_own
+from jotlight.estimators.reference_sensors import reference_dark_counts, reference_sensor
 from jotlight.estimators.whole_counts import diffuse
 from jotlight.formats.capture import CountStack
 from jotlight.motion.motion import Motion
@@ -252,7 +253,7 @@ class ReadingCounts:
         weight = readings * slope / np.maximum(variance, 1e-12)
         # A jot of the reference sensor gets this light, in units of that of a frame.
         share = reference.light_per_intensity / self._mean_gain
-        floor = noise_floor(gray, reference, dark)
+        floor = reference_dark_counts(gray, reference, dark)
         rate = np.maximum(share * light + floor, 1e-9)
         gradient, information = weight * (fraction - mean), weight * slope
         ones, number = linear_counts(gradient, information, share, rate, rate)

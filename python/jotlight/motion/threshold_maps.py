@@ -7,8 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.merge_near import Merging
-from jotlight.estimators.merge_readings import linear_counts, reference_sensor
+from jotlight.estimators.merge_readings import linear_counts
 from jotlight.estimators.neighbors import average_fractions, toward_own
+from jotlight.estimators.reference_sensors import reference_sensor
 from jotlight.estimators.whole_counts import diffuse
 from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits

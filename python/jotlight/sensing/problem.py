@@ -8,7 +8,11 @@ import numpy.typing as npt
 from jotlight.checks import positive_number
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.operators import Operator
-from jotlight.sensing.response import Array, inverse_detection_probability
+from jotlight.sensing.response import (
+    Array,
+    detection_density,
+    inverse_detection_probability,
+)
 from jotlight.sensing.stacks import are_all, image_sums
 
 
@@ -83,8 +87,9 @@ class Problem:
     def constant_estimates(self) -> Array:
         """Return the intensity of the constant image that best explains the total number of ones.
 
-        There is one for each image of a stack, (N,). It is clipped to [0.001 S, 0.9 S], so that
-        iterative methods can start from it.
+        There is one for each image of a stack, (N,). It is at most 0.9 S, and at least its own
+        standard error or 0.001 S, whichever is smaller, so that iterative methods can start from
+        it.
         """
         cells = self.stacked().likelihood
         trials = np.broadcast_to(np.asarray(cells.trials, np.float64), cells.shape)
@@ -96,8 +101,29 @@ class Problem:
         dark = image_sums(trials * cells.dark_counts) / total
         light = self.operator.forward(np.ones(self.operator.input_shape))
         light = image_sums(trials * (cells.efficiency * light)) / total
-        low, high = 1e-3 * self.max_intensity, 0.9 * self.max_intensity
-        return np.asarray(np.clip((rate - dark) / light, low, high))
+        p, q = ((each * total + 0.5) / (total + 1) for each in (fraction, rest))
+        slope = detection_density(
+            cells.threshold, inverse_detection_probability(cells.threshold, p, q)
+        )
+        with np.errstate(divide="ignore"):
+            error = np.sqrt(p * q / total) / (slope * light)
+        low = np.minimum(error, 1e-3 * self.max_intensity)
+        return np.asarray(np.clip((rate - dark) / light, low, 0.9 * self.max_intensity))
+
+    def intensity_scales(self) -> Array:
+        """Return the scale of the intensities of each image, (N,), to which tolerances refer.
+
+        It is ten times the constant estimate, but at most S.
+
+        Examples
+        --------
+        >>> from jotlight import Likelihood, operators
+        >>> operator = operators.scaling((2, 2), 1.0)
+        >>> dim = Problem(operator, Likelihood(np.full((2, 2), 10), trials=10**6), 1.0)
+        >>> dim.intensity_scales().round(6).tolist()
+        [0.0001]
+        """
+        return np.minimum(10 * self.constant_estimates(), self.max_intensity)
 
     def log_likelihood(self, image: npt.ArrayLike) -> float:
         """Return ℓ(A c) in nats, summed over all cells."""

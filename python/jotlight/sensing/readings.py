@@ -20,8 +20,9 @@ Threshold = int | npt.NDArray[np.int64] | npt.NDArray[np.uint16]
 MAX_BIT_DEPTH = 16
 """Maximum number of bits of a reading."""
 
-MAX_READ_NOISE = 100.0
-"""Maximum standard deviation of the read noise, in photons."""
+MIN_READ_NOISE, MAX_READ_NOISE = 1e-3, 100.0
+"""Smallest standard deviation of read noise above 0, in photons, and the largest. Less than the
+smallest one changes no reading."""
 
 AMBIGUOUS_NOISE = 0.5
 """Read noise at which a third of the readings are not the number of photons."""
@@ -140,6 +141,11 @@ def checked_response(bit_depth: object, read_noise: object, threshold: Threshold
     """
     depth = whole_number_in_range("bit_depth", bit_depth, 1, MAX_BIT_DEPTH)
     noise = number_in_range("read_noise", read_noise, 0, MAX_READ_NOISE)
+    if 0 < noise < MIN_READ_NOISE:
+        raise ValueError(
+            f"read_noise: expected 0, or {MIN_READ_NOISE:g} photons or more, got {noise:g}, which "
+            "changes no reading; pass 0"
+        )
     if depth > 1 and (isinstance(threshold, np.ndarray) or threshold != 1):
         raise ValueError(
             f"threshold: expected 1, because readings of {depth} bits state the number of photons, "

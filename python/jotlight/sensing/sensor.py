@@ -64,8 +64,8 @@ class Sensor(Exposure):
         most 2^b - 1, and `threshold` must be 1.
     read_noise : float
         σ: the standard deviation of the noise that is added to the number of photons before
-        rounding, in photons, 0 to 100. A reading is round(Y + σ N), clipped to 0 ... 2^b - 1; one
-        of one bit is whether round(Y + σ N) is at least `threshold`.
+        rounding, in photons: 0, or 0.001 to 100. A reading is round(Y + σ N), clipped to
+        0 ... 2^b - 1; one of one bit is whether round(Y + σ N) is at least `threshold`.
     mosaic : str, array_like, or jotlight.sensing.mosaic.Mosaic, optional
         The color filter of each pixel, which covers all of its K̂ x K̂ jots: letters such as
         ``"RGGB"``, or anything that a Mosaic takes. The image is then red, green, and blue,

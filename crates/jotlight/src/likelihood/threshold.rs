@@ -110,10 +110,10 @@ impl Threshold {
         }
     }
 
-    /// Return log P(b = 0). It is finite even if P(b = 0) underflows.
+    /// Return log P(b = 0). It is finite for a finite s even if P(b = 0) underflows.
     #[must_use]
     pub fn log_non_detection_probability(&self, s: f64) -> f64 {
-        if self.is_one_photon() {
+        if self.is_one_photon() || s == f64::INFINITY {
             -s
         } else if s < self.q {
             (-self.detection_probability(s)).ln_1p()

@@ -58,11 +58,14 @@ impl Response {
     /// The maximum standard deviation of read noise.
     pub const MAX_NOISE: f64 = 100.0;
 
+    /// The minimum standard deviation of read noise, unless there is none. Less changes no reading.
+    pub const MIN_NOISE: f64 = 1e-3;
+
     /// The maximum reading, of 16 bits.
     pub const MAX_READING: u32 = 65_535;
 
     /// Return the response with readings 0 to `max_reading`, of which 1 stands for `threshold`
-    /// photons, and read noise of standard deviation `noise`, 0 or more.
+    /// photons, and read noise of standard deviation `noise`: 0, or [`Self::MIN_NOISE`] or more.
     ///
     /// # Errors
     /// [`Error::Range`] for numbers outside their ranges.
@@ -71,8 +74,8 @@ impl Response {
             let expected = format!("1 to {}", Self::MAX_READING);
             return Err(Error::range("max reading", expected, max_reading));
         }
-        if !(0.0..=Self::MAX_NOISE).contains(&noise) {
-            let expected = format!("0 to {}", Self::MAX_NOISE);
+        if noise != 0.0 && !(Self::MIN_NOISE..=Self::MAX_NOISE).contains(&noise) {
+            let expected = format!("0, or {} to {}", Self::MIN_NOISE, Self::MAX_NOISE);
             return Err(Error::range("read noise", expected, noise));
         }
         let highest = i64::from(threshold) - 1 + i64::from(max_reading);
@@ -95,6 +98,10 @@ impl Response {
     #[must_use]
     pub fn ln_probability(&self, reading: u32, s: f64) -> f64 {
         let level = self.level(reading);
+        if s == f64::INFINITY {
+            let is_highest = matches!(level, Level::AtLeast(_));
+            return if is_highest { 0.0 } else { f64::NEG_INFINITY };
+        }
         match (&self.noise, level) {
             _ if s <= 0.0 && self.noise.is_none() => match level {
                 Level::AtMost(_) => 0.0,
@@ -268,4 +275,29 @@ fn ln_with_noise(noise: &Noise, level: Level, s: f64) -> f64 {
         return 0.0;
     }
     ln_sum(noise, level, s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn at_an_infinite_rate_all_readings_are_the_largest_one() -> Result<()> {
+        for noise in [0.0, 0.3] {
+            let response = Response::new(3, noise, 1)?;
+            for reading in 0..4 {
+                let probability = response.ln_probability(reading, f64::INFINITY).exp();
+                let expected = f64::from(u8::from(reading == 3));
+                assert_eq!(probability.to_bits(), expected.to_bits());
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn read_noise_that_changes_no_reading_is_refused() {
+        for noise in [-0.1, 1e-200, 9e-4, 100.1, f64::NAN] {
+            assert!(Response::new(3, noise, 1).is_err());
+        }
+    }
 }

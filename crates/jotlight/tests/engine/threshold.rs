@@ -239,3 +239,15 @@ fn a_threshold_of_zero_photons_is_an_error() {
         })
     );
 }
+
+#[test]
+fn at_an_infinite_rate_a_zero_is_impossible() -> Result<()> {
+    for q in THRESHOLDS {
+        let threshold = Threshold::new(q)?;
+        let zero = threshold.log_non_detection_probability(f64::INFINITY);
+        assert!(zero.is_infinite() && zero < 0.0);
+        let one = threshold.log_detection_probability(f64::INFINITY);
+        assert!(one.abs() < f64::MIN_POSITIVE);
+    }
+    Ok(())
+}

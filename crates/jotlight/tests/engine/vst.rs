@@ -95,3 +95,22 @@ fn each_value_may_have_its_own_trials() -> Result<()> {
     }
     Ok(())
 }
+
+#[test]
+fn the_exact_inverse_restores_rare_counts_of_many_readings() -> Result<()> {
+    for bits in [100_000, 10_000_000] {
+        let (anscombe, exact) = (Anscombe::new(bits)?, ExactInverse::new(bits)?);
+        let largest = std::f64::consts::FRAC_PI_2 * (f64::from(bits) + 0.5).sqrt();
+        for rare in [0.01, 0.3, 1.0, 10.0, 150.0, 1000.0] {
+            let z = anscombe.expectation(rare / f64::from(bits));
+            let errors = [
+                exact.inverse(z) - rare,
+                exact.inverse(largest - z) - (f64::from(bits) - rare),
+            ];
+            for error in errors {
+                assert!(error.abs() < 0.003, "K = {bits}, {rare}: {error}");
+            }
+        }
+    }
+    Ok(())
+}
