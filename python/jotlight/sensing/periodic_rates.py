@@ -316,7 +316,7 @@ def _score(rates: Array, side: int = 1) -> tuple[float, float]:
 def _agreement(parts: list[Array]) -> float:
     """Return how many more products are positive than negative, in standard deviations."""
     signs = np.sign(np.concatenate(parts))
-    return float(signs.sum() / math.sqrt(max(np.count_nonzero(signs), 1)))
+    return float(signs.sum() / math.sqrt(max(int(np.count_nonzero(signs)), 1)))
 
 
 @functools.cache
