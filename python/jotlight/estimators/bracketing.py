@@ -26,24 +26,35 @@ class BracketPlan:
     """The gains and thresholds of frames for a range of light, and the SNR that they allow.
 
     Light is in photons per jot and frame of the longest exposure, and SNR is in dB.
+
+    Attributes
+    ----------
+    sensor : Sensor
+        The sensor with these gains and thresholds, from the longest exposure to the shortest.
+    exposures : ndarray of float64
+        The fractions of the longest exposure, one for each setting, (G,).
+    thresholds : ndarray of int64
+        The thresholds, one for each setting, (G,).
+    frames : ndarray of int64
+        The number of frames of each setting, (G,).
+    light : ndarray of float64
+        The levels of light in ascending order, (N,).
+    snr : ndarray of float64
+        The light over the root mean square error of `jotlight.mle` in dB, (N,).
+    snr_bound : ndarray of float64
+        The light over the Cramér-Rao bound of a pixel in dB, (N,). Few frames do not reach it.
+    single_snr : ndarray of float64
+        `snr` of the best single setting, (N,).
     """
 
     sensor: Sensor
-    """The sensor with these gains and thresholds, from the longest exposure to the shortest."""
     exposures: Array
-    """The fractions of the longest exposure, one for each setting, (G,)."""
     thresholds: npt.NDArray[np.int64]
-    """The thresholds, one for each setting, (G,)."""
     frames: npt.NDArray[np.int64]
-    """The number of frames of each setting, (G,)."""
     light: Array
-    """The levels of light in ascending order, (N,)."""
     snr: Array
-    """The light over the root mean square error of `jotlight.mle` in dB, (N,)."""
     snr_bound: Array
-    """The light over the Cramér-Rao bound of a pixel in dB, (N,). Few frames do not reach it."""
     single_snr: Array
-    """`snr` of the best single setting, (N,)."""
 
     @property
     def min_snr(self) -> float:

@@ -42,30 +42,44 @@ class Plan:
     """The expected quality of `jotlight.mle` for N levels of light and M numbers of frames.
 
     Light, bias, and errors are in photons per jot and frame, and PSNR and SNR are in dB.
+
+    Attributes
+    ----------
+    light : ndarray of float64
+        The levels of light in ascending order, (N,).
+    frames : ndarray of int64
+        The numbers of frames, (M,).
+    bias : ndarray of float64
+        The mean error of the estimated light for each number of frames and level, (M, N).
+    rmse : ndarray of float64
+        The root mean square error of the estimated light, which includes the bias, (M, N).
+    cramer_rao_bound : ndarray of float64
+        The Cramér-Rao bound, (M, N): the minimum standard deviation of an unbiased estimate.
+    psnr : ndarray of float64
+        The PSNR in dB, (M,), of a scene with uniformly distributed light. Peak: the maximum.
+    saturation_light : ndarray of float64
+        The light at which all bits are 1 in 1 % of the pixels, (M,).
+    optimal_light : float
+        The light at which a bit is most informative, so that the bound on the SNR is highest.
+    target_psnr : float, optional
+        The requested PSNR in dB.
+    required_frames : int, optional
+        The number of frames that reaches the requested PSNR, or None if no number does.
+    motion : MotionPlan, optional
+        The quality at the given speed of the scene, or None without a speed.
     """
 
     light: Array
-    """The levels of light in ascending order, (N,)."""
     frames: npt.NDArray[np.int64]
-    """The numbers of frames, (M,)."""
     bias: Array
-    """The mean error of the estimated light for each number of frames and level, (M, N)."""
     rmse: Array
-    """The root mean square error of the estimated light, which includes the bias, (M, N)."""
     cramer_rao_bound: Array
-    """The Cramér-Rao bound, (M, N): the minimum standard deviation of an unbiased estimate."""
     psnr: Array
-    """The PSNR in dB, (M,), of a scene with uniformly distributed light. Peak: the maximum."""
     saturation_light: Array
-    """The light at which all bits are 1 in 1 % of the pixels, (M,)."""
     optimal_light: float
-    """The light at which a bit is most informative, so that the bound on the SNR is highest."""
     target_psnr: float | None = None
-    """The requested PSNR in dB."""
     required_frames: int | None = None
-    """The number of frames that reaches the requested PSNR, or None if no number does."""
     motion: MotionPlan | None = None
-    """The quality at the given speed of the scene, or None without a speed."""
 
     @property
     def snr(self) -> Array:
