@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import to_array
 from jotlight.estimators.bracket_choice import Choice
 from jotlight.notebook import card, table_of
 from jotlight.sensing.readings import refuse_different_readings
@@ -287,7 +288,7 @@ def best_threshold(light: float, *, max_threshold: int = 256) -> int:
 
 
 def _checked_light(light: tuple[float, float]) -> Array:
-    levels = np.asarray(light)
+    levels = to_array("light", light)
     if levels.dtype.kind not in "iuf" or levels.shape != (2,):
         raise TypeError(
             "light: expected the minimum and the maximum in photons per jot and frame, such as "

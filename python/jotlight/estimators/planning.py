@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range, positive_number, shown, whole_number_in_range
+from jotlight.checks import number_in_range, positive_number, shown, to_array, whole_number_in_range
 from jotlight.estimators.figure import draw_psnr, draw_snr
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
 from jotlight.estimators.planned_bits import PlannedBits
@@ -275,7 +275,7 @@ class _Scene:
 
 
 def _light_levels(light: float | tuple[float, float]) -> Array:
-    levels = np.asarray(light)
+    levels = to_array("light", light)
     if levels.dtype.kind not in "iuf" or levels.shape not in ((), (1,), (2,)):
         raise TypeError(
             "light: expected a number of photons per jot and frame, or the minimum and the "
