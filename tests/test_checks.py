@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import jotlight as jl
 from jotlight.checks import (
     as_image,
-    as_path,
     positive_number,
     real_number,
     require_image_list,
     require_intensities,
+    to_array,
     whole_number,
     whole_number_in_range,
     whole_numbers,
@@ -84,12 +85,6 @@ def test_other_arrays_are_not_whole_numbers(values, error, message):
         whole_numbers("ones", values)
 
 
-def test_an_empty_text_is_no_path():
-    assert as_path("a.npy", "open(path)").name == "a.npy"
-    with pytest.raises(ValueError, match="path: expected the name of a file, as in open"):
-        as_path("", "open(path)")
-
-
 def test_an_image_of_bool_becomes_floats_without_a_division():
     image = np.eye(4, dtype=bool)
     for check in (as_image, lambda image: require_intensities("truth", image)):
@@ -117,3 +112,49 @@ def test_a_path_in_place_of_images_is_named(folder):
 def test_images_need_a_length(images):
     with pytest.raises(TypeError, match=r"an array \(N, H, W\) or a list of images, got"):
         require_image_list(images)
+
+
+RAGGED = [[1], [2, 3]]
+
+
+@pytest.mark.parametrize(
+    ("values", "found"),
+    [
+        (RAGGED, "rows of 1 and 2"),
+        ([[[1, 2]], [[1, 2], [3, 4]]], "rows of 1 and 2"),
+        ([[[1, 2], [3]], [[1, 2], [3, 4]]], "rows of 2 and 1"),
+        ([1, [2]], "single values beside rows"),
+    ],
+    ids=str,
+)
+def test_rows_of_different_lengths_are_named(values, found):
+    with pytest.raises(ValueError, match=f"^x: expected rows of the same length, got {found}; "):
+        to_array("x", values)
+
+
+def test_an_array_stays_itself():
+    array = np.ones((2, 3))
+    assert to_array("x", array) is array
+    np.testing.assert_array_equal(to_array("x", [[1, 2], [3, 4]]), [[1, 2], [3, 4]])
+
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("data", lambda: jl.save(RAGGED, "a.npy")),
+        ("bits", lambda: jl.Bits.from_array(RAGGED)),
+        ("image", lambda: jl.save_image("a.tif", RAGGED)),
+        ("image", lambda: jl.Sensor().expose(RAGGED)),
+        ("counts", lambda: jl.calibrate(RAGGED, frames=3)),
+        ("readings", lambda: jl.Readings(RAGGED, jl.Sensor(bit_depth=2))),
+        ("estimate", lambda: jl.metrics.psnr(RAGGED, np.ones((2, 2)))),
+        ("gain", lambda: jl.Sensor(gain=RAGGED)),
+        ("threshold", lambda: jl.Sensor(threshold=RAGGED)),
+        ("efficiency", lambda: jl.Sensor(efficiency=RAGGED)),
+        ("mask", lambda: jl.Sensor(mask=RAGGED)),
+        ("light", lambda: jl.plan_brackets(jl.Sensor(), RAGGED)),
+    ],
+)
+def test_public_functions_name_the_parameter(name, call):
+    with pytest.raises(ValueError, match=f"^{name}: expected rows of the same length, got rows"):
+        call()

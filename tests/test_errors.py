@@ -5,7 +5,13 @@ import warnings
 
 import pytest
 
-from jotlight.errors import JotlightWarning, PeriodicRatesWarning, hide_warnings, warn
+from jotlight.errors import (
+    JotlightWarning,
+    PeriodicRatesWarning,
+    error_message,
+    hide_warnings,
+    warn,
+)
 
 
 def test_warnings_with_a_text_are_hidden():
@@ -47,3 +53,14 @@ def test_warnings_are_hidden_in_one_thread_only():
     finally:
         done.set()
         thread.join()
+
+
+def test_a_current_folder_that_is_gone_is_named(tmp_path, monkeypatch):
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    lost = FileNotFoundError(2, "No such file or directory")
+    assert error_message(lost) == "No such file or directory"
+    folder.rmdir()
+    assert error_message(lost).startswith("the current folder does not exist any more; change to")
+    monkeypatch.chdir(tmp_path)

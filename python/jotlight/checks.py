@@ -3,7 +3,6 @@
 import math
 import operator
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -194,20 +193,6 @@ def whole_numbers(name: str, values: npt.ArrayLike) -> npt.NDArray[np.int32]:
     return np.require(array, np.int32, ["C", "ALIGNED"])
 
 
-def require_slice(name: str, value: object) -> None:
-    """Raise TypeError unless a value is a slice.
-
-    Examples
-    --------
-    >>> require_slice("frames", 3)
-    Traceback (most recent call last):
-      ...
-    TypeError: frames: expected a slice, such as slice(0, 16), got 3
-    """
-    if not isinstance(value, slice):
-        raise TypeError(f"{name}: expected a slice, such as slice(0, 16), got {shown(value)}")
-
-
 def require_intensities(name: str, image: npt.NDArray[Any]) -> None:
     """Raise TypeError unless an image holds floats. The message says how to convert it.
 
@@ -271,7 +256,7 @@ def as_image(image: npt.ArrayLike, name: str = "image") -> npt.NDArray[Any]:
     """
     refuse_masked(name, image)
     refuse_image_path(name, image, "jotlight.read_image(path)")
-    array = np.asarray(image)
+    array = to_array(name, image)
     require_intensities(name, array)
     if array.ndim < 2 or array.size == 0:
         raise ValueError(
@@ -289,36 +274,6 @@ def as_image(image: npt.ArrayLike, name: str = "image") -> npt.NDArray[Any]:
     return array if array.flags.aligned else array.copy()
 
 
-def refuse_path(data: object) -> None:
-    """Raise TypeError for a path in place of data."""
-    if isinstance(data, str | os.PathLike):
-        raise TypeError(
-            f"data: expected bits or counts, got the path {os.fspath(data)!r}; pass "
-            "jotlight.open(path) for a capture, and sensor.expose(jotlight.read_image(path)) for a "
-            "photograph"
-        )
-
-
-def refuse_frames(data: object) -> None:
-    """Raise TypeError for an array of bool in place of data."""
-    if isinstance(data, np.ndarray) and data.dtype == np.bool_:
-        raise TypeError(
-            "data: expected jotlight.Bits or counts, got an array of bool; pass "
-            "jotlight.Bits.from_array(frames, sensor)"
-        )
-
-
-def as_path(path: object, call: str) -> Path:
-    """Return a path. Refuse an empty text and other arguments, with an example of the call."""
-    if not isinstance(path, str | os.PathLike):
-        raise TypeError(
-            f"path: expected the name of a file, as in {call}, got {type(path).__name__}"
-        )
-    if not os.fspath(path):
-        raise ValueError(f"path: expected the name of a file, as in {call}, got an empty text")
-    return Path(path)
-
-
 def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     """Return counts of pixels, (H, W) or with more axes, as aligned int32 in C order.
 
@@ -330,7 +285,7 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
         For less than two axes or no pixels, and for counts out of range.
     """
     refuse_masked("counts", data)
-    counts = np.asarray(data)
+    counts = to_array("counts", data)
     if counts.dtype.kind not in "iu" and counts.size:  # an empty list has the type of floats
         raise TypeError(
             f"data: expected jotlight.Bits or an image of counts in whole numbers, got "
@@ -346,3 +301,50 @@ def as_counts(data: npt.ArrayLike) -> npt.NDArray[np.int32]:
     if counts.min() < 0 or (counts.dtype != np.int32 and counts.max() >= 2**31):
         raise ValueError(f"counts: expected 0 to 2**31 - 1, got {counts.min()} to {counts.max()}")
     return np.require(counts, np.int32, ["C", "ALIGNED"])
+
+
+def require_slice(name: str, value: object) -> None:
+    """Raise TypeError unless a value is a slice.
+
+    Examples
+    --------
+    >>> require_slice("frames", 3)
+    Traceback (most recent call last):
+      ...
+    TypeError: frames: expected a slice, such as slice(0, 16), got 3
+    """
+    if not isinstance(value, slice):
+        raise TypeError(f"{name}: expected a slice, such as slice(0, 16), got {shown(value)}")
+
+
+def to_array(name: str, values: Any) -> npt.NDArray[Any]:
+    """Return values as an array. Lists become arrays if their rows have the same length.
+
+    Raises
+    ------
+    ValueError
+        When the rows of a list differ in their length.
+    """
+    try:
+        return np.asarray(values)
+    except ValueError as error:
+        lengths = _different_lengths(values)
+        if lengths is None:
+            raise
+        raise ValueError(
+            f"{name}: expected rows of the same length, got {lengths}; fill them up, or leave out "
+            "the others"
+        ) from error
+
+
+def _different_lengths(values: Any) -> str | None:
+    """Return the first two lengths of rows that differ in a nested list, or None."""
+    level = [values]
+    while level and all(isinstance(each, list | tuple) for each in level):
+        lengths = [len(each) for each in level]
+        other = next((length for length in lengths if length != lengths[0]), None)
+        if other is not None:
+            return f"rows of {lengths[0]} and {other}"
+        level = [row for each in level for row in each]
+    is_mixed = any(isinstance(each, list | tuple) for each in level)
+    return "single values beside rows" if is_mixed else None

@@ -13,6 +13,7 @@ import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextvars import ContextVar
+from pathlib import Path
 from typing import Any, Self
 
 _hidden: ContextVar[tuple[str, ...]] = ContextVar("hidden", default=())
@@ -84,12 +85,24 @@ def error_message(error: BaseException) -> str:
     if isinstance(error, OSError) and error.strerror:
         # The text of Python begins with the number of the error, which helps nobody.
         if error.filename is None:
-            return error.strerror
+            return _lost_folder() or error.strerror
         if isinstance(error, FileNotFoundError):
             return f"there is no file {error.filename}"
         return f"cannot access {error.filename}: {error.strerror}"
     notes = getattr(error, "__notes__", [])
     return "; ".join([str(error) or type(error).__name__, *notes])
+
+
+def _lost_folder() -> str | None:
+    """Return that the current folder is gone, and what to do, or None if it exists."""
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return (
+            "the current folder does not exist any more; change to another folder, or create it "
+            "again and change to it"
+        )
+    return None
 
 
 def counted(number: int, noun: str) -> str:

@@ -1,11 +1,9 @@
 """Measures of how close an estimate is to the truth."""
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import positive_number, refuse_masked, require_intensities
+from jotlight.checks import positive_number, refuse_masked, require_intensities, to_array
 from jotlight.interrupts import interruptible
 from jotlight.layout import Layout
 
@@ -146,7 +144,7 @@ def _pair(
     for name, image in (("estimate", estimate), ("truth", truth)):
         advice = "pass the data of a part without masked pixels, such as image.data[:64, :64]"
         refuse_masked(name, image, advice)
-        array: npt.NDArray[Any] = np.asarray(image)
+        array = to_array(name, image)
         require_intensities(name, array)
         if array.ndim < 2 or array.size == 0:
             raise ValueError(f"{name}: expected shape (H, W) or more axes, got {array.shape}")

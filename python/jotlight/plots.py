@@ -50,13 +50,24 @@ def save_figure(figure: "Figure", path: Path, *, dpi: float = 110) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class Panel:
-    """An image (H, W) or (H, W, 3) in units of intensity, with the text above it."""
+    """An image (H, W) or (H, W, 3) in units of intensity, with the text above it.
+
+    Parameters
+    ----------
+    title : str
+        The first line of the text.
+    subtitle : str
+        The second line.
+    image : ndarray of float
+        The image.
+    detail : ndarray of float, optional
+        The image at an integer multiple of its size, for the crop. Default: `image`.
+    """
 
     title: str
     subtitle: str
     image: npt.NDArray[np.floating]
     detail: npt.NDArray[np.floating] | None = None
-    """The image at an integer multiple of its size, for the crop. Default: `image`."""
 
 
 def comparison(panels: list[Panel], heading: str, *, white: float = 1.0) -> "Figure":

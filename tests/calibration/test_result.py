@@ -149,3 +149,35 @@ def test_a_dark_capture_leaves_what_else_is_stated_about_the_jots(calibration):
 def test_a_mask_of_another_shape_is_refused(calibration):
     with pytest.raises(ValueError, match=r"expected a mask of the shape of the calibration \(32"):
         calibration.applied_to(jl.Sensor(mask=np.zeros((1, 40), bool)))
+
+
+def test_the_sensor_of_bits_has_their_frames_and_their_own_sensor(calibration):
+    bits = jl.Bits.from_array(np.zeros((7, *calibration.shape), bool))
+    assert calibration.sensor(bits) == calibration.sensor(7)
+    own = jl.Sensor(frames=7, gain=21.0, max_intensity=3.0)
+    carried = calibration.sensor(jl.Bits(bits.packed, bits.width, own), efficiency=1.0)
+    assert carried == calibration.applied_to(own, efficiency=1.0)
+    with pytest.raises(TypeError, match=r"frames: expected jotlight\.Bits or the number of frames"):
+        calibration.sensor(np.zeros((7, *calibration.shape)))
+
+
+def test_bits_of_another_size_or_orientation_are_refused(calibration):
+    known = dataclasses.replace(
+        calibration, provenance={"dark": Provenance("npy", "dark.npy", orientation=(0, False))}
+    )
+    bits = jl.Bits.from_array(np.zeros((7, *calibration.shape), bool))
+    with pytest.raises(ValueError, match="calibration: it has 32 x 40 jots, and the capture has"):
+        known.sensor(jl.Bits(bits.packed[:, :16], bits.width))
+    turned = Provenance("npy", "seen.npy", orientation=(2, False))
+    with pytest.raises(ValueError, match="open them in the same orientation"):
+        known.sensor(jl.Bits(bits.packed, bits.width, provenance=turned))
+
+
+def test_bits_whose_hot_jots_are_elsewhere_cause_a_warning():
+    rng = np.random.default_rng(1)
+    dark = np.where(rng.random((64, 64)) < 0.02, 1.0, 0.002)
+    calibration = jl.calibrate(rng.binomial(2000, -np.expm1(-dark)), frames=2000, max_dark=10.0)
+    seen = rng.random((64, *dark.shape)) < -np.expm1(-dark - 0.2)
+    calibration.sensor(jl.Bits.from_array(seen))
+    with pytest.warns(jl.JotlightWarning, match="calibration: .* do not show them in this capture"):
+        calibration.sensor(jl.Bits.from_array(seen[:, ::-1]))

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.estimators import planning
 from jotlight.estimators.bracketing import snr_bound
 from jotlight.sensing.reference import saturation_intensity
 from jotlight.sensing.response import detection_probability
@@ -91,15 +90,6 @@ def test_at_the_saturation_light_one_pixel_in_a_hundred_has_only_ones():
     probabilities = detection_probability(2, 0.6 * expected.saturation_light + 0.1)
     np.testing.assert_allclose(probabilities[:2] ** bits[:2], 0.01, rtol=1e-9)
     np.testing.assert_allclose(probabilities[2] ** bits[2], 0.01, rtol=1e-6)
-
-
-def test_sums_over_a_subset_of_many_counts_equal_sums_over_all(monkeypatch):
-    options = {"frames": [200_000], "max_intensity": 3.0}
-    subset = jl.plan(jl.Sensor(), (0.3, 3.2), **options)
-    monkeypatch.setattr(planning, "COUNTS_PER_SIGMA", 10**9)
-    complete = jl.plan(jl.Sensor(), (0.3, 3.2), **options)
-    np.testing.assert_allclose(subset.rmse, complete.rmse, rtol=1e-9)
-    np.testing.assert_allclose(subset.psnr, complete.psnr, rtol=1e-6)
 
 
 def test_estimates_are_clipped_to_the_maximum_intensity():

@@ -8,6 +8,7 @@ import pytest
 import jotlight as jl
 from jotlight.calibration import find_periodic_rates
 from jotlight.datasets import photograph
+from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.periodic_rates import PeriodicRates
 
 SCENES = ("camera", "astronaut", "coffee")
@@ -137,6 +138,35 @@ def test_the_advice_returns_the_intensities_of_each_color(side):
     call = f'{call[:-1]}, demosaicing="differences")'
     color = eval(call, {"reconstruct": jl.reconstruct, "bits": bits, "sensor": bits.sensor})
     np.testing.assert_allclose(color.mean(axis=(0, 1)), [2, 4, 1], rtol=0.02)
+
+
+@pytest.mark.parametrize("frames", [1, 16, 1000])
+def test_a_mosaic_that_alternates_in_one_direction_is_found(frames):
+    light = gray("camera")[:192, :240]
+    filters = Mosaic("RGBW/BWRG").light(np.full((*light.shape, 3), 1.0))
+    found = find_periodic_rates(expose(0.4 * light * filters, frames))
+    assert (found.period, found.alternating) == (2, "columns")
+    advice = found.describe()
+    assert "the rates repeat every 2 columns of jots, for example under the color filters" in advice
+    assert "RGGB" not in advice
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("frames", [1, 16, 1000, 10**6])
+def test_a_small_photograph_alternates_in_no_direction(scene, frames):
+    assert find_periodic_rates(expose(0.7 * gray(scene)[:192, :240], frames)) is None
+
+
+@pytest.mark.parametrize("order", ["RGBW", "WRGB", "RWGB"])
+@pytest.mark.parametrize("levels", [(1.0, 1.0, 1.0), (0.6, 1.0, 0.5)])
+def test_the_hint_for_a_white_filter_names_a_white_filter(order, levels):
+    light = 0.1 * Mosaic(order).light(np.full((128, 128, 3), levels))
+    found = find_periodic_rates(expose(light, 100))
+    assert found.white.index("W") == order.index("W")
+    for advice in (found.describe(), found.describe_flat()):
+        assert f"as the white one in {found.white}" in advice
+        assert f'mosaic="{found.white}"' in advice
+        assert "RGGB" not in advice
 
 
 @pytest.mark.parametrize(

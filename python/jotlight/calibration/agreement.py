@@ -5,13 +5,18 @@ import numpy.typing as npt
 
 from jotlight.calibration.jot_counts import JotCounts, Rates
 from jotlight.errors import warn
+from jotlight.sensing.bits import Bits
 from jotlight.sensing.response import detection_probability
+from jotlight.sensing.sensor import Sensor
 
 MIN_DARK = 0.1
 """Minimum dark counts per frame of a jot that a scene reveals."""
 
 _MIN_RATIO = 4.0
 """Minimum dark counts of such a jot, in those of the median jot."""
+
+_MAX_BYTES = 1 << 26
+"""Maximum number of bytes of bits that are compared."""
 
 _REACH = 2
 """The light on a jot is that of the jots at most this many rows and columns away."""
@@ -128,6 +133,42 @@ def dark_count_conflict(jots: JotCounts, dark: npt.ArrayLike) -> tuple[int, int]
     light[hot] = _light_of_neighbors(jots.detections() - rates, hot)
     missing, number, score = missing_dark_counts(jots, rates, light, hot)
     return (missing, number) if score > _MIN_SCORE else None
+
+
+def describe_conflict(jots: JotCounts, dark: npt.ArrayLike) -> str | None:
+    """Return that most hot jots are not hot in a scene, and what to do, or None if it is not so.
+
+    Parameters
+    ----------
+    jots : JotCounts
+        The counts of the scene.
+    dark : array_like of float
+        Dark counts per frame, a number or a map.
+    """
+    found = dark_count_conflict(jots, dark)
+    if found is None:
+        return None
+    missing, number = found
+    return (
+        f"{missing:,} of the {number:,} jots with many dark counts do not show them in this "
+        "capture, so the dark counts are wrong; calibrate with captures of the same sensor, "
+        "orientation, exposure time, and temperature"
+    )
+
+
+def warn_about_conflict(bits: Bits, sensor: Sensor) -> None:
+    """Warn if most hot jots of a sensor are not hot in the first frames of bits.
+
+    Bits whose jots have different thresholds, gains, filters, or channels are not compared.
+    """
+    if sensor.readings_differ or sensor.mosaic is not None or len(bits.shape) > 3:
+        return
+    frame_bytes = max(1, bits.packed.nbytes // len(bits))
+    first = bits[: max(1, _MAX_BYTES // frame_bytes)]
+    jots = JotCounts(first.counts(1), len(first), int(sensor.threshold))
+    conflict = describe_conflict(jots, sensor.dark_counts)
+    if conflict is not None:
+        warn(f"calibration: {conflict}")
 
 
 def _light_of_neighbors(light: Rates, hot: npt.NDArray[np.bool_]) -> Rates:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.argument_types import refuse_path
 from jotlight.calibration.bulk import fit_bulk
 from jotlight.calibration.captured_sensor import captured_threshold
 from jotlight.calibration.flat import measure_response
@@ -13,7 +14,7 @@ from jotlight.calibration.hot_jots import check_false_positive_rate
 from jotlight.calibration.jot_counts import JotCounts
 from jotlight.calibration.result import Calibration, check_same_orientation
 from jotlight.calibration.steadiness import Steadiness, steadiness
-from jotlight.checks import Counts, as_counts, positive_number, real_number, refuse_path, shown
+from jotlight.checks import Counts, as_counts, positive_number, real_number, shown
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import Mosaic, Pattern

@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.calibration.agreement import warn_about_conflict
 from jotlight.calibration.bulk import Bulk
 from jotlight.calibration.fields import CalibrationFields
 from jotlight.calibration.figure import facts, page
 from jotlight.calibration.files import MAPS, checked_fields
 from jotlight.calibration.steadiness import Steadiness
 from jotlight.notebook import card, normalize
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 from jotlight.tensors import Tensors, read_tensors, write_tensors
@@ -69,20 +72,58 @@ class Calibration(CalibrationFields):
         ``"flat"``.
     """
 
-    def sensor(self, frames: int = 1, **changes: Any) -> Sensor:
-        """Return a sensor with these maps.
+    def sensor(self, frames: int | Bits = 1, **changes: Any) -> Sensor:
+        """Return a sensor with these maps, for a capture or for a number of frames.
 
-        Unless the changes contain `gain`, a pixel of intensity 1 causes one detection per frame in
-        the median jot.
+        A pixel of intensity 1 causes one detection per frame in the median jot, unless the changes
+        contain `gain` or the bits carry a sensor, whose gain then refers to the median jot.
 
         Parameters
         ----------
-        frames : int
-            T of the capture to reconstruct.
+        frames : int or Bits
+            The bits to reconstruct, or only their number of frames T. Bits are compared with the
+            calibration. A number says nothing about the jots, so nothing is compared.
         **changes
             Parameters of :class:`jotlight.Sensor`, which replace those of the calibration.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When the bits have another size or orientation than the calibration.
+
+        Warns
+        -----
+        JotlightWarning
+            When most jots with many dark counts do not show them in the bits.
+
+        Examples
+        --------
+        >>> import jotlight as jl
+        >>> dark = np.random.default_rng(0).binomial(1000, 0.01, (32, 48))
+        >>> calibration = jl.calibrate(dark, frames=1000)
+        >>> bits = jl.Bits.from_array(np.zeros((16, 32, 48), bool))
+        >>> calibration.sensor(bits).frames
+        16
+        >>> calibration.sensor(jl.Bits.from_array(np.zeros((16, 32, 40), bool)))
+        Traceback (most recent call last):
+          ...
+        ValueError: calibration: it has 32 x 48 jots, and the capture has 32 x 40; ...
         """
-        return self.applied_to(Sensor(frames=frames, threshold=self.threshold), **changes)
+        if not isinstance(frames, Bits):
+            if np.ndim(frames):
+                raise TypeError(
+                    "frames: expected jotlight.Bits or the number of frames, got "
+                    f"{type(frames).__name__} of shape {np.shape(frames)}; Bits.from_array packs "
+                    "an array of 0 and 1"
+                )
+            return self.applied_to(Sensor(frames=frames, threshold=self.threshold), **changes)
+        self.check_capture(frames.shape[1:3], frames.provenance)
+        own = carried_sensor(frames)
+        if own is None:
+            own = Sensor(frames=len(frames), threshold=self.threshold)
+        sensor = self.applied_to(own, **changes)
+        warn_about_conflict(frames, sensor)
+        return sensor
 
     def applied_to(self, sensor: Sensor, **changes: Any) -> Sensor:
         """Return the sensor with these maps, and with a gain that refers to the median jot.

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.calibration import find_hot_jots, find_periodic_rates
-from jotlight.calibration.agreement import dark_count_conflict
+from jotlight.calibration.agreement import describe_conflict
 from jotlight.calibration.hot_jots import fewest_trials
 from jotlight.calibration.jot_counts import JotCounts
 from jotlight.checks import Counts
@@ -127,16 +127,8 @@ def mask_hot_jots(captured: Captured, threads: int | None = None) -> Captured:
 def _dark_count_remarks(counts: Counts, trials: int, sensor: Sensor) -> list[tuple[str, str]]:
     """Return the remark that most hot jots of the sensor are not hot here, if it is true."""
     jots = JotCounts(counts, trials, sensor.threshold)
-    found = dark_count_conflict(jots, sensor.dark_counts)
-    if found is None:
-        return []
-    missing, number = found
-    remark = (
-        f"{missing:,} of the {number:,} jots with many dark counts do not show them in this "
-        "capture, so the dark counts are wrong; calibrate with captures of the same sensor, "
-        "orientation, exposure time, and temperature"
-    )
-    return [("dark counts", remark)]
+    conflict = describe_conflict(jots, sensor.dark_counts)
+    return [] if conflict is None else [("dark counts", conflict)]
 
 
 def _find_hot_jots(counts: Counts, trials: int, sensor: Sensor) -> npt.NDArray[np.bool_]:

@@ -47,18 +47,27 @@ class _LazySums:
 
 @dataclasses.dataclass(frozen=True)
 class LazyCalibration:
-    """A calibration that is not computed yet. Each map is a lazy array of shape (H, W)."""
+    """A calibration that is not computed yet. Each map is a lazy array of shape (H, W).
+
+    Attributes
+    ----------
+    dark_counts : dask.array.Array
+        d of each jot, float32.
+    mask : dask.array.Array
+        Dead jots, and hot jots with many dark counts, bool.
+    hot : dask.array.Array
+        Hot jots, bool.
+    dead : dask.array.Array
+        Dead jots, bool.
+    efficiency : dask.array.Array, optional
+        η of each jot, float32, if there is a flat capture.
+    """
 
     dark_counts: "dask.array.Array"
-    """d of each jot, float32."""
     mask: "dask.array.Array"
-    """Dead jots, and hot jots with many dark counts, bool."""
     hot: "dask.array.Array"
-    """Hot jots, bool."""
     dead: "dask.array.Array"
-    """Dead jots, bool."""
     efficiency: "dask.array.Array | None"
-    """η of each jot, float32, if there is a flat capture."""
     _sums: tuple[_LazySums | None, ...] = dataclasses.field(repr=False)
     _settings: dict[str, Any] = dataclasses.field(repr=False)
 

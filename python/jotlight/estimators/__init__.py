@@ -16,8 +16,9 @@ In reading order:
 * smooth kernels and mosaics: ``deconvolution``, ``demosaicing``;
 * quality of an estimate: ``uncertainty`` with ``light_inversion``, ``joint_uncertainty`` with
   ``pixel_kinds``, ``brightness``;
-* plans of captures: ``planning`` with ``planned_readings``, ``planned_motion``, and ``figure``,
-  ``bracketing``;
+* plans of captures: ``planning`` with ``planned_bits``, ``planned_readings``, ``planned_estimates``
+  (the errors of readings that differ), ``planned_motion``, and ``figure``, ``bracketing`` with
+  ``bracket_choice``;
 * other sensors: ``dead_time`` (free-running pixels), ``gates``.
 """
 

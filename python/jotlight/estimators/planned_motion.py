@@ -59,29 +59,41 @@ class MotionPlan:
 
     It assumes a filter that averages neighboring pixels as much as the noise requires. Maximum
     likelihood, which does not average, would overstate noise in comparison with blur.
+
+    Attributes
+    ----------
+    speed : float
+        Pixels per frame.
+    size : (int, int)
+        Rows and columns of the image in pixels. The scene moves along the shorter side.
+    frames : ndarray of int64
+        The numbers of frames, (M,).
+    summed : ndarray of float64
+        The PSNR in dB of the sum of all frames, (M,).
+    aligned : ndarray of float64
+        The PSNR in dB of the frames after alignment, (M,), if they can be aligned.
+    best_sum : int
+        The number of frames whose sum is best. Longer sums are worse.
+    best_aligned : int, optional
+        The smallest number of frames, 16 or more, for which twice as many improve the PSNR after
+        alignment by less than 0.1 dB. None if frames cannot be aligned at this speed: there is too
+        little light, so that the error exceeds half a pixel, or fewer than 16 frames show a part of
+        the image.
+    frames_in_view : int
+        The number of frames after which the scene has left the view.
+    registration_error : float
+        The standard deviation of the displacements after alignment, in pixels.
     """
 
     speed: float
-    """Pixels per frame."""
     size: tuple[int, int]
-    """Rows and columns of the image in pixels. The scene moves along the shorter side."""
     frames: npt.NDArray[np.int64]
-    """The numbers of frames, (M,)."""
     summed: Array
-    """The PSNR in dB of the sum of all frames, (M,)."""
     aligned: Array
-    """The PSNR in dB of the frames after alignment, (M,), if they can be aligned."""
     best_sum: int
-    """The number of frames whose sum is best. Longer sums are worse."""
     best_aligned: int | None
-    """The smallest number of frames, 16 or more, for which twice as many improve the PSNR after
-    alignment by less than 0.1 dB. None if frames cannot be aligned at this speed: there is too
-    little light, so that the error exceeds half a pixel, or fewer than 16 frames show a part of the
-    image."""
     frames_in_view: int
-    """The number of frames after which the scene has left the view."""
     registration_error: float
-    """The standard deviation of the displacements after alignment, in pixels."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range, positive_number, shown, whole_number_in_range
+from jotlight.checks import number_in_range, positive_number, shown, to_array, whole_number_in_range
 from jotlight.estimators.figure import draw_psnr, draw_snr
 from jotlight.estimators.inverse_response import warn_about_smooth_kernel
+from jotlight.estimators.planned_bits import PlannedBits
 from jotlight.estimators.planned_motion import MotionPlan, check_motion, plan_motion
 from jotlight.estimators.planned_readings import PlannedReadings
 from jotlight.notebook import card, table_of
-from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.readings import refuse_different_readings
-from jotlight.sensing.reference import reference_jot
-from jotlight.sensing.response import Array, detection_probability, inverse_detection_probability
+from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor, require_sensor
 
 if TYPE_CHECKING:
@@ -27,12 +26,6 @@ _LEVELS = 25
 
 _NODES = 20
 """The number of Gauss-Legendre nodes for the mean error over a range of light."""
-
-_MAX_SIGMAS = 12
-"""The number of standard deviations from the mean at which the sums over counts end."""
-
-COUNTS_PER_SIGMA = 100
-"""The maximum number of counts per standard deviation in the sums."""
 
 _SATURATED_FRACTION = 0.01
 """Fraction of pixels with only the largest reading, at the saturation light."""
@@ -49,30 +42,44 @@ class Plan:
     """The expected quality of `jotlight.mle` for N levels of light and M numbers of frames.
 
     Light, bias, and errors are in photons per jot and frame, and PSNR and SNR are in dB.
+
+    Attributes
+    ----------
+    light : ndarray of float64
+        The levels of light in ascending order, (N,).
+    frames : ndarray of int64
+        The numbers of frames, (M,).
+    bias : ndarray of float64
+        The mean error of the estimated light for each number of frames and level, (M, N).
+    rmse : ndarray of float64
+        The root mean square error of the estimated light, which includes the bias, (M, N).
+    cramer_rao_bound : ndarray of float64
+        The Cramér-Rao bound, (M, N): the minimum standard deviation of an unbiased estimate.
+    psnr : ndarray of float64
+        The PSNR in dB, (M,), of a scene with uniformly distributed light. Peak: the maximum.
+    saturation_light : ndarray of float64
+        The light at which all bits are 1 in 1 % of the pixels, (M,).
+    optimal_light : float
+        The light at which a bit is most informative, so that the bound on the SNR is highest.
+    target_psnr : float, optional
+        The requested PSNR in dB.
+    required_frames : int, optional
+        The number of frames that reaches the requested PSNR, or None if no number does.
+    motion : MotionPlan, optional
+        The quality at the given speed of the scene, or None without a speed.
     """
 
     light: Array
-    """The levels of light in ascending order, (N,)."""
     frames: npt.NDArray[np.int64]
-    """The numbers of frames, (M,)."""
     bias: Array
-    """The mean error of the estimated light for each number of frames and level, (M, N)."""
     rmse: Array
-    """The root mean square error of the estimated light, which includes the bias, (M, N)."""
     cramer_rao_bound: Array
-    """The Cramér-Rao bound, (M, N): the minimum standard deviation of an unbiased estimate."""
     psnr: Array
-    """The PSNR in dB, (M,), of a scene with uniformly distributed light. Peak: the maximum."""
     saturation_light: Array
-    """The light at which all bits are 1 in 1 % of the pixels, (M,)."""
     optimal_light: float
-    """The light at which a bit is most informative, so that the bound on the SNR is highest."""
     target_psnr: float | None = None
-    """The requested PSNR in dB."""
     required_frames: int | None = None
-    """The number of frames that reaches the requested PSNR, or None if no number does."""
     motion: MotionPlan | None = None
-    """The quality at the given speed of the scene, or None without a speed."""
 
     @property
     def snr(self) -> Array:
@@ -164,11 +171,14 @@ def plan(
 
     Notes
     -----
-    For readings of several bits or with read noise, the estimate is the light at which the mean
-    reading is expected (:class:`jotlight.estimators.planned_readings.PlannedReadings`).
+    Bias and error of bits are exact sums over the binomial distribution of a count. Where few bits
+    are 0 or few are 1, the estimate is biased, and its error may be below the bound of unbiased
+    estimates.
 
-    Bias and error are exact sums over the binomial distribution of a count. Where few bits are 0 or
-    few are 1, the estimate is biased, and its error may be below the bound of unbiased estimates.
+    With several bits or read noise, the error is that of a statistic close to the estimate
+    (:mod:`jotlight.estimators.planned_estimates`). For fewer than 64 readings, it differs from that
+    of `jotlight.mle` by up to 0.6 dB, or by up to 1.5 dB where the SNR is below 0 dB. From 64
+    readings on, it differs by less than 0.3 dB.
 
     To find `required_frames`, the search doubles the number of frames and then bisects. Below about
     10 dB, fewer may suffice. Methods that combine neighboring pixels need fewer frames.
@@ -192,7 +202,11 @@ def plan(
     check_motion(0 if speed is None else speed, size)
     if max_intensity is not None:
         max_intensity = positive_number("max_intensity", max_intensity)
-    pixel = (_Pixel if sensor.has_plain_bits else PlannedReadings)(sensor, max_intensity)
+    pixel: PlannedBits | PlannedReadings
+    if sensor.has_plain_bits:
+        pixel = PlannedBits(sensor, max_intensity)
+    else:
+        pixel = PlannedReadings(sensor, max_intensity, float(levels[-1]))
     scene = _Scene(pixel, levels[0], levels[-1])
     errors = [pixel.bias_and_mse(int(number), levels) for number in numbers]
     information = [pixel.information(levels) * number * pixel.jots for number in numbers]
@@ -217,57 +231,12 @@ def plan(
     )
 
 
-class _Pixel:
-    """The distribution of the estimated light of one pixel with equal jots."""
-
-    def __init__(self, sensor: Sensor, max_intensity: float | None) -> None:
-        self.threshold = sensor.threshold
-        self.jots = sensor.oversampling**2
-        self.efficiency, self.dark_counts = reference_jot(sensor)
-        self.max_light = (
-            None if max_intensity is None else max_intensity * sensor.light_per_intensity
-        )
-
-    def bias_and_mse(self, frames: int, levels: Array) -> tuple[Array, Array]:
-        """Return the bias and the mean square error of the clipped estimate at each level."""
-        bits = frames * self.jots
-        rates = self.efficiency * levels + self.dark_counts
-        probabilities = detection_probability(self.threshold, rates)
-        max_light = self.max_light
-        if max_light is None:
-            max_light = float(self._light(1 - 0.5 / bits, 0.5 / bits))
-        bias, mse = np.empty(len(levels)), np.empty(len(levels))
-        for index, (level, probability) in enumerate(zip(levels, probabilities, strict=True)):
-            counts, weights = _binomial_weights(bits, float(probability))
-            estimates = np.clip(self._light(counts / bits, (bits - counts) / bits), 0, max_light)
-            bias[index] = weights @ (estimates - level)
-            mse[index] = weights @ (estimates - level) ** 2
-        return bias, mse
-
-    def information(self, levels: Array) -> Array:
-        """Return the Fisher information of one bit about the light, at each level."""
-        return Likelihood(
-            np.zeros(levels.shape, np.int32),
-            threshold=self.threshold,
-            efficiency=self.efficiency,
-            dark_counts=self.dark_counts,
-        ).information(levels)
-
-    def saturation_light(self, frames: int, fraction: float) -> float:
-        """Return the light at which all bits are 1 in a fraction of the pixels."""
-        # The probability of a 1 is so close to 1 that its complement needs its own formula.
-        logarithm = np.log(fraction) / (frames * self.jots)
-        return float(np.maximum(self._light(np.exp(logarithm), -np.expm1(logarithm)), 0))
-
-    def _light(self, probability: npt.ArrayLike, complement: npt.ArrayLike) -> Array:
-        rate = inverse_detection_probability(self.threshold, probability, complement)
-        return np.asarray((rate - self.dark_counts) / self.efficiency)
-
-
 class _Scene:
     """A scene of such pixels, with light uniformly distributed between two levels."""
 
-    def __init__(self, pixel: _Pixel | PlannedReadings, min_light: float, max_light: float) -> None:
+    def __init__(
+        self, pixel: PlannedBits | PlannedReadings, min_light: float, max_light: float
+    ) -> None:
         nodes, weights = np.polynomial.legendre.leggauss(_NODES)
         self._pixel, self._max_light = pixel, max_light
         self._levels = min_light + (max_light - min_light) * (nodes + 1) / 2
@@ -306,7 +275,7 @@ class _Scene:
 
 
 def _light_levels(light: float | tuple[float, float]) -> Array:
-    levels = np.asarray(light)
+    levels = to_array("light", light)
     if levels.dtype.kind not in "iuf" or levels.shape not in ((), (1,), (2,)):
         raise TypeError(
             "light: expected a number of photons per jot and frame, or the minimum and the "
@@ -327,22 +296,6 @@ def _frame_numbers(frames: Sequence[int] | None, max_frames: int) -> npt.NDArray
     if np.ndim(frames) != 1 or len(frames) == 0:
         raise ValueError(f"frames: expected a list such as [16, 256], got {shown(frames)}")
     return np.array([whole_number_in_range("frames", each, 1, max_frames) for each in frames])
-
-
-def _binomial_weights(bits: int, probability: float) -> tuple[Array, Array]:
-    """Return the counts with noticeable probability, and their normalized probabilities."""
-    from scipy.special import gammaln, xlog1py, xlogy
-
-    mean, sigma = bits * probability, np.sqrt(bits * probability * (1 - probability))
-    reach = _MAX_SIGMAS * sigma + 2 * _MAX_SIGMAS
-    # For a wide distribution, a grid of every `step`-th count suffices: with bell-shaped weights,
-    # the sums of smooth functions agree to far more than ten digits.
-    step = max(1, int(sigma / COUNTS_PER_SIGMA))
-    counts = np.arange(max(0, int(mean - reach)), min(bits, int(mean + reach) + 1) + 1.0, step)
-    logarithms = xlogy(counts, probability) + xlog1py(bits - counts, -probability)
-    logarithms -= gammaln(counts + 1) + gammaln(bits - counts + 1)
-    weights = np.exp(logarithms - logarithms.max())
-    return counts, weights / weights.sum()
 
 
 def _decibels(ratio: npt.ArrayLike) -> Array:

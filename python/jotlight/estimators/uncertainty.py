@@ -46,30 +46,40 @@ class Uncertainty:
 
     `standard_error`, `low`, and `high` are float32 in the requested units. `unlit`, `saturated`,
     `dead`, and `unlikely` are bool.
+
+    Attributes
+    ----------
+    standard_error : ndarray of float32
+        The standard error of the estimate, in the requested units.
+
+        It is inf for a dead pixel, and where the bits contain practically no information about the
+        intensity.
+    low : ndarray of float32
+        The lower end of the confidence interval, in the same units.
+    high : ndarray of float32
+        The upper end of the confidence interval; S where the data do not bound it.
+    unlit : ndarray of bool
+        Whether dark counts alone explain the ones, so that the interval includes 0.
+    saturated : ndarray of bool
+        Whether all valid bits are 1, so that the data do not bound the intensity from above.
+    dead : ndarray of bool
+        Whether the pixel has no valid bit.
+    unlikely : ndarray of bool
+        Whether the bits contradict the estimate: held-out bits near the pixel are less probable
+        under it than under the fractions of ones alone. The scene is then unlike photographs. It is
+        False for maximum likelihood, and with fewer than 4 trials.
+    confidence_level : float
+        The coverage of the intervals.
     """
 
     standard_error: npt.NDArray[np.float32]
-    """The standard error of the estimate, in the requested units.
-
-    It is inf for a dead pixel, and where the bits contain practically no information about the
-    intensity.
-    """
     low: npt.NDArray[np.float32]
-    """The lower end of the confidence interval, in the same units."""
     high: npt.NDArray[np.float32]
-    """The upper end of the confidence interval; S where the data do not bound it."""
     unlit: npt.NDArray[np.bool_]
-    """Whether dark counts alone explain the ones, so that the interval includes 0."""
     saturated: npt.NDArray[np.bool_]
-    """Whether all valid bits are 1, so that the data do not bound the intensity from above."""
     dead: npt.NDArray[np.bool_]
-    """Whether the pixel has no valid bit."""
     unlikely: npt.NDArray[np.bool_]
-    """Whether the bits contradict the estimate: held-out bits near the pixel are less probable
-    under it than under the fractions of ones alone. The scene is then unlike photographs. It is
-    False for maximum likelihood, and with fewer than 4 trials."""
     confidence_level: float
-    """The coverage of the intervals."""
 
     def flags(self) -> npt.NDArray[np.uint8]:
         """Return a sum for each pixel: 1 if it is unlit, 2 saturated, 4 dead, and 8 unlikely."""

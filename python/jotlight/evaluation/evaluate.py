@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight.metrics as metrics
-from jotlight.checks import as_path, real_number, refuse_masked, require_image_list, shown
+from jotlight.argument_types import as_path
+from jotlight.checks import real_number, refuse_masked, require_image_list, shown
 from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.files import write_file

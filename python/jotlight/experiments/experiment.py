@@ -139,17 +139,33 @@ class Results:
 
 @dataclasses.dataclass(frozen=True)
 class Experiment:
-    """A figure or table of the paper, or a further comparison."""
+    """A figure or table of the paper, or a further comparison.
+
+    Parameters
+    ----------
+    name : str
+        Its name on the command line.
+    title : str
+        Its title in the report.
+    full_settings : dict
+        Every number that determines the results. JSON can hold them.
+    quick_settings : dict
+        The same for a run of seconds.
+    parts : callable
+        A function from a run to its parts.
+    section : callable
+        A function from the results to a section of the report.
+    compares_methods : bool
+        Whether it compares all methods, and so those of the caller, too.
+    datasets : sequence of str
+        The data sets that the parts read: "bsds300", "cifar10".
+    """
 
     name: str
     title: str
     full_settings: Mapping[str, Any]
-    """Every number that determines the results. JSON can hold them."""
     quick_settings: Mapping[str, Any]
-    """The same for a run of seconds."""
     parts: Callable[[RunContext], list[Part]]
     section: Callable[[Results], Section]
     compares_methods: bool = False
-    """Whether it compares all methods, and so those of the caller, too."""
     datasets: Sequence[str] = ()
-    """The data sets that the parts read: "bsds300", "cifar10"."""

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_path, whole_number_in_range
+from jotlight.argument_types import as_path
+from jotlight.checks import whole_number_in_range
 from jotlight.errors import SeveralArraysError, warn
 from jotlight.formats.capture import Capture, CountStack, frames_of, with_frames
 from jotlight.formats.detect import detect_format

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts, as_path, refuse_masked
+from jotlight.argument_types import as_path
+from jotlight.checks import Counts, refuse_masked, to_array
 from jotlight.errors import warn
 from jotlight.formats.labels import make_counts_label
 from jotlight.formats.registry import WRITERS
@@ -77,7 +78,7 @@ def _checked_counts(data: object) -> Counts:
     """Return an image of counts after a check."""
     # Lists of bits, and other objects, would become arrays that are no counts.
     is_array = hasattr(data, "__array__") or isinstance(data, list | tuple)
-    counts = np.asarray(data) if is_array else np.array(None)
+    counts = to_array("data", data) if is_array else np.array(None)
     if counts.dtype.kind not in "iu":
         kind = getattr(data, "dtype", type(data).__name__)
         raise TypeError(

@@ -12,7 +12,8 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_path, positive_number
+from jotlight.argument_types import as_path
+from jotlight.checks import positive_number
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
 from jotlight.formats.images.tiff_directories import open_checked_tiff

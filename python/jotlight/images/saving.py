@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_path, positive_number, refuse_masked
+from jotlight.argument_types import as_path
+from jotlight.checks import positive_number, refuse_masked, to_array
 from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.formats.capture import CountStack
@@ -211,7 +212,7 @@ def _checked(image: npt.ArrayLike, is_displayed: bool) -> npt.NDArray[Any]:
     An image for display has finite values only.
     """
     refuse_masked("image", image, "pass image.filled(0), or another value for masked pixels")
-    values = np.asarray(image)
+    values = to_array("image", image)
     if values.dtype.kind not in "biuf":
         raise TypeError(f"image: expected an array of numbers, got {values.dtype}")
     if values.ndim == 3 and values.shape[2] == 1:

@@ -60,6 +60,15 @@ class Tone:
 
     All channels of a color image use the same curve.
 
+    Parameters
+    ----------
+    curve : str
+        The name of the curve.
+    white : float
+        The intensity that becomes white.
+    middle : float
+        The geometric mean m of x. Only ``reinhard`` uses it.
+
     Notes
     -----
     ``reinhard`` is the global curve of Reinhard et al. (2002), their equations (2) and (4). A
@@ -73,9 +82,7 @@ class Tone:
 
     curve: str = "gamma"
     white: float = 1.0
-    """The intensity that becomes white."""
     middle: float = _KEY
-    """The geometric mean m of x. Only ``reinhard`` uses it."""
 
     def __post_init__(self) -> None:
         check_curve(self.curve)

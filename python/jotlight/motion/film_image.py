@@ -27,28 +27,40 @@ def _no_counts() -> tuple[Merged, ...]:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class FilmImage:
-    """The bits of one image of a film, merged along the motion of the scene."""
+    """The bits of one image of a film, merged along the motion of the scene.
+
+    Attributes
+    ----------
+    merged : Merged
+        The merged bits.
+    motion : Motion
+        The motion. Times count from the first frame of the window.
+    start : int
+        The number of the first frame of the window.
+    is_carried : bool
+        Whether the motion is that of the image before, with new blocks at its end.
+    data : Merged, Bits, or Readings
+        The data to pass to :func:`jotlight.reconstruct`. In most cases, they are `merged`. Behind a
+        mosaic, and with a map of thresholds, they are bits or readings in two cases: those of the
+        window if the scene stands still, and those of fewer frames if no motion explains the scene.
+        The flags of `merged` then say nothing about the image.
+    count_nearest : callable
+        A function that returns :attr:`nearest`.
+    still : range, optional
+        The frames of the window whose sums without motion are shown, because merging has rejected
+        the motion. None if the bits are merged along it.
+    """
 
     merged: Merged
     motion: Motion
-    """The motion. Times count from the first frame of the window."""
     start: int
-    """The number of the first frame of the window."""
     is_carried: bool
-    """Whether the motion is that of the image before, with new blocks at its end."""
     data: Merged | Bits | Readings = dataclasses.field(repr=False)
-    """The data to pass to :func:`jotlight.reconstruct`. In most cases, they are `merged`. Behind a
-    mosaic, and with a map of thresholds, they are bits or readings in two cases: those of the
-    window if the scene stands still, and those of fewer frames if no motion explains the scene. The
-    flags of `merged` then say nothing about the image."""
     count_nearest: Callable[[], tuple[Merged, ...]] = dataclasses.field(
         default=_no_counts, repr=False
     )
-    """A function that returns :attr:`nearest`."""
 
     still: range | None = None
-    """The frames of the window whose sums without motion are shown, because merging has rejected
-    the motion. None if the bits are merged along it."""
 
     @functools.cached_property
     def nearest(self) -> tuple[Merged, ...]:

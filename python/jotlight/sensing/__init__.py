@@ -18,7 +18,7 @@ In reading order:
   array `out` of methods. ``subsampling`` draws some of the bits of each pixel;
 * checks and messages: ``bits_checks``, ``alike_frames``, ``scaled_counts`` (which recognizes
   means), ``array_hints``, and ``description`` (sensors as texts);
-* ``periodic_rates``: a test for a mosaic that is not stated;
+* ``periodic_rates`` with ``filter_hints``: a test for a mosaic that is not stated;
 * ``response`` and ``reference``: the response of a jot, and numbers that represent a sensor;
 * ``operators``, ``likelihood``, and ``problem``: the spread of light, the objective of
   reconstruction, and its maximization. ``joint_likelihood`` is the objective for readings which

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Self, SupportsIndex, overload
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import refuse_masked, type_of
+from jotlight.checks import refuse_masked, to_array, type_of
 from jotlight.chunks import windows
 from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing import lazy, preview
@@ -113,7 +113,7 @@ class Bits(ArrayHints):
         (1, 10, 2)
         """
         refuse_masked("bits", array)
-        values = np.asarray(array)
+        values = to_array("bits", array)
         if values.dtype.kind not in "biu":
             kind = type_of(array, values)
             advice = "; pass array == 1 for floats" if values.dtype.kind == "f" else ""

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.checks import refuse_masked, refuse_path
+from jotlight.argument_types import refuse_path
+from jotlight.checks import refuse_masked
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.photon_readings import Readings

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range
+from jotlight.checks import number_in_range, to_array
 
 LIMITS = 1e-18, 1e18
 """Range of a sensor's gain and largest intensity, and of its other numbers where they are not 0.
@@ -91,7 +91,7 @@ def _checked_dark_counts(dark_counts: npt.ArrayLike) -> float | npt.NDArray[np.f
 
 
 def _checked_efficiency(efficiency: npt.ArrayLike) -> float | npt.NDArray[np.float32]:
-    values = np.asarray(efficiency)
+    values = to_array("efficiency", efficiency)
     if values.ndim == 0:
         return number_in_range("efficiency", efficiency, LIMITS[0], 1)
     if values.dtype.kind not in "iuf" or values.ndim != 2:
@@ -112,7 +112,7 @@ def _checked_efficiency(efficiency: npt.ArrayLike) -> float | npt.NDArray[np.flo
 def _checked_mask(mask: npt.ArrayLike | None) -> npt.NDArray[np.bool_] | None:
     if mask is None:
         return None
-    array = np.asarray(mask)
+    array = to_array("mask", mask)
     if array.dtype != np.bool_ or array.ndim != 2:
         raise ValueError(
             "mask: expected a 2-D array of bool with True for a dead jot, "

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import to_array
 from jotlight.sensing import mosaic_text
 from jotlight.sensing.maps import LIMITS
 
@@ -28,7 +29,7 @@ _MAX_SHOWN_LETTERS = 32
 
 def is_image(given: Any) -> bool:
     """Return whether a pattern is an image, (H, W, 3)."""
-    return not isinstance(given, str) and np.ndim(given) == 3
+    return not isinstance(given, str) and to_array("mosaic", given).ndim == 3
 
 
 def of_image(image: npt.NDArray[Any]) -> tuple[Pattern, Colors]:

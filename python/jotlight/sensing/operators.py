@@ -72,14 +72,14 @@ class Operator:
 
 @dataclasses.dataclass(frozen=True)
 class Scaling(Operator):
-    """Multiplication by a number: the operator of the box kernel for counts of pixels."""
+    """Multiplication by `factor`: the operator of the box kernel for counts of pixels."""
 
     factor: float
 
 
 @dataclasses.dataclass(frozen=True)
 class Spread(Operator):
-    """The spread of light over jots, with its parameters. :func:`spread` returns it."""
+    """The spread of light over jots, with the arguments of :func:`spread`, which returns it."""
 
     oversampling: int
     kernel: str

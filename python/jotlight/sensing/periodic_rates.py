@@ -12,6 +12,12 @@ from jotlight.checks import Counts, as_counts
 from jotlight.errors import PeriodicRatesWarning, warn
 from jotlight.layout import image_channels
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.filter_hints import (
+    alternating,
+    green_orders,
+    means_of_filters,
+    white_order,
+)
 from jotlight.sensing.photon_readings import Readings
 
 THRESHOLD = 6.0
@@ -29,8 +35,11 @@ The blocks of JPEG files and the traces of demosaicing are weaker.
 PERIODS = 2, 4
 """Tested periods in jots in ascending order, of a Bayer mosaic and of a quad Bayer mosaic."""
 
-_MAX_RATIO = 0.25
-"""Maximum difference of two filters that are alike, relative to that of the other two."""
+MIN_AMPLITUDE_OF_ONE = 0.1
+"""Minimum amplitude of rates that alternate in one direction only, relative to the mean rate.
+
+Sharp gratings that fill the image may have a high score in one direction, but are weaker.
+"""
 
 _TILE = 16
 """Width of the tiles that are compared, in halves of a period."""
@@ -65,6 +74,10 @@ class PeriodicRates:
     greens : str, optional
         The orders of a Bayer mosaic that fit: their green filters are on the two jots of equal
         rates.
+    white : str, optional
+        An order of a mosaic with a white filter, if one of four filters sees much more light.
+    alternating : str, optional
+        What alternates if rates alternate in one direction only: ``"rows"`` or ``"columns"``.
     """
 
     period: int
@@ -72,6 +85,8 @@ class PeriodicRates:
     score: float
     side: int
     greens: str | None = None
+    white: str | None = None
+    alternating: str | None = None
 
     def describe(self) -> str:
         """Return what periodic rates mean, and how to reconstruct the capture."""
@@ -92,25 +107,36 @@ class PeriodicRates:
         )
 
     def _cause(self) -> str:
-        side = self.side
-        mosaic = {(2, 1): "a Bayer mosaic", (4, 2): "a quad Bayer mosaic"}.get(
-            (self.period, side), f"a mosaic of {self.period} x {self.period} jots"
-        )
+        side, period = self.side, self.period
+        if self.alternating is not None:
+            return (
+                f"the rates repeat every {period} {self.alternating} of jots, for example under "
+                f"the color filters RGBW/BWRG, or because {self.alternating} differ"
+            )
+        names = {(2, 1): "a Bayer mosaic", (4, 2): "a quad Bayer mosaic"}
+        mosaic = names.get((period, side), f"a mosaic of {period} x {period} jots")
+        if self.white is not None:
+            mosaic = "a mosaic with a white filter"
         return (
-            f"the rates repeat every {self.period} x {self.period} jots, for example under the "
+            f"the rates repeat every {period} x {period} jots, for example under the "
             f"color filters of {mosaic}, or because rows differ"
         )
 
     def _alike(self) -> str:
+        if self.white is not None:
+            return f". One of four filters sees much more light, as the white one in {self.white}"
         if self.greens is None:
             return ""
         return f". Two of four filters see about the same light, {self.greens}"
 
     def _order(self) -> str:
         """Return an order of the filters that fits, as `mosaic` takes it."""
+        if self.alternating is not None:
+            return "the letters of the filters, with / after each row"
         if (self.period, self.side) not in ((2, 1), (4, 2)):
             return f"the letters of the filters, with / after each {self.period}"
         letters = "GRBG" if self.greens is not None and "GRBG" in self.greens else "RGGB"
+        letters = self.white or letters
         if self.side == 1:
             return letters
         rows = ["".join(2 * letter for letter in row) for row in (letters[:2], letters[2:])]
@@ -160,6 +186,8 @@ def find_periodic_rates(
     neighboring tiles, because nothing in a scene is aligned with the jots. So the number of equal
     signs is binomial without a period. Tiles are compared across the stripes only, since the edge
     of an object may continue along them. For a period of 4, squares of 2 x 2 jots are added first.
+    The three parts are tested together. Each is also tested by itself, for amplitudes of 10 %
+    and more.
 
     Examples
     --------
@@ -205,25 +233,12 @@ def largest_period(
         if score > THRESHOLD and amplitude > MIN_AMPLITUDE:
             if found is not None:
                 side, amplitude = found.side, math.hypot(amplitude, found.amplitude)
-            found = PeriodicRates(period, amplitude, score, side, _greens(rates, side))
+            means = means_of_filters(rates, side)
+            greens = green_orders(means)
+            white = white_order(means, greens is not None)
+            direction = alternating(means)
+            found = PeriodicRates(period, amplitude, score, side, greens, white, direction)
     return found
-
-
-def _greens(rates: Array, side: int) -> str | None:
-    """Return the orders of a Bayer mosaic whose green filters are on the jots of equal rates.
-
-    Examples
-    --------
-    >>> _greens(np.float32([[4, 9], [9, 1]]), 1)
-    'as in RGGB or BGGR'
-    """
-    height, width = (length // (2 * side) for length in rates.shape)
-    whole = rates[: height * 2 * side, : width * 2 * side]
-    means = whole.reshape(height, 2, side, width, 2, side).mean(axis=(0, 2, 3, 5))
-    main, other = abs(means[0, 0] - means[1, 1]), abs(means[0, 1] - means[1, 0])
-    if min(main, other) > _MAX_RATIO * max(main, other):
-        return None
-    return "as in RGGB or BGGR" if other < main else "as in GRBG or GBRG"
 
 
 def warn_about_periods(data: Iterable[object]) -> None:
@@ -279,19 +294,29 @@ def _score(rates: Array, side: int = 1) -> tuple[float, float]:
     tiles = rates[: height * size, : width * size].reshape(height, size, -1)
     columns = np.matmul(filters, tiles).reshape(height, 2, width, size)
     (means, vertical), (horizontal, checkerboard) = np.einsum("hrwj,cj->rchw", columns, filters)
-    parts = [
-        _vertical_products(horizontal),
-        _vertical_products(vertical.T),
-        _vertical_products(checkerboard),
-        _vertical_products(checkerboard.T),
-    ]
-    signs, mean_power = np.sign(np.concatenate(parts)), _vertical_products(means).mean()
-    if not signs.any() or mean_power == 0:
+    power = float(_vertical_products(means).mean())
+    if power == 0:
         return 0.0, 0.0
-    # Two of the parts are the same checkerboards.
-    power = parts[0].mean() + parts[1].mean() + (parts[2].mean() + parts[3].mean()) / 2
-    amplitude = np.sqrt(max(0.0, power) / mean_power)
-    return float(signs.sum() / np.sqrt(np.count_nonzero(signs))), float(amplitude)
+    directions = [
+        [_vertical_products(horizontal)],
+        [_vertical_products(vertical.T)],
+        # Both parts are the same checkerboards.
+        [_vertical_products(checkerboard), _vertical_products(checkerboard.T)],
+    ]
+    powers = np.array([np.mean([part.mean() for part in parts]) for parts in directions]) / power
+    strong = [
+        _agreement(parts)
+        for parts, own in zip(directions, powers, strict=True)
+        if own > MIN_AMPLITUDE_OF_ONE**2
+    ]
+    score = _agreement([part for parts in directions for part in parts])
+    return max([score, *strong]), float(np.sqrt(max(0.0, powers.sum())))
+
+
+def _agreement(parts: list[Array]) -> float:
+    """Return how many more products are positive than negative, in standard deviations."""
+    signs = np.sign(np.concatenate(parts))
+    return float(signs.sum() / math.sqrt(max(int(np.count_nonzero(signs)), 1)))
 
 
 @functools.cache

@@ -6,7 +6,7 @@ from typing import Any, Self, SupportsIndex, overload
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import refuse_masked
+from jotlight.checks import refuse_masked, to_array
 from jotlight.layout import MAX_CHANNELS
 from jotlight.notebook import card, normalize
 from jotlight.sensing import preview
@@ -61,7 +61,7 @@ class Readings(ArrayHints):
                 f"{type(sensor).__name__}"
             )
         refuse_masked("readings", array)
-        values: Any = array if isinstance(array, Frames) else np.asarray(array)
+        values: Any = array if isinstance(array, Frames) else to_array("readings", array)
         if values.dtype.kind not in "iu":
             raise TypeError(f"readings: expected whole numbers, got {values.dtype}")
         if values.ndim == 2:

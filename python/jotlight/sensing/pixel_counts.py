@@ -8,7 +8,8 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import as_counts, check_threads, refuse_frames, refuse_masked, refuse_path
+from jotlight.argument_types import refuse_frames, refuse_path
+from jotlight.checks import as_counts, check_threads, refuse_masked
 from jotlight.layout import Layout, join
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits

@@ -7,7 +7,7 @@ from typing import Any, Generic, Protocol, TypeGuard, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range, shown, whole_number_in_range
+from jotlight.checks import number_in_range, shown, to_array, whole_number_in_range
 from jotlight.errors import warn
 from jotlight.sensing.maps import LIMITS, MAX_THRESHOLD, checked_threshold_map
 
@@ -78,7 +78,7 @@ def checked_gain(gain: npt.ArrayLike, frames: int) -> Gain:
     >>> checked_gain([1.0, 8.0], 2).tolist(), checked_gain([2.0, 2.0], 2)
     ([1.0, 8.0], 4.0)
     """
-    values = np.asarray(gain)
+    values = to_array("gain", gain)
     if values.ndim == 0:
         return number_in_range("gain", gain, *LIMITS)
     _check_frames("gain", values, frames, "a number")
@@ -107,7 +107,7 @@ def checked_threshold(threshold: npt.ArrayLike, frames: int) -> Threshold:
     >>> checked_threshold([1, 4], 2).tolist(), checked_threshold([[3, 3]], 2)
     ([1, 4], 3)
     """
-    values = np.asarray(threshold)
+    values = to_array("threshold", threshold)
     if values.ndim == 0:
         return whole_number_in_range("threshold", threshold, 1, MAX_THRESHOLD)
     if values.ndim == 2:

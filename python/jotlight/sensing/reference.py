@@ -97,7 +97,28 @@ def saturation_intensity(sensor: Sensor) -> float:
         float(_of_live_jots(value, sensor).min()) if isinstance(value, np.ndarray) else float(value)
         for value in (sensor.dark_counts, sensor.efficiency)
     )
-    half = 0.5 / sensor.trials
+    rate = saturation_rate(sensor, sensor.trials)
+    light = max(rate - dark, 0.0) / efficiency
+    intensity = light / sensor.light_per_intensity or 1.0
+    return min(max(intensity, LIMITS[0]), LIMITS[1])
+
+
+def saturation_rate(sensor: Sensor, trials: int) -> float:
+    """Return the detections per reading at which half of a reading is not the largest one.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        A sensor whose readings have one gain and one threshold.
+    trials : int
+        The number of readings.
+
+    Examples
+    --------
+    >>> round(saturation_rate(Sensor(), 16), 4)  # log(2 * 16)
+    3.4657
+    """
+    half = 0.5 / trials
     # The photons at which a reading is the largest one.
     photons = sensor.threshold - 1 + sensor.max_reading
     rate = float(inverse_detection_probability(photons, 1 - half, half))
@@ -105,9 +126,7 @@ def saturation_intensity(sensor: Sensor) -> float:
         from scipy.special import ndtri
 
         rate += sensor.read_noise * float(-ndtri(half))
-    light = max(rate - dark, 0.0) / efficiency
-    intensity = light / sensor.light_per_intensity or 1.0
-    return min(max(intensity, LIMITS[0]), LIMITS[1])
+    return rate
 
 
 def _of_live_jots(map_: npt.NDArray[np.float32], sensor: Sensor) -> npt.NDArray[np.float32]:

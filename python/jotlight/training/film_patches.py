@@ -19,6 +19,17 @@ _SIMILAR = 4
 class FilmExample:
     """What a film network reads of an image, and the true image.
 
+    Parameters
+    ----------
+    planes : ndarray of float
+        The planes of :mod:`jotlight.networks.film_planes`, (14, H, W).
+    truth : ndarray of float
+        The true intensities, (H, W).
+    trials : float
+        The usual number of binary readings behind a pixel of the window.
+    light_per_intensity : float
+        Photons per jot and frame at intensity 1.
+
     Raises
     ------
     ValueError
@@ -26,13 +37,9 @@ class FilmExample:
     """
 
     planes: npt.NDArray[np.floating]
-    """The planes of :mod:`jotlight.networks.film_planes`, (14, H, W)."""
     truth: npt.NDArray[np.floating]
-    """The true intensities, (H, W)."""
     trials: float
-    """The usual number of binary readings behind a pixel of the window."""
     light_per_intensity: float
-    """Photons per jot and frame at intensity 1."""
 
     def __post_init__(self) -> None:
         expected = PLANES, *self.truth.shape

@@ -20,19 +20,28 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True)
 class Record:
-    """The measurements at the start of one step."""
+    """The measurements at the start of one step.
+
+    Attributes
+    ----------
+    step : int
+        Number of the step, from 0.
+    loss : float
+        Cost ε: ½‖ĉ - c‖², averaged over patches. In fine-tuning on bits: their negative
+        log-likelihood in nats per bit.
+    gradient_norm : float
+        ‖∇ε‖.
+    test_psnr : float, optional
+        Mean PSNR of the test images in dB, or None where it was not measured.
+    held_out : float, optional
+        Negative log-likelihood of the held-out bits in nats per bit, or None.
+    """
 
     step: int
-    """Number of the step, from 0."""
     loss: float
-    """Cost ε: ½‖ĉ - c‖², averaged over patches. In fine-tuning on bits: their negative
-    log-likelihood in nats per bit."""
     gradient_norm: float
-    """‖∇ε‖."""
     test_psnr: float | None
-    """Mean PSNR of the test images in dB, or None where it was not measured."""
     held_out: float | None = None
-    """Negative log-likelihood of the held-out bits in nats per bit, or None."""
 
 
 RecordCallback = Callable[[Record], object]

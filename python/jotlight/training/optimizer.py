@@ -14,16 +14,24 @@ State = dict[str, npt.NDArray[Any]]
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """The result of one step."""
+    """The result of one step.
+
+    Parameters
+    ----------
+    vector : ndarray of float64
+        Parameters after the step.
+    state : State
+        State of the optimizer after the step.
+    loss : float
+        Cost ε at the start of the step.
+    gradient : ndarray of float64
+        ∇ε at the start of the step.
+    """
 
     vector: Vector
-    """Parameters after the step."""
     state: State
-    """State of the optimizer after the step."""
     loss: float
-    """Cost ε at the start of the step."""
     gradient: Vector
-    """∇ε at the start of the step."""
 
 
 class Optimizer(Protocol):

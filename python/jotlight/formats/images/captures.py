@@ -31,6 +31,7 @@ from jotlight.formats.images.tiff_directories import (
     open_checked_tiff,
     shape_of,
 )
+from jotlight.formats.images.tiff_layout import no_counts_error
 from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.labels import COUNTS, READINGS, make_readings_label, parse_label
 from jotlight.formats.limits import check_claimed_size
@@ -112,6 +113,7 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
             shape, axes, dtype = shape_of(series), series.axes, series.dtype
             description = tiff.pages[0].description
             is_own = any(parse_label(description, kind) for kind in (COUNTS, READINGS))
+            refusal = None if is_own else no_counts_error(tiff, path)
             # Other programs may store channels as pages. Ours are samples.
             single = axes in ("YX", "YXS", "SYX") or (not is_own and is_single_image(shape))
             paged = not single and len(series.pages) == shape[0]
@@ -123,6 +125,8 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
         raise ValueError(f"{path}: the TIFF file cannot be read ({error})") from error
     if not verified and is_own:
         raise missing_error(path)
+    if refusal is not None:
+        raise refusal
     if len(shape) not in (2, 3, 4) or dtype.kind not in "biuf":
         raise ValueError(
             f"{path}: expected counts, (H, W) or (T, H, W), got {dtype} of shape {shape}"

@@ -1,0 +1,36 @@
+"""Checks of the types of arguments: paths, and frames in place of counts."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+
+def refuse_path(data: object) -> None:
+    """Raise TypeError for a path in place of data."""
+    if isinstance(data, str | os.PathLike):
+        raise TypeError(
+            f"data: expected bits or counts, got the path {os.fspath(data)!r}; pass "
+            "jotlight.open(path) for a capture, and sensor.expose(jotlight.read_image(path)) for a "
+            "photograph"
+        )
+
+
+def refuse_frames(data: object) -> None:
+    """Raise TypeError for an array of bool in place of data."""
+    if isinstance(data, np.ndarray) and data.dtype == np.bool_:
+        raise TypeError(
+            "data: expected jotlight.Bits or counts, got an array of bool; pass "
+            "jotlight.Bits.from_array(frames, sensor)"
+        )
+
+
+def as_path(path: object, call: str) -> Path:
+    """Return a path. Refuse an empty text and other arguments, with an example of the call."""
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(
+            f"path: expected the name of a file, as in {call}, got {type(path).__name__}"
+        )
+    if not os.fspath(path):
+        raise ValueError(f"path: expected the name of a file, as in {call}, got an empty text")
+    return Path(path)

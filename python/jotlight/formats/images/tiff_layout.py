@@ -1,0 +1,70 @@
+"""What the pages and the samples of a TIFF file mean, and whether they are counts."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+from jotlight.formats.images.tiff_directories import shape_of
+
+_ALPHA = 1, 2
+"""Values of the tag ExtraSamples that mark transparency."""
+
+_NO_COUNTS = {0: "inverted gray levels", 5: "inks", 6: "YCbCr colors", 8: "CIELAB colors"}
+"""Values of the tag PhotometricInterpretation whose numbers are no counts, and their names."""
+
+_IMAGES = "TZQI"
+"""Letters of tifffile for axes of images: time, depth, unknown, and a sequence."""
+
+
+def no_counts_error(tiff: Any, path: Path) -> ValueError | None:
+    """Return an error if the pages or the samples of a TIFF file do not hold counts of images.
+
+    Other programs may store channels as pages, which look like frames, and transparency as samples,
+    which look like colors.
+
+    Parameters
+    ----------
+    tiff : tifffile.TiffFile
+        The open file.
+    path : Path
+        Its name for messages.
+    """
+    series, page = tiff.series[0], tiff.pages[0]
+    channels = channels_in_pages(tiff)
+    if channels > 1:
+        return ValueError(
+            f"{path}: expected pages that are frames, got pages of {channels} channels "
+            f"({series.axes}, shape {series.shape}); write each channel to a file of its own "
+            "(ImageJ: Image > Color > Split Channels), or the channels as samples, (T, H, W, C)"
+        )
+    kind = _NO_COUNTS.get(int(page.photometric))
+    if kind is not None:
+        return ValueError(
+            f"{path}: expected counts as gray levels or RGB, got {kind}; save the counts as gray "
+            "levels in which 0 is black"
+        )
+    if set(_ALPHA) & set(map(int, page.extrasamples)):
+        return ValueError(
+            f"{path}: expected counts, got {page.samplesperpixel - 1} channel"
+            f"{'s' * (page.samplesperpixel > 2)} and transparency, of shape {shape_of(series)}; "
+            "save the file without its alpha channel"
+        )
+    images = [axis for axis in series.axes if axis in _IMAGES]
+    if len(images) > 1:
+        return ValueError(
+            f"{path}: expected one axis of images, (T, H, W), got {series.axes} of shape "
+            f"{series.shape}; write one stack of images to each file"
+        )
+    return None
+
+
+def channels_in_pages(tiff: Any) -> int:
+    """Return the number of channels that the pages of a file hold, as ImageJ or OME-TIFF state."""
+    series, page = tiff.series[0], tiff.pages[0]
+    if "C" in series.axes:
+        return int(series.shape[series.axes.index("C")])
+    text = page.description
+    if not text.lstrip().startswith(("<?xml", "<OME")):
+        return 1
+    stated = re.search(r'\bSizeC="(\d{1,6})"', text)
+    return 1 if stated is None else int(stated[1]) // max(1, page.samplesperpixel)
