@@ -82,7 +82,7 @@ def follow_segment(
             if improve_block(track, block, template, sigma, weights) <= _SMALL:
                 break
         track.known[block] = True
-        total = total + track.nearby_sums(block)
+        total += track.nearby_sums(block)
         if is_renewed(number) and number < len(order):
             template = make_template(total, blocks.threads)
             weights = segment.weights * agreement(sums_of_groups(track), template)
