@@ -139,9 +139,7 @@ def count(
         part = bits[frames]
         tile = None if fields.shape[2:] == SIZE else TILE
         times = (np.arange(len(part)) + 0.5) / len(part)
-        engine.add_shifted_counts(
-            part, SIZE[1], fields, tile, times, valid, ones, trials, remainders, 1
-        )
+        engine.count_shifted(part, SIZE[1], fields, tile, times, valid, ones, trials, remainders, 1)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,6 @@ __all__ = [
     "add_counts",
     "add_counts_of_blocks",
     "add_object_gain",
-    "add_shifted_counts",
     "add_shifted_values",
     "anscombe",
     "blur",
@@ -30,6 +29,7 @@ __all__ = [
     "choose_cpu_level",
     "conditioning_weights",
     "cost_of_curve",
+    "count_shifted",
     "cpu_level",
     "cpu_levels",
     "detection_probability",
@@ -171,7 +171,7 @@ def transpose_bits(
     transposed: npt.NDArray[np.uint8],
     threads: int | None,
 ) -> None: ...
-def add_shifted_counts(
+def count_shifted(
     packed: npt.NDArray[np.uint8],
     width: int,
     fields: npt.NDArray[np.float32],

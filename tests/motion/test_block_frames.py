@@ -21,6 +21,20 @@ def test_bright_blocks_need_a_part_of_their_frames(probability, size, step):
     assert {len(few.frames(block)) for block in range(8)} == {8 // step}
 
 
+def test_the_light_is_measured_on_as_many_threads_as_all_else(monkeypatch):
+    """The first call of a thread decides how many threads work with it."""
+    numbers = []
+
+    def counts(self, oversampling, threads):
+        numbers.append(threads)
+        return np.full((16, 20), 8)
+
+    monkeypatch.setattr(jl.Bits, "counts", counts)
+    burst = as_burst(jl.Bits.from_array(np.zeros((64, 16, 20), bool)))
+    assert Blocks(burst, np.array([0, 64]), threads=3).mean_count == 8 / 32
+    assert numbers == [3]
+
+
 def test_every_second_frame_of_a_block_is_counted():
     bits = np.random.default_rng(1).random((12, 16, 20)) < 0.4
     burst = as_burst(jl.Bits.from_array(bits))

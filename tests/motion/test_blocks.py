@@ -22,7 +22,7 @@ def count(bits, fields, tile, times, valid=None, threads=None):
     ones, trials = np.zeros((2, height, width), np.int32)
     remainders = np.zeros((height, 2, -(-width // 16)), np.float32)
     mask = None if valid is None else np.packbits(valid, axis=1)
-    engine.add_shifted_counts(
+    engine.count_shifted(
         np.packbits(bits, axis=2), width, fields, tile, np.float64(times), mask,
         ones, trials, remainders, threads,
     )  # fmt: skip
@@ -130,23 +130,27 @@ def test_strided_bits_are_counted_like_contiguous_ones():
     field = rng.normal(0, 3, (2, 2, 5)).astype(np.float32)
     ones, trials = np.zeros((2, 20, 70), np.int32)
     remainders = np.zeros((20, 2, 5), np.float32)
-    engine.add_shifted_counts(
+    engine.count_shifted(
         packed[..., 1], 70, np.stack([field] * 2), 16, np.zeros(8), None, ones, trials,
         remainders, None,
     )  # fmt: skip
     np.testing.assert_array_equal(ones, count(color[..., 1], (field, field), 16, np.zeros(8))[0])
 
 
-def test_counts_are_added():
-    bits = np.ones((3, 5, 20), bool)
+@pytest.mark.parametrize("frames", [0, 3])
+@pytest.mark.parametrize("valid", [None, np.full((5, 3), 255, np.uint8)])
+def test_counts_replace_earlier_values(frames, valid):
+    bits = np.ones((frames, 5, 20), bool)
     field = np.zeros((2, 1, 2), np.float32)
     ones, trials = np.full((2, 5, 20), 10, np.int32)
-    engine.add_shifted_counts(
-        np.packbits(bits, axis=2), 20, np.stack([field] * 2), 16, np.zeros(3), None, ones, trials,
-        np.zeros((5, 2, 2), np.float32), None,
+    remainders = np.full((5, 2, 2), 10, np.float32)
+    engine.count_shifted(
+        np.packbits(bits, axis=2), 20, np.stack([field] * 2), 16, np.zeros(frames), valid, ones,
+        trials, remainders, None,
     )  # fmt: skip
-    assert (ones == 13).all()
-    assert (trials == 13).all()
+    assert (ones == frames).all()
+    assert (trials == frames).all()
+    assert (remainders == 0).all()
 
 
 @pytest.mark.parametrize(
@@ -165,7 +169,7 @@ def test_counts_are_added():
         ({"times": np.full(3, np.nan)}, "expected -1 to 2"),
         ({"valid": np.zeros((5, 9), np.uint8)}, "packed mask"),
         ({"ones": np.zeros((5, 21), np.int32)}, "counts"),
-        ({"trials": np.full((5, 20), 2**31 - 2, np.int32)}, "sums of less than 2\\^31"),
+        ({"trials": np.zeros((6, 20), np.int32)}, "counts"),
         ({"remainders": np.zeros((5, 2, 3), np.float32)}, "remainders"),
         ({"width": 30}, "bytes in a packed row"),
     ],
@@ -184,7 +188,7 @@ def test_arguments_that_do_not_fit_are_refused(changes, message):
         "threads": None,
     }
     with pytest.raises(ValueError, match=message):
-        engine.add_shifted_counts(*{**arguments, **changes}.values())
+        engine.count_shifted(*{**arguments, **changes}.values())
 
 
 def test_blocks_return_remainders_per_frame():

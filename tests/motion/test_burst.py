@@ -27,7 +27,7 @@ def content(burst, frames, channel=None):
     for part, planes in burst.parts(frames, channel):
         images = np.zeros((len(part), *burst.size), int)
         for weight, packed in planes:
-            assert packed.flags.c_contiguous
+            assert packed[0].flags.c_contiguous
             digits = np.unpackbits(packed, axis=2, count=burst.size[1])
             images += weight * digits.astype(int)
         parts.append(images)

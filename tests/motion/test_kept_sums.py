@@ -47,6 +47,9 @@ def test_sums_are_seen_along_curves_that_are_near():
     assert seen.ones is sums.ones
     # The remainders are sums over 6 frames of the shift minus the displacement.
     np.testing.assert_allclose(seen.remainders, sums.remainders - 6 * 0.25, atol=1e-5)
+    # The same curve again has the same sums, unless they were counted too far away.
+    assert kept.seen_along(1, curve(shift=0.75), 0.3) is seen
+    assert kept.seen_along(1, near, 0.2) is None
     # A curve that is near the one seen last, but not the one that was counted.
     assert kept.seen_along(1, curve(shift=1.0), 0.3) is None
     later = BLOCKS.count(near.frames, near.fields, near.times)

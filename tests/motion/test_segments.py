@@ -5,6 +5,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 import jotlight as jl
+from jotlight.motion import segments as module
+from jotlight.motion.blocks import Blocks
 from jotlight.motion.segments import (
     _energy,
     _majority,
@@ -108,6 +110,27 @@ def test_a_velocity_is_refined():
     start = field_of((0.56, -0.3), blocks)
     found = _refine(blocks, start, np.ones(tile_counts(blocks.size)))
     np.testing.assert_allclose(found.mean(axis=(1, 2)), velocity, atol=0.02)
+
+
+@pytest.mark.parametrize(("share", "frames"), [(1.0, 96), (0.25, 192)])
+def test_the_velocity_of_a_large_region_is_refined_with_few_frames(share, frames, monkeypatch):
+    """4 times 1.5 ones per pixel of 65,536 pixels suffice, and 32 ones per pixel always do."""
+    bits = np.random.default_rng(2).random((768, 256, 256)) < 1 / 16
+    blocks = blocks_of(jl.Bits.from_array(bits), 8)
+    monkeypatch.setattr(Blocks, "mean_count", 1 / 16)
+    monkeypatch.setattr(module, "_MAX_COUNTED", 192)
+    counted = []
+
+    def count(blocks, frames, fields, times):
+        counted.append(len(frames))
+        return count_all(blocks, frames, fields, times)
+
+    count_all = Blocks.count
+    monkeypatch.setattr(Blocks, "count", count)
+    weights = np.zeros(tile_counts(blocks.size))
+    weights[:, : round(16 * share)] = 1
+    _refine(blocks, field_of((0, 0.01), blocks), weights)
+    assert counted == [96] * 4 + [frames] * 4
 
 
 def test_frames_at_a_whole_velocity_are_shifted_and_added():

@@ -17,14 +17,26 @@ def test_sums_can_be_added():
     fields = tuple(rng.normal(0, 3, (2, 2, 2, 2)))
     parts = [blocks.count(frames, fields, (0, 12)) for frames in (range(5), range(5, 12))]
     whole = blocks.count(range(12), fields, (0, 12))
-    added = Sums.zeros((20, 30))
-    for frames in (range(5), range(5, 12)):
-        blocks.add(added, frames, fields, (0, 12))
-    for total in (parts[0] + parts[1], Sums.total(parts), added):
+    for total in (parts[0] + parts[1], Sums.total(parts)):
         np.testing.assert_array_equal(total.ones, whole.ones)
         np.testing.assert_array_equal(total.trials, whole.trials)
         np.testing.assert_allclose(total.remainders, whole.remainders, atol=1e-4)
         assert total.frames == 12
+
+
+def test_totals_have_arrays_of_their_own():
+    blocks = blocks_of(jl.Bits.from_array(np.ones((6, 20, 30), bool)), 1)
+    part = blocks.count(range(6), np.zeros((2, 2, 2, 2)), (0, 6))
+    total = Sums.total([part])
+    total += part
+    assert (part.ones == 6).all()
+    assert (total.ones == 12).all()
+
+
+def test_totals_of_nothing_need_a_size():
+    assert not Sums.total([], size=(2, 3)).trials.any()
+    with pytest.raises(ValueError, match="parts: expected one or more, or their size"):
+        Sums.total([])
 
 
 def test_pixels_are_selected_from_several_sums():

@@ -57,8 +57,8 @@ mod _engine {
     };
     #[pymodule_export]
     use super::motion::{
-        FilteredTemplate, add_shifted_counts, add_shifted_values, blur, changed_remainders,
-        chi_squared, disagreement, displacement_equations, peak_of_shifted_scores, undo_remainders,
+        FilteredTemplate, add_shifted_values, blur, changed_remainders, chi_squared, count_shifted,
+        disagreement, displacement_equations, peak_of_shifted_scores, undo_remainders,
         velocity_scores,
     };
     #[pymodule_export]

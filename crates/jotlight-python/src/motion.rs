@@ -36,7 +36,7 @@ pub(crate) fn mixed_counts() -> PyErr {
     PyTypeError::new_err("counts: expected arrays that are all int32 or all float32")
 }
 
-/// Add values of the jots along a motion to `out`. The motion is that of [`add_shifted_counts`].
+/// Add values of the jots along a motion to `out`. The motion is that of [`count_shifted`].
 #[pyfunction]
 #[pyo3(signature = (values, fields, tile, times, out, threads))]
 pub fn add_shifted_values(
@@ -57,7 +57,7 @@ pub fn add_shifted_values(
     })
 }
 
-/// Count the ones of frames whose pixels are displaced, and add them to `ones` and the others.
+/// Count the ones of frames whose pixels are displaced, and write the sums into `ones` and the others.
 ///
 /// `tile` is the width of the tiles of the fields, or None for a displacement of each pixel. At time
 /// n, a frame has the displacements of field n.
@@ -66,7 +66,7 @@ pub fn add_shifted_values(
     packed, width, fields, tile, times, valid, ones, trials, remainders, threads
 ))]
 #[allow(clippy::too_many_arguments)]
-pub fn add_shifted_counts(
+pub fn count_shifted(
     py: Python<'_>,
     packed: PyReadonlyArray3<'_, u8>,
     width: usize,
@@ -91,7 +91,7 @@ pub fn add_shifted_counts(
     };
     run(py, threads, || {
         let rows = packed.dim().1;
-        motion::add_shifted_counts(
+        motion::count_shifted(
             &PackedBits::new(packed, width)?,
             &Displacements::new(fields, tile, rows, width)?,
             times,

@@ -5,7 +5,7 @@ mod random;
 use jotlight::bits::{PackedBits, packed_width};
 use jotlight::cpu::Level;
 use jotlight::error::{Error, Result};
-use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, add_shifted_counts};
+use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, count_shifted};
 use ndarray::{Array2, Array3, ArrayView2, Axis, stack};
 
 use random::Random;
@@ -46,7 +46,7 @@ impl Sums {
         };
         let bits = PackedBits::new(bytes.view(), columns)?;
         let motion = Displacements::new(fields.view(), tile, rows, columns)?;
-        add_shifted_counts(&bits, &motion, times, valid, sums)
+        count_shifted(&bits, &motion, times, valid, sums)
     }
 }
 

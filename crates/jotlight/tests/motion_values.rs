@@ -5,9 +5,7 @@ mod random;
 use jotlight::bits::{PackedBits, packed_width};
 use jotlight::cpu::Level;
 use jotlight::error::Result;
-use jotlight::motion::{
-    BLOCK, Displacements, ShiftedCounts, add_shifted_counts, add_shifted_values,
-};
+use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, add_shifted_values, count_shifted};
 use ndarray::{Array2, Array3, Array4};
 
 use random::Random;
@@ -61,7 +59,7 @@ fn sums_of_values_are_counts_of_equal_bits() -> Result<()> {
             remainders: remainders.view_mut(),
         };
         let bits = PackedBits::new(bytes.view(), columns)?;
-        add_shifted_counts(&bits, &motion, &times, None, counts)?;
+        count_shifted(&bits, &motion, &times, None, counts)?;
         for level in Level::supported() {
             Level::choose(Some(level.name()))?;
             let mut sums = Array3::zeros((2, rows, columns));

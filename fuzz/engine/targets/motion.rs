@@ -1,16 +1,16 @@
 //! Counts along a motion.
 
 use jotlight::bits::{PackedBits, packed_width};
-use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, add_shifted_counts};
+use jotlight::motion::{BLOCK, Displacements, ShiftedCounts, count_shifted};
 use ndarray::{Array3, ArrayView2, ArrayView3, Axis, Ix2, Ix3, Ix4};
 
 use crate::Check;
 use crate::arrays::{Grid, consistent};
 use crate::input::Input;
 
-pub const CHECKS: &[(&str, Check)] = &[("add_shifted_counts", check_add_shifted_counts)];
+pub const CHECKS: &[(&str, Check)] = &[("count_shifted", check_count_shifted)];
 
-fn check_add_shifted_counts(input: &mut Input<'_>) -> Option<()> {
+fn check_count_shifted(input: &mut Input<'_>) -> Option<()> {
     let (frames, rows) = (input.size(), input.size());
     // Wide images have several blocks of pixels that are searched together.
     let columns = input.size() * if input.rarely(2) { 16 } else { 1 };
@@ -42,8 +42,10 @@ fn check_add_shifted_counts(input: &mut Input<'_>) -> Option<()> {
             .collect()
     };
     let counts_shape = (input.almost(rows), input.almost(columns));
-    let initial = input.counts(counts_shape.0 * counts_shape.1, 5);
-    let counts = Grid::new(input, counts_shape, initial.clone());
+    // Earlier values are replaced.
+    let pixels = counts_shape.0 * counts_shape.1;
+    let initial = input.counts(pixels, 5);
+    let counts = Grid::new(input, counts_shape, initial);
     let blocks = (input.almost(rows), 2, input.almost(columns.div_ceil(BLOCK)));
     let remainders = Grid::new(input, blocks, vec![0.0f32; blocks.0 * 2 * blocks.2]);
     let result = consistent(|is_standard| {
@@ -59,7 +61,7 @@ fn check_add_shifted_counts(input: &mut Input<'_>) -> Option<()> {
             trials: trials.view_mut(),
             remainders: remainders.view_mut(),
         };
-        add_shifted_counts(&bits, &motion, &times, valid.as_ref().map(Grid::view), sums)?;
+        count_shifted(&bits, &motion, &times, valid.as_ref().map(Grid::view), sums)?;
         Ok(((ones.values(), trials.values()), remainders.values()))
     });
     let ((ones, trials), remainders) = result?;
@@ -79,7 +81,7 @@ fn check_add_shifted_counts(input: &mut Input<'_>) -> Option<()> {
             first + change * (time - index as f64) as f32
         };
         let mask = valid.as_ref().map(|mask| mask.view::<Ix2>());
-        let mut expected = [initial.clone(), initial];
+        let mut expected = [(); 2].map(|()| vec![0; pixels]);
         for (&time, frame) in times.iter().zip(packed.view::<Ix3>().outer_iter()) {
             add_slowly(frame, mask, &displacements(time), &mut expected);
         }

@@ -39,7 +39,7 @@ _ROUNDS = 2
 _SYSTEMATIC_ERROR = 0.05
 """Standard deviation of the errors that do not depend on the number of photons, in pixels."""
 
-_SMALL = 0.3
+_SMALL = 0.5
 """Steps up to this length in pixels need no further round with a narrower filter."""
 
 _TINY = 0.1
@@ -82,7 +82,7 @@ def follow_segment(
             if improve_block(track, block, template, sigma, weights) <= _SMALL:
                 break
         track.known[block] = True
-        total = total + track.nearby_sums(block)
+        total += track.nearby_sums(block)
         if is_renewed(number) and number < len(order):
             template = make_template(total, blocks.threads)
             weights = segment.weights * agreement(sums_of_groups(track), template)

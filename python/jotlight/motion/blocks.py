@@ -21,10 +21,13 @@ Fields = Sequence[npt.NDArray[np.floating]] | npt.NDArray[np.floating]
 """Displacements at two or more times."""
 
 _LIGHT, _PIXELS = 1.5, 1 << 16
-"""Number of ones or zeros per pixel that show the motion well, in an image of 65,536 pixels."""
+"""Number of ones or zeros per pixel that show the motion well, of 65,536 pixels."""
 
 _MIN_FRAMES = 4
 """Minimum number of frames of a block that are counted, because each is rounded to whole pixels."""
+
+_CENTRAL = 32
+"""Number of frames whose counts show how much light there is."""
 
 _SAMPLES_PER_PIXEL = 4
 """Number of frames, per pixel of a motion, in which the jots that pixels see are looked up."""
@@ -67,16 +70,27 @@ class Blocks:
 
     def with_enough_light(self) -> Self:
         """Return the same blocks with every nth frame, if these suffice to align them."""
-        needed = _LIGHT * max(1.0, _PIXELS / (self.size[0] * self.size[1]))
-        mean, length = self.burst.mean_count, int(np.diff(self.edges).min())
-        rarer = max(min(mean, self.burst.trials - mean), 1e-9)
-        frames = max(_MIN_FRAMES, math.ceil(needed / rarer))
+        length = int(np.diff(self.edges).min())
+        frames = max(_MIN_FRAMES, self.enough_frames(self.size[0] * self.size[1]))
         return dataclasses.replace(self, step=max(1, length // frames))
+
+    def enough_frames(self, pixels: float) -> int:
+        """Return the number of frames that show the motion of a number of pixels well."""
+        mean = self.mean_count
+        rarer = max(min(mean, self.burst.trials - mean), 1e-9)
+        return math.ceil(_LIGHT * max(1.0, _PIXELS / max(pixels, 1.0)) / rarer)
 
     @property
     def middle(self) -> int:
         """The middle frame. While a motion is estimated, displacements are 0 at this time."""
         return len(self.burst) // 2
+
+    @functools.cached_property
+    def mean_count(self) -> float:
+        """Mean number of ones of a jot in a frame, from the frames in the middle."""
+        start = max(0, (len(self.burst) - _CENTRAL) // 2)
+        frames = range(start, min(start + _CENTRAL, len(self.burst)))
+        return float(self.burst.counts(frames, self.threads).mean()) / len(frames)
 
     @functools.cached_property
     def centers(self) -> npt.NDArray[np.float64]:
@@ -114,8 +128,11 @@ class Blocks:
         times : ndarray of float, shape (m,)
             These times, in increasing order.
         """
-        sums = Sums.zeros(self.size)
-        self.add(sums, frames, fields, times)
+        fields = np.ascontiguousarray(fields, np.float32)
+        if len(frames) > 0 and fields.any():
+            sums = self._count_moved(frames, fields, times)
+        else:
+            sums = self._count_unmoved([frames])
         if self.jots is not None:
             sums.jots = self._seen_jots(self.jots, sums.trials, frames, fields, times)
         return sums
@@ -139,46 +156,59 @@ class Blocks:
         tile = None if fields.shape[2:] == self.size else TILE
         return jots.along(trials, fields, tile, index + place, self.threads)
 
-    def add(self, sums: Sums, frames: range, fields: Fields, times: Times) -> None:
-        """Add the counts of some frames to sums, as :meth:`count` counts them."""
-        fields = np.ascontiguousarray(fields, np.float32)
-        if not fields.any():
-            self._add_unmoved(sums, [frames])
-            return
+    def _count_moved(self, frames: range, fields: npt.NDArray[np.float32], times: Times) -> Sums:
+        """Return the sums of one or more frames that move, without the jots that they see."""
+        total = None
         for part, planes in self.burst.parts(frames, self.channel):
             places = places_of(part, tuple(np.asarray(times, np.float64).tolist()))
             for number, (weight, packed) in enumerate(planes):
-                is_plain = weight == 1 and self.trials == 1
-                target = sums if is_plain else Sums.zeros(self.size)
-                engine.add_shifted_counts(
-                    packed,
-                    self.size[1],
-                    fields,
-                    None if fields.shape[2:] == self.size else TILE,
-                    places,
-                    self.valid,
-                    target.ones,
-                    target.trials,
-                    target.remainders,
-                    self.threads,
-                )
-                if not is_plain:
-                    sums.ones += weight * target.ones
-                    if number == 0:
-                        sums.trials += self.trials * target.trials
-                        sums.remainders += target.remainders
-        sums.frames += len(frames)
+                sums = self._count_plane(packed, fields, places)
+                if weight > 1:
+                    sums.ones *= weight
+                if self.trials > 1:
+                    sums.trials *= self.trials
+                if total is None:
+                    total = sums
+                elif number == 0:
+                    total += sums
+                else:
+                    total.ones += sums.ones
+        if total is None:
+            raise ValueError("frames: expected one or more")
+        return total
+
+    def _count_plane(
+        self,
+        packed: npt.NDArray[np.uint8],
+        fields: npt.NDArray[np.float32],
+        places: npt.NDArray[np.float64],
+    ) -> Sums:
+        """Return the sums of a plane of bits at some places between the fields."""
+        sums = Sums.empty(self.size, len(packed))
+        engine.count_shifted(
+            packed,
+            self.size[1],
+            fields,
+            None if fields.shape[2:] == self.size else TILE,
+            places,
+            self.valid,
+            sums.ones,
+            sums.trials,
+            sums.remainders,
+            self.threads,
+        )
+        return sums
 
     def count_unmoved(self, spans: Sequence[range]) -> Sums:
         """Return the sums of several spans of frames that stand still."""
-        sums = Sums.zeros(self.size)
-        self._add_unmoved(sums, spans)
+        sums = self._count_unmoved(spans)
         if self.jots is not None:
             sums.jots = self.jots.at_rest(sums.trials)
         return sums
 
-    def _add_unmoved(self, sums: Sums, spans: Sequence[range]) -> None:
-        """Add the counts of spans of frames that stand still."""
+    def _count_unmoved(self, spans: Sequence[range]) -> Sums:
+        """Return the sums of spans of frames that stand still, without the jots that they see."""
+        sums = Sums.zeros(self.size)
         for _, planes in itertools.chain.from_iterable(
             self.burst.parts(frames, self.channel) for frames in spans
         ):
@@ -195,4 +225,5 @@ class Blocks:
             sums.trials += trials
         else:
             sums.trials += trials * np.unpackbits(self.valid, axis=1, count=self.size[1])
-        sums.frames += frames
+        sums.frames = frames
+        return sums

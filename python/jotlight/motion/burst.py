@@ -1,7 +1,6 @@
 """Bursts of frames for alignment: bits, color bits, or stacks of counts, as planes of bits."""
 
 import dataclasses
-import functools
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -21,9 +20,6 @@ Planes = list[tuple[int, npt.NDArray[np.uint8]]]
 
 _BYTES_AT_ONCE = 1 << 25
 """Maximum number of bytes of packed frames that are read at once."""
-
-_CENTRAL = 32
-"""Number of frames whose counts show how much light there is."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,20 +59,10 @@ class Burst:
                 yield part, self.read(part.start, part.stop, channel)
             elif self.is_in_memory:
                 planes = self.read(part[0], part[-1] + 1, channel)
-                yield (
-                    part,
-                    [(weight, np.ascontiguousarray(each[:: part.step])) for weight, each in planes],
-                )
+                yield part, [(weight, each[:: part.step]) for weight, each in planes]
             else:
                 each = [self.read(frame, frame + 1, channel) for frame in part]
                 yield part, _join(each)
-
-    @functools.cached_property
-    def mean_count(self) -> float:
-        """Mean number of ones of a jot in a frame, from the frames in the middle."""
-        start = max(0, (len(self) - _CENTRAL) // 2)
-        frames = range(start, min(start + _CENTRAL, len(self)))
-        return float(self.counts(frames, None).mean()) / len(frames)
 
     def counts(self, frames: range, threads: int | None) -> npt.NDArray[np.int32]:
         """Return the counts of frames without motion, (H, W)."""

@@ -13,12 +13,7 @@ from jotlight.motion.disagreement import FEW_TRIALS, Image, chi_squared, disagre
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.flicker import at_brightness, change_of_light, min_change, without_saturation
 from jotlight.motion.lights import BlockLights, Lights
-from jotlight.motion.scoring import (
-    FAST,
-    PRECISE,
-    Template,
-    make_template,
-)
+from jotlight.motion.scoring import FAST, Template, make_template
 from jotlight.motion.sums import Sums
 from jotlight.motion.track import Counted, from_center
 
@@ -76,9 +71,7 @@ class Consistent:
         return total
 
 
-def find_consistent(
-    paths: Counted, *, is_still: bool = False, network: str = PRECISE
-) -> Consistent:
+def find_consistent(paths: Counted, *, is_still: bool = False, network: str = FAST) -> Consistent:
     """Return the sums of all blocks along a motion, without pixels that disagree.
 
     The blocks are tested from the reference time outward, in rings of 2, 4, 8, and so on. First,
@@ -94,7 +87,7 @@ def find_consistent(
         Whether nothing moves. Then fewer pixels are rejected.
     network : str
         Name of the network that denoises the last template. Half of the blocks are compared with
-        this template. The network ``templates`` denoises the others.
+        this template. The network ``templates``, the default, denoises the others.
     """
     order = [int(block) for block in from_center(paths)]
     limits, start = _LIMITS_IF_STILL if is_still else _LIMITS, _FIRST_RING

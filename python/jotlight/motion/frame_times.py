@@ -25,7 +25,7 @@ def locate(
     ([0, 0, 1, 1, 1], [-1.0, 0.0, 0.0, 0.5, 1.0])
     """
     times, frames_of = np.asarray(times, np.float64), np.asarray(frames)
-    index = np.clip(np.searchsorted(times, frames_of, "right") - 1, 0, len(times) - 2)
+    index = np.searchsorted(times[1:-1], frames_of, "right")
     return index, (frames_of - times[index]) / (times[index + 1] - times[index])
 
 

@@ -97,7 +97,7 @@ class Jots:
         trials : ndarray of int32, shape (H, W)
             Number of bits of each pixel.
         fields, tile, times
-            The motion, as for :func:`jotlight._engine.add_shifted_counts`.
+            The motion, as for :func:`jotlight._engine.count_shifted`.
         threads : int, optional
             Number of threads.
         """

@@ -59,10 +59,13 @@ class KeptSums:
     def __init__(self) -> None:
         self._sums: dict[int, tuple[Curve, Sums]] = {}
         """The sums of blocks, and the curves along which they were counted."""
+        self._latest: dict[int, tuple[Curve, float, Sums]] = {}
+        """The curves that were asked for last, their distances from those, and the results."""
 
     def keep(self, block: int, curve: Curve, sums: Sums) -> None:
         """Keep the sums of a block along a curve, in place of earlier ones."""
         self._sums[block] = curve, sums
+        self._latest[block] = curve, 0.0, sums
 
     def seen_along(self, block: int, curve: Curve, max_distance: float) -> Sums | None:
         """Return the kept sums of a block with the remainders of another curve.
@@ -71,13 +74,17 @@ class KeptSums:
         """
         if block not in self._sums:
             return None
+        latest, distance, sums = self._latest[block]
+        if np.array_equal(latest.fields, curve.fields):
+            return sums if distance <= max_distance else None
         counted, sums = self._sums[block]
         distance = counted.distance(curve)
-        if distance == 0:
-            return sums
-        if distance <= max_distance:
-            return sums.seen_along(curve.mean - counted.mean)
-        return None  # also if displacements are NaN
+        if not distance <= max_distance:
+            return None  # also if displacements are NaN
+        if distance > 0:
+            sums = sums.seen_along(curve.mean - counted.mean)
+        self._latest[block] = curve, distance, sums
+        return sums
 
 
 def keeps_sums(size: tuple[int, int], blocks: int, *, jots_differ: bool = False) -> bool:

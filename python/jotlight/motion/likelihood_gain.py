@@ -47,7 +47,7 @@ def likelihood_gain(paths: Counted, make: Make = make_template) -> float:
         for block, counted in zip(every_second, frames, strict=True):
             in_view += np.float32(len(counted)) * _positions_seen(paths, block)
         seen.append(in_view)
-    every = equivalent_sums(Sums.total(unmoved, blocks.threads))
+    every = equivalent_sums(unmoved[0] + unmoved[1])
     mean = float(np.clip(every.ones.sum() / max(float(every.trials.sum()), 1), 1e-9, 1 - 1e-9))
     gain, kept = _log_likelihood(own, None, mean, make, blocks.threads)
     shares = [
@@ -69,11 +69,14 @@ def _log_likelihood(
     for index, (half, other) in enumerate(zip(halves, reversed(halves), strict=True)):
         p = expected_probability(half, make(other, threads).probability)
         p_0 = expected_probability(half, np.full_like(p, mean))
-        terms = half.ones * np.log(p / p_0)
-        terms += (half.trials - half.ones) * np.log((1 - p) / (1 - p_0))
-        share = shares[index] if shares else np.float32(1)
-        total += float((terms * share).sum(dtype=np.float64))
-        trials += float((half.trials * share).sum(dtype=np.float64))
+        ones, number = (each.astype(np.float32) for each in (half.ones, half.trials))
+        terms = ones * np.log(p / p_0)
+        terms += (number - ones) * np.log((1 - p) / (1 - p_0))
+        if shares:
+            terms *= shares[index]
+            number *= shares[index]
+        total += float(terms.sum(dtype=np.float64))
+        trials += float(number.sum(dtype=np.float64))
     return total, trials
 
 

@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from jotlight.blur import blur
 from jotlight.motion.blocks import Blocks
-from jotlight.motion.burst import Burst
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import make_blurred_template, normal_equations
@@ -73,6 +72,9 @@ of all, and the widths of the filters."""
 
 _MIN_FRAMES = 4
 """Minimum number of frames before or after the reference time that are compared."""
+
+_ENOUGH = 4
+"""Number of times as many frames as show the motion of a region well from which it is refined."""
 
 _LIGHT = 32.0
 """Number of ones per pixel that suffice. Of more frames, every second, third, or nth is counted."""
@@ -211,7 +213,7 @@ def _best_of_all(scene: _Scene, candidates: list[_Candidate]) -> _Candidate:
 def _noise(scene: _Scene) -> float:
     """Return the standard deviation of the energy of a tile without details."""
     blocks = scene.blocks
-    trials = min(2 * scene.half, _most_counted(blocks.burst)) * blocks.trials
+    trials = min(2 * scene.half, _most_counted(blocks)) * blocks.trials
     # The energy of noise fluctuates less than its mean: it is averaged over a wider filter.
     return _FINE / _ENERGY_BLUR / (trials * 4 * np.pi * _FINE**2)
 
@@ -270,11 +272,12 @@ def _majority(energies: list[Array]) -> npt.NDArray[np.intp]:
 def _refine(blocks: Blocks, field: Array, weights: Array) -> Array:
     """Return a better affine velocity, from the frames before and after the middle."""
     middle = blocks.middle
+    most = _ENOUGH * blocks.enough_frames(TILE**2 * float(weights.sum()))
     for fraction, sigmas in _ROUNDS:
         half = min(max(_MIN_FRAMES, len(blocks.burst) // fraction), middle)
         for sigma in sigmas:
             before, after = (
-                count_at_velocity(blocks, frames, field)
+                count_at_velocity(blocks, frames, field, most)
                 for frames in (range(middle - half, middle), range(middle, middle + half))
             )
             template = make_blurred_template(before, blocks.threads)
@@ -284,17 +287,20 @@ def _refine(blocks: Blocks, field: Array, weights: Array) -> Array:
     return field
 
 
-def count_at_velocity(blocks: Blocks, frames: range, field: Array) -> Sums:
-    """Return the sums of frames whose points move at a constant velocity."""
-    frames = frames[:: -(-len(frames) // _most_counted(blocks.burst))]
+def count_at_velocity(
+    blocks: Blocks, frames: range, field: Array, most: int = _MAX_COUNTED
+) -> Sums:
+    """Return the sums of at most a number of frames whose points move at a constant velocity."""
+    most = min(_most_counted(blocks), max(_MIN_COUNTED, most))
+    frames = frames[:: -(-len(frames) // most)]
     times = frames.start, frames.stop
     fields = field * (times[0] - blocks.middle), field * (times[1] - blocks.middle)
     return blocks.count(frames, fields, times)
 
 
-def _most_counted(burst: Burst) -> int:
+def _most_counted(blocks: Blocks) -> int:
     """Return the number of frames that have enough light together."""
-    return int(np.clip(_LIGHT / max(burst.mean_count, 1e-9), _MIN_COUNTED, _MAX_COUNTED))
+    return int(np.clip(_LIGHT / max(blocks.mean_count, 1e-9), _MIN_COUNTED, _MAX_COUNTED))
 
 
 def limit_length(vectors: Array, longest: float) -> Array:

@@ -50,6 +50,17 @@ class Sums:
         return cls(np.zeros(size, np.int32), np.zeros(size, np.int32), remainders, 0)
 
     @classmethod
+    def empty(cls, size: tuple[int, int], frames: int) -> Self:
+        """Return sums over some frames, whose values must be written."""
+        remainders = np.empty((size[0], 2, -(-size[1] // _REMAINDER_PIXELS)), np.float32)
+        return cls(np.empty(size, np.int32), np.empty(size, np.int32), remainders, frames)
+
+    def copy(self) -> "Sums":
+        """Return a copy of the sums, whose arrays may be changed."""
+        arrays = self.ones.copy(), self.trials.copy(), self.remainders.copy()
+        return Sums(*arrays, self.frames, self.jots)
+
+    @classmethod
     def total(
         cls,
         parts: Iterable["Sums"],
@@ -62,11 +73,12 @@ class Sums:
         default all. There may be no sums if their size (H, W) is given.
         """
         parts = iter(parts)
-        if size is None:
-            first = next(parts)
-            size = first.ones.shape[0], first.ones.shape[1]
-            parts = itertools.chain([first], parts)
-        total = cls.zeros(size)
+        first = next(parts, None)
+        if first is None:
+            if size is None:
+                raise ValueError("parts: expected one or more, or their size")
+            return cls.zeros(size)
+        total = first.copy()
         number = max(1, _BYTES_AT_ONCE // max(1, total.ones.nbytes + total.trials.nbytes))
         while few := list(itertools.islice(parts, number)):
             engine.add_counts([part.ones for part in few], total.ones, threads)

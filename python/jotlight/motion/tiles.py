@@ -162,8 +162,10 @@ def add_squares(counts: npt.NDArray[np.generic], side: int) -> npt.NDArray[np.fl
     height, width = counts.shape
     if height % side or width % side:
         counts = np.pad(counts, ((0, -height % side), (0, -width % side)))
-    rows = np.sum([counts[row::side] for row in range(side)], axis=0)
-    squares = np.sum([rows[:, column::side] for column in range(side)], axis=0)
+    # As np.sum, but without copies. Sums of whole numbers may exceed their type.
+    add = functools.partial(np.add, dtype=np.int64 if counts.dtype.kind in "biu" else None)
+    rows = functools.reduce(add, [counts[row::side] for row in range(side)])
+    squares = functools.reduce(add, [rows[:, column::side] for column in range(side)])
     return np.asarray(squares, np.float32)
 
 

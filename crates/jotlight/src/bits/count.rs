@@ -121,7 +121,7 @@ pub(crate) fn trials(frames: usize, oversampling: usize) -> Result<i32> {
 }
 
 /// Check that counts cannot overflow if they increase by up to `increase`.
-pub(crate) fn check_sum(increase: i32, counts: ArrayView2<'_, i32>) -> Result<()> {
+fn check_sum(increase: i32, counts: ArrayView2<'_, i32>) -> Result<()> {
     let mut max = 0;
     for row in counts.rows() {
         include_max(&contiguous(row), &mut max);

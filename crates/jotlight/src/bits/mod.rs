@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 pub(crate) use bit_planes::{BitCounters, FRAMES_PER_GROUP};
 pub use blocks::{Blocks, add_counts_of_blocks};
 pub use count::add_block_counts;
-pub(crate) use count::{check_mask, check_sum, count_region, trials};
+pub(crate) use count::{check_mask, count_region, trials};
 pub use layout::{reverse_bytes, set_positions, transpose};
 
 /// Return the number of bytes of a packed row of `width` jots.
@@ -75,14 +75,6 @@ impl<'a> PackedBits<'a> {
 
     pub(crate) fn row(&self, frame: usize, row: usize) -> Cow<'a, [u8]> {
         contiguous(self.bytes.slice_move(s![frame, row, ..]))
-    }
-
-    /// Return all bytes, frame after frame and row after row.
-    pub(crate) fn contiguous(&self) -> Cow<'a, [u8]> {
-        match self.bytes.to_slice() {
-            Some(bytes) => Cow::Borrowed(bytes),
-            None => Cow::Owned(self.bytes.iter().copied().collect()),
-        }
     }
 
     /// Return the bytes of a range of rows in a frame, row after row.

@@ -20,20 +20,11 @@ impl Bounds {
     pub fn new(first: &[f32], last: &[f32]) -> Self {
         let mut low = [[f32::INFINITY; LANES]; 2];
         let mut high = [[f32::NEG_INFINITY; LANES]; 2];
-        let mut include = |first: &[f32; LANES], last: &[f32; LANES]| {
-            for i in 0..LANES {
-                let change = last[i] - first[i];
-                low[0][i] = min(low[0][i], first[i]);
-                low[1][i] = min(low[1][i], change);
-                high[0][i] = max(high[0][i], first[i]);
-                high[1][i] = max(high[1][i], change);
-            }
-        };
         for (first, last) in first.as_chunks().0.iter().zip(last.as_chunks().0) {
-            include(first, last);
+            include(first, last, &mut low, &mut high);
         }
         if let (Some(first), Some(last)) = (first.last_chunk(), last.last_chunk()) {
-            include(first, last);
+            include(first, last, &mut low, &mut high);
         }
         let [first, change] = [0, 1].map(|index| [fold(&low[index], min), fold(&high[index], max)]);
         let magnitude = |range: [f32; 2]| max(-range[0], range[1]);
@@ -62,6 +53,23 @@ impl Bounds {
         let low = self.first[0] + min(min(a, b), min(c, d));
         let high = self.first[1] + max(max(a, b), max(c, d));
         [round(low - self.margin), round(high + self.margin)]
+    }
+}
+
+/// Include the first values and the changes of some displacements in their bounds.
+#[inline(always)]
+fn include(
+    first: &[f32; LANES],
+    last: &[f32; LANES],
+    low: &mut [[f32; LANES]; 2],
+    high: &mut [[f32; LANES]; 2],
+) {
+    for i in 0..LANES {
+        let change = last[i] - first[i];
+        low[0][i] = min(low[0][i], first[i]);
+        low[1][i] = min(low[1][i], change);
+        high[0][i] = max(high[0][i], first[i]);
+        high[1][i] = max(high[1][i], change);
     }
 }
 

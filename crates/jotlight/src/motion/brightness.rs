@@ -73,28 +73,28 @@ pub(super) fn ratio<'a, C: Count>(
 /// D p that a template predicts, after `added` ones are added to both for each pixel. Return None if
 /// counts are not possible, or `is_possible` is false for a row.
 ///
-/// Lamps flicker, and clouds pass. The ratio is 1 if the template predicts no ones. Blocks may have
-/// common parts, whose rows are read from memory once.
+/// Lamps flicker, and clouds pass. The ratio is 1 if the template predicts no ones. The sums of parts
+/// that several blocks have in common are computed once.
 pub(super) fn ratios<'a, C: Count>(
     blocks: &[&[Counts<'_, C>]],
     row: impl Fn(usize) -> Cow<'a, [f32]> + Sync,
     is_possible: impl Fn(usize) -> bool + Sync,
     added: f64,
 ) -> Option<Vec<f64>> {
-    let parts = blocks.iter().find_map(|parts| parts.first());
-    let (rows, width) = parts.map_or((0, 0), |part| part.ones.dim());
-    let buffers = || [(); 2].map(|()| vec![0.0; width]);
+    let (distinct, indices) = distinct_parts(blocks);
+    let (rows, width) = distinct.first().map_or((0, 0), |part| part.ones.dim());
     let sums: Vec<Vec<RowSums>> = (0..rows)
         .into_par_iter()
-        .map_init(buffers, |counts, index| {
+        .map(|index| {
             let p = row(index);
             let is_wrong = !is_possible(index);
-            let sums = blocks.iter().map(|parts| {
+            let sums = distinct.iter().map(|part| {
                 let mut sums = RowSums {
                     is_wrong,
                     ..RowSums::default()
                 };
-                add_row(parts, index, &p, counts, &mut sums);
+                let (ones, trials) = (values(part.ones.row(index)), values(part.trials.row(index)));
+                add_row(&ones, &trials, &p, &mut sums);
                 sums
             });
             sums.collect()
@@ -104,46 +104,64 @@ pub(super) fn ratios<'a, C: Count>(
         return None;
     }
     let added = added * (rows * width) as f64;
-    let ratio = |block: usize| {
+    let ratio = |parts: &Vec<usize>| {
         // The sums over the rows have a fixed order.
-        let counted: f64 = added + sums.iter().map(|sums| sums[block].counted).sum::<f64>();
-        let expected: f64 = added + sums.iter().map(|sums| sums[block].expected).sum::<f64>();
+        let total = |value: fn(&RowSums) -> f64| -> f64 {
+            let of_row =
+                |sums: &Vec<RowSums>| parts.iter().map(|&part| value(&sums[part])).sum::<f64>();
+            added + sums.iter().map(of_row).sum::<f64>()
+        };
+        let (counted, expected) = (total(|sums| sums.counted), total(|sums| sums.expected));
         if expected > 0.0 {
             (counted / expected).clamp(LIMITS.0, LIMITS.1)
         } else {
             1.0
         }
     };
-    Some((0..blocks.len()).map(ratio).collect())
+    Some(indices.iter().map(ratio).collect())
+}
+
+/// Return the parts of all blocks without repetitions, and their indices in each block.
+fn distinct_parts<'a, C: Count>(
+    blocks: &[&[Counts<'a, C>]],
+) -> (Vec<Counts<'a, C>>, Vec<Vec<usize>>) {
+    let same = |one: &Counts<'_, C>, other: &Counts<'_, C>| {
+        one.ones.as_ptr() == other.ones.as_ptr()
+            && one.trials.as_ptr() == other.trials.as_ptr()
+            && one.ones.strides() == other.ones.strides()
+            && one.trials.strides() == other.trials.strides()
+    };
+    let mut distinct: Vec<Counts<'a, C>> = Vec::new();
+    let mut index = |part: &Counts<'a, C>| {
+        let known = distinct.iter().position(|other| same(part, other));
+        known.unwrap_or_else(|| {
+            distinct.push(*part);
+            distinct.len() - 1
+        })
+    };
+    let indices = blocks
+        .iter()
+        .map(|parts| parts.iter().map(&mut index).collect());
+    let indices = indices.collect();
+    (distinct, indices)
 }
 
 levels! {
-    /// Compute the sums of a row. `counts` holds the numbers of ones and of trials afterward.
-    fn add_row[C: Count](
-        parts: &[Counts<'_, C>], row: usize, p: &[f32], counts: &mut [Vec<f32>; 2],
-        sums: &mut RowSums,
-    ) = add_row_inlined;
+    /// Compute the sums of a row.
+    fn add_row[C: Count](ones: &[C], trials: &[C], p: &[f32], sums: &mut RowSums) = add_row_inlined;
 }
 
 #[inline(always)]
-fn add_row_inlined<C: Count>(
-    parts: &[Counts<'_, C>],
-    row: usize,
-    p: &[f32],
-    counts: &mut [Vec<f32>; 2],
-    sums: &mut RowSums,
-) {
-    for part in parts {
-        let (ones, trials) = (values(part.ones.row(row)), values(part.trials.row(row)));
-        sums.counted += C::sum(&ones);
-        let pairs = ones.iter().zip(trials.iter());
-        // Without an early end, the compiler vectorizes the search.
-        sums.is_wrong |= pairs.fold(false, |any, (&ones, &trials)| {
+fn add_row_inlined<C: Count>(ones: &[C], trials: &[C], p: &[f32], sums: &mut RowSums) {
+    sums.counted = C::sum(ones);
+    // Without an early end, the compiler vectorizes the search.
+    sums.is_wrong |= ones
+        .iter()
+        .zip(trials)
+        .fold(false, |any, (&ones, &trials)| {
             any | !C::are_possible(ones, trials)
         });
-    }
-    add_parts(parts, row, counts);
-    sums.expected = predict(&counts[1], p);
+    sums.expected = predict(trials, p);
 }
 
 /// Replace `counts` with the numbers of ones and of trials of a row of all parts together.
@@ -169,16 +187,16 @@ pub(super) fn add_parts<C: Count>(
 
 /// Return Σ D p of a row. Several sums at a time let the compiler vectorize it.
 #[inline(always)]
-fn predict(trials: &[f32], p: &[f32]) -> f64 {
+fn predict<C: Count>(trials: &[C], p: &[f32]) -> f64 {
     let mut sums = [0.0; LANES];
     let (trials, trials_rest) = trials.as_chunks::<LANES>();
     let (p, p_rest) = p.as_chunks::<LANES>();
     for (trials, p) in trials.iter().zip(p) {
         for lane in 0..LANES {
-            sums[lane] += trials[lane] * p[lane];
+            sums[lane] += trials[lane].to_f32() * p[lane];
         }
     }
     let rest = trials_rest.iter().zip(p_rest);
-    let rest: f32 = rest.map(|(&trials, &p)| trials * p).sum();
+    let rest: f32 = rest.map(|(&trials, &p)| trials.to_f32() * p).sum();
     sums.iter().copied().map(f64::from).sum::<f64>() + f64::from(rest)
 }

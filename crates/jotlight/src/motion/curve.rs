@@ -1,8 +1,8 @@
 //! The most probable curve of an affine motion in time, from noisy estimates of single blocks.
 
 use ndarray::{Array2, ArrayView2, ArrayView3};
-use rayon::prelude::*;
 
+use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::interrupt;
 
@@ -37,16 +37,16 @@ const MIN_GAIN: f64 = 1e-3;
 /// Logarithms of the weights of the squared differences of each term.
 pub type Logarithms = [f64; WEIGHTS];
 
-/// A row of a symmetric matrix: the entries of the columns up to [`BAND`] before the diagonal, and
-/// that on it.
-type Row = [f64; BAND + 1];
+/// A row of several symmetric matrices: the entries of the columns up to [`BAND`] before the diagonal, and
+/// that on it. Those of all matrices are side by side, so that the compiler vectorizes the loops.
+type Row<const N: usize> = [[f64; N]; BAND + 1];
 
 /// Noisy estimates of the modes of n blocks, in units in which the mean information is about 1.
 #[derive(Clone, Debug)]
 pub struct Curve {
     estimates: Vec<f64>,
     /// The information M.
-    information: Vec<Row>,
+    information: Vec<Row<1>>,
     /// M y for the estimates y.
     right: Vec<f64>,
     /// The squared third differences of the curves whose squared first differences are 1.
@@ -89,7 +89,7 @@ impl Curve {
             ));
         }
         let estimates: Vec<f64> = estimates.iter().copied().collect();
-        let mut rows = vec![[0.0; BAND + 1]; estimates.len()];
+        let mut rows = vec![[[0.0]; BAND + 1]; estimates.len()];
         let mut right = vec![0.0; estimates.len()];
         for (index, row) in rows.iter_mut().enumerate() {
             let (block, mode) = (index / MODES, index % MODES);
@@ -97,7 +97,7 @@ impl Curve {
                 let entry = information[[block, mode, other]];
                 right[index] += entry * estimates[block * MODES + other];
                 if other <= mode {
-                    row[BAND + other - mode] = entry;
+                    row[BAND + other - mode] = [entry];
                 }
             }
         }
@@ -124,14 +124,15 @@ impl Curve {
                 if interrupt::is_requested() {
                     return Err(Error::Interrupted);
                 }
-                let others = (0..2 * WEIGHTS).into_par_iter().map(|neighbor| {
+                let others: [_; 2 * WEIGHTS] = std::array::from_fn(|neighbor| {
                     let (index, sign) = (neighbor / 2, [1.0, -1.0][neighbor % 2]);
                     let mut weights = best;
                     weights[index] = (best[index] + sign * step).clamp(LIMITS.0, LIMITS.1);
-                    Ok((weights, self.cost(&weights)?.0))
+                    weights
                 });
+                let (costs, _) = self.costs(&others)?;
                 let (mut nearby, mut lowest) = (best, f64::INFINITY);
-                for (weights, other) in others.collect::<Result<Vec<_>>>()? {
+                for (weights, other) in others.into_iter().zip(costs) {
                     if other < lowest {
                         (nearby, lowest) = (weights, other);
                     }
@@ -150,29 +151,47 @@ impl Curve {
     /// # Errors
     /// [`Error::Range`] if the information is not positive, or a weight is too large.
     pub fn cost(&self, weights: &Logarithms) -> Result<(f64, Array2<f64>)> {
+        let ([cost], solution) = self.costs(&[*weights])?;
         let number = self.estimates.len() / MODES;
-        let mut matrix = self.information.clone();
-        for (&(first, order), weight) in TERMS.iter().zip(weights) {
-            let factor = weight.exp();
+        let curve = Array2::from_shape_fn((number, MODES), |(i, j)| solution[i * MODES + j][0]);
+        Ok((cost, curve))
+    }
+
+    /// Return the results of [`Self::cost`] under each of several weights, side by side.
+    fn costs<const N: usize>(
+        &self,
+        weights: &[Logarithms; N],
+    ) -> Result<([f64; N], Vec<[f64; N]>)> {
+        let number = self.estimates.len() / MODES;
+        let spread = |row: &Row<1>| row.map(|[entry]| [entry; N]);
+        let mut matrices: Vec<Row<N>> = self.information.iter().map(spread).collect();
+        for (term, &(first, order)) in TERMS.iter().enumerate() {
+            let factors = weights.map(|weights| weights[term].exp());
             for (block, squares) in squares_of_differences(number, order).iter().enumerate() {
                 for mode in [first, first + 1] {
-                    let row = &mut matrix[block * MODES + mode];
+                    let row = &mut matrices[block * MODES + mode];
                     for (distance, square) in squares.iter().enumerate().take(order + 1) {
-                        row[BAND - distance * MODES] += factor * square;
+                        let entries = row[BAND - distance * MODES].iter_mut().zip(factors);
+                        entries.for_each(|(entry, factor)| *entry += factor * square);
                     }
                 }
             }
         }
-        let determinant = factorize(&mut matrix)?;
-        let solution = solve(&matrix, &self.right);
-        let residual: f64 = self
-            .right
-            .iter()
-            .zip(self.estimates.iter().zip(&solution))
-            .map(|(right, (estimate, value))| right * (estimate - value))
-            .sum();
-        let curve = Array2::from_shape_fn((number, MODES), |(i, j)| solution[i * MODES + j]);
-        Ok((residual + determinant - self.log_prior(weights), curve))
+        let (mut costs, mut wrong) = ([0.0; N], None);
+        factorize(&mut matrices, &mut costs, &mut wrong);
+        if let Some(pivot) = wrong {
+            return Err(Error::range("information", "positive matrices", pivot));
+        }
+        let mut solution: Vec<_> = self.right.iter().map(|&value| [value; N]).collect();
+        solve(&matrices, &mut solution);
+        for (index, cost) in costs.iter_mut().enumerate() {
+            let pairs = self.right.iter().zip(self.estimates.iter().zip(&solution));
+            let residual: f64 = pairs
+                .map(|(right, (estimate, value))| right * (estimate - value[index]))
+                .sum();
+            *cost = residual + *cost - self.log_prior(&weights[index]);
+        }
+        Ok((costs, solution))
     }
 
     /// Return the logarithm of the determinant of Σ eʷ ΔᵀΔ, without those of null spaces.
@@ -205,57 +224,79 @@ fn squares_of_differences(number: usize, order: usize) -> Vec<[f64; ORDER + 1]> 
     squares
 }
 
-/// Replace a symmetric matrix with its root of Cholesky, and return the logarithm of its
-/// determinant.
-fn factorize(matrix: &mut [Row]) -> Result<f64> {
-    let mut logarithm = 0.0;
-    for i in 0..matrix.len() {
-        let (above, below) = matrix.split_at_mut(i);
+levels! {
+    /// Replace symmetric matrices with their roots of Cholesky, and write the logarithms of their
+    /// determinants, or a pivot that is not positive.
+    fn factorize[const N: usize](
+        matrices: &mut [Row<N>], logarithms: &mut [f64; N], wrong: &mut Option<f64>,
+    ) = factorize_inlined;
+    /// Replace the right sides of equations with their solutions, from the roots of the matrices.
+    fn solve[const N: usize](roots: &[Row<N>], solutions: &mut [[f64; N]]) = solve_inlined;
+}
+
+#[inline(always)]
+fn factorize_inlined<const N: usize>(
+    matrices: &mut [Row<N>],
+    logarithms: &mut [f64; N],
+    wrong: &mut Option<f64>,
+) {
+    for i in 0..matrices.len() {
+        let (above, below) = matrices.split_at_mut(i);
         let row = &mut below[0];
         for j in i.saturating_sub(BAND)..i {
             let other = &above[j];
             let shift = i - j;
             // Columns k of both rows: row[BAND + k − i] and other[BAND + k − j].
-            let known: f64 = row[..BAND - shift]
-                .iter()
-                .zip(&other[shift..BAND])
-                .map(|(a, b)| a * b)
-                .sum();
-            row[BAND - shift] = (row[BAND - shift] - known) / other[BAND];
+            let known = add_products(&row[..BAND - shift], &other[shift..BAND]);
+            for lane in 0..N {
+                row[BAND - shift][lane] =
+                    (row[BAND - shift][lane] - known[lane]) / other[BAND][lane];
+            }
         }
-        let known: f64 = row[..BAND].iter().map(|a| a * a).sum();
-        let pivot = row[BAND] - known;
-        if !(pivot > 0.0 && pivot.is_finite()) {
-            return Err(Error::range("information", "positive matrices", pivot));
+        let known = add_products(&row[..BAND], &row[..BAND]);
+        for lane in 0..N {
+            let pivot = row[BAND][lane] - known[lane];
+            if !(pivot > 0.0 && pivot.is_finite()) {
+                *wrong = Some(pivot);
+                return;
+            }
+            logarithms[lane] += pivot.ln();
+            row[BAND][lane] = pivot.sqrt();
         }
-        logarithm += pivot.ln();
-        row[BAND] = pivot.sqrt();
     }
-    Ok(logarithm)
 }
 
-/// Return the solution of equations, given the root of their matrix.
-fn solve(root: &[Row], right: &[f64]) -> Vec<f64> {
-    let mut solution = right.to_vec();
-    for (i, row) in root.iter().enumerate() {
+#[inline(always)]
+fn solve_inlined<const N: usize>(roots: &[Row<N>], solutions: &mut [[f64; N]]) {
+    for (i, row) in roots.iter().enumerate() {
         let near = BAND.min(i);
-        let known: f64 = row[BAND - near..BAND]
-            .iter()
-            .zip(&solution[i - near..i])
-            .map(|(a, b)| a * b)
-            .sum();
-        solution[i] = (solution[i] - known) / row[BAND];
-    }
-    for (i, row) in root.iter().enumerate().rev() {
-        let value = solution[i] / row[BAND];
-        solution[i] = value;
-        let near = BAND.min(i);
-        for (other, a) in solution[i - near..i]
-            .iter_mut()
-            .zip(&row[BAND - near..BAND])
-        {
-            *other -= a * value;
+        let known = add_products(&row[BAND - near..BAND], &solutions[i - near..i]);
+        for lane in 0..N {
+            solutions[i][lane] = (solutions[i][lane] - known[lane]) / row[BAND][lane];
         }
     }
-    solution
+    for (i, row) in roots.iter().enumerate().rev() {
+        let near = BAND.min(i);
+        for lane in 0..N {
+            solutions[i][lane] /= row[BAND][lane];
+        }
+        let (others, values) = solutions.split_at_mut(i);
+        for (other, entries) in others[i - near..].iter_mut().zip(&row[BAND - near..BAND]) {
+            for lane in 0..N {
+                other[lane] -= entries[lane] * values[0][lane];
+            }
+        }
+    }
+}
+
+/// Return the sums of products of entries, for each matrix.
+#[inline(always)]
+fn add_products<const N: usize>(first: &[[f64; N]], second: &[[f64; N]]) -> [f64; N] {
+    let mut sums = [0.0; N];
+    for (a, b) in first.iter().zip(second) {
+        for lane in 0..N {
+            sums[lane] += a[lane] * b[lane];
+        }
+    }
+    sums
 }

@@ -168,28 +168,26 @@ fn add_row_of_tiles_inlined<C: Count>(
         let row = index * step;
         let trials = &planes[1][(row + radius) * stride..][..stride];
         let start = (first + row) * stride;
-        let of_template = [
-            &template.probability,
-            &template.gradient[0],
-            &template.gradient[1],
-            &template.trials,
-        ]
-        .map(|plane| &plane[start..][..stride]);
+        let planes = [
+            &template.probability[start..],
+            &template.gradient[0][start..],
+            &template.gradient[1][start..],
+            &template.trials[start..],
+            trials,
+            &filtered[0][index * stride..],
+            &filtered[1][index * stride..],
+        ];
+        let planes = planes.map(|plane| &plane.as_chunks::<TILE>().0[..out.len()]);
         for (tile, lanes) in lanes.iter_mut().enumerate() {
-            let part = |plane: &[f32]| -> [f32; TILE] {
-                std::array::from_fn(|lane| plane[tile * TILE..][..TILE][lane])
-            };
-            let filtered = filtered
-                .each_ref()
-                .map(|plane| part(&plane[index * stride..]));
-            let remainders = [0, 1].map(|k| per_frame * sums.remainders[[first + row, k, tile]]);
-            add_pixels(
-                lanes,
-                of_template.map(part),
-                part(trials),
-                &filtered,
-                remainders,
-            );
+            let remainders = [
+                per_frame * sums.remainders[[first + row, 0, tile]],
+                per_frame * sums.remainders[[first + row, 1, tile]],
+            ];
+            // The compiler does not inline functions that map arrays.
+            let [p, rows, columns, of_template, trials, ones, filtered] = planes;
+            let of_template = [&p[tile], &rows[tile], &columns[tile], &of_template[tile]];
+            let counts = [&trials[tile], &ones[tile], &filtered[tile]];
+            add_pixels(lanes, of_template, counts, remainders);
         }
     }
     for (out, lanes) in out.iter_mut().zip(&lanes) {
@@ -234,9 +232,8 @@ fn convert<C: Count>(counts: ArrayView1<'_, C>, out: &mut [f32]) {
 #[inline(always)]
 fn add_pixels(
     sums: &mut [[f32; TILE]; SUMS],
-    [p, rows, columns, of_template]: [[f32; TILE]; 4],
-    trials: [f32; TILE],
-    [ones, filtered_trials]: &[[f32; TILE]; 2],
+    [p, rows, columns, of_template]: [&[f32; TILE]; 4],
+    [trials, ones, filtered_trials]: [&[f32; TILE]; 3],
     [along_rows, along_columns]: [f32; 2],
 ) {
     for i in 0..TILE {

@@ -10,7 +10,8 @@ use crate::bits::FRAMES_PER_GROUP;
 
 /// The bits and their motion.
 pub(super) struct Input<'a, 'b> {
-    pub bits: Cow<'a, [u8]>,
+    /// The bytes of each frame.
+    pub bits: Vec<Cow<'a, [u8]>>,
     pub valid: Option<Cow<'a, [u8]>>,
     pub motion: &'a Displacements<'b>,
     /// The mean displacements of all frames.
@@ -61,14 +62,15 @@ impl Piece {
 /// A group of frames.
 pub(super) struct Frames<'a> {
     pub times: Times,
-    /// The bytes of each frame and of all that follow it. The last one fills the rest.
+    /// The bytes of each frame. The last one fills the rest.
     pub bytes: [&'a [u8]; FRAMES_PER_GROUP],
+    /// Their indices in the group.
+    pub indices: [usize; FRAMES_PER_GROUP],
 }
 
 impl<'a> Frames<'a> {
     /// Return the group that begins with a frame, before the frame `end`.
     pub fn new(input: &'a Input<'_, '_>, first: usize, end: usize) -> Self {
-        let frame_bytes = input.frame.rows * input.frame.row_bytes();
         let last = (first + FRAMES_PER_GROUP).min(end) - 1;
         let mut frames = Self {
             times: Times {
@@ -76,14 +78,39 @@ impl<'a> Frames<'a> {
                 each: [input.times[last]; FRAMES_PER_GROUP],
                 range: [input.times[last]; 2],
             },
-            bytes: [&input.bits[last * frame_bytes..]; FRAMES_PER_GROUP],
+            bytes: [&input.bits[last][..]; FRAMES_PER_GROUP],
+            indices: std::array::from_fn(|index| index),
         };
         for index in 0..frames.times.number {
             let time = input.times[first + index];
             let [low, high] = frames.times.range;
             frames.times.each[index] = time;
             frames.times.range = [low.min(time), high.max(time)];
-            frames.bytes[index] = &input.bits[(first + index) * frame_bytes..];
+            frames.bytes[index] = &input.bits[first + index];
+        }
+        frames
+    }
+
+    /// Return one or more of the frames, given their indices.
+    #[inline(always)]
+    pub fn some(&self, indices: &[usize]) -> Self {
+        let first = self.times.each[indices[0]];
+        let mut frames = Self {
+            times: Times {
+                number: indices.len(),
+                each: [first; FRAMES_PER_GROUP],
+                range: [first; 2],
+            },
+            bytes: self.bytes,
+            indices: self.indices,
+        };
+        for (target, &index) in indices.iter().enumerate() {
+            let time = self.times.each[index];
+            let [low, high] = frames.times.range;
+            frames.times.each[target] = time;
+            frames.times.range = [low.min(time), high.max(time)];
+            frames.bytes[target] = self.bytes[index];
+            frames.indices[target] = self.indices[index];
         }
         frames
     }

@@ -49,7 +49,7 @@ pub(super) fn differentiate(
 /// order: p − r̄ · ∇p, from `least` to 1 − `least`.
 ///
 /// `remainders` `(H, 2, ⌈W/BLOCK⌉)` holds sums over a number of frames, as
-/// [`super::add_shifted_counts`] computes them.
+/// [`super::count_shifted`] computes them.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if the image is

@@ -66,7 +66,7 @@ pub use fits::{Share, fit_blocks};
 pub use gradient::undo_remainders;
 pub use object_gain::{GAINS, Object, PREDICTIONS, Seen, add_object_gain, mark_covered};
 pub use remainders::changed_remainders;
-pub use shifted_counts::{BLOCK, ShiftedCounts, add_shifted_counts};
+pub use shifted_counts::{BLOCK, ShiftedCounts, count_shifted};
 pub use shifted_scores::{Peak, peak_of_shifted_scores};
 pub use shifted_values::add_shifted_values;
 pub use solve_field::{Smoothness, Start, solve_field};

@@ -1,6 +1,6 @@
 //! The remainders of counts whose motion changes.
 
-use ndarray::{Array3, ArrayView3};
+use ndarray::{Array3, ArrayView3, Zip, s};
 
 use super::columns::interval;
 use super::equations::TILE;
@@ -34,10 +34,13 @@ pub fn changed_remainders(
         let (index, fraction) = interval(row, TILE, shape.1);
         let next = (index + 1).min(shape.1 - 1);
         for (k, mut values) in rows.outer_iter_mut().enumerate() {
-            for (column, value) in values.iter_mut().enumerate() {
-                let start = change[[k, index, column]];
-                *value -= frames * (start + fraction * (change[[k, next, column]] - start));
-            }
+            let [start, next] = [index, next].map(|index| change.slice(s![k, index, ..]));
+            Zip::from(&mut values)
+                .and(start)
+                .and(next)
+                .for_each(|value, &start, &next| {
+                    *value -= frames * (start + fraction * (next - start));
+                });
         }
     }
     Ok(changed)

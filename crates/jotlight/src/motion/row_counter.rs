@@ -92,22 +92,32 @@ impl<'a> RowCounters<'a> {
             self.copy_whole_row(row, frames, 0..times.number, shift);
             return;
         }
-        let mut shifts = [[0; 2]; FRAMES_PER_GROUP];
-        for (shift, &time) in shifts.iter_mut().zip(&times.each) {
-            let Some(common) = motion.common_shift([time; 2]) else {
-                let mut found = std::mem::take(&mut self.found);
-                search(motion, self.frame, self.first_row + row, times, &mut found);
-                for (step, found) in found.iter().enumerate() {
-                    self.copy_step((row, step), motion, found, frames);
-                }
-                self.found = found;
-                return;
-            };
-            *shift = common;
+        // Pixels that differ in a frame, because a shift changes within the row, are searched.
+        let (mut others, mut number) = ([0; FRAMES_PER_GROUP], 0);
+        for (index, &time) in times.each[..times.number].iter().enumerate() {
+            if let Some(shift) = motion.common_shift([time; 2]) {
+                self.copy_whole_row(row, frames, index..index + 1, shift);
+            } else {
+                others[number] = index;
+                number += 1;
+            }
         }
-        for (index, &shift) in shifts[..times.number].iter().enumerate() {
-            self.copy_whole_row(row, frames, index..index + 1, shift);
+        if number == 0 {
+            return;
         }
+        let frames = &frames.some(&others[..number]);
+        let mut found = std::mem::take(&mut self.found);
+        search(
+            motion,
+            self.frame,
+            self.first_row + row,
+            &frames.times,
+            &mut found,
+        );
+        for (step, found) in found.iter().enumerate() {
+            self.copy_step((row, step), motion, found, frames);
+        }
+        self.found = found;
     }
 
     /// Copy a row whose pixels have the same shift in some frames of a group.
@@ -167,7 +177,8 @@ impl<'a> RowCounters<'a> {
         };
         for index in 0..number {
             let places = &places[index / repeated];
-            self.copy_words((row, step), places, frames.bytes[index], index);
+            let (source, index) = (frames.bytes[index], frames.indices[index]);
+            self.copy_words((row, step), places, source, index);
         }
         if found.outside != [0; BLOCKS_PER_STEP] {
             self.count_outside((row, step), repeated, found, places);
@@ -242,6 +253,7 @@ impl<'a> RowCounters<'a> {
         let first = self.words(row).start * WORD / 8 + block * BLOCK / 8;
         let bytes = first..first + BLOCK / 8;
         let mut bits = origins.bits(frames.bytes[index]);
+        let index = frames.indices[index];
         if let (Some(mask), Some((_, valid))) = (self.mask, &mut self.valid) {
             let counted = origins.bits(mask);
             bits &= counted;
@@ -291,15 +303,14 @@ impl<'a> RowCounters<'a> {
         self.ones.add_to_counts(self.bytes(row), counts);
     }
 
-    /// Add the number of trials of each pixel of a row to `counts`, in all frames.
-    pub fn add_trials(&self, row: usize, frames: usize, counts: &mut [i32]) {
+    /// Replace `counts` with the number of trials of each pixel of a row, in all frames.
+    pub fn write_trials(&self, row: usize, frames: usize, counts: &mut [i32]) {
         if let Some((counters, _)) = &self.valid {
+            counts.fill(0);
             counters.add_to_counts(self.bytes(row), counts);
             return;
         }
-        for count in &mut *counts {
-            *count += frames as i32;
-        }
+        counts.fill(frames as i32);
         for (count, outside) in counts.iter_mut().zip(self.outside[row].as_flattened()) {
             *count -= outside;
         }

@@ -12,7 +12,7 @@ use super::frames::{Frames, Input, Piece};
 use super::row::RowMotion;
 use super::row_counter::RowCounters;
 use super::source::Frame;
-use crate::bits::{FRAMES_PER_GROUP, PackedBits, check_mask, check_sum, packed_width, trials};
+use crate::bits::{FRAMES_PER_GROUP, PackedBits, check_mask, packed_width, trials};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
 use crate::interrupt;
@@ -26,7 +26,7 @@ const MAX_FRAME_BYTES: usize = i32::MAX as usize;
 /// The number of rows that one task counts. Its counters fit in the cache.
 const ROWS_PER_TASK: usize = 16;
 
-/// The sums along a motion, to which [`add_shifted_counts`] adds.
+/// The sums along a motion, which [`count_shifted`] writes.
 #[derive(Debug)]
 pub struct ShiftedCounts<'a> {
     /// The number of ones of each pixel, `(H, W)`.
@@ -38,7 +38,7 @@ pub struct ShiftedCounts<'a> {
     pub remainders: ArrayViewMut3<'a, f32>,
 }
 
-/// Count the ones of frames whose pixels are displaced, and add them to `sums`.
+/// Count the ones of frames whose pixels are displaced, and write their numbers into `sums`.
 ///
 /// `times[t]` is the time of frame t: at an integer n, it has the displacements of field n. Bits that come from outside the frame, or whose bit in the packed mask `valid`
 /// `(H, ⌈W/8⌉)` is 0, are no trials.
@@ -46,8 +46,8 @@ pub struct ShiftedCounts<'a> {
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match. [`Error::Range`] if a time is not in
 /// \[-1, m\] for m fields, a count could exceed the `i32`, or a frame has more than 2^24 rows or columns, or 2^31
-/// bytes. If a count could exceed the `i32`, the sums are incomplete.
-pub fn add_shifted_counts(
+/// bytes.
+pub fn count_shifted(
     bits: &PackedBits<'_>,
     motion: &Displacements<'_>,
     times: &[f64],
@@ -56,14 +56,17 @@ pub fn add_shifted_counts(
 ) -> Result<()> {
     let (frames, rows, columns) = bits.shape();
     check(bits, times, motion.number(), valid, &sums)?;
+    trials(frames, 1)?;
     if frames == 0 || rows == 0 || columns == 0 {
+        sums.ones.fill(0);
+        sums.trials.fill(0);
+        sums.remainders.fill(0.0);
         return Ok(());
     }
-    let most = trials(frames, 1)?;
     let (pieces, times) = Piece::divide(times, motion.number());
     let mean = motion.mean(&Piece::shares(&pieces, &times, motion.number()));
     let input = Input {
-        bits: bits.contiguous(),
+        bits: (0..frames).map(|frame| bits.rows(frame, 0..rows)).collect(),
         valid: valid.map(contiguous_mask),
         motion,
         mean,
@@ -81,20 +84,18 @@ pub fn add_shifted_counts(
         .zip(trials.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK))
         .zip(remainders.axis_chunks_iter_mut(Axis(0), ROWS_PER_TASK))
         .enumerate()
-        .try_for_each_init(
+        .for_each_init(
             || Task::new(&input),
             |task, (chunk, ((ones, trials), remainders))| {
-                check_sum(most, ones.view())?;
-                check_sum(most, trials.view())?;
                 let part = ShiftedCounts {
                     ones,
                     trials,
                     remainders,
                 };
                 count_rows(&input, chunk * ROWS_PER_TASK, task, part);
-                Ok(())
             },
-        )
+        );
+    Ok(())
 }
 
 /// What a task needs to count rows. Several tasks use it, one after the other.
@@ -210,10 +211,12 @@ fn count_rows_inlined(
             counters.end_group();
         }
     }
+    // The counters add to numbers of ones. These rows are in the cache afterward.
+    sums.ones.fill(0);
     for row in 0..rows {
         with_slice(sums.ones.row_mut(row), |ones| counters.add_ones(row, ones));
         with_slice(sums.trials.row_mut(row), |trials| {
-            counters.add_trials(row, frames, trials);
+            counters.write_trials(row, frames, trials);
         });
         let mut remainders = sums.remainders.index_axis_mut(Axis(0), row);
         for (direction, mut remainders) in remainders.rows_mut().into_iter().enumerate() {
@@ -226,7 +229,7 @@ fn count_rows_inlined(
             counters.shifts(row).average(direction, &mut task.shifts);
             let means = task.shifts.iter().zip(&task.displacements);
             for (sum, (shift, &displacement)) in remainders.iter_mut().zip(means) {
-                *sum += (shift - frames as f64 * f64::from(displacement)) as f32;
+                *sum = (shift - frames as f64 * f64::from(displacement)) as f32;
             }
         }
     }

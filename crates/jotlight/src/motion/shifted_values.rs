@@ -18,7 +18,7 @@ use crate::interrupt;
 
 /// Add values of the jots `(m, H, W)` to the sums of the pixels that see them, `out` `(m, H, W)`.
 ///
-/// `times` are those of the frames, as for [`super::add_shifted_counts`]. In each frame, a pixel
+/// `times` are those of the frames, as for [`super::count_shifted`]. In each frame, a pixel
 /// sees the jot whose bit that function counts. Jots outside of the frame add 0.
 ///
 /// # Errors

@@ -286,9 +286,13 @@ fn separate_rows_inlined(
 
 #[inline(always)]
 fn separate_parts_inlined(spectrum: &[Complex<f32>], band: &[f32], out: &mut [Part]) {
-    let (spectrum, band) = (spectrum.as_chunks::<LANES>().0, band.as_chunks::<LANES>().0);
-    for (([real, imaginary], spectrum), band) in out.iter_mut().zip(spectrum).zip(band) {
-        for lane in 0..LANES {
+    // With parts of a known length, the compiler gathers and scatters the values of several parts.
+    // Otherwise, it shuffles those of one part in registers.
+    let parts = spectrum.chunks(LANES).zip(band.chunks(LANES));
+    for ([real, imaginary], (spectrum, band)) in out.iter_mut().zip(parts) {
+        let length = spectrum.len().min(band.len()).min(LANES);
+        let (spectrum, band) = (&spectrum[..length], &band[..length]);
+        for lane in 0..length {
             real[lane] = spectrum[lane].re * band[lane];
             imaginary[lane] = spectrum[lane].im * band[lane];
         }

@@ -7,7 +7,7 @@ use super::filter::values;
 use super::shifted_counts::BLOCK;
 use crate::error::{Error, Result};
 
-/// The sums of a block of frames along a motion, as [`super::add_shifted_counts`] computes them.
+/// The sums of a block of frames along a motion, as [`super::count_shifted`] computes them.
 #[derive(Clone, Copy, Debug)]
 pub struct Sums<'a, C = i32> {
     /// N, the number of ones of each pixel, `(H, W)`.

@@ -4,6 +4,7 @@ use ndarray::{Array3, ArrayView3, ArrayViewMut2, Axis, s};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex;
 
+use super::filter::values;
 use super::spectra::{LANES, Part, Scratch, Transforms};
 use crate::cpu::levels;
 use crate::error::{Error, Result};
@@ -52,9 +53,8 @@ pub fn velocity_scores(
     memory::check::<Part>("spectra", &[blocks.dim().0, transforms.parts()])?;
     let shape = (windows.corners.len(), line.len(), line.len());
     let mut scores = memory::zeros("scores", shape)?;
-    let largest = blocks
-        .iter()
-        .fold(0, |max, &count| count.unsigned_abs().max(max));
+    let rows = blocks.lanes(Axis(2)).into_iter();
+    let largest = rows.map(|row| largest_magnitude(&values(row))).max();
     let correlator = Correlator {
         blocks,
         windows,
@@ -62,7 +62,7 @@ pub fn velocity_scores(
         line,
         transforms,
         // Products of smaller numbers do not overflow.
-        factor: 1.0 / largest.max(1) as f32,
+        factor: 1.0 / largest.unwrap_or(0).max(1) as f32,
     };
     scores
         .axis_iter_mut(Axis(0))
@@ -70,6 +70,12 @@ pub fn velocity_scores(
         .zip(windows.corners)
         .for_each(|(scores, &corner)| correlator.add_scores(corner, scores));
     Ok(scores)
+}
+
+/// Return the largest magnitude of some counts.
+fn largest_magnitude(counts: &[i32]) -> u32 {
+    let magnitudes = counts.iter().map(|count| count.unsigned_abs());
+    magnitudes.fold(0, u32::max)
 }
 
 fn check(
