@@ -34,8 +34,9 @@ _LIMITS_IF_STILL = 4.5, 1.6
 Dim scenes exceed 3.5 by chance in some pixels of most images.
 """
 
-_FIRST_RING = 2
-"""Number of blocks in the middle, which are not tested."""
+RINGS = 2, 2
+"""Number of blocks in the middle, which are not tested, and by which factor each ring increases the
+number of blocks."""
 
 _ROUNDS_OF_LIGHT = 3
 """Rounds in which the light of the first blocks is found: each uses that of the others."""
@@ -77,7 +78,11 @@ class Consistent:
 
 
 def find_consistent(
-    paths: Counted, *, is_still: bool = False, network: str = PRECISE
+    paths: Counted,
+    *,
+    is_still: bool = False,
+    network: str = PRECISE,
+    rings: tuple[int, int] = RINGS,
 ) -> Consistent:
     """Return the sums of all blocks along a motion, without pixels that disagree.
 
@@ -95,14 +100,17 @@ def find_consistent(
     network : str
         Name of the network that denoises the last template. Half of the blocks are compared with
         this template. The network ``templates`` denoises the others.
+    rings : (int, int)
+        Number of blocks in the middle, which are not tested, and by which factor each ring
+        increases the number of blocks.
     """
     order = [int(block) for block in from_center(paths)]
-    limits, start = _LIMITS_IF_STILL if is_still else _LIMITS, _FIRST_RING
+    limits, (start, growth) = _LIMITS_IF_STILL if is_still else _LIMITS, rings
     tested = _TestedBlocks(paths, order[:start], limits)
     while start < len(order):
-        is_last = 2 * start >= len(order)
-        tested.add_ring(order[start : 2 * start], network if is_last else FAST)
-        start *= 2
+        end = growth * start
+        tested.add_ring(order[start:end], network if end >= len(order) else FAST)
+        start = end
     return tested.result()
 
 
@@ -126,7 +134,7 @@ class _TestedBlocks:
         self._is_after = paths.blocks.centers > paths.reference
         all_pixels = np.packbits(np.ones(self._size, bool), axis=1)
         self._masks = np.tile(all_pixels, (len(self._is_after), 1, 1))
-        self._lights = _first_lights(paths, first)
+        self._lights, self._untested = _first_lights(paths, first), len(first)
         self._available = np.zeros(self._size, np.int32)
         """The trials of all blocks, whether or not they were accepted."""
         self._sides = [Sums.zeros(self._size), Sums.zeros(self._size)]
@@ -141,7 +149,8 @@ class _TestedBlocks:
         nearer = self._sides[0] + self._sides[1]
         template = make_template(nearer, self._threads, network)
         if self._lights is not None:
-            lights = _find_lights(self._lights, self._paths, template, self._blocks, ring)
+            rounds = _ROUNDS_OF_LIGHT if len(self._blocks) == self._untested else 1
+            lights = _find_lights(self._lights, self._paths, template, self._blocks, ring, rounds)
             template = dataclasses.replace(template, lights=lights)
         for side in (0, 1):
             blocks = [block for block in ring if self._is_after[block] == side]
@@ -167,7 +176,8 @@ class _TestedBlocks:
         """Return the sums of all blocks."""
         before, after = self._sides
         trials = before.trials + after.trials
-        accepted = np.asarray(trials / np.maximum(self._available, 1), np.float32)
+        available = np.maximum(self._available, 1)
+        accepted = np.divide(trials, available, dtype=np.float32, casting="unsafe")
         sides = np.flatnonzero(~self._is_after), np.flatnonzero(self._is_after)
         lights = _both_lights(self._lights, *sides)
         return Consistent(before, after, accepted, self._masks, lights)
@@ -189,10 +199,17 @@ def _both_lights(
 
 
 def _find_lights(
-    lights: BlockLights, paths: Counted, template: Template, nearer: list[int], ring: list[int]
+    lights: BlockLights,
+    paths: Counted,
+    template: Template,
+    nearer: list[int],
+    ring: list[int],
+    rounds: int,
 ) -> Lights:
-    """Find the light of the blocks of a ring, and return that of the template of nearer ones."""
-    rounds = _ROUNDS_OF_LIGHT if len(nearer) == _FIRST_RING else 1
+    """Find the light of the blocks of a ring, and return that of the template of nearer ones.
+
+    The light of the nearer ones is found in some rounds.
+    """
     # A template of more blocks also shows the light of the nearer ones better.
     for blocks in [*[nearer] * rounds, ring]:
         known = dataclasses.replace(template, lights=lights.of(nearer))
