@@ -8,15 +8,20 @@ from jotlight import _engine as engine
 from jotlight.motion.affine import (
     _covariances,
     _information,
+    agreement,
     extrapolate,
     follow_segment,
     is_renewed,
     start_track,
+    sums_of_groups,
+    template_and_agreement,
+    template_of,
 )
 from jotlight.motion.affine_curve import smooth_affine
 from jotlight.motion.segments import Segment
 from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import affine_basis, tile_counts
+from jotlight.motion.track import Track
 from moving import blocks_of, moved, record
 from reference import motion as reference
 
@@ -133,6 +138,22 @@ def test_displacements_are_extrapolated_with_the_last_velocity():
 
 def test_the_template_is_renewed_when_it_has_doubled():
     assert [n for n in range(1, 70) if is_renewed(n)] == [1, 2, 4, 8, 16, 32, 48, 64]
+
+
+def test_blocks_are_added_up_once_for_the_template_and_its_agreement(monkeypatch):
+    _, bits = record("shake")
+    track = Track.still(blocks_of(bits))
+    track.known[-1] = False
+    expected = template_of(track)
+    weights, added = agreement(sums_of_groups(track), expected), []
+    nearby_sums = Track.nearby_sums
+    monkeypatch.setattr(
+        Track, "nearby_sums", lambda self, block: added.append(block) or nearby_sums(self, block)
+    )
+    template, found = template_and_agreement(track)
+    assert added == list(range(len(track.nodes) - 1))
+    np.testing.assert_array_equal(template.probability, expected.probability)
+    np.testing.assert_array_equal(found, weights)
 
 
 def test_the_information_of_tiles_is_that_of_random_draws():

@@ -11,7 +11,7 @@ import jotlight as jl
 from jotlight.motion import consistency
 from jotlight.motion import disagreement as disagreement_module
 from jotlight.motion.consistency import ComparedBlock, add_agreeing, find_consistent
-from jotlight.motion.scoring import Template
+from jotlight.motion.scoring import Template, make_template
 from jotlight.motion.sums import Sums
 from jotlight.motion.track import Paths, Track
 from moving import blocks_of, random_counts
@@ -119,6 +119,25 @@ def test_what_hides_the_scene_is_left_out():
     assert masks[7:9].all()
     np.testing.assert_array_equal(found.before.trials + found.after.trials, trials)
     assert found.before.trials.max() <= 32
+
+
+@pytest.mark.parametrize(("rings", "templates"), [((2, 2), 3), ((4, 4), 1), ((2, 4), 2)])
+def test_wider_rings_leave_out_the_same_with_fewer_templates(rings, templates, monkeypatch):
+    made = []
+
+    def make(*args):
+        made.append(make_template(*args))
+        return made[-1]
+
+    monkeypatch.setattr(consistency, "make_template", make)
+    still = Track.still(blocks_of(jl.Bits.from_array(hidden_scene(np.random.default_rng(3)))))
+    found = find_consistent(still, rings=rings)
+    assert len(made) == templates
+    assert found.accepted[24:40, 24:40].mean() == pytest.approx(38 / 64, abs=0.05)
+    assert found.accepted[:, 60:].mean() > 0.98
+    masks = np.unpackbits(found.masks, axis=2, count=80)
+    first = rings[0] // 2
+    assert masks[8 - first : 8 + first].all()
 
 
 def test_a_dim_scene_that_stands_still_keeps_nearly_all_bits():

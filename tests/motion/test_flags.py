@@ -1,7 +1,10 @@
 """Flags: outlines, rejected bits, and disagreement mark pixels that are not to be trusted."""
 
+import dataclasses
+
 import numpy as np
 import pytest
+from scipy.ndimage import maximum_filter
 
 from jotlight.motion import flags as motion_flags
 from jotlight.motion.consistency import Consistent
@@ -78,6 +81,19 @@ def test_more_neighbors_are_flagged_in_unclear_scenes():
     assert more[22:39, 32:49].all()
     assert (few <= more).all()
     assert few.sum() < more.sum()
+
+
+@pytest.mark.parametrize("size", [(60, 70), (3, 50)])
+def test_pixels_near_an_outline_are_those_of_a_maximum_filter(size):
+    labels = (np.random.default_rng(2).random(size) < 0.01).astype(np.uint8)
+    outlines = np.zeros(size, bool)
+    outlines[:, 1:] |= labels[:, 1:] != labels[:, :-1]
+    outlines[1:] |= labels[1:] != labels[:-1]
+    zeros = Sums.zeros(size)
+    ones = dataclasses.replace(zeros, trials=np.ones(size, np.int32))
+    sums = Consistent(ones, ones, np.ones(size, np.float32), np.zeros((0, *size), np.uint8))
+    found = motion_flags.find_flags(sums, np.ones(size), labels)
+    np.testing.assert_array_equal(found, maximum_filter(outlines, 17))
 
 
 def spot(size, share):

@@ -6,6 +6,7 @@ import pytest
 import jotlight as jl
 from jotlight.motion.jots import Jots, SeenJots
 from jotlight.motion.merged_pixels import as_fine, as_merged, as_pixels
+from jotlight.motion.posterior import posterior_error
 from jotlight.motion.sums import Sums
 from moving import constant_motion
 
@@ -94,3 +95,15 @@ def test_efficiencies_that_rounding_makes_exceed_1_are_1(as_counts):
         accepted, flags = np.ones(PIXELS, np.float32), np.zeros(PIXELS, bool)
     merged = as_counts([sums], accepted, flags, motion, sensor)
     assert np.asarray(merged.efficiency).max() == 1
+
+
+def test_maps_of_jots_that_are_pixels_stay_as_they_are():
+    size = 32, 48
+    accepted = np.random.default_rng(0).random(size, np.float32)
+    flags = accepted < 0.3
+    motion = constant_motion([[0, 0], [1, 2]], size, [0, 7], 0)
+    merged = as_merged([Sums.zeros(size)], accepted, flags, motion, jl.Sensor(frames=8))
+    assert merged.acceptance.dtype == merged.posterior_error.dtype == np.float32
+    np.testing.assert_array_equal(merged.acceptance, accepted)
+    np.testing.assert_array_equal(merged.flags, flags)
+    np.testing.assert_array_equal(merged.posterior_error, posterior_error(motion))

@@ -37,8 +37,8 @@ def test_trials_between_two_levels_are_interpolated():
     mixed = denoise_map(NETWORK, ones, trials_map)
     fraction = ones / trials_map
     left, right = (NETWORK.denoise_probability(fraction, level) for level in (8, 16))
-    np.testing.assert_allclose(mixed[:, :54], np.clip(left, 0, 1)[:, :54], atol=1e-6)
-    np.testing.assert_allclose(mixed[:, 74:], np.clip(right, 0, 1)[:, 74:], atol=1e-6)
+    np.testing.assert_allclose(mixed[:, :50], np.clip(left, 0, 1)[:, :50], atol=1e-6)
+    np.testing.assert_allclose(mixed[:, 78:], np.clip(right, 0, 1)[:, 78:], atol=1e-6)
     trials_map = np.full(IMAGE.shape, 14, np.float32)
     trials_map[:, :64] = 8
     trials_map[:, 120:] = 16
@@ -48,7 +48,7 @@ def test_trials_between_two_levels_are_interpolated():
     middle = (slice(None), slice(74, 110))
     fraction_map = (fraction * trials_map).astype(np.float32)
     found = denoise_map(NETWORK, fraction_map, trials_map)
-    np.testing.assert_allclose(found[middle], np.clip(expected, 0, 1)[middle], atol=1e-4)
+    np.testing.assert_allclose(found[middle], np.clip(expected, 0, 1)[middle], atol=3e-4)
     assert psnr(mixed, truth) > 28
 
 
@@ -60,8 +60,8 @@ def test_a_level_that_only_a_corner_needs_hardly_changes_where_it_runs_there_alo
     difference = denoise_map(NETWORK, ones, trials_map) - reference.denoise_map(
         NETWORK, ones, trials_map
     )
-    assert abs(difference).max() < 2e-3
-    assert np.sqrt(np.mean(difference**2)) < 1e-4
+    assert abs(difference).max() < 6e-3
+    assert np.sqrt(np.mean(difference**2)) < 2e-4
 
 
 COLUMNS = np.arange(128)
@@ -83,11 +83,11 @@ def test_maps_of_trials_agree_with_the_twin(name):
     ones, trials_map, _ = draw(MAPS[name] * np.ones((96, 1), int))
     found = denoise_map(NETWORK, ones, trials_map)
     expected = reference.denoise_map(NETWORK, ones, trials_map)
-    # The halos of the engine are half as wide as the receptive field, at a long border here. The
+    # The halos of the engine are a third of the receptive field, at a long border here. The
     # differences are proportional to the noise.
     noise = 0.5 / np.sqrt(MAPS[name].min())
-    assert abs(found - expected).max() < 0.06 * noise
-    assert np.sqrt(np.mean((found - expected) ** 2)) < 0.0028 * noise
+    assert abs(found - expected).max() < 0.08 * noise
+    assert np.sqrt(np.mean((found - expected) ** 2)) < 0.004 * noise
 
 
 def test_images_that_share_a_map_are_those_of_separate_calls():

@@ -155,22 +155,22 @@ def improve_block(
 
 
 def improve_together(
-    track: Track,
-    weights: Array,
-    sigma: float = 1.0,
-    template: Template | None = None,
-    network: str = PRECISE,
+    track: Track, weights: Array, sigma: float = 1.0, network: str = PRECISE
 ) -> float:
+    """Update all blocks against their template, as :func:`improve_against`.
+
+    A network denoises the sums of all known blocks to make it.
+    """
+    template, agrees = template_and_agreement(track, network)
+    return improve_against(track, template, weights * agrees, sigma)
+
+
+def improve_against(track: Track, template: Template, weights: Array, sigma: float = 1.0) -> float:
     """Update all blocks against a template as a smooth curve in time.
 
-    Without a template, a network denoises the sums of all known blocks to make one. Return the
-    root-mean-square length of the steps.
+    `weights` are those of the tiles. Return the root-mean-square length of the steps.
     """
     number, threads = len(track.nodes), track.blocks.threads
-    groups = sums_of_groups(track)
-    if template is None:
-        template = make_template(Sums.total(groups, threads), threads, network)
-    weights = weights * agreement(groups, template)
     shape = tile_counts(track.blocks.size)
     basis, to_parameters = affine_basis(shape), affine_inverse(shape)
     steps, matrices = _fit_blocks(track, template, sigma, weights)
@@ -253,6 +253,13 @@ def agreement(groups: list[Sums], template: Template) -> Array:
     excess = np.mean([mean_tiles(chi_squared(each, template)) - 1 for each in groups], axis=0)
     usual = max(_MAX_EXCESS, float(np.median(excess)))
     return np.asarray(1 / (1 + (np.maximum(excess, 0) / usual) ** 2))
+
+
+def template_and_agreement(track: Track, network: str = FAST) -> tuple[Template, Array]:
+    """Return the template of the known blocks, denoised by a network, and its :func:`agreement`."""
+    groups, threads = sums_of_groups(track), track.blocks.threads
+    template = make_template(Sums.total(groups, threads), threads, network)
+    return template, agreement(groups, template)
 
 
 def template_of(track: Track, network: str = FAST) -> Template:

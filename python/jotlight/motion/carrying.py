@@ -9,9 +9,10 @@ from jotlight.formats.capture import CountStack
 from jotlight.motion.affine import (
     SIGMAS,
     extrapolate,
+    improve_against,
     improve_block,
     improve_inside,
-    improve_together,
+    template_and_agreement,
     template_of,
 )
 from jotlight.motion.align import as_blocks, prepare_burst
@@ -110,21 +111,21 @@ def _with_outlines(paths: Paths) -> Paths:
 def _add_blocks_of_track(track: Track, known: npt.NDArray[np.bool_], *, is_of_tiles: bool) -> None:
     """Align the new blocks of a track with those that are known, and improve all together."""
     track.known = known.copy()
-    weights = np.ones(track.nodes.shape[2:])
+    everywhere = np.ones(track.nodes.shape[2:])
     velocity = np.zeros(track.nodes.shape[1:])
-    template = template_of(track)
+    template, weights = template_and_agreement(track)
     for block in np.flatnonzero(~known):
         extrapolate(track, int(block), velocity)
         for sigma in SIGMAS:
             if is_of_tiles:
                 improve_tiles(track, int(block), template, sigma, SMOOTH)
             else:
-                improve_block(track, int(block), template, sigma, weights)
+                improve_block(track, int(block), template, sigma, everywhere)
         track.known[block] = True
     if is_of_tiles:
         improve_tiles_together(track, SMOOTH, template)
     else:
-        improve_together(track, weights, template=template)
+        improve_against(track, template, weights)
 
 
 def _begins_to_move(track: Track, known: npt.NDArray[np.bool_]) -> bool:

@@ -29,8 +29,9 @@ _LIMITS_IF_STILL = 4.5, 1.6
 Dim scenes exceed 3.5 by chance in some pixels of most images.
 """
 
-_FIRST_RING = 2
-"""Number of blocks in the middle, which are not tested."""
+RINGS = 2, 2
+"""Number of blocks in the middle, which are not tested, and by which factor each ring increases the
+number of blocks."""
 
 _ROUNDS_OF_LIGHT = 3
 """Rounds in which the light of the first blocks is found: each uses that of the others."""
@@ -71,7 +72,9 @@ class Consistent:
         return total
 
 
-def find_consistent(paths: Counted, *, is_still: bool = False, network: str = FAST) -> Consistent:
+def find_consistent(
+    paths: Counted, *, is_still: bool = False, rings: tuple[int, int] = RINGS
+) -> Consistent:
     """Return the sums of all blocks along a motion, without pixels that disagree.
 
     The blocks are tested from the reference time outward, in rings of 2, 4, 8, and so on. First,
@@ -85,17 +88,17 @@ def find_consistent(paths: Counted, *, is_still: bool = False, network: str = FA
         The paths of all pixels.
     is_still : bool
         Whether nothing moves. Then fewer pixels are rejected.
-    network : str
-        Name of the network that denoises the last template. Half of the blocks are compared with
-        this template. The network ``templates``, the default, denoises the others.
+    rings : (int, int)
+        Number of blocks in the middle, which are not tested, and by which factor each ring
+        increases the number of blocks.
     """
     order = [int(block) for block in from_center(paths)]
-    limits, start = _LIMITS_IF_STILL if is_still else _LIMITS, _FIRST_RING
+    limits, (start, growth) = _LIMITS_IF_STILL if is_still else _LIMITS, rings
     tested = _TestedBlocks(paths, order[:start], limits)
     while start < len(order):
-        is_last = 2 * start >= len(order)
-        tested.add_ring(order[start : 2 * start], network if is_last else FAST)
-        start *= 2
+        end = growth * start
+        tested.add_ring(order[start:end])
+        start = end
     return tested.result()
 
 
@@ -119,7 +122,7 @@ class _TestedBlocks:
         self._is_after = paths.blocks.centers > paths.reference
         all_pixels = np.packbits(np.ones(self._size, bool), axis=1)
         self._masks = np.tile(all_pixels, (len(self._is_after), 1, 1))
-        self._lights = _first_lights(paths, first)
+        self._lights, self._untested = _first_lights(paths, first), len(first)
         self._available = np.zeros(self._size, np.int32)
         """The trials of all blocks, whether or not they were accepted."""
         self._sides = [Sums.zeros(self._size), Sums.zeros(self._size)]
@@ -129,12 +132,13 @@ class _TestedBlocks:
             self._available += sums.trials
             self._sides[int(self._is_after[block])] += sums
 
-    def add_ring(self, ring: list[int], network: str) -> None:
+    def add_ring(self, ring: list[int]) -> None:
         """Test the blocks of a ring, and add what agrees with a template of all nearer blocks."""
         nearer = self._sides[0] + self._sides[1]
-        template = make_template(nearer, self._threads, network)
+        template = make_template(nearer, self._threads, FAST)
         if self._lights is not None:
-            lights = _find_lights(self._lights, self._paths, template, self._blocks, ring)
+            rounds = _ROUNDS_OF_LIGHT if len(self._blocks) == self._untested else 1
+            lights = _find_lights(self._lights, self._paths, template, self._blocks, ring, rounds)
             template = dataclasses.replace(template, lights=lights)
         for side in (0, 1):
             blocks = [block for block in ring if self._is_after[block] == side]
@@ -160,7 +164,8 @@ class _TestedBlocks:
         """Return the sums of all blocks."""
         before, after = self._sides
         trials = before.trials + after.trials
-        accepted = np.asarray(trials / np.maximum(self._available, 1), np.float32)
+        available = np.maximum(self._available, 1)
+        accepted = np.divide(trials, available, dtype=np.float32, casting="unsafe")
         sides = np.flatnonzero(~self._is_after), np.flatnonzero(self._is_after)
         lights = _both_lights(self._lights, *sides)
         return Consistent(before, after, accepted, self._masks, lights)
@@ -182,10 +187,17 @@ def _both_lights(
 
 
 def _find_lights(
-    lights: BlockLights, paths: Counted, template: Template, nearer: list[int], ring: list[int]
+    lights: BlockLights,
+    paths: Counted,
+    template: Template,
+    nearer: list[int],
+    ring: list[int],
+    rounds: int,
 ) -> Lights:
-    """Find the light of the blocks of a ring, and return that of the template of nearer ones."""
-    rounds = _ROUNDS_OF_LIGHT if len(nearer) == _FIRST_RING else 1
+    """Find the light of the blocks of a ring, and return that of the template of nearer ones.
+
+    The light of the nearer ones is found in some rounds.
+    """
     # A template of more blocks also shows the light of the nearer ones better.
     for blocks in [*[nearer] * rounds, ring]:
         known = dataclasses.replace(template, lights=lights.of(nearer))

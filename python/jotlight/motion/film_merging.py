@@ -2,14 +2,18 @@
 
 from functools import partial
 
-from jotlight.motion.consistency import find_consistent
+from jotlight.motion.consistency import RINGS, find_consistent
 from jotlight.motion.memory import Memory, sum_leaving
 from jotlight.motion.merge import merge_along
 from jotlight.motion.motion import Motion
-from jotlight.motion.scoring import FAST
 from jotlight.motion.track import Paths
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
+
+_WIDE_RINGS, _MANY_FRAMES = (4, 4), 256
+"""The rings of blocks of a film with one motion, from this number of frames of a window on. They
+need one template instead of three, because windows have longer blocks than bursts, and their motion
+is known better."""
 
 
 class FilmMerging:
@@ -54,7 +58,10 @@ class FilmMerging:
         memory : Memory or None
             Bits from before the window, which are counted, too. It is changed for the next window.
         """
-        consistent = find_consistent(paths, is_still=motion.model == "none", network=FAST)
+        is_still, frames = motion.model == "none", len(paths.blocks.burst)
+        is_simple = is_still or motion.model == "affine"
+        rings = _WIDE_RINGS if is_simple and frames >= _MANY_FRAMES else RINGS
+        consistent = find_consistent(paths, is_still=is_still, rings=rings)
         result = merge_along(
             paths,
             motion,

@@ -6,6 +6,7 @@ import numpy.typing as npt
 from jotlight.blur import blur
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.disagreement import Image
+from jotlight.motion.tiles import add_squares
 
 _MAX_DISAGREEMENT, _UNCLEAR_DISAGREEMENT = 1.3, 1.2
 """Pixels are flagged where frames before and after the reference time disagree more than this.
@@ -28,8 +29,9 @@ _OUTLINE = 8
 _UNCLEAR_MARGIN, _UNCLEAR_GROWTH = 20, 10
 """Distances in unclear scenes: near pixels with few accepted bits, and near those that disagree."""
 
-_SPREAD = 8.0
-"""Standard deviation of the filter of rejected bits, in pixels."""
+_SPREAD, _SQUARE = 8.0, 4
+"""Standard deviation of the filter of rejected bits in pixels, and side of the squares over which
+they are added before."""
 
 _MAX_REJECTED, _CONCENTRATION = 0.22, 4.0
 """A scene is unclear where objects move by themselves: in 1 % of its pixels, more than this part
@@ -56,14 +58,16 @@ def is_unclear(
     """
     if model in ("tiles", "segments"):
         return model == "tiles"
-    trials = consistent.total.trials / np.maximum(consistent.accepted, 1e-3)
+    trials = consistent.total.trials / np.maximum(consistent.accepted, np.float32(1e-3))
     in_view = trials >= _IN_VIEW * trials.max()
-    weights = in_view.astype(np.float32)
-    both = blur(np.stack([weights * (1 - consistent.accepted), weights]), _SPREAD, threads)
-    rejected = (both[0] / np.maximum(both[1], np.float32(1e-3)))[in_view]
+    pixels = add_squares(in_view, _SQUARE)
+    lost = add_squares(in_view * (1 - consistent.accepted), _SQUARE)
+    both = blur(np.stack([lost, pixels]) / _SQUARE**2, _SPREAD / _SQUARE, threads)
+    rejected = (both[0] / np.maximum(both[1], np.float32(1e-3)))[pixels > 0]
     largest = float(np.quantile(rejected, 0.99))
     is_local = largest > max(_MAX_REJECTED, _CONCENTRATION * float(rejected.mean()))
-    return is_local or float(np.mean(disagreements[in_view] > _STRONG)) > _MAX_STRONG
+    strong = np.count_nonzero(in_view & (disagreements > _STRONG))
+    return is_local or bool(strong > _MAX_STRONG * np.count_nonzero(in_view))
 
 
 def find_flags(
@@ -107,8 +111,12 @@ def find_flags(
 
 def _grow(pixels: npt.NDArray[np.bool_], distance: int) -> npt.NDArray[np.bool_]:
     """Return the pixels whose square neighborhood contains one of some pixels."""
-    from scipy.ndimage import maximum_filter
-
-    if distance == 0 or not pixels.any():
+    if not pixels.any():
         return pixels
-    return np.asarray(maximum_filter(pixels, 2 * distance + 1))
+    grown = pixels.copy()
+    for image in (grown, grown.T):
+        before = image.copy(order="K")
+        for shift in range(1, distance + 1):
+            image[shift:] |= before[:-shift]
+            image[:-shift] |= before[shift:]
+    return grown

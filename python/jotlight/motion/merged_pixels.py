@@ -33,8 +33,8 @@ def as_merged(
     return as_pixels(
         channels,
         sensor,
-        acceptance=_mean_of_pixels(accepted, side).astype(np.float32),
-        posterior_error=_mean_of_pixels(posterior_error(motion), side).astype(np.float32),
+        acceptance=_mean_of_pixels(accepted, side),
+        posterior_error=_mean_of_pixels(posterior_error(motion), side),
         flags=_mean_of_pixels(flags.astype(np.float32), side) >= _MIN_FLAGGED,
     )
 
@@ -96,10 +96,10 @@ def _sum_pixels(values: npt.NDArray[Any], side: int) -> npt.NDArray[Any]:
     return np.ascontiguousarray(blocks.sum(axis=(1, 3), dtype=values.dtype))
 
 
-def _mean_of_pixels(values: npt.NDArray[np.floating], side: int) -> Map:
+def _mean_of_pixels(values: npt.NDArray[np.float32], side: int) -> npt.NDArray[np.float32]:
     """Return the means over the jots of each pixel."""
-    if side == 1:  # NumPy takes milliseconds for means of single values
-        return values.astype(np.float64)
+    if side == 1:
+        return np.ascontiguousarray(values)
     height, width = values.shape
-    jots = values.astype(np.float64).reshape(height // side, side, width // side, side)
-    return np.asarray(jots.mean(axis=(1, 3)))
+    jots = values.reshape(height // side, side, width // side, side)
+    return np.asarray(jots.mean(axis=(1, 3), dtype=np.float64), np.float32)

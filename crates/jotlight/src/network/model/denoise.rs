@@ -22,10 +22,10 @@ use crate::error::{Error, Result};
 /// The maximum ratio of K to that of the network for one more pass of the network.
 pub const RATIO_OF_PASS: f64 = 16.0;
 
-/// A region is widened by the halo of the network divided by this number. The outer half of the
-/// receptive field changes estimates by about 1e-4 of the intensity, and the weights of a level tend
-/// to 0 at the border of its region.
-const SHARE_OF_HALO: usize = 2;
+/// A region is widened by the halo of the network divided by this number. What lies farther away in
+/// the receptive field hardly changes estimates, and the weights of a level tend to 0 at the border
+/// of its region.
+const SHARE_OF_HALO: usize = 3;
 
 /// The parts of some images at which the network runs for one level, and their weights.
 struct Part<'a> {

@@ -180,10 +180,15 @@ pub fn level_weights(trials: ArrayView2<'_, f32>) -> Vec<(u32, Array2<f32>)> {
     }
     let logarithms = levels.iter().map(|&level| f64::from(level).log2());
     let logarithms: Vec<f64> = logarithms.collect();
+    let last = levels.len() - 1;
     let place = |trials: f32| {
+        // Most pixels have the largest level, and need no logarithm.
+        if trials >= levels[last] as f32 {
+            return last as f32;
+        }
         let logarithm = f64::from(trials.log2());
         let next = logarithms.partition_point(|&level| level <= logarithm);
-        if next == 0 || next == logarithms.len() {
+        if next == 0 || next > last {
             return next.saturating_sub(1) as f32;
         }
         let (below, above) = (logarithms[next - 1], logarithms[next]);

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use ndarray::{Array2, ArrayView2, ArrayViewMut2, Zip, s};
+use ndarray::{Array2, ArrayView2, ArrayViewMut2, Axis, Zip, s};
 
 /// The side of the cells of which regions consist, in pixels.
 const CELL: usize = 8;
@@ -73,11 +73,13 @@ impl Band {
 pub(super) fn cover(weights: ArrayView2<'_, f32>, halo: usize) -> Vec<Band> {
     let (height, width) = weights.dim();
     // Whether a row of a cell has a needed pixel.
-    let needed = Array2::from_shape_fn((height, width.div_ceil(CELL)), |(row, cell)| {
-        let columns = cell * CELL..((cell + 1) * CELL).min(width);
-        let part = weights.slice(s![row, columns]);
-        part.iter().any(|&weight| weight > 0.0)
-    });
+    let mut needed = Array2::from_elem((height, width.div_ceil(CELL)), false);
+    for (row, mut cells) in weights.rows().into_iter().zip(needed.rows_mut()) {
+        let parts = row.axis_chunks_iter(Axis(0), CELL);
+        for (part, need) in parts.into_iter().zip(&mut cells) {
+            *need = part.iter().any(|&weight| weight > 0.0);
+        }
+    }
     // Whether a row of cells has one, for rows of 8 pixels.
     let rows: Vec<bool> = (0..height.div_ceil(CELL))
         .map(|row| {
