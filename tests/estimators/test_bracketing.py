@@ -211,3 +211,10 @@ def test_the_range_of_intensities_moves_with_the_efficiency(efficiency):
     expected = intensity_range(jl.Sensor(frames=48), 9.0)
     found = intensity_range(jl.Sensor(frames=48, efficiency=efficiency), 9.0)
     np.testing.assert_allclose(found, np.divide(expected, efficiency), rtol=1e-3)
+
+
+@pytest.mark.parametrize("frames", [10**4, 2 * 10**7])
+def test_with_more_frames_an_snr_is_reached_with_less_light(frames):
+    # Few of the bits are ones, so the SNR is the root of the number of photons.
+    low, _ = intensity_range(jl.Sensor(frames=frames), 9.0)
+    assert low * frames == pytest.approx(10**0.9, rel=1e-3)

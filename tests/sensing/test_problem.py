@@ -15,3 +15,13 @@ def test_a_problem_without_any_bit_is_refused():
     light = jl.operators.scaling((4,), 1.0)
     with pytest.raises(ValueError, match="at least one cell with a bit"):
         jl.Problem(light, jl.Likelihood(np.zeros(4, int), 0))
+
+
+def test_the_constant_estimate_explains_the_ones_of_jots_that_differ():
+    # The cells with the most trials are dark.
+    trials = np.where(np.arange(64).reshape(8, 8) % 8, 100.0, 10_000.0)
+    dark = np.where(trials > 100, 0.0, 2.5)
+    ones = np.round(trials * -np.expm1(-0.02 - dark)).astype(int)
+    likelihood = jl.Likelihood(ones, trials, dark_counts=dark)
+    problem = jl.Problem(jl.operators.scaling((8, 8), 1.0), likelihood, 5.0)
+    assert problem.constant_estimates() == pytest.approx(0.02, rel=0.05)

@@ -231,7 +231,8 @@ def intensity_range(sensor: Sensor, snr: float) -> tuple[float, float]:
     lights = [group.light_per_intensity for group in groups]
     rates = [group.light_per_intensity * reference_jot(group)[0] for group in groups]
     highest = float(np.max(sensor.threshold) - 1 + sensor.max_reading) * 1e4 / min(rates)
-    lowest = 1e-6 / max(lights)
+    # With more frames, the SNR is reached with less light.
+    lowest = min(1e-6, 0.01 / sensor.trials) / max(lights)
     number = int(np.ceil(np.log10(highest / lowest) * _GRID))
     grid = np.geomspace(lowest, highest, number)
     bounds = snr_bound(sensor, grid)

@@ -11,9 +11,13 @@ from jotlight.sensing.operators import Operator
 from jotlight.sensing.response import (
     Array,
     detection_density,
+    detection_probability,
     inverse_detection_probability,
 )
-from jotlight.sensing.stacks import are_all, image_sums
+from jotlight.sensing.stacks import are_all, each_image, image_sums
+
+_BISECTIONS = 30
+"""Number of bisections of the logarithm of a constant intensity."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,8 +111,24 @@ class Problem:
         )
         with np.errstate(divide="ignore"):
             error = np.sqrt(p * q / total) / (slope * light)
-        low = np.minimum(error, 1e-3 * self.max_intensity)
-        return np.asarray(np.clip((rate - dark) / light, low, 0.9 * self.max_intensity))
+        low, high = np.minimum(error, 1e-3 * self.max_intensity), 0.9 * self.max_intensity
+        if any(isinstance(each, np.ndarray) for each in (cells.efficiency, cells.dark_counts)):
+            return self._match_totals(low, high)
+        return np.asarray(np.clip((rate - dark) / light, low, high))
+
+    def _match_totals(self, low: Array, high: float) -> Array:
+        """Return the constant intensities in [low, high] at which the ones are expected, (N,)."""
+        cells = self.stacked().likelihood
+        light = cells.efficiency * self.operator.forward(np.ones(self.operator.input_shape))
+        ones, below = image_sums(cells.ones), low
+        above = np.full(low.shape, high)
+        for _ in range(_BISECTIONS):
+            middle = np.sqrt(below) * np.sqrt(above)
+            rate = each_image(middle, cells.ones) * light + cells.dark_counts
+            expected = image_sums(cells.trials * detection_probability(cells.threshold, rate))
+            below = np.where(expected < ones, middle, below)
+            above = np.where(expected < ones, above, middle)
+        return np.asarray(below)
 
     def intensity_scales(self) -> Array:
         """Return the scale of the intensities of each image, (N,), to which tolerances refer.

@@ -21,8 +21,7 @@ MAX_BIT_DEPTH = 16
 """Maximum number of bits of a reading."""
 
 MIN_READ_NOISE, MAX_READ_NOISE = 1e-3, 100.0
-"""Smallest standard deviation of read noise above 0, in photons, and the largest. Less than the
-smallest one changes no reading."""
+"""Limits of the standard deviation of read noise above 0, in photons. Less changes no reading."""
 
 AMBIGUOUS_NOISE = 0.5
 """Read noise at which a third of the readings are not the number of photons."""
@@ -199,13 +198,14 @@ def group_readings(sensor: S) -> list[ReadingGroup[S]]:
     the thresholds.
     """
     number, gain, threshold = sensor.frames, sensor.gain, sensor.threshold
-    gains = gain if isinstance(gain, np.ndarray) else np.full(number, gain / number)
-    of_frames = np.ones(number) if np.ndim(threshold) == 2 else np.broadcast_to(threshold, number)
+    length = number if frames_differ(sensor) else 1
+    gains = gain if isinstance(gain, np.ndarray) else np.full(length, gain / number)
+    of_frames = np.ones(length) if np.ndim(threshold) == 2 else np.broadcast_to(threshold, length)
     pairs = np.stack([gains, np.asarray(of_frames, np.float64)])
     unique, places = np.unique(pairs, axis=1, return_inverse=True)
     groups: list[ReadingGroup[S]] = []
     for index, (one_gain, one_threshold) in enumerate(unique.T.tolist()):
-        frames = np.flatnonzero(places.reshape(-1) == index)
+        frames = np.flatnonzero(np.broadcast_to(places.reshape(-1) == index, number))
         same = {"frames": len(frames), "gain": one_gain * len(frames)}
         if np.ndim(threshold) == 2:
             for value in np.unique(threshold):

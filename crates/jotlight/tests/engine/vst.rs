@@ -108,7 +108,7 @@ fn the_exact_inverse_restores_rare_counts_of_many_readings() -> Result<()> {
                 exact.inverse(largest - z) - (f64::from(bits) - rare),
             ];
             for error in errors {
-                assert!(error.abs() < 0.003, "K = {bits}, {rare}: {error}");
+                assert!(error.abs() < 0.01, "K = {bits}, {rare}: {error}");
             }
         }
     }
