@@ -211,3 +211,9 @@ def test_the_range_of_intensities_moves_with_the_efficiency(efficiency):
     expected = intensity_range(jl.Sensor(frames=48), 9.0)
     found = intensity_range(jl.Sensor(frames=48, efficiency=efficiency), 9.0)
     np.testing.assert_allclose(found, np.divide(expected, efficiency), rtol=1e-3)
+
+
+def test_the_shortest_exposure_of_several_bits_is_near_saturation():
+    plan = jl.plan_brackets(jl.Sensor(frames=4, bit_depth=8), (1.0, 2000.0))
+    assert plan.exposures.min() > 1 / 64  # 1.6 detections would take 1/2048
+    assert plan.snr.min() > 0
