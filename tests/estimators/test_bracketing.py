@@ -218,3 +218,9 @@ def test_with_more_frames_an_snr_is_reached_with_less_light(frames):
     # Few of the bits are ones, so the SNR is the root of the number of photons.
     low, _ = intensity_range(jl.Sensor(frames=frames), 9.0)
     assert low * frames == pytest.approx(10**0.9, rel=1e-3)
+
+
+def test_the_shortest_exposure_of_several_bits_is_near_saturation():
+    plan = jl.plan_brackets(jl.Sensor(frames=4, bit_depth=8), (1.0, 2000.0))
+    assert plan.exposures.min() > 1 / 64  # 1.6 detections would take 1/2048
+    assert plan.snr.min() > 0

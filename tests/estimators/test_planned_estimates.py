@@ -53,3 +53,8 @@ def test_light_far_above_saturation_has_the_largest_estimate():
     for group in groups:
         bias, mse = PlannedEstimates([group], 500.0).bias_and_mse([20], 500.0, 30.0)
         assert (bias, mse) == pytest.approx((-470, 470**2))
+
+
+def test_light_far_below_the_threshold_has_the_estimate_0():
+    bits = PlannedGroup(JotResponse(1, 0.0, 16), 1.0, 0.0)
+    assert PlannedEstimates([bits], 40.0).bias_and_mse([100], 0.3, 60.0) == (-0.3, 0.09)

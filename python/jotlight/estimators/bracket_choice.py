@@ -162,8 +162,13 @@ class Choice:
             if factor == 1:
                 out[:] = light**2 * group.jot.information_per_reading(light)
                 continue
-            near = [group.jot.distribution(light * factor**power) for power in (-0.5, 0.5)]
-            overlap = np.sqrt(near[0] * near[1]).sum(axis=1)
+            # The product of both probabilities is largest where the readings between them are.
+            rows, readings, _ = group.probabilities(self._levels)
+            near = [
+                group.jot.probability(readings, light[rows] * factor**power)
+                for power in (-0.5, 0.5)
+            ]
+            overlap = np.bincount(rows, np.sqrt(near[0] * near[1]), light.size)
             out[:] = -8 / np.log(factor) ** 2 * np.log(np.clip(overlap, 1e-300, 1))
         return squares
 

@@ -147,7 +147,10 @@ def plan_brackets(
         sensor, "state one of each; jotlight.plan_brackets finds exposures that differ"
     )
     levels = _checked_light(light)
-    fractions = _checked_exposures(exposures, levels[-1] * reference_jot(sensor)[0])
+    # A bit is most informative at 1.6 detections, and several bits are just below saturation.
+    best_rate = max(1.6, 0.7 * sensor.max_reading)
+    brightest = levels[-1] * reference_jot(sensor)[0] / best_rate
+    fractions = _checked_exposures(exposures, brightest)
     if not len(thresholds):
         raise ValueError("thresholds: expected at least one, got none")
     qs = [sensor.replace(threshold=q).threshold for q in thresholds]
@@ -303,10 +306,10 @@ def _checked_light(light: tuple[float, float]) -> Array:
     return np.geomspace(low, high, _LEVELS)
 
 
-def _checked_exposures(exposures: Sequence[float] | None, max_rate: float) -> Array:
+def _checked_exposures(exposures: Sequence[float] | None, brightest: float) -> Array:
+    """Return fractions of the longest exposure. `brightest` is in units of the best light."""
     if exposures is None:
-        # A bit is most informative at 1.6 detections.
-        number = max(0, int(np.ceil(np.log2(max_rate / 1.6)))) if max_rate > 0 else 0
+        number = max(0, int(np.ceil(np.log2(brightest)))) if brightest > 0 else 0
         return np.asarray(0.5 ** np.arange(number + 2))
     values = np.asarray(exposures)
     is_list = values.dtype.kind in "iuf" and values.ndim == 1 and values.size > 0

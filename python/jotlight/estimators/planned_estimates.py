@@ -40,8 +40,8 @@ _NORMAL_STEPS = 2401
 _NEGLIGIBLE = 1e-15
 """Largest probability that is due to rounding."""
 
-_SATURATED = 1e-12
-"""Probability of a reading below the largest one, up to which all readings are the largest."""
+_CERTAIN = 1e-12
+"""Largest probability of a reading that does not occur."""
 
 Indices = npt.NDArray[np.int64]
 
@@ -162,8 +162,10 @@ class PlannedEstimates:
         used = [index for index, number in enumerate(numbers) if number]
         scores = [self._scores(index, level) for index in used]
         parts = [(numbers[index], *each[:2]) for index, each in zip(used, scores, strict=True)]
-        if sum(number * float(p[:-1].sum()) for number, p, _ in parts) < _SATURATED:
-            return max_estimate - level, (max_estimate - level) ** 2
+        # All readings are the largest, or all are 0, whose estimate is 0.
+        for extreme, others in ((max_estimate, slice(-1)), (0.0, slice(1, None))):
+            if sum(number * float(p[others].sum()) for number, p, _ in parts) < _CERTAIN:
+                return extreme - level, (extreme - level) ** 2
         variance = float(sum(number * (p @ np.square(score)) for number, p, score in parts))
         sums, weights, step = _distribution(parts, float(np.sqrt(variance)))
         expected = sum(numbers[index] * each[2] for index, each in zip(used, scores, strict=True))
