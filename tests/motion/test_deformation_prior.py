@@ -12,7 +12,7 @@ from jotlight.motion.deformation_prior import (
     Measurement,
     Prior,
     degrees_of_freedom,
-    most_probable,
+    solve_deviations,
     with_likely_sizes,
 )
 from jotlight.motion.track import Track
@@ -101,7 +101,7 @@ def test_coefficients_solve_the_dense_equations():
     matrix = matrix_of(prior)
     normal = matrix.T @ dense @ matrix + np.eye(matrix.shape[1])
     expected = np.linalg.solve(normal, matrix.T @ measurement.right.ravel())
-    found = most_probable(prior, measurement, rng.normal(size=prior.shape))
+    found = solve_deviations(prior, measurement, rng.normal(size=prior.shape))
     np.testing.assert_allclose(matrix @ found.ravel(), matrix @ expected, atol=0.02)
 
 
@@ -120,7 +120,7 @@ def test_the_bits_decide_how_much_a_scene_deforms(size):
     true = dataclasses.replace(prior, sizes=size * prior.sizes)
     deviations = true.deviations(rng.normal(size=prior.shape))
     measurement, dense = measured(deviations, rng)
-    before = most_probable(prior, measurement, np.zeros(prior.shape))
+    before = solve_deviations(prior, measurement, np.zeros(prior.shape))
     likely, coefficients = with_likely_sizes(prior, measurement, before)
     evidence = [log_evidence(each, measurement, dense) for each in (prior, likely)]
     assert evidence[1] > evidence[0] + 1

@@ -9,7 +9,7 @@ from jotlight.motion.deformation_prior import (
     Measurement,
     Prior,
     degrees_of_freedom,
-    most_probable,
+    solve_deviations,
     with_likely_sizes,
 )
 from jotlight.motion.scoring import FAST, PRECISE, Template, make_template, normal_equations
@@ -122,7 +122,7 @@ class _Estimate:
         # The displacement errors are those of the present deviations.
         now = Measurement(information, right).products(track.nodes - self._expected)
         track.information, self._measurement = information, Measurement(information, right + now)
-        self._coefficients = most_probable(self._prior, self._measurement, self._coefficients)
+        self._coefficients = solve_deviations(self._prior, self._measurement, self._coefficients)
 
     def _move(self, longest: float) -> None:
         """Move the tiles to the most probable displacements, by a limited distance."""

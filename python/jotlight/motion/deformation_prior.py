@@ -126,7 +126,7 @@ class Measurement:
         return np.stack([of_rows * rows + mixed * columns, mixed * rows + of_columns * columns], 1)
 
 
-def most_probable(prior: Prior, measurement: Measurement, start: Array) -> Array:
+def solve_deviations(prior: Prior, measurement: Measurement, start: Array) -> Array:
     """Return the most probable coefficients. The search begins at others."""
     return _solve(prior, measurement, measurement.right, start, _TOLERANCE)
 
@@ -161,7 +161,7 @@ def with_likely_sizes(
         sizes = np.clip(sizes, low, high)
         start = coefficients * (prior.sizes / sizes)[:, None]
         prior = dataclasses.replace(prior, sizes=sizes)
-        coefficients = most_probable(prior, measurement, start)
+        coefficients = solve_deviations(prior, measurement, start)
     return prior, coefficients
 
 
