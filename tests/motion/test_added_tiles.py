@@ -5,10 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from jotlight.motion.added_tiles import add_tiles, degrees_of_freedom, is_unexplained
+from jotlight.motion import added_tiles
+from jotlight.motion.added_tiles import _with_track, add_tiles, is_unexplained
 from jotlight.motion.consistency import find_consistent
-from jotlight.motion.deformation import LESS_SMOOTH
 from jotlight.motion.path_search import find_paths
+from jotlight.motion.track import Paths, Track
 from moving import blocks_of, record
 
 
@@ -76,16 +77,30 @@ def test_the_motion_of_a_camera_is_explained():
     assert not is_unexplained(paths, consistent)
 
 
-def test_degrees_of_freedom_are_those_of_a_linear_estimate():
-    """The estimate (A + λ)⁻¹ b depends on b through a matrix, whose trace with A is counted."""
-    rng = np.random.default_rng(0)
-    roots = rng.normal(size=(3, 4, 5, 2, 2))
-    matrices = roots @ roots.swapaxes(-1, -2)
-    information = np.stack([matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 1]], axis=1)
-    weight = 4 * LESS_SMOOTH.to_affine
-    hats = matrices @ np.linalg.inv(matrices + weight * np.eye(2))
-    expected = np.trace(hats, axis1=-2, axis2=-1).sum()
-    assert degrees_of_freedom(information, LESS_SMOOTH) == pytest.approx(expected)
+@pytest.mark.parametrize(("share", "expected"), [(0.05, [1.0]), (0.25, [1.0, 0.25]), (1.0, [1.0])])
+def test_tiles_are_followed_everywhere_or_in_large_regions(monkeypatch, share, expected):
+    _, bits = record("shake", 16, shape=(32, 80))
+    blocks = blocks_of(bits)
+    labels = np.zeros(blocks.size, np.uint8)
+    monkeypatch.setattr(
+        added_tiles, "choose_labels", lambda _: (np.arange(80) < 80 * share) | (labels > 0)
+    )
+    candidates = _with_track(Paths([Track.still(blocks)], labels), Track.still(blocks))
+    assert [float((each.labels == 1).mean()) for each in candidates] == expected
+    assert all(each.free == 1 for each in candidates)
+
+
+@pytest.mark.slow
+def test_parts_of_a_deformation_are_no_segments():
+    """Tiles also deviate from the largest track, which explains a sheet better than two parts."""
+    scene, paths, _ = along_affine_motion("sheet", frames=64, shape=(128, 128))
+    track = paths.tracks[0]
+    wrong = dataclasses.replace(track, nodes=0.5 * track.nodes)
+    labels = np.zeros_like(paths.labels)
+    labels[:, 80:] = 1
+    two = Paths([track, wrong], labels)
+    more, _ = add_tiles(two, find_consistent(two))
+    assert squared_error(more, scene) < 0.5 * squared_error(paths, scene)
 
 
 @pytest.mark.slow
@@ -102,4 +117,4 @@ def test_the_model_of_tiles_needs_no_test():
     _, paths, _ = along_affine_motion("shake", frames=32, shape=(64, 64), rng=0)
     more, sums = add_tiles(paths, None)
     assert sums is None
-    assert more is paths or more.free == 1
+    assert more.free == 1

@@ -184,20 +184,39 @@ def test_wrong_outlines_of_slow_segments_are_replaced(is_reversed):
     assert _with_other_outlines(found).labels is found.labels
 
 
-@pytest.mark.parametrize("of_slow", ["segments", "tiles"])
-def test_slow_segments_replace_tiles_if_they_explain_the_scene(monkeypatch, of_slow):
+@pytest.mark.parametrize(
+    ("found", "of_slow", "gain", "expected"),
+    [
+        ("tiles", "segments", 98.0, "segments"),
+        ("affine", "segments", 98.0, "segments"),
+        ("tiles", "segments", 96.0, "tiles"),
+        ("tiles", "tiles", 98.0, "tiles"),
+    ],
+)
+def test_slow_segments_are_used_if_they_explain_the_scene_better(
+    monkeypatch, found, of_slow, gain, expected
+):
+    """A further segment of 16 blocks must gain 96 nats more than the paths found, which gain 1."""
     _, bits = record("shake", 16, shape=(32, 32))
     blocks = blocks_of(bits)
-    paths = Paths([Track.still(blocks)] * 2, np.zeros(blocks.size, np.uint8))
+    tracks = [Track.still(blocks)] * 2
+    free = int(found == "tiles")
+    first = Paths(tracks[: 1 + free], np.zeros(blocks.size, np.uint8), free=free)
+    slow = Paths(tracks, np.zeros(blocks.size, np.uint8))
 
     def segments(*_, is_slow=False):
-        return [[of_slow] * 2] if is_slow else [["tiles"]]
+        return [[of_slow] * 2] if is_slow else [[found]]
 
     def explain(_, parts, *__):
-        return Found(paths, parts[0], None)
+        is_slow = len(parts) == 2
+        return Found(slow if is_slow else first, parts[0], None, is_explained=False)
 
     monkeypatch.setattr(path_search, "find_segments", segments)
     monkeypatch.setattr(path_search, "_explain", explain)
     monkeypatch.setattr(path_search, "_gain_over_rest", lambda _: (50.0, True))
-    monkeypatch.setattr(path_search, "likelihood_gain", lambda *_: 1.0)
-    assert find_paths(blocks, "auto", lambda _: None).model == of_slow
+    monkeypatch.setattr(
+        path_search, "likelihood_gain", lambda paths: gain if paths is slow else 1.0
+    )
+    result = find_paths(blocks, "auto", lambda _: None)
+    assert result.model == expected
+    assert len(result.paths.tracks) == len((slow if expected == "segments" else first).tracks)

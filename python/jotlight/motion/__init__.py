@@ -10,9 +10,10 @@ In reading order:
   blocks, their places between blocks, the counting along a motion, and the counts.
 - ``velocity``, ``segments``, ``rotation``, ``objects``: the search for the velocities of the parts
   of a scene. ``velocity_scores``: the correlations behind it.
-- ``scoring``, ``affine``, ``tiles``, ``regularize``, ``deformation``: displacements of blocks, from
-  a template. ``smoothing``, ``affine_curve``, ``shrinkage``: their curves in time. ``track``: what
-  is known while they are estimated. ``kept_sums``: the sums of blocks meanwhile.
+- ``scoring``, ``affine``, ``tiles``, ``regularize``, ``tile_updates``, ``deformation``:
+  displacements of blocks, from a template. ``smoothing``, ``affine_curve``, ``shrinkage``,
+  ``deformation_prior``: their curves in time. ``track``: what is known while they are estimated.
+  ``kept_sums``: the sums of blocks meanwhile.
 - ``outlines``, ``short_outlines``, ``depth``: which pixels follow which motion, and what is in
   front. ``added_tiles``: tiles that move by themselves. ``likelihood_gain``: how much better a
   motion is than none.

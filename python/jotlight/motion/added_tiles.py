@@ -4,13 +4,13 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.motion.consistency import Consistent, find_consistent
-from jotlight.motion.deformation import LESS_SMOOTH, SMOOTH, follow_tiles
+from jotlight.motion.deformation import follow_tiles
 from jotlight.motion.disagreement import disagreement
 from jotlight.motion.flags import find_flags
 from jotlight.motion.flicker import without_saturation
 from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.outlines import choose_labels
-from jotlight.motion.regularize import Smoothness
+from jotlight.motion.tile_updates import improve_tiles_together
 from jotlight.motion.tiles import mean_tiles
 from jotlight.motion.track import Paths, Track
 
@@ -40,8 +40,11 @@ _MIN_GAIN = 2.0
 In simulations, tiles with more exact displacements gained 3.2 or more, and others at most 1.2.
 """
 
-_MAX_LOSS = 0.005
-"""Tiles must not reject this fraction of the bits more. They might fit some parts too closely."""
+_MIN_PART = 0.02
+"""Gain of the tiles, relative to that of the other motion, below which they hardly change it."""
+
+_MIN_SHARE = 0.1
+"""Fraction of the pixels that must follow tiles. Smaller regions are objects, which may appear."""
 
 
 def share_of_unknown(consistent: Consistent) -> float:
@@ -69,66 +72,58 @@ def is_unexplained(paths: Paths, consistent: Consistent) -> bool:
 def add_tiles(paths: Paths, consistent: Consistent | None) -> tuple[Paths, Consistent | None]:
     """Return paths with a track whose tiles move by themselves, and the sums along them.
 
-    Of two fields of different smoothness, the one that explains the bits better is taken. The given
-    paths are returned if no pixel follows the tiles, if they explain the bits better, or if clearly
-    fewer bits agree with the tiles.
+    The tiles deviate from the motions of most of their pixels, or from that of most of all pixels.
+    The given paths are returned if they explain the bits better, or if fewer bits agree with the
+    tiles.
     """
-    velocity = _velocity(paths)
-    best, most = paths, likelihood_gain(paths) if consistent else -np.inf
-    for smoothness in (SMOOTH, LESS_SMOOTH):
-        tiles = follow_tiles(paths.blocks, velocity, smoothness)
-        more = _with_track(paths, tiles)
-        if more is not paths:
+    best, most = paths, -np.inf
+    if consistent is not None:
+        gain = likelihood_gain(paths)
+        most = gain + _MIN_PART * max(gain, 0.0)
+    for start in _starts(paths):
+        tiles, freedom = follow_tiles(paths.blocks, start)
+        for more in _with_track(paths, tiles):
             share = float((more.labels == len(paths.tracks)).mean())
-            needed = _MIN_GAIN * share * degrees_of_freedom(tiles.information, smoothness)
-            if (gain := likelihood_gain(more) - needed) > most:
+            gain = likelihood_gain(more) - _MIN_GAIN * share * freedom
+            if gain > most:
                 best, most = more, gain
-    if best is paths or consistent is None:
-        return best, consistent
+    if best is paths:
+        return paths, consistent
+    # Neighboring tiles may belong to different objects.
+    improve_tiles_together(best.tracks[-1])
+    if consistent is None:
+        return best, None
     others = find_consistent(best.exact())
-    if others.accepted.mean() < consistent.accepted.mean() - _MAX_LOSS:
+    if others.accepted.mean() < consistent.accepted.mean():
+        # They explain something else than a motion, such as an object that appears.
         return paths, consistent
     return best, others
 
 
-def _with_track(paths: Paths, tiles: Track) -> Paths:
-    """Return paths whose pixels follow a further track where it is better, if there are any."""
-    tracks = [*paths.tracks, tiles]
-    is_free = choose_labels(tracks) == len(paths.tracks)
-    if not is_free.any():
-        return paths
-    labels = np.where(is_free, np.uint8(len(paths.tracks)), paths.labels)
-    return Paths(tracks, labels, free=1)
+def _with_track(paths: Paths, tiles: Track) -> list[Paths]:
+    """Return paths whose pixels follow a further track: where it is better, and everywhere.
 
-
-def degrees_of_freedom(information: Array, smoothness: Smoothness) -> float:
-    """Return how many displacements of tiles the bits determine, rather than their neighbors.
-
-    It is the trace of A (A + λ)⁻¹ of all tiles, with the information A of a tile, and the weight λ
-    with which its four neighbors draw it toward an affine field.
-
-    Parameters
-    ----------
-    information : ndarray of float, shape (n, 3, rows, columns)
-        The entries of A for rows, for rows and columns, and for columns, in nats/px².
-    smoothness : Smoothness
-        How similar the displacements of neighboring tiles are.
-
-    Examples
-    --------
-    >>> round(degrees_of_freedom(np.array([1e9, 0.0, 4.0]).reshape(1, 3, 1, 1), SMOOTH), 3)
-    1.333
+    In dim light, the bits of a pixel and its neighbors do not show which track is better.
     """
-    weight = 4 * smoothness.to_affine
-    rows, columns = information[:, 0] + weight, information[:, 2] + weight
-    determinant = rows * columns - information[:, 1] ** 2
-    return float((2 - weight * (rows + columns) / determinant).sum())
+    tracks, index = [*paths.tracks, tiles], np.uint8(len(paths.tracks))
+    is_free = choose_labels(tracks) == index
+    masks = [np.ones_like(is_free)]
+    if _MIN_SHARE <= is_free.mean() < 1:
+        masks.append(is_free)
+    return [Paths(tracks, np.where(mask, index, paths.labels), free=1) for mask in masks]
 
 
-def _velocity(paths: Paths) -> Array:
-    """Return the velocity of each tile: that of the track of most of its pixels."""
-    shares = [
-        mean_tiles((paths.labels == index).astype(np.float32)) for index in range(len(paths.tracks))
-    ]
-    largest = np.argmax(shares, axis=0)
-    return np.asarray(np.choose(largest, [track.velocity() for track in paths.tracks]))
+def _starts(paths: Paths) -> list[Array]:
+    """Return the displacements of all blocks from which tiles may deviate.
+
+    These are those of the track of most pixels of each tile, and those of the largest track. Where
+    a scene deforms, segments are parts of the deformation.
+    """
+    nodes = [track.nodes for track in paths.tracks]
+    if len(nodes) == 1:
+        return nodes
+    shares = np.stack(
+        [mean_tiles((paths.labels == index).astype(np.float32)) for index in range(len(nodes))]
+    )
+    largest = int(shares.sum(axis=(1, 2)).argmax())
+    return [np.asarray(np.choose(shares.argmax(axis=0), nodes)), nodes[largest]]

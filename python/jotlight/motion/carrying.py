@@ -17,13 +17,13 @@ from jotlight.motion.affine import (
 )
 from jotlight.motion.align import as_blocks, prepare_burst
 from jotlight.motion.block_edges import window_edges
-from jotlight.motion.deformation import SMOOTH, improve_tiles, improve_tiles_together
 from jotlight.motion.depth import refine_outlines
 from jotlight.motion.merge import as_paths
 from jotlight.motion.motion import Motion
 from jotlight.motion.outlines import choose_labels
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import normal_equations
+from jotlight.motion.tile_updates import improve_tiles, improve_tiles_together
 from jotlight.motion.tiles import affine_inverse, tile_counts
 from jotlight.motion.track import Paths, Track
 from jotlight.sensing.bits import Bits
@@ -118,12 +118,12 @@ def _add_blocks_of_track(track: Track, known: npt.NDArray[np.bool_], *, is_of_ti
         extrapolate(track, int(block), velocity)
         for sigma in SIGMAS:
             if is_of_tiles:
-                improve_tiles(track, int(block), template, sigma, SMOOTH)
+                improve_tiles(track, int(block), template, sigma)
             else:
                 improve_block(track, int(block), template, sigma, everywhere)
         track.known[block] = True
     if is_of_tiles:
-        improve_tiles_together(track, SMOOTH, template)
+        improve_tiles_together(track, template)
     else:
         improve_against(track, template, weights)
 

@@ -3,118 +3,136 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.affine import (
-    SIGMAS,
-    against_others,
-    extrapolate,
-    is_renewed,
-    start_track,
-    template_of,
-    weights_at,
-)
+from jotlight.motion.affine import against_others, agreement, sums_of_groups
 from jotlight.motion.blocks import Blocks
-from jotlight.motion.regularize import Equations, Smoothness, fit_affine, solve_field
-from jotlight.motion.scoring import Template, make_template, normal_equations
-from jotlight.motion.segments import limit_length
-from jotlight.motion.shrinkage import translation_of
-from jotlight.motion.smoothing import smoothing_matrix
+from jotlight.motion.deformation_prior import (
+    Measurement,
+    Prior,
+    degrees_of_freedom,
+    solve_deviations,
+    with_likely_sizes,
+)
+from jotlight.motion.scoring import FAST, PRECISE, Template, make_template, normal_equations
+from jotlight.motion.sums import Sums
 from jotlight.motion.track import Track, from_center
 
 Array = npt.NDArray[np.float64]
 
-SMOOTH, LESS_SMOOTH = Smoothness(1.0, 2.0), Smoothness(0.5, 1.0)
-"""Smoothness of fields that differ from tile to tile, as those of waves and limbs do.
+_SIGMA = 2.0
+"""Width of the filter with which further blocks are aligned."""
 
-The weights of a field that is nearly affine are five times those of the first one.
-"""
+_JOINT_SIGMAS = (2.0, 1.0, 1.0, 1.0)
+"""Widths of the filters in the rounds that align all blocks."""
 
-_JOINT_ROUNDS = 2
+_GROWTH = 1.5
+"""Factor by which the number of known blocks grows from round to round."""
 
-_TIME_PRIOR = 1.0
-"""Information with which the displacements of neighboring blocks are added to each tile."""
+_MAX_STEP = 2.0
+"""Maximum step of a tile, in widths of the filter."""
 
 
-def follow_tiles(blocks: Blocks, velocity: Array, smoothness: Smoothness = SMOOTH) -> Track:
+def follow_tiles(blocks: Blocks, start: Array) -> tuple[Track, float]:
     """Return the displacements of all blocks if each tile has its own motion.
+
+    The first template is that of the two central blocks. Blocks that are farther and farther away
+    are then aligned with all nearer ones. The displacements of all tiles in all of these blocks are
+    estimated together, so those of the nearer blocks tell where the others are searched.
 
     Parameters
     ----------
     blocks : Blocks
         The burst.
-    velocity : ndarray of float, shape (2, rows, columns)
-        Velocity of each tile around the middle.
-    smoothness : Smoothness
-        How similar the displacements of neighboring tiles are.
+    start : ndarray of float, shape (n, 2, rows, columns)
+        Displacements of a motion from which the tiles deviate.
+
+    Returns
+    -------
+    track : Track
+        The displacements.
+    freedom : float
+        Their degrees of freedom: how many deviations the bits determine.
     """
-    track = start_track(blocks, velocity)
-    order = from_center(track)
-    total = track.sums(order[0]) + track.sums(order[1])
-    template = make_template(total, blocks.threads)
-    for number, block in enumerate(order[2:], 3):
-        extrapolate(track, block, velocity)
-        for sigma in SIGMAS:
-            improve_tiles(track, block, template, sigma, smoothness)
-        track.known[block] = True
-        total = total + track.nearby_sums(block)
-        if is_renewed(number):
-            template = make_template(total, blocks.threads)
-    for _ in range(_JOINT_ROUNDS):
-        improve_tiles_together(track, smoothness)
-    return track
+    track = Track.still(blocks)
+    track.nodes = start.copy()
+    estimate, order, number = _Estimate(track), from_center(track), 2
+    while number < len(order):
+        template = _template(track, order[:number], FAST)
+        number = min(len(order), max(number + 2, int(_GROWTH * number)))
+        estimate.update(order[:number], template, _SIGMA)
+    for sigma in _JOINT_SIGMAS:
+        network = PRECISE if sigma <= _JOINT_SIGMAS[-1] else FAST
+        estimate.update_together(_template(track, order, network), sigma)
+    return track, estimate.degrees_of_freedom()
 
 
-def improve_tiles(
-    track: Track, block: int, template: Template, sigma: float, smoothness: Smoothness
-) -> None:
-    """Update the displacements of a block: first a translation, then each tile."""
-    predicted = track.nodes[block].copy()
-    equations = normal_equations(track.nearby_sums(block), template, sigma)
-    step = translation_of(*fit_affine(equations, np.ones(predicted.shape[1:])))
-    track.nodes[block] -= limit_length(step, 2 * sigma)
-    equations = normal_equations(track.nearby_sums(block), template, sigma)
-    now = track.nodes[block]
-    step = solve_field(equations, now, predicted, smoothness) - now
-    track.nodes[block] = now + limit_length(step, 2 * sigma)
+class _Estimate:
+    """The most probable displacements of the tiles of a track, as far as blocks are known.
 
-
-def improve_tiles_together(
-    track: Track, smoothness: Smoothness, template: Template | None = None
-) -> None:
-    """Update all blocks against a template, that of all of them.
-
-    Fourth differences in time keep the displacements of each tile smooth.
+    Parameters
+    ----------
+    track : Track
+        The track that is changed. The tiles deviate from its displacements at first.
     """
-    number = len(track.nodes)
-    if template is None:
-        template = template_of(track)
-    old, new = track.nodes, track.nodes.copy()
-    for block in range(number):
-        sums = track.nearby_sums(block)
-        equations = normal_equations(sums, template, SIGMAS[-1])
-        track.information[block] = equations.information
-        smooth = old[block]
-        if 2 <= block < number - 2:
-            near = old[block - 1] + old[block + 1]
-            smooth = 0.5 * old[block] + (4 * near - old[block - 2] - old[block + 2]) / 12
-        relative = against_others(equations, sums, template)
-        with_prior = _add_prior(relative, old[block] - smooth)
-        new[block] = solve_field(with_prior, old[block], smooth, smoothness)
-    track.nodes = new - _at_reference(track, new)
+
+    def __init__(self, track: Track) -> None:
+        self._track, self._expected = track, track.nodes.copy()
+        self._prior = Prior.of_track(track)
+        self._coefficients = np.zeros(self._prior.shape)
+        self._measurement = Measurement(track.information, np.zeros_like(track.nodes))
+
+    def update(self, known: npt.NDArray[np.intp], template: Template, sigma: float) -> None:
+        """Update the displacements of all blocks from the bits of known ones."""
+        self._measure(known, template, sigma, are_in_template=False)
+        self._move(_MAX_STEP * sigma)
+
+    def update_together(self, template: Template, sigma: float) -> None:
+        """Update the displacements of all blocks against their template, and the prior."""
+        every = np.arange(len(self._track.nodes))
+        self._measure(every, template, sigma, are_in_template=True)
+        self._prior, self._coefficients = with_likely_sizes(
+            self._prior, self._measurement, self._coefficients
+        )
+        self._move(_MAX_STEP * sigma)
+
+    def degrees_of_freedom(self) -> float:
+        """Return how many deviations the bits of the latest update determine."""
+        return degrees_of_freedom(self._prior, self._measurement)
+
+    def _measure(
+        self,
+        known: npt.NDArray[np.intp],
+        template: Template,
+        sigma: float,
+        *,
+        are_in_template: bool,
+    ) -> None:
+        """Measure the deviations in known blocks, and find the most probable coefficients."""
+        track = self._track
+        information, right = np.zeros_like(track.information), np.zeros_like(track.nodes)
+        for block in known:
+            sums = track.nearby_sums(int(block))
+            equations = normal_equations(sums, template, sigma)
+            if are_in_template:
+                equations = against_others(equations, sums, template)
+            information[block], right[block] = equations.information, -equations.right
+        # Something that appears or hides a tile is no motion of it.
+        groups = sums_of_groups(track)
+        weights = agreement(groups, template) if groups else 1.0
+        information, right = weights * information, weights * right
+        # The displacement errors are those of the present deviations.
+        now = Measurement(information, right).products(track.nodes - self._expected)
+        track.information, self._measurement = information, Measurement(information, right + now)
+        self._coefficients = solve_deviations(self._prior, self._measurement, self._coefficients)
+
+    def _move(self, longest: float) -> None:
+        """Move the tiles to the most probable displacements, by a limited distance."""
+        track = self._track
+        step = self._expected + self._prior.displacements(self._coefficients) - track.nodes
+        track.nodes = track.nodes + np.clip(step, -longest, longest)
 
 
-def _add_prior(equations: Equations, deviation: Array) -> Equations:
-    """Return equations that also draw a tile toward a prediction."""
-    information = equations.information.copy()
-    information[[0, 2]] += _TIME_PRIOR
-    return Equations(information, equations.right + _TIME_PRIOR * deviation)
-
-
-def _at_reference(track: Track, nodes: Array) -> Array:
-    """Return the displacements at the reference time, from a smooth curve through all blocks."""
-    series = nodes.mean(axis=(2, 3))
-    of_directions = track.information[:, [0, 2]].sum(axis=(2, 3))
-    roots = np.sqrt(np.maximum(of_directions.mean(axis=0), 1e-9))
-    information = of_directions.mean(axis=1) / max(float(of_directions.mean()), 1e-9)
-    smooth = smoothing_matrix(series * roots, information)
-    weights = weights_at(track.reference, track.blocks) @ smooth
-    return np.asarray(np.tensordot(weights, nodes, axes=1))
+def _template(track: Track, blocks: npt.NDArray[np.intp], network: str) -> Template:
+    """Return the template of some blocks, denoised by a network."""
+    threads = track.blocks.threads
+    sums = (track.nearby_sums(int(block)) for block in blocks)
+    return make_template(Sums.total(sums, threads), threads, network)

@@ -60,6 +60,8 @@ class Found:
     """One of MODELS."""
     consistent: Consistent | None
     """The sums along the paths, if they were computed."""
+    is_explained: bool = True
+    """Whether few bits disagreed with the segments, so that tiles were not tried."""
 
 
 def find_paths(blocks: Blocks, model: str, advance: Callable[[float], object]) -> Found:
@@ -107,18 +109,19 @@ def _best_of(
             best, most = found, gain
         if is_clear:
             break
-    if best.model == "tiles" and len(best.paths.tracks) == 2:
+    if len(best.paths.tracks) - best.paths.free == 1 and not best.is_explained:
         return _slow_segments(blocks, best)
     return best
 
 
 def _slow_segments(blocks: Blocks, found: Found) -> Found:
-    """Return paths of segments that move slowly if they explain the scene, or those found before.
+    """Return paths of segments that move slowly if they explain the scene better, or those found.
 
-    If parts of a scene move slowly, tiles follow them before their velocities differ clearly. So
-    the paths found before have one segment and the tiles.
+    If parts of a scene move slowly, they disagree with a single segment before their velocities
+    differ clearly. So the paths found before have one segment, and perhaps tiles.
     """
-    most = -np.inf
+    needed = PARAMETERS * len(blocks.centers)
+    most = likelihood_gain(found.paths) + needed
     for segments in find_segments(blocks, is_slow=True):
         if len(segments) > 1:
             other = _explain(blocks, segments, "auto", _ignore)
@@ -150,13 +153,13 @@ def _explain(
     consistent = None
     if model == "auto":
         paths, consistent = _with_objects(paths)
-    if model == "tiles" or (consistent and is_unexplained(paths, consistent)):
+    is_explained = consistent is None or not is_unexplained(paths, consistent)
+    if model == "tiles" or not is_explained:
         paths, consistent = add_tiles(paths, consistent)
     advance(0.9)
-    used = np.unique(paths.labels)
-    if paths.free:
-        return Found(paths, "tiles", consistent)
-    return Found(paths, "affine" if len(used) == 1 else "segments", consistent)
+    is_single = len(np.unique(paths.labels)) == 1
+    name = "tiles" if paths.free else "affine" if is_single else "segments"
+    return Found(paths, name, consistent, is_explained)
 
 
 def _follow(blocks: Blocks, segments: list[Segment]) -> list[Track]:
