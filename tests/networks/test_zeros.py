@@ -61,6 +61,6 @@ def test_maps_of_trials_agree_with_estimates_from_ones(frames):
     estimate = NETWORK(counts, sensor, trials=trials)
     ones = denoise_map(NETWORK, counts.astype(np.float32), trials.astype(np.float32))
     expected = np.clip(-np.log1p(-ones.astype(np.float64)) / 10, 0, 1)
-    np.testing.assert_allclose(estimate, expected, atol=2e-4)
+    np.testing.assert_allclose(estimate, expected, atol=4e-4)
     # It is not the estimate from ones itself, in which bright pixels are rounded.
     assert not np.array_equal(estimate, expected.astype(np.float32))

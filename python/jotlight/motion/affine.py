@@ -39,7 +39,7 @@ _ROUNDS = 2
 _SYSTEMATIC_ERROR = 0.05
 """Standard deviation of the errors that do not depend on the number of photons, in pixels."""
 
-_SMALL = 0.5
+_SMALL = 0.3
 """Steps up to this length in pixels need no further round with a narrower filter."""
 
 _TINY = 0.1

@@ -220,8 +220,8 @@ CAPTURES = {
                 bigtiff=True,
                 byteorder=">",
             ),
-            tiff(np.ones((3, 5, 9), np.uint16), imagej=True),
-            tiff(np.ones((3, 5, 9), np.uint8), photometric="minisblack", ome=True),
+            tiff(np.ones((3, 5, 9), np.uint16), imagej=True, metadata={"axes": "TYX"}),
+            tiff(np.ones((3, 5, 9), np.uint8), ome=True, metadata={"axes": "TYX"}),
         ),
     ),
     "png": Reader(
