@@ -274,9 +274,7 @@ def _gray_images_of_list(data: Sequence[Bits | Readings | Merged]) -> GrayImages
 
 
 def _merge_counts(counts: npt.NDArray[np.int32], trials: Any, sensor: Sensor) -> Merged:
-    if sensor.mask is None:
-        return Merged(counts, trials, sensor)
-    valid = ~sensor.mask
+    valid = True if sensor.mask is None else ~sensor.mask
     return Merged(np.where(valid, counts, np.int32(0)), np.where(valid, trials, 0.0), sensor)
 
 

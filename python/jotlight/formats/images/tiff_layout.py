@@ -35,8 +35,8 @@ def no_counts_error(tiff: Any, path: Path) -> ValueError | None:
         return ValueError(
             f"{path}: expected pages that are frames, got pages of {channels} channels "
             f"({series.axes}, shape {series.shape}); write each channel to a file of its own "
-            "(ImageJ: Image > Color > Split Channels), or the channels as samples, (T, H, W, C); if "
-            "they are frames, state it (tifffile.imwrite(..., metadata={'axes': 'TYX'}))"
+            "(ImageJ: Image > Color > Split Channels), or the channels as samples, (T, H, W, C); "
+            "if they are frames, state it (tifffile.imwrite(..., metadata={'axes': 'TYX'}))"
         )
     kind = _NO_COUNTS.get(int(page.photometric))
     if kind is not None:
