@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import LocalTrials, local_trials
+from jotlight.networks.coarse_scales import add_squares
 from jotlight.networks.trials_map import ConditionalNetwork, denoise_fractions
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.reference import Jot, reference_jot
@@ -281,8 +282,7 @@ def coarse_counts(merged: Merged) -> Merged:
     shape = merged.shape
 
     def add(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        full = np.broadcast_to(np.asarray(values, np.float64), shape)
-        return np.asarray(full.reshape(shape[0] // 2, 2, shape[1] // 2, 2).sum(axis=(1, 3)))
+        return add_squares(np.broadcast_to(np.asarray(values, np.float64), shape))
 
     trials = add(merged.trials)
 
