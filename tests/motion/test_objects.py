@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jotlight.motion import objects
+from jotlight.motion.depth import ComparedBits
 from jotlight.motion.objects import add_objects
 from jotlight.motion.track import Paths
 from moving import blocks_of, occluded, paths_of
@@ -85,6 +86,22 @@ def test_similar_velocities_are_tried_once():
     assert kept[1] is far
     (kept,) = objects._distinct([one, other, far], [other], 64)
     assert kept is far
+
+
+def test_the_velocity_of_a_candidate_is_refined():
+    paths = background_of(2)
+    bits = ComparedBits.of(paths)
+    wrong = np.array([0.1, 0.85])[:, None, None] * np.ones(paths.tracks[0].nodes.shape[1:])
+    first, second = objects._candidates(paths, bits, wrong)
+    assert first.velocity is wrong
+    at_center = second.velocity[:, 30 // 16, 44 // 16]
+    assert np.hypot(*(at_center - VELOCITIES[1])) < 0.6 * np.hypot(0.1, 0.15)
+    assert second.net > first.net
+    assert (second.pixels != MASKS[1]).mean() < 0.02
+    (followed,) = objects._best_distinct([first, second], 32)
+    assert followed is second
+    far = np.full_like(wrong, -2.0)
+    assert objects._candidates(paths, bits, far) == []
 
 
 def test_few_blocks_have_no_velocities():

@@ -106,7 +106,7 @@ class Gain:
     def net(self, pixels: Mask) -> float:
         """Return the gain of pixels in nats, without the cost of their outline."""
         length = (pixels[1:] != pixels[:-1]).sum() + (pixels[:, 1:] != pixels[:, :-1]).sum()
-        return float(self.nats[pixels].sum()) - _LENGTH * float(length)
+        return float(self._with_unknown()[pixels].sum()) - _LENGTH * float(length)
 
     def pixels(self, before: Mask | None = None, expected: Mask | None = None) -> Mask:
         """Return the pixels of the object.
@@ -121,10 +121,14 @@ class Gain:
         clear *= clear > clear.max() / 2 if before is None else before
         usual = float((clear**2).sum()) / max(float(clear.sum()), 1e-9)
         needed = np.float32(_SHARE * usual) * self.known
-        gain = self.nats + _UNKNOWN * (1 - self.known) - needed
+        gain = self._with_unknown() - needed
         if expected is not None:
             gain += np.where(expected, _EVIDENCE, -_EVIDENCE)
         return shortest_outlines(gain, _LENGTH)
+
+    def _with_unknown(self) -> Image:
+        """Return the gain with that of pixels behind which nothing was seen."""
+        return self.nats + _UNKNOWN * (1 - self.known)
 
 
 def without_absent(paths: Paths) -> Paths:

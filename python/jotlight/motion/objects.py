@@ -5,6 +5,8 @@ what remains of all blocks is correlated in small windows, pair by pair, and the
 pairs are added along each velocity. An object is accepted if the bits gain by it.
 """
 
+import dataclasses
+
 import numpy as np
 import numpy.typing as npt
 
@@ -13,9 +15,9 @@ from jotlight.motion.depth import ComparedBits, object_gains, refine_outlines, w
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.scoring import make_template
-from jotlight.motion.segments import Segment
+from jotlight.motion.segments import Segment, refine_velocity
 from jotlight.motion.sums import Sums
-from jotlight.motion.tiles import add_squares, tile_counts
+from jotlight.motion.tiles import add_squares, mean_tiles, tile_counts
 from jotlight.motion.track import Paths, Track
 from jotlight.motion.velocity_scores import BIN, MAX_BLOCKS, MIN_PEAK, VelocityScores
 
@@ -82,29 +84,69 @@ def more_likely(fewer: Paths, more: Paths) -> Paths:
 
 def _with_object(paths: Paths) -> Paths | None:
     """Return paths with the object that gains most, or None if none gains enough."""
-    index = len(paths.tracks)
-    found = []
     velocities = _residual_velocities(paths)[:_MAX_TRIED]
     if not velocities:
         return None
     bits = ComparedBits.of(paths)
-    for velocity in velocities:
-        gain = bits.with_track(_constant(paths, velocity)).gain(index)
-        pixels = gain.pixels()
-        if pixels.sum() >= _MIN_PIXELS and (net := gain.net(pixels)) > _MIN_GAIN:
-            found.append((net, velocity, pixels))
-    for _, velocity, pixels in sorted(found, key=lambda each: -each[0])[:_MAX_FOLLOWED]:
-        segment = Segment(velocity, np.ones(tile_counts(paths.blocks.size)), energy=0.0, half=0)
-        track = follow_segment(paths.blocks, segment, pixels)
-        labels = np.where(pixels, np.uint8(index), paths.labels)
-        more = without_absent(refine_outlines(Paths([*paths.tracks, track], labels)))
-        gains = [
-            gain.net(more.labels == segment) for segment, gain in enumerate(object_gains(more), 1)
-        ]
-        needed = max(_MIN_GAIN, _MIN_SHARE * max(gains))
-        if (more.labels == index).sum() >= _MIN_PIXELS and gains[-1] > needed:
+    found = [each for velocity in velocities for each in _candidates(paths, bits, velocity)]
+    for candidate in _best_distinct(found, len(paths.blocks.burst)):
+        more = _with_candidate(paths, candidate)
+        if more is not None:
             return more
     return None
+
+
+@dataclasses.dataclass(frozen=True)
+class _Candidate:
+    """A constant velocity of an object."""
+
+    velocity: Array
+    """In pixels per frame, (2, rows, columns)."""
+    pixels: Mask
+    """The pixels that gain by it, (H, W)."""
+    net: float
+    """Their gain in nats."""
+
+
+def _candidates(paths: Paths, bits: ComparedBits, velocity: Array) -> list[_Candidate]:
+    """Return a velocity and a better one, as far as they gain enough.
+
+    The places of peaks are those of a grid. And an object that moves slowly is a part of the
+    template, so what remains of it seems to move faster.
+    """
+    found = []
+    for _ in range(2):
+        gain = bits.with_track(_constant(paths, velocity)).gain(len(paths.tracks))
+        pixels = gain.pixels()
+        if pixels.sum() < _MIN_PIXELS:
+            break
+        if (net := gain.net(pixels)) > _MIN_GAIN:
+            found.append(_Candidate(velocity, pixels, net))
+        weights = mean_tiles(pixels.astype(np.float32))
+        velocity = refine_velocity(paths.blocks, velocity, weights)
+    return found
+
+
+def _best_distinct(found: list[_Candidate], frames: int) -> list[_Candidate]:
+    """Return the candidates that are followed: those with the largest gains."""
+    kept: list[_Candidate] = []
+    for candidate in sorted(found, key=lambda each: -each.net):
+        if _distinct([candidate.velocity], [each.velocity for each in kept], frames):
+            kept.append(candidate)
+    return kept[:_MAX_FOLLOWED]
+
+
+def _with_candidate(paths: Paths, candidate: _Candidate) -> Paths | None:
+    """Return paths with an object whose motion is followed, or None if it gains too little."""
+    blocks, index = paths.blocks, len(paths.tracks)
+    start = Segment(candidate.velocity, np.ones(tile_counts(blocks.size)), energy=0.0, half=0)
+    track = follow_segment(blocks, start, candidate.pixels)
+    labels = np.where(candidate.pixels, np.uint8(index), paths.labels)
+    more = without_absent(refine_outlines(Paths([*paths.tracks, track], labels)))
+    gains = [gain.net(more.labels == each) for each, gain in enumerate(object_gains(more), 1)]
+    needed = max(_MIN_GAIN, _MIN_SHARE * max(gains))
+    has_enough = (more.labels == index).sum() >= _MIN_PIXELS and gains[-1] > needed
+    return more if has_enough else None
 
 
 def _constant(paths: Paths, velocity: Array) -> Track:

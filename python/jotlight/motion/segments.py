@@ -177,7 +177,7 @@ def _add_segments(
 
 def _refined(scene: _Scene, part: _Candidate, region: npt.NDArray[np.bool_]) -> _Candidate:
     """Return a better velocity of a region, or the same if none is better."""
-    velocity = _refine(scene.blocks, part.velocity, region.astype(float))
+    velocity = refine_velocity(scene.blocks, part.velocity, region.astype(float))
     better = _Candidate(velocity, _energy(scene, velocity))
     return better if better.energy[region].sum() > part.energy[region].sum() else part
 
@@ -269,7 +269,7 @@ def _majority(energies: list[Array]) -> npt.NDArray[np.intp]:
     return np.asarray(np.argmax(votes, axis=0))
 
 
-def _refine(blocks: Blocks, field: Array, weights: Array) -> Array:
+def refine_velocity(blocks: Blocks, field: Array, weights: Array) -> Array:
     """Return a better affine velocity, from the frames before and after the middle."""
     middle = blocks.middle
     most = _ENOUGH * blocks.enough_frames(TILE**2 * float(weights.sum()))
