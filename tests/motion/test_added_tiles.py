@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from jotlight.motion import added_tiles
-from jotlight.motion.added_tiles import _with_track, add_tiles, is_unexplained
+from jotlight.motion.added_tiles import (
+    _with_track,
+    add_tiles,
+    is_unexplained,
+    needed_by_tiles,
+)
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.path_search import find_paths
 from jotlight.motion.track import Paths, Track
@@ -118,3 +123,13 @@ def test_the_model_of_tiles_needs_no_test():
     more, sums = add_tiles(paths, None)
     assert sums is None
     assert more.free == 1
+
+
+def test_tiles_need_nats_for_their_degrees_of_freedom_where_pixels_follow_them():
+    _, bits = record("shake", 16, shape=(32, 32))
+    still = Track.still(blocks_of(bits))
+    tracks = [still, dataclasses.replace(still, freedom=30.0)]
+    labels = np.zeros((32, 32), np.uint8)
+    labels[:8] = 1
+    assert needed_by_tiles(Paths(tracks, labels, free=1)) == 2 * 30 / 4
+    assert needed_by_tiles(Paths(tracks, labels)) == 0

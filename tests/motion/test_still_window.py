@@ -6,7 +6,7 @@ import pytest
 from jotlight.motion import still_window
 from jotlight.motion.still_window import count_window, find_window
 from jotlight.motion.sums import Sums
-from moving import blocks_of, paths_of, record
+from moving import blocks_of, moved, paths_of, record
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +38,19 @@ def test_a_wrong_motion_is_worse_than_a_window(shake):
     expected = bits[window.start : window.stop].counts()
     np.testing.assert_array_equal(counted.ones, expected)
     assert (counted.trials == len(window)).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("pixels_per_frame", "rng"), [(0.012, 0), (0.016, 2)])
+def test_the_true_motion_of_a_dim_slow_scene_is_better_than_any_window(pixels_per_frame, rng):
+    frames = 256
+    velocity = pixels_per_frame, pixels_per_frame / 2
+    shifts = np.outer(np.arange(frames) - frames // 2, velocity)
+    _, bits = moved(shifts, shape=(160, 160), photons=0.03, rng=rng)
+    blocks = blocks_of(bits)
+    times = blocks.centers - frames // 2
+    paths = paths_of(blocks, np.outer(times, velocity), frames // 2)
+    assert find_window(paths, total_of(paths)) is None
 
 
 def paths_that_drift(pixels_per_frame, photons, rng, frames=64):

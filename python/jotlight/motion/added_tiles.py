@@ -81,10 +81,9 @@ def add_tiles(paths: Paths, consistent: Consistent | None) -> tuple[Paths, Consi
         gain = likelihood_gain(paths)
         most = gain + _MIN_PART * max(gain, 0.0)
     for start in _starts(paths):
-        tiles, freedom = follow_tiles(paths.blocks, start)
+        tiles = follow_tiles(paths.blocks, start)
         for more in _with_track(paths, tiles):
-            share = float((more.labels == len(paths.tracks)).mean())
-            gain = likelihood_gain(more) - _MIN_GAIN * share * freedom
+            gain = likelihood_gain(more) - needed_by_tiles(more)
             if gain > most:
                 best, most = more, gain
     if best is paths:
@@ -98,6 +97,13 @@ def add_tiles(paths: Paths, consistent: Consistent | None) -> tuple[Paths, Consi
         # They explain something else than a motion, such as an object that appears.
         return paths, consistent
     return best, others
+
+
+def needed_by_tiles(paths: Paths) -> float:
+    """Return how many nats paths must gain for the degrees of freedom of their tiles."""
+    free = range(len(paths.tracks) - paths.free, len(paths.tracks))
+    shares = [float((paths.labels == index).mean()) * paths.tracks[index].freedom for index in free]
+    return _MIN_GAIN * sum(shares)
 
 
 def _with_track(paths: Paths, tiles: Track) -> list[Paths]:

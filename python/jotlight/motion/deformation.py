@@ -31,7 +31,7 @@ _MAX_STEP = 2.0
 """Maximum step of a tile, in widths of the filter."""
 
 
-def follow_tiles(blocks: Blocks, start: Array) -> tuple[Track, float]:
+def follow_tiles(blocks: Blocks, start: Array) -> Track:
     """Return the displacements of all blocks if each tile has its own motion.
 
     The first template is that of the two central blocks. Blocks that are farther and farther away
@@ -47,10 +47,8 @@ def follow_tiles(blocks: Blocks, start: Array) -> tuple[Track, float]:
 
     Returns
     -------
-    track : Track
-        The displacements.
-    freedom : float
-        Their degrees of freedom: how many deviations the bits determine.
+    Track
+        The displacements, and their degrees of freedom.
     """
     track = Track.still(blocks)
     track.nodes = start.copy()
@@ -62,7 +60,8 @@ def follow_tiles(blocks: Blocks, start: Array) -> tuple[Track, float]:
     for sigma in _JOINT_SIGMAS:
         network = PRECISE if sigma <= _JOINT_SIGMAS[-1] else FAST
         estimate.update_together(_template(track, order, network), sigma)
-    return track, estimate.degrees_of_freedom()
+    track.freedom = estimate.degrees_of_freedom()
+    return track
 
 
 class _Estimate:

@@ -6,7 +6,12 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.added_tiles import add_tiles, is_unexplained, share_of_unknown
+from jotlight.motion.added_tiles import (
+    add_tiles,
+    is_unexplained,
+    needed_by_tiles,
+    share_of_unknown,
+)
 from jotlight.motion.affine import follow_segment, improve_inside, improve_together
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.consistency import Consistent, find_consistent
@@ -120,12 +125,13 @@ def _slow_segments(blocks: Blocks, found: Found) -> Found:
     If parts of a scene move slowly, they disagree with a single segment before their velocities
     differ clearly. So the paths found before have one segment, and perhaps tiles.
     """
-    needed = PARAMETERS * len(blocks.centers)
-    most = likelihood_gain(found.paths) + needed
+    most = likelihood_gain(found.paths) - needed_by_tiles(found.paths)
     for segments in find_segments(blocks, is_slow=True):
         if len(segments) > 1:
             other = _explain(blocks, segments, "auto", _ignore)
-            if other.model == "segments" and (gain := likelihood_gain(other.paths)) > most:
+            needed = PARAMETERS * len(blocks.centers) * (len(other.paths.tracks) - 1)
+            gain = likelihood_gain(other.paths) - needed
+            if other.model == "segments" and gain > most:
                 found, most = other, gain
     return found
 

@@ -20,8 +20,12 @@ Probability = npt.NDArray[np.floating]
 _FRACTIONS = (1, 2, 4, 8, 16, 32)
 """The windows have all frames, a half, a quarter, and so on."""
 
-_CENTRAL = 8
-"""Maximum number of frames in the middle, of which every second one is held out in turn."""
+_CENTRAL, _ENOUGH_ONES = 8, 100_000
+"""Number of frames in the middle, of which every second one is held out in turn.
+
+In dim light, there are more of them, with this number of ones. An eighth of all frames is the
+maximum.
+"""
 
 _MIN_LEAD, _ONES = 3.5, 25_000
 """By 3.5 standard deviations, merged counts must predict 25,000 ones better than each window.
@@ -53,7 +57,8 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     if not any(track.nodes.any() for track in paths.tracks):
         return None
     frames = len(paths.blocks.burst)
-    central = _window(paths, min(_CENTRAL, frames // 8))
+    enough = math.ceil(_ENOUGH_ONES / max(float(total.ones.sum()) / frames, 1e-9))
+    central = _window(paths, min(max(_CENTRAL, enough), frames // 8))
     folds = [_Fold.of(paths, total, central[start::2]) for start in (0, 1)]
     lengths = sorted({max(len(central), frames // fraction) for fraction in _FRACTIONS})
     windows = [_window(paths, length) for length in lengths]

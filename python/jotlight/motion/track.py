@@ -48,6 +48,8 @@ class Track:
     """Information about the displacements in nats/px², (n, 3, rows, columns)."""
     pixels: npt.NDArray[np.bool_] | None = None
     """The pixels that are counted, (H, W). Default: all."""
+    freedom: float = 0.0
+    """How many deviations of tiles the bits determine, if tiles move by themselves."""
     tolerance: float = _SAME
     """Change of the displacements in pixels up to which :meth:`sums` does not count bits again."""
     _kept: KeptSums = dataclasses.field(
