@@ -10,12 +10,12 @@ from jotlight.motion.blocks import Blocks
 from jotlight.motion.segments import (
     _energy,
     _majority,
-    _refine,
     _Scene,
     count_at_velocity,
     energy_of,
     find_segments,
     limit_length,
+    refine_velocity,
 )
 from jotlight.motion.tiles import tile_counts
 from moving import as_burst_of, blocks_of, moved, record, two_halves
@@ -108,7 +108,7 @@ def test_a_velocity_is_refined():
     bits = moved(np.outer(np.arange(48) - 24, velocity), shape=(80, 80), photons=0.3, rng=0)[1]
     blocks = blocks_of(bits)
     start = field_of((0.56, -0.3), blocks)
-    found = _refine(blocks, start, np.ones(tile_counts(blocks.size)))
+    found = refine_velocity(blocks, start, np.ones(tile_counts(blocks.size)))
     np.testing.assert_allclose(found.mean(axis=(1, 2)), velocity, atol=0.02)
 
 
@@ -129,7 +129,7 @@ def test_the_velocity_of_a_large_region_is_refined_with_few_frames(share, frames
     monkeypatch.setattr(Blocks, "count", count)
     weights = np.zeros(tile_counts(blocks.size))
     weights[:, : round(16 * share)] = 1
-    _refine(blocks, field_of((0, 0.01), blocks), weights)
+    refine_velocity(blocks, field_of((0, 0.01), blocks), weights)
     assert counted == [96] * 4 + [frames] * 4
 
 
