@@ -71,7 +71,7 @@ def open_stored_array(
         if counts is None and frames.dtype.kind == "b":
             counts = len(frames.shape) == 2
         if counts or (counts is None and frames.dtype.kind != "b"):
-            return as_count_stack(frames, provenance, text, means=options.means)
+            return as_count_stack(frames, provenance, text, floats=options.floats)
         if len(frames.shape) not in (3, 4) or 0 in frames.shape:
             raise ValueError(f"expected frames (T, H, W) or (T, H, W, C), got {frames.shape}")
         if frames.dtype.kind == "b":

@@ -293,11 +293,11 @@ def _open_once(
             "(--unpacked) and counts=False (--bits)"
         )
     packed = unpacked is False
-    options = OpenOptions(key, counts, width, means=means, packed=packed, isolate=isolate)
+    options = OpenOptions(key, counts, width, floats=means, packed=packed, isolate=isolate)
     _check_options(path, entry, options, unpacked)
     try:
         if unpacked:
-            options = dataclasses.replace(options, counts=True, width=None)
+            options = dataclasses.replace(options, counts=True, width=None, floats=True)
             capture = entry.open(path, options)
             capture = pack_stack(capture) if isinstance(capture, CountStack) else capture
         else:

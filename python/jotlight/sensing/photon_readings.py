@@ -7,11 +7,10 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import refuse_masked, to_array
-from jotlight.layout import MAX_CHANNELS
 from jotlight.notebook import card, normalize
 from jotlight.sensing import preview
 from jotlight.sensing.array_hints import ArrayHints
-from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.bits_checks import check_fits, refuse_many_channels
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
 from jotlight.sensing.provenance import Provenance
@@ -71,10 +70,7 @@ class Readings(ArrayHints):
                 "readings: expected shape (T, H, W), (H, W), or (T, H, W, C), without a dimension "
                 f"of 0, got {values.shape}"
             )
-        if values.ndim == 4 and values.shape[3] > MAX_CHANNELS:
-            raise ValueError(
-                f"readings: expected at most {MAX_CHANNELS} channels, got shape {values.shape}"
-            )
+        refuse_many_channels("readings", values.shape)
         self.frames = values
         self.sensor = sensor
         self.provenance = provenance
