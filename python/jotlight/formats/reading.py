@@ -173,7 +173,8 @@ def open(
             "such as Sensor(frames=16, mosaic=…)"
         )
     if len(capture.images) > 1 and frames is None:
-        warn(f"{path}: the result is the sum of its {len(capture.images)} images of counts")
+        number, notes = len(capture.images), capture.provenance.notes
+        warn("; ".join([f"{path}: the result is the sum of its {number} images of counts", *notes]))
     return capture.sum()
 
 

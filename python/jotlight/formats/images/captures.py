@@ -92,7 +92,6 @@ def _open_images(
             f"{len(files)} files in the natural order of their names"
         )
     if notes[0] is not None:
-        warn(f"{path}: {notes[0]}")
         provenance = provenance.with_notes(notes[0])
     frames = concatenate(parts)
     if frames.dtype == np.bool_ and frames.ndim == 3:
