@@ -125,7 +125,7 @@ def test_other_floats_are_no_bits(tmp_path, value):
     ("shape", "advice"),
     [((4, 1, 6, 20), r"array\[:, 0\]"), ((1, 4, 6, 20), r"array\[0\]"), ((2, 4, 6, 20), "a list")],
 )
-@pytest.mark.parametrize("options", [{}, {"unpacked": True}])
+@pytest.mark.parametrize("options", [{}, {"unpacked": True}, {"unpacked": False}])
 def test_frames_of_more_than_four_channels_are_refused(tmp_path, shape, advice, options):
     frames = np.zeros(shape, np.uint8 if options else bool)
     np.save(tmp_path / "a.npy", frames)

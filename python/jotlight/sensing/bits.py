@@ -76,7 +76,6 @@ class Bits(ArrayHints):
                 "packed: expected shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C), "
                 f"without a dimension of 0, got {packed.shape}"
             )
-        refuse_many_channels("packed", packed.shape)
         full = 8 * packed.shape[2]
         self.packed = packed
         self.width = full if width is None else operator.index(width)
