@@ -16,6 +16,7 @@ from jotlight.formats.checksums import check_appended, check_opened, missing_err
 from jotlight.formats.file_lists import list_files
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.images.kept_directories import TiffSource
 from jotlight.formats.images.png_chunks import (
     GRAYSCALE,
     HEADER_BYTES,
@@ -131,11 +132,12 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None, str | None]:
             f"{path}: expected counts, (H, W) or (T, H, W), got {dtype} of shape {shape}"
         )
     stack_shape = (1, *shape) if single else shape
+    source = TiffSource(path)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         with file.expect_unchanged():
             try:
-                with open_checked_tiff(path) as tiff:
+                with source.open() as tiff:
                     series = tiff.series[0]
                     if paged:
                         return move_samples_last(_read_pages(tiff, start, stop), axes)
