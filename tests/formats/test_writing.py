@@ -84,7 +84,7 @@ def test_the_provenance_is_saved_and_becomes_the_origin(tmp_path):
 @pytest.mark.parametrize(
     ("other", "message"),
     [
-        (np.ones((2, 3)), r"float64; jotlight\.save_image\("),
+        (np.full((2, 3), 0.5), r"float64; jotlight\.save_image\("),
         (np.ones((2, 3), bool), r"bool; jotlight\.Bits\.from_array\(frames, sensor\)"),
         (jl.Network.initial(jl.Sensor()), "Network; their own method save"),
         ("capture.npy", "str$"),
