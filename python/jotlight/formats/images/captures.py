@@ -29,7 +29,7 @@ from jotlight.formats.images.tiff_directories import (
     open_checked_tiff,
     shape_of,
 )
-from jotlight.formats.images.tiff_layout import no_counts_error, unlikely_channels
+from jotlight.formats.images.tiff_layout import no_counts_error, note_about_axes
 from jotlight.formats.images.tiff_segments import check_segments
 from jotlight.formats.images.writing import write_png, write_tiff, write_tiff_readings
 from jotlight.formats.labels import COUNTS, READINGS, parse_label
@@ -113,7 +113,7 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None, str | None]:
             description = tiff.pages[0].description
             is_own = any(parse_label(description, kind) for kind in (COUNTS, READINGS))
             refusal = None if is_own else no_counts_error(tiff, path)
-            note = None if is_own else unlikely_channels(tiff)
+            note = None if is_own else note_about_axes(tiff)
             # Other programs may store channels as pages. Ours are samples.
             single = axes in ("YX", "YXS", "SYX") or (not is_own and is_single_image(shape))
             paged = not single and len(series.pages) == shape[0]

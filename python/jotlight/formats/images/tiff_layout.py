@@ -61,6 +61,21 @@ def no_counts_error(tiff: Any, path: Path) -> ValueError | None:
     return None
 
 
+def note_about_axes(tiff: Any) -> str | None:
+    """Return what is assumed about the pages or the samples of a file, or None if it is clear.
+
+    tifffile stores a stack of three or four frames as colors, each of which lies apart, unless the
+    program that writes it states that they are gray.
+    """
+    series = tiff.series[0]
+    if series.axes == "SYX":
+        return (
+            f"its {series.shape[0]} planes are read as channels; if they are frames, write them "
+            "with tifffile.imwrite(..., photometric='minisblack')"
+        )
+    return unlikely_channels(tiff)
+
+
 def unlikely_channels(tiff: Any) -> str | None:
     """Return a note if the pages of a file are frames, although the file calls them channels.
 
