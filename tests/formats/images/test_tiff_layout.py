@@ -64,19 +64,16 @@ def test_more_pages_than_channels_are_frames_although_tifffile_calls_them_channe
         np.testing.assert_array_equal(jl.open(path), frames.sum(axis=0))
 
 
-@pytest.mark.parametrize("number", [3, 4])
-def test_planes_that_tifffile_calls_colors_have_a_note(tmp_path, number):
-    frames = VALUES.reshape(12, 8, 9)[:number]
+def test_planes_that_tifffile_calls_colors_have_a_note(tmp_path):
+    frames = VALUES.reshape(12, 8, 9)[:3]
     tifffile.imwrite(tmp_path / "a.tif", frames, photometric="rgb", planarconfig="separate")
     stack = open_capture(tmp_path / "a.tif")
-    assert stack.images.shape == (1, 8, 9, number)
-    assert f"its {number} planes are read as channels; if they are frames" in str(
-        stack.provenance.notes
-    )
+    assert stack.images.shape == (1, 8, 9, 3)
+    assert "its 3 planes are read as channels; if they are frames" in str(stack.provenance.notes)
     tifffile.imwrite(tmp_path / "a.tif", frames, photometric="minisblack")
     stack = open_capture(tmp_path / "a.tif")
     np.testing.assert_array_equal(np.asarray(stack.images), frames)
-    assert stack.provenance.notes == ()
+    assert "planes" not in str(stack.provenance.notes)
 
 
 @pytest.mark.parametrize("kind", ["imagej", "ome"])

@@ -64,8 +64,8 @@ def no_counts_error(tiff: Any, path: Path) -> ValueError | None:
 def note_about_axes(tiff: Any) -> str | None:
     """Return what is assumed about the pages or the samples of a file, or None if it is clear.
 
-    tifffile stores a stack of three or four frames as colors, each of which lies apart, unless the
-    program that writes it states that they are gray.
+    tifffile stores a stack of three frames as colors, each of which lies apart, unless the program
+    that writes it states that they are gray.
     """
     series = tiff.series[0]
     if series.axes == "SYX":
