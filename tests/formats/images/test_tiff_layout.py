@@ -21,6 +21,12 @@ ALPHA = {"photometric": "minisblack", "extrasamples": ["unassalpha"]}
         ("tz.tif", VALUES, {"imagej": True, "metadata": {"axes": "TZYX"}}, "one axis of images"),
         ("ga.tif", VALUES[0, :2].transpose(1, 2, 0), ALPHA, "1 channel and transparency"),
         ("gs.tif", VALUES[0, :2], {**ALPHA, "planarconfig": "separate"}, "1 channel and transp"),
+        (
+            "4.tif",
+            VALUES[:, 0],
+            {**ALPHA, "photometric": "rgb"},
+            "transparency.*; if they are frames",
+        ),
         ("gt.tif", VALUES[:, :2].transpose(0, 2, 3, 1), ALPHA, "1 channel and transparency"),
         (
             "rgba.tif",

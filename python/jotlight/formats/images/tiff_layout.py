@@ -47,10 +47,12 @@ def no_counts_error(tiff: Any, path: Path) -> ValueError | None:
             "levels in which 0 is black (tifffile.imwrite(..., photometric='minisblack'))"
         )
     if set(_ALPHA) & set(map(int, page.extrasamples)):
+        frames = "; if they are frames, write them with tifffile.imwrite(..., photometric="
+        frames = f"{frames}'minisblack')" if series.axes == "SYX" else ""
         return ValueError(
             f"{path}: expected counts, got {page.samplesperpixel - 1} channel"
             f"{'s' * (page.samplesperpixel > 2)} and transparency, of shape {shape_of(series)}; "
-            "save the file without its alpha channel"
+            f"save the file without its alpha channel{frames}"
         )
     images = [axis for axis in series.axes if axis in _IMAGES]
     if len(images) > 1:
