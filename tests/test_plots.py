@@ -49,3 +49,53 @@ def test_the_bits_panel_shows_single_jots():
     assert (panel.detail == jots).all()
     assert (panel.image == jots[::3, ::3]).all()
     assert f"{jots.mean():.0%}" in panel.subtitle
+
+
+@pytest.mark.parametrize(
+    ("image", "error", "message"),
+    [
+        (np.full((9, 8), 200, np.uint8), TypeError, "image: expected floats .*divide by its white"),
+        (np.eye(9, dtype=bool), TypeError, r"image: expected floats .*image\.astype\(float\)"),
+        (np.full((9, 8), np.nan), ValueError, "image: expected finite values"),
+        (
+            np.ones((5, 9, 8)),
+            ValueError,
+            r"expected shape \(H, W\) or \(H, W, 3\), got \(5, 9, 8\)",
+        ),
+        (np.ones((9, 8, 2)), ValueError, "expected shape"),
+        (np.ones(9), ValueError, "expected shape"),
+        (np.ma.ones((9, 8)), TypeError, "image: .* got a masked one"),
+    ],
+)
+def test_what_is_no_image_of_intensities_is_no_panel(image, error, message):
+    """An image of 0 to 255 would be white."""
+    with pytest.raises(error, match=message):
+        plots.Panel("title", "", image)
+    with pytest.raises(error, match=message.replace("image:", "detail:")):
+        plots.Panel("title", "", np.ones((9, 8)), image)
+
+
+def test_lists_and_single_channels_are_images():
+    assert plots.Panel("title", "", [[0.0, 1.0]]).image.shape == (1, 2)
+    figure = plots.comparison([plots.Panel("title", "", np.ones((20, 30, 1)))], "heading")
+    assert len(figure.axes) == 2
+
+
+@pytest.mark.parametrize(
+    ("panels", "error", "message"),
+    [
+        ([], ValueError, "one or more images of one size, got none"),
+        ({"a": np.ones((9, 8))}, TypeError, r"expected a list of panels, such as \[jotlight"),
+        ([np.ones((9, 8))], TypeError, "expected a list of panels"),
+        (
+            [plots.Panel("a", "", np.ones(size)) for size in ((9, 8), (9, 7), (9, 8))],
+            ValueError,
+            r"of one size, got \(9, 7\) and \(9, 8\)",
+        ),
+    ],
+)
+def test_other_panels_are_refused(panels, error, message):
+    with pytest.raises(error, match=message):
+        plots.comparison(panels, "heading")
+    with pytest.raises(ValueError, match="white: expected a finite number above 0, got 0"):
+        plots.comparison([plots.Panel("a", "", np.ones((9, 8)))], "heading", white=0)

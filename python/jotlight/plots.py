@@ -5,12 +5,14 @@ The functions do not use pyplot, so they change no global state and need no disp
 
 import dataclasses
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.checks import positive_number, refuse_masked, require_intensities, to_array
 from jotlight.drawing import INK, MARK, QUIET
 from jotlight.files import atomic_write
 from jotlight.networks.figure import draw_layers
@@ -62,6 +64,11 @@ class Panel:
         The image.
     detail : ndarray of float, optional
         The image at an integer multiple of its size, for the crop. Default: `image`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the image is not an array of finite floats of such a shape.
     """
 
     title: str
@@ -69,12 +76,22 @@ class Panel:
     image: npt.NDArray[np.floating]
     detail: npt.NDArray[np.floating] | None = None
 
+    def __post_init__(self) -> None:
+        for name in ("image", "detail"):
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, _checked(name, value))
 
-def comparison(panels: list[Panel], heading: str, *, white: float = 1.0) -> "Figure":
+
+def comparison(panels: Sequence[Panel], heading: str, *, white: float = 1.0) -> "Figure":
     """Return a figure of images of one scene, each with an enlarged crop below it.
 
     All crops show the part of the scene that has the strongest edges in the first image. Intensity
     `white` is shown as white.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When there is no panel, or the images differ in their size, or `white` is not above 0.
 
     Examples
     --------
@@ -85,7 +102,8 @@ def comparison(panels: list[Panel], heading: str, *, white: float = 1.0) -> "Fig
     """
     from jotlight.figures import Figure
 
-    height, width = panels[0].image.shape[:2]
+    positive_number("white", white)
+    height, width = _common_size(panels)
     top, left, tall, wide = find_detail(panels[0].image)
     rows = math.ceil(len(panels) / _COLUMNS)
     columns = math.ceil(len(panels) / rows)
@@ -183,6 +201,33 @@ def find_detail(image: npt.NDArray[np.floating]) -> tuple[int, int, int, int]:
     inside = energy[tall // 2 : height - (tall - 1) // 2, wide // 2 : width - (wide - 1) // 2]
     top, left = np.unravel_index(int(inside.argmax()), inside.shape)
     return int(top), int(left), tall, wide
+
+
+def _checked(name: str, image: npt.ArrayLike) -> npt.NDArray[np.floating]:
+    """Return an image (H, W) or (H, W, 3) of finite floats, or raise TypeError or ValueError."""
+    refuse_masked(name, image, "pass image.filled(0), or another value for masked pixels")
+    values = to_array(name, image)
+    require_intensities(name, values)
+    if values.shape[2:] not in ((), (1,), (3,)) or values.ndim < 2 or values.size == 0:
+        raise ValueError(f"{name}: expected shape (H, W) or (H, W, 3), got {values.shape}")
+    if not np.isfinite(values).all():
+        raise ValueError(f"{name}: expected finite values, got NaN or infinity")
+    return values
+
+
+def _common_size(panels: Sequence[Panel]) -> tuple[int, int]:
+    """Return the height and the width of the images of all panels."""
+    if isinstance(panels, Mapping) or not all(isinstance(each, Panel) for each in panels):
+        raise TypeError(
+            "panels: expected a list of panels, such as "
+            '[jotlight.plots.Panel("title", "below", image)]'
+        )
+    sizes = sorted({each.image.shape[:2] for each in panels})
+    if len(sizes) != 1:
+        got = " and ".join(map(str, sizes[:2])) or "none"
+        raise ValueError(f"panels: expected one or more images of one size, got {got}")
+    height, width = sizes[0]
+    return height, width
 
 
 def _show(axes: "Axes", image: npt.NDArray[np.floating], white: float) -> None:

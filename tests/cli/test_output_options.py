@@ -60,7 +60,7 @@ def test_two_and_four_channels_are_not_displayed(run, tmp_path, monkeypatch, out
     before = file_names(tmp_path)
     status, output = run("reconstruct", "channels.npy", "-m", "mle", *outputs.split())
     assert status == 1
-    assert f"expected one or three channels of an image for display, got {channels}" in output
+    assert f"expected a gray image or three channels, got {channels} channels" in output
     assert file_names(tmp_path) == before
 
 

@@ -143,3 +143,14 @@ def test_bad_options_of_motion_are_refused(run, photo, tmp_path, options, messag
     assert status == 1
     assert message in output
     assert file_names(tmp_path) == before
+
+
+@pytest.mark.parametrize("shape", [(5, 40, 50), (1, 40, 50), (2, 5, 40, 3)])
+def test_a_stack_of_images_is_no_photograph(run, tmp_path, shape):
+    """It would become one short image of many channels."""
+    np.save(tmp_path / "stack.npy", np.full(shape, 0.5, np.float32))
+    before = file_names(tmp_path)
+    status, output = run("simulate", "stack.npy", "-o", "bits.npy")
+    assert status == 1
+    assert "photo: expected one image, (H, W) or (H, W, C) with at most 4 channels, got" in output
+    assert file_names(tmp_path) == before

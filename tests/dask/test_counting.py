@@ -118,3 +118,18 @@ def test_a_worker_with_another_version_is_refused(monkeypatch):
     monkeypatch.setattr("jotlight.dask.cluster.__version__", "0.0.1")
     with pytest.raises(RuntimeError, match=r"expected jotlight .* on each worker, got 0\.0\.1"):
         counts.compute()
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (np.zeros((4, 6, 2), np.uint8), r"got an array of uint8; jotlight\.Bits\.from_array"),
+        (np.zeros((4, 6, 13), bool), r"got an array of bool; jotlight\.Bits\.from_array"),
+        (da.zeros((4, 6, 13), dtype=bool), r"got a dask array of bool; Bits\.to_dask\(\)"),
+        ("capture.npy", r"got str; pass jotlight\.open\(path\)"),
+        ([1, 2], r"got list; Bits\.to_dask\(\)"),
+    ],
+)
+def test_other_data_are_refused_with_what_to_pass(data, message):
+    with pytest.raises(TypeError, match=f"x: expected jotlight.Bits, or a dask array .*{message}"):
+        jl.dask.count(data, 2)

@@ -164,3 +164,19 @@ def test_the_checksum_changes_with_the_module(folder):
     first, second = map(checksum_of_module, ("own_module:mean", "own_other:mean"))
     assert len(first) == len(second) == 64
     assert first != second
+
+
+def test_a_function_that_returns_nothing_is_asked_about_its_return():
+    bits = jl.Sensor(frames=4).expose(np.full((5, 6), 0.5), rng=0)
+    with pytest.raises(TypeError, match="from <lambda>, got None; does it return its image"):
+        jl.reconstruct(bits, method=lambda bits: None)
+
+
+def test_counts_in_place_of_intensities_are_reported():
+    bits = jl.Sensor(frames=4).expose(np.full((5, 6), 0.5), rng=0)
+    with pytest.warns(
+        jl.JotlightWarning, match=r"whole numbers up to \d, .*counts / sensor.trials"
+    ):
+        jl.reconstruct(bits, method=lambda bits: bits.counts())
+    jl.reconstruct(bits, method=lambda bits: bits.counts() / bits.sensor.trials)
+    jl.reconstruct(bits, method=lambda bits: (bits.counts() > 2).astype(int))

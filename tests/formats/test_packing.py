@@ -98,3 +98,36 @@ def test_frames_along_the_last_axis_are_reported(tmp_path, options):
     np.save(tmp_path / "hwt.npy", array if not options else array.astype(np.uint8))
     with pytest.warns(jl.JotlightWarning, match=r"hwt.npy: read as 128 frames of 100 x 8 jots"):
         jl.open(tmp_path / "hwt.npy", **options)
+
+
+@pytest.mark.parametrize("white", [1, 255])
+@pytest.mark.parametrize("dtype", [np.float16, np.float64])
+def test_floats_of_two_values_are_bits_on_request(tmp_path, dtype, white):
+    frames = random_frames((4, 6, 20))
+    np.save(tmp_path / "a.npy", frames.astype(dtype) * white)
+    with pytest.raises(
+        ValueError, match=r"got float\d\d of shape .* bits of 0 and 1, .*--unpacked"
+    ):
+        jl.open(tmp_path / "a.npy")
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.npy", unpacked=True).to_array(), frames)
+
+
+@pytest.mark.parametrize("value", [0.5, np.nan, -1.0])
+def test_other_floats_are_no_bits(tmp_path, value):
+    frames = random_frames((4, 6, 20)).astype(float)
+    frames[2, 3, 4] = value
+    np.save(tmp_path / "a.npy", frames)
+    with pytest.raises(ValueError, match="expected bits, 0 and 1 only, got"):
+        jl.open(tmp_path / "a.npy", unpacked=True).to_array()
+
+
+@pytest.mark.parametrize(
+    ("shape", "advice"),
+    [((4, 1, 6, 20), r"array\[:, 0\]"), ((1, 4, 6, 20), r"array\[0\]"), ((2, 4, 6, 20), "a list")],
+)
+@pytest.mark.parametrize("options", [{}, {"unpacked": True}, {"unpacked": False}])
+def test_frames_of_more_than_four_channels_are_refused(tmp_path, shape, advice, options):
+    frames = np.zeros(shape, np.uint8 if options else bool)
+    np.save(tmp_path / "a.npy", frames)
+    with pytest.raises(ValueError, match=f"at most 4 channels.*{advice}|write each channel"):
+        jl.open(tmp_path / "a.npy", **options)

@@ -69,7 +69,7 @@ def test_float_means_open_as_counts(tmp_path, ending):
         jl.open(path, counts_scale=1)
     with pytest.raises(ValueError, match="expected multiples of 1 / 15"):
         jl.open(path, counts_scale=1, trials=15)
-    with pytest.raises(ValueError, match="floats are an image of intensities, or means"):
+    with pytest.raises(ValueError, match="floats are an image of intensities; means"):
         jl.open(path)
 
 

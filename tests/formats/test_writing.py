@@ -84,7 +84,7 @@ def test_the_provenance_is_saved_and_becomes_the_origin(tmp_path):
 @pytest.mark.parametrize(
     ("other", "message"),
     [
-        (np.ones((2, 3)), r"float64; jotlight\.save_image\("),
+        (np.full((2, 3), 0.5), r"float64; jotlight\.save_image\("),
         (np.ones((2, 3), bool), r"bool; jotlight\.Bits\.from_array\(frames, sensor\)"),
         (jl.Network.initial(jl.Sensor()), "Network; their own method save"),
         ("capture.npy", "str$"),
@@ -137,3 +137,19 @@ def test_frames_are_no_image_of_counts(tmp_path):
 def test_the_error_of_other_data_names_their_type(tmp_path, data, kind):
     with pytest.raises(TypeError, match=f"data: expected .* an array of counts, got {kind}"):
         jl.save(data, tmp_path / "a.npy")
+
+
+@pytest.mark.parametrize(
+    ("data", "advice"),
+    [
+        (np.full((2, 3), 4.0), r"write counts\.astype\(int\) for counts; jotlight\.save_image"),
+        (np.full((2, 3), 0.5), r"got float64; jotlight\.save_image"),
+        (np.full((2, 3), np.nan), r"got float64; jotlight\.save_image"),
+        (jl.Merged([[3, 1]], [[4.0, 2.0]], jl.Sensor(frames=4)), r"numpy\.savez\(.*merged\.ones"),
+        ([BITS, BITS], "got list; write each of them to a file of its own"),
+    ],
+)
+def test_the_error_of_other_data_says_what_writes_them(tmp_path, data, advice):
+    with pytest.raises(TypeError, match=f"data: expected .*{advice}"):
+        jl.save(data, tmp_path / "a.npy")
+    assert not list(tmp_path.iterdir())

@@ -8,7 +8,6 @@ from jotlight.metrics import psnr
 from jotlight.networks import coarse_scales
 from jotlight.networks.coarse_scales import (
     add_coarse,
-    add_squares,
     counts_of_squares,
     has_few_photons,
     log_information,
@@ -16,6 +15,7 @@ from jotlight.networks.coarse_scales import (
 )
 from jotlight.networks.inference import Inference
 from jotlight.sensing.pixel_counts import PixelCounts
+from jotlight.squares import sum_squares
 
 FEW = [(1, 0.2), (4, 0.02), (64, 0.002), (1000, 1e-4)]
 """Numbers of frames, and photons per frame at intensity 1."""
@@ -117,7 +117,7 @@ def test_pixels_alike_have_squares_alike():
 def test_a_constant_image_moves_toward_that_of_the_squares(shape):
     squares = sensor_of_squares(jl.Sensor(frames=1))
     fine = np.full(shape, 0.3, np.float32)
-    coarse = np.full(add_squares(fine).shape, 0.5, np.float32)
+    coarse = np.full(sum_squares(fine).shape, 0.5, np.float32)
     information = 0.25 * np.exp(-0.5) / -np.expm1(-0.5)
     p, other = -np.expm1(-0.3), -np.expm1(-0.5)
     expected = -np.log1p(-(p + (other - p) / (1 + 2 * information)))

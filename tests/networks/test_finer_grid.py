@@ -163,11 +163,14 @@ def test_dim_and_bright_light(photons):
         assert estimate[:, columns].mean() == pytest.approx(expected, rel=0.03)
 
 
-def test_coarse_counts_are_sums():
+@pytest.mark.parametrize("threshold", [1, 3])
+def test_coarse_counts_are_sums(threshold):
     ones, trials = RNG.integers(0, 5, (4, 6)), RNG.integers(5, 9, (4, 6)).astype(float)
     trials[:2, :2], ones[:2, :2] = 0, 0
     dark = RNG.random((4, 6))
-    merged = jl.Merged(ones, trials, jl.Sensor(), dark_counts=dark, upsample=2)
+    efficiency = RNG.uniform(0.1, 1, (4, 6))
+    maps = {"dark_counts": dark, "efficiency": efficiency}
+    merged = jl.Merged(ones, trials, jl.Sensor(threshold=threshold), **maps, upsample=2)
     coarse = coarse_counts(merged)
     for row, column in np.ndindex(2, 3):
         square = slice(2 * row, 2 * row + 2), slice(2 * column, 2 * column + 2)
@@ -175,7 +178,11 @@ def test_coarse_counts_are_sums():
         assert coarse.trials[row, column] == trials[square].sum()
         weights = trials[square] if trials[square].any() else None
         expected = np.average(dark[square], weights=weights)
+        if threshold == 1:  # as many ones
+            expected = -np.log(np.average(np.exp(-dark[square]), weights=weights))
         assert coarse.dark_counts[row, column] == pytest.approx(expected)
+        expected = np.average(efficiency[square], weights=weights)
+        assert coarse.efficiency[row, column] == pytest.approx(expected)
 
 
 def test_an_enlarged_ramp_is_at_its_place():

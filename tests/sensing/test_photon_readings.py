@@ -215,3 +215,20 @@ def test_a_sensor_with_another_number_of_bits_is_refused(method):
             ValueError, match=f"{expected}, as the sensor states, got readings of 2"
         ):
             method(readings, jl.Sensor(frames=4, bit_depth=bit_depth))
+
+
+def test_windows_are_readings_whose_sensor_has_as_many_frames():
+    sensor = jl.Sensor(frames=10, gain=5.0, bit_depth=3)
+    readings = sensor.expose(np.full((5, 9), 2.0), rng=0)
+    parts = list(readings.windows(4, 3))
+    assert [part.sensor for part in parts] == [sensor.replace(frames=4, gain=2.0)] * 3
+    for index, part in enumerate(parts):
+        np.testing.assert_array_equal(part.to_array(), readings[3 * index : 3 * index + 4])
+    with pytest.raises(ValueError, match="window: expected 1 to the capture's 10 frames"):
+        readings.windows(11)
+
+
+def test_windows_of_a_bracket_keep_its_exposures():
+    sensor = jl.Sensor(frames=6, gain=[1.0, 8.0] * 3, bit_depth=3)
+    readings = sensor.expose(np.full((5, 9), 2.0), rng=0)
+    assert [part.sensor.gain.tolist() for part in readings.windows(2)] == [[1.0, 8.0]] * 3

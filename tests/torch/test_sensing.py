@@ -250,6 +250,26 @@ def test_the_message_about_a_shape_says_how_to_convert_it(shape, convert):
     assert sensing(converted).shape == converted.shape
 
 
+@pytest.mark.parametrize("output", ["counts", "bits"])
+def test_the_likelihood_refuses_data_of_another_shape(output):
+    """PyTorch would repeat them, and the sum would be wrong."""
+    sensing = Sensing(jl.Sensor(frames=4), output=output)
+    light = torch.rand((3, 1, 5, 6))
+    data = sensing(light)
+    for wrong in (data[:2], data[0, 0], data[:, :, :1], data[..., :1], data[:, :, :, None]):
+        with pytest.raises(ValueError, match=rf"data: expected {output} of shape .*, got \("):
+            sensing.log_likelihood(wrong, light)
+
+
+def test_the_likelihood_takes_several_images_of_one_capture_and_the_reverse():
+    sensing, light = Sensing(jl.Sensor(frames=4)), torch.rand((3, 1, 5, 6))
+    data = sensing(light)
+    expected = [float(sensing.log_likelihood(data[:1], each[None])) for each in light]
+    assert sensing.log_likelihood(data[:1], light).tolist() == pytest.approx(expected)
+    expected = [float(sensing.log_likelihood(each[None], light[:1])) for each in data]
+    assert sensing.log_likelihood(data, light[:1]).tolist() == pytest.approx(expected)
+
+
 def test_a_layer_prints_its_arguments():
     expected = "Sensing(Sensor(frames=4), output='counts', gradient='straight-through')"
     assert repr(Sensing(jl.Sensor(frames=4))) == expected

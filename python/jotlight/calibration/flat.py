@@ -120,15 +120,15 @@ def measure_response(
 
 def _check_ones(full: npt.NDArray[np.bool_], frames: int) -> None:
     """Raise ValueError unless the counts distinguish responses. `full` ones are all ones."""
-    if full.mean() > 0.5:
-        raise ValueError(
-            f"flat: expected a capture with light that leaves some bits 0, but most jots report 1 "
-            f"in all {frames} frames; record it with less light"
-        )
     if frames < 2:
         raise ValueError(
             "flat: expected 2 frames or more, since one does not distinguish the response of a "
             "jot from chance, got 1; record more frames"
+        )
+    if full.mean() > 0.5:
+        raise ValueError(
+            f"flat: expected a capture with light that leaves some bits 0, but most jots report 1 "
+            f"in all {frames} frames; record it with less light"
         )
 
 

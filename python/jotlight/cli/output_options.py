@@ -13,7 +13,6 @@ from jotlight._engine import __version__
 from jotlight.cli.common_options import OUTPUT_PANEL
 from jotlight.errors import warn
 from jotlight.estimators.brightness import UNITS, unit_scale
-from jotlight.estimators.demosaicing import COLORS
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
@@ -187,7 +186,6 @@ class ImageOutputOptions(OutputOptions):
         `known` is the uncertainty of the estimate, if it is written, and `white` is the largest
         intensity, if it is stated. Return the tone curve of each image for display.
         """
-        self._refuse_other_channels(estimate)
         remaining = list(files)
         scale = self.scale(sensor)
         tones = []
@@ -217,16 +215,6 @@ class ImageOutputOptions(OutputOptions):
                     "trust the bits more"
                 )
         return tones
-
-    def _refuse_other_channels(self, estimate: npt.NDArray[np.float32]) -> None:
-        """Raise ValueError if an image of two or four channels is to be displayed."""
-        paths = [path for path in (self.output, self.preview) if path is not None]
-        displayed = [path for path in paths if path.suffix.lower() in DISPLAYED]
-        if displayed and estimate.shape[2:] not in ((), (COLORS,)):
-            raise ValueError(
-                f"{displayed[0]}: expected one or three channels of an image for display, got "
-                f"{estimate.shape[2]}; write a .npy"
-            )
 
     def _output_tone(self, estimate: npt.NDArray[np.float32], white: float | None) -> Tone:
         """Return the tone curve of an output in .png or .jpg."""

@@ -19,6 +19,7 @@ from jotlight.files import atomic_write, check_outputs
 from jotlight.formats.description import companion_files
 from jotlight.formats.writing import choose_output_format, write_capture
 from jotlight.images.io import image_writer, read_image
+from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, Packed
 from jotlight.sensing.sensor import Sensor
@@ -125,6 +126,11 @@ def simulate(
     written = {output, output.with_suffix(".json"), *maps, *companion_files(output)}
     check_outputs([*written, motion.truth], [photo, *sensor.map_files(), *motion.files()])
     image = as_image(read_image(photo, white=white, gray=gray))
+    if image.ndim > 3 or image.shape[2:] > (MAX_CHANNELS,):
+        raise ValueError(
+            f"photo: expected one image, (H, W) or (H, W, C) with at most {MAX_CHANNELS} channels, "
+            f"got {image.shape}; write each image of a stack to a file of its own"
+        )
     if motion.motion is None:
         bits = _still_bits(image, exposed, seed, threads)
     else:
@@ -145,8 +151,6 @@ def _still_bits(
 
     Readings of several bits are drawn at once.
     """
-    if image.ndim > 3:
-        raise ValueError(f"photo: expected one image, (H, W) or (H, W, C), got {image.shape}")
     axis = None if image.ndim == 2 else -1
     exposed.check_map_shapes(*(size * exposed.oversampling for size in image.shape[:2]))
     channels = image.shape[2:] if exposed.mosaic is None else ()

@@ -30,7 +30,15 @@ from jotlight.networks.mosaic_planes import plane_sensors
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained, pretrained_conditional
 from jotlight.sensing.pixel_counts import GrayImages
-from jotlight.sensing.sensor import Sensor, require_sensor
+from jotlight.sensing.readings import require_plain_bits, without_mosaic
+from jotlight.sensing.sensor import Sensor, require_any_sensor
+
+_ADVICE = (
+    "the images of windows are estimated from counts of single bits of one exposure; `jotlight "
+    "film` makes a film of this capture, and jotlight.reconstruct(bits[a:b]) (`jotlight "
+    "reconstruct` without --window) an image"
+)
+"""What to do with readings whose counts are not enough."""
 
 _KEPT = 8
 """Number of networks that a process keeps."""
@@ -275,7 +283,8 @@ def checked(estimator: Estimator) -> Estimator:
 
 def check_countable(sensor: Sensor) -> None:
     """Raise ValueError if the counts of pixels are not enough for the data of a sensor."""
-    require_sensor(sensor, takes_mosaics=True)
+    require_any_sensor(sensor)
+    require_plain_bits(without_mosaic(sensor), _ADVICE)
     if sensor.oversampling > 1 and sensor.maps():
         raise ValueError(
             "sensor: expected one without maps of its jots, because counts of pixels of "

@@ -7,6 +7,7 @@ workers, never frames.
 
 import dataclasses
 import itertools
+import os
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -199,10 +200,16 @@ def check_packed_array(x: Any) -> None:
         )
     array = import_dask_array()
     if not isinstance(x, array.Array) or x.dtype != np.uint8:
-        kind = getattr(x, "dtype", type(x).__name__)
+        is_lazy, advice = isinstance(x, array.Array), "Bits.to_dask() returns such an array"
+        kind = f"a dask array of {x.dtype}" if is_lazy else type(x).__name__
+        if isinstance(x, str | os.PathLike):
+            advice = "pass jotlight.open(path)"
+        elif isinstance(x, np.ndarray):
+            kind = f"an array of {x.dtype}"
+            advice = "jotlight.Bits.from_array(frames, sensor) packs frames of bits"
         raise TypeError(
             f"x: expected jotlight.Bits, or a dask array of packed bits in uint8, got {kind}; "
-            "Bits.to_dask() returns such an array"
+            f"{advice}"
         )
     if x.ndim not in (3, 4) or 0 in x.shape:
         raise ValueError(

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jotlight.dask.counting import sum_pieces
-from jotlight.dask.estimator import choose_estimator
+from jotlight.dask.estimator import check_countable, choose_estimator
 from jotlight.dask.pieces import Pieces, check_packed_array
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.sensor import Sensor, require_sensor
+from jotlight.sensing.sensor import Sensor
 
 if TYPE_CHECKING:
     import dask.array
@@ -105,7 +105,7 @@ def reconstruct(
             "sensor: expected a jotlight.Sensor, because these bits carry none; pass the sensor "
             "that recorded them, such as Sensor(frames=16)"
         )
-    require_sensor(sensor, takes_mosaics=True)
+    check_countable(sensor)
     window = int(x.shape[0]) if window is None else window
     estimator = choose_estimator(
         sensor.replace(frames=window),

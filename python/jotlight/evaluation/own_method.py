@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import warn
 from jotlight.networks.color_network import AnyNetwork
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
@@ -167,13 +168,20 @@ def run_own(
             error.add_note(_about(checked, name))
         raise
     if result.dtype.kind not in "biuf":
-        raise TypeError(f"method: expected an image of numbers from {name}, got {result.dtype}")
+        kind = "None; does it return its image?" if result.shape == () else str(result.dtype)
+        raise TypeError(f"method: expected an image of numbers from {name}, got {kind}")
     if result.shape != expected:
         raise ValueError(
             f"method: expected an image of shape {expected} from {name}, got {result.shape}"
         )
     if not np.isfinite(result).all():
         raise ValueError(f"method: expected finite intensities from {name}, got NaN or infinity")
+    if result.dtype.kind in "iu" and result.max() > sensor.max_intensity:
+        warn(
+            f"method: {name} returns whole numbers up to {result.max()}, which look like counts; "
+            f"intensities are at most max_intensity={sensor.max_intensity:g}, and the fraction of "
+            "ones is counts / sensor.trials"
+        )
     return result.astype(np.float32, copy=False)
 
 

@@ -273,7 +273,7 @@ def as_count_stack(
     provenance: Provenance,
     label: str | None = None,
     *,
-    means: bool = False,
+    floats: bool = False,
     is_stack: bool = False,
 ) -> CountStack:
     """Return images of counts as a stack.
@@ -287,8 +287,8 @@ def as_count_stack(
         Provenance of the images.
     label : str, optional
         The label that jotlight wrote into the file, which states the number of trials.
-    means : bool
-        Whether the numbers are means of frames, which may be floats.
+    floats : bool
+        Whether the numbers may be floats: means of frames, or bits.
     is_stack : bool
         Whether the first axis is known to be that of the images.
 
@@ -298,11 +298,12 @@ def as_count_stack(
         When the shape or the type does not fit, or the label is invalid.
     """
     shape = images.shape
-    if images.dtype.kind == "f" and not means:
+    if images.dtype.kind == "f" and not floats:
         raise ValueError(
             f"expected counts in whole numbers, got {images.dtype} of shape {shape}; floats are an "
-            "image of intensities, or means of frames, which need counts_scale= (--counts-scale), "
-            "such as 1, and trials= (--trials)"
+            "image of intensities; means of frames, which need counts_scale= (--counts-scale), "
+            "such as 1, and trials= (--trials); or bits of 0 and 1, which need unpacked=True "
+            "(--unpacked)"
         )
     if images.dtype.kind not in "iubf" or len(shape) not in (2, 3, 4) or images.size == 0:
         raise ValueError(

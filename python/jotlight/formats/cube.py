@@ -16,6 +16,7 @@ from jotlight.formats.description import (
 from jotlight.formats.labels import make_bits_label
 from jotlight.formats.packing import check_packed
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import refuse_many_channels
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Provenance
 
@@ -56,6 +57,7 @@ def open_cube(
         stated_width, sensor, origin = read_bits_description(description)
         provenance = provenance.converted_from(origin)
     else:
+        refuse_many_channels(str(path), packed.shape)
         if check:
             check_packed(packed, str(path))
         provenance = provenance.with_notes(

@@ -21,8 +21,8 @@ class OpenOptions:
     """Whether the numbers are counts (True) or packed bits (False). None: their type decides."""
     width: int | None = None
     """True width in jots."""
-    means: bool = False
-    """Whether the numbers are means of frames, which may be floats."""
+    floats: bool = False
+    """Whether the numbers may be floats: means of frames, or bits."""
     packed: bool = False
     """Whether the caller states that bytes hold eight bits, which skips :func:`check_packed`."""
     isolate: bool = False

@@ -12,6 +12,7 @@ from jotlight.formats.format import OpenOptions
 from jotlight.formats.labels import AS_STATED, BITS, make_bits_label, parse_label
 from jotlight.formats.packing import check_packed, pack_lazily
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import refuse_many_channels
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.maps import MAPS
 from jotlight.sensing.provenance import Provenance
@@ -71,9 +72,10 @@ def open_stored_array(
         if counts is None and frames.dtype.kind == "b":
             counts = len(frames.shape) == 2
         if counts or (counts is None and frames.dtype.kind != "b"):
-            return as_count_stack(frames, provenance, text, means=options.means)
+            return as_count_stack(frames, provenance, text, floats=options.floats)
         if len(frames.shape) not in (3, 4) or 0 in frames.shape:
             raise ValueError(f"expected frames (T, H, W) or (T, H, W, C), got {frames.shape}")
+        refuse_many_channels(name, frames.shape)
         if frames.dtype.kind == "b":
             return Bits(pack_lazily(frames, name), frames.shape[2], provenance=provenance)
         if not options.packed:

@@ -106,7 +106,7 @@ def _open_array(
         if description is None and not stated:
             _refuse_photograph(array.shape, path)
         return open_cube(array, path, name, options.width, description, check=not options.packed)
-    return as_count_stack(array, Provenance(name, path.name), label, means=options.means)
+    return as_count_stack(array, Provenance(name, path.name), label, floats=options.floats)
 
 
 def _open_readings(

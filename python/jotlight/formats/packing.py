@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import warn_about_axes
+from jotlight.sensing.bits_checks import refuse_many_channels, warn_about_axes
 from jotlight.sensing.frames import Frames, read_in_chunks
 
 _INSPECTED_BYTES = 1 << 20
@@ -47,6 +47,7 @@ def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
     >>> pack_lazily(np.eye(3, dtype=np.uint8)[None] * 255, "a.npy").read(0, 1).tolist()
     [[[128], [64], [32]]]
     """
+    refuse_many_channels(name, frames.shape)
     warn_about_axes(name, frames.shape)
     count, height, width, *channels = frames.shape
 

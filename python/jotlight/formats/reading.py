@@ -173,7 +173,8 @@ def open(
             "such as Sensor(frames=16, mosaic=…)"
         )
     if len(capture.images) > 1 and frames is None:
-        warn(f"{path}: the result is the sum of its {len(capture.images)} images of counts")
+        number, notes = len(capture.images), capture.provenance.notes
+        warn("; ".join([f"{path}: the result is the sum of its {number} images of counts", *notes]))
     return capture.sum()
 
 
@@ -293,11 +294,11 @@ def _open_once(
             "(--unpacked) and counts=False (--bits)"
         )
     packed = unpacked is False
-    options = OpenOptions(key, counts, width, means=means, packed=packed, isolate=isolate)
+    options = OpenOptions(key, counts, width, floats=means, packed=packed, isolate=isolate)
     _check_options(path, entry, options, unpacked)
     try:
         if unpacked:
-            options = dataclasses.replace(options, counts=True, width=None)
+            options = dataclasses.replace(options, counts=True, width=None, floats=True)
             capture = entry.open(path, options)
             capture = pack_stack(capture) if isinstance(capture, CountStack) else capture
         else:

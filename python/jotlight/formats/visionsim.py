@@ -122,8 +122,8 @@ def _open_sums(images: npt.NDArray[Any] | Frames, path: Path, options: OpenOptio
     if images.ndim == 4 and images.shape[3] == 1:
         images = images[..., 0]
     provenance = Provenance("visionsim", path.parent.name or path.name)
-    stack = as_count_stack(images, provenance, means=options.means, is_stack=True)
-    trials = None if options.means else _number_of_planes(read_frames(stack.images, 0, 1))
+    stack = as_count_stack(images, provenance, floats=options.floats, is_stack=True)
+    trials = None if options.floats else _number_of_planes(read_frames(stack.images, 0, 1))
     return stack if trials is None else unscale(stack, 255, trials)
 
 

@@ -15,6 +15,7 @@ from jotlight.formats.registry import WRITERS
 from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_frames
+from jotlight.sensing.merged import Merged
 from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
@@ -70,7 +71,13 @@ def _advice(data: object) -> str:
     if isinstance(data, np.ndarray) and data.dtype == np.bool_:
         return "; jotlight.Bits.from_array(frames, sensor) packs frames of bits"
     if isinstance(data, np.ndarray) and data.dtype.kind == "f":
-        return '; jotlight.save_image("image.tif", image) writes an image'
+        is_whole = bool((data == np.rint(data)).all())
+        cast = "; write counts.astype(int) for counts" if is_whole else ""
+        return f'{cast}; jotlight.save_image("image.tif", image) writes an image'
+    if isinstance(data, Merged):
+        return '; numpy.savez("merged.npz", ones=merged.ones, trials=merged.trials) writes them'
+    if isinstance(data, list | tuple) and all(isinstance(each, Bits) for each in data):
+        return "; write each of them to a file of its own"
     return "; their own method save writes them" if hasattr(data, "save") else ""
 
 

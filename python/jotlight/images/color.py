@@ -1,5 +1,6 @@
-"""The type of images, and the conversion of color to gray."""
+"""The type of images, their channels in files, and the conversion of color to gray."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,3 +19,32 @@ def luma(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
     (2, 3)
     """
     return np.asarray(image @ np.array([0.299, 0.587, 0.114]))
+
+
+def fit_channels(path: Path, image: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return an image with channels that a file with the ending of `path` can hold.
+
+    A `.npy` holds any array. In other files, a single channel (H, W, 1) becomes a gray image.
+
+    Raises
+    ------
+    ValueError
+        For two or four channels, unless the file is a `.npy` or a TIFF. Programs would take the
+        last of them for transparency.
+
+    Examples
+    --------
+    >>> fit_channels(Path("a.png"), np.ones((2, 3, 1))).shape
+    (2, 3)
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".npy":
+        return image
+    if image.shape[2:] == (1,):
+        return image[..., 0]
+    if image.shape[2:] not in ((), (3,)) and suffix not in (".tif", ".tiff"):
+        raise ValueError(
+            f"{path}: expected a gray image or three channels, got {image.shape[2]} channels; .npy "
+            "and .tif hold them"
+        )
+    return image

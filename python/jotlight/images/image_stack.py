@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.images.color import fit_channels
 from jotlight.images.tiff import kind_of
 from jotlight.output_files import open_output
 
@@ -45,7 +46,8 @@ def stack_writer(
             with open_output(file) as handle:
                 np.savez_compressed(handle, **images)  # type: ignore[arg-type]
             return
-        stack = np.stack([image.astype(np.float32) for image in images.values()])
+        fitted = [fit_channels(Path(path), image) for image in images.values()]
+        stack = np.stack(fitted).astype(np.float32)
         if suffix == ".npy":
             with open_output(file) as handle:
                 np.save(handle, stack)

@@ -18,7 +18,7 @@ from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
 from jotlight.formats.images.tiff_directories import open_checked_tiff
 from jotlight.formats.limits import check_claimed_size
-from jotlight.images.color import FloatImage, luma
+from jotlight.images.color import FloatImage, fit_channels, luma
 from jotlight.images.exr import check_exr, read_exr, read_exr_comments, write_exr
 from jotlight.images.tiff import read_tiff, write_tiff
 from jotlight.output_files import OutputFile, open_output
@@ -207,7 +207,8 @@ def image_writer(
     Returns
     -------
     callable
-        ``write(file, image)`` with an image (H, W) or (H, W, 3). `file` has the ending of `path`.
+        ``write(file, image)`` with an image (H, W), (H, W, 1), or (H, W, 3), and for `.tif` and
+        `.npy` also with two or four channels. `file` has the ending of `path`.
 
     Raises
     ------
@@ -216,7 +217,8 @@ def image_writer(
     MissingExtraError
         If `.exr` needs the package OpenEXR.
     """
-    suffix = Path(path).suffix.lower()
+    path = Path(path)
+    suffix = path.suffix.lower()
     if suffix not in (*DISPLAYED, *FLOATS):
         raise ValueError(
             f"{path}: expected a name that ends in .png, .jpg, .tif, .exr, or .npy, "
@@ -227,6 +229,7 @@ def image_writer(
     check_depth(suffix, depth)
 
     def write(file: Path, image: FloatImage) -> None:
+        image = fit_channels(path, image)
         if suffix == ".exr":
             write_exr(file, image, note)
             return

@@ -197,8 +197,13 @@ def save_film(
 
 
 def _check_shape(images: Iterable[npt.ArrayLike]) -> None:
-    """Raise ValueError if the images are one array that looks like a single color image."""
+    """Raise ValueError if the images are one array that is, or looks like, a single image."""
     shape = getattr(images, "shape", ())
+    if len(shape) == 2:
+        raise ValueError(
+            f"images: expected a stack (N, H, W) or (N, H, W, 3), got one image of shape "
+            f"{tuple(shape)}; pass a list, [image]"
+        )
     if len(shape) == 3 and looks_like_color(shape) and not isinstance(images, Bits):
         raise ValueError(
             f"images: expected a stack (N, H, W) or (N, H, W, 3), but shape {tuple(shape)} looks "
@@ -218,7 +223,8 @@ def _checked(image: npt.ArrayLike, is_displayed: bool) -> npt.NDArray[Any]:
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[..., 0]
     if not (values.ndim == 2 or (values.ndim == 3 and values.shape[2] == 3)) or values.size == 0:
-        raise ValueError(f"image: expected shape (H, W) or (H, W, 3), got {values.shape}")
+        stack = "; jotlight.save_film writes a stack of images" if values.ndim in (3, 4) else ""
+        raise ValueError(f"image: expected shape (H, W) or (H, W, 3), got {values.shape}{stack}")
     if is_displayed and not np.isfinite(values).all():
         raise ValueError("image: expected finite values, got NaN or infinity")
     return values

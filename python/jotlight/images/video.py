@@ -12,7 +12,7 @@ import numpy.typing as npt
 from jotlight.checks import real_number, shown
 from jotlight.errors import MissingExtraError
 from jotlight.files import atomic_folder, atomic_write
-from jotlight.images.color import FloatImage
+from jotlight.images.color import FloatImage, fit_channels
 from jotlight.images.gif import MAX_FPS, gif_writer
 from jotlight.images.io import image_writer
 from jotlight.images.mp4 import mp4_writer
@@ -156,7 +156,7 @@ def video_writer(
                 raise ValueError(
                     f"images: expected one shape for all, got {shape} and {image.shape}"
                 )
-            write(image)
+            write(fit_channels(path, image))
 
         yield add
         if shape is None:

@@ -5,6 +5,8 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.squares import sum_squares
+
 Array = npt.NDArray[np.float64]
 
 TILE = 16
@@ -159,14 +161,7 @@ def interpolate_at(
 
 def add_squares(counts: npt.NDArray[np.generic], side: int) -> npt.NDArray[np.float32]:
     """Return the sums over squares. Those at the right and at the bottom may be incomplete."""
-    height, width = counts.shape
-    if height % side or width % side:
-        counts = np.pad(counts, ((0, -height % side), (0, -width % side)))
-    # As np.sum, but without copies. Sums of whole numbers may exceed their type.
-    add = functools.partial(np.add, dtype=np.int64 if counts.dtype.kind in "biu" else None)
-    rows = functools.reduce(add, [counts[row::side] for row in range(side)])
-    squares = functools.reduce(add, [rows[:, column::side] for column in range(side)])
-    return np.asarray(squares, np.float32)
+    return np.asarray(sum_squares(counts, side, beyond="empty"), np.float32)
 
 
 def mean_tiles(values: npt.NDArray[np.floating], tile: int = TILE) -> Array:

@@ -12,8 +12,6 @@ logarithm of its intensity. In dim scenes, I is the expected number of detected 
 gain from squares of squares in the same way.
 """
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 
@@ -22,6 +20,7 @@ from jotlight.sensing.pixel_counts import PixelCounts
 from jotlight.sensing.reference import reading_information, reference_jot, response_of
 from jotlight.sensing.response import intensity_at_probability
 from jotlight.sensing.sensor import Sensor
+from jotlight.squares import sum_squares
 
 Image = npt.NDArray[np.float32]
 Array = npt.NDArray[np.float64]
@@ -79,23 +78,6 @@ def has_few_photons(image: Image, sensor: Sensor, trials: float) -> bool:
     return min(image.shape) >= _MIN_SIDE and light * trials < _FEW
 
 
-def add_squares(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return the sums over squares of 2 x 2 pixels. The edge of an odd image counts twice.
-
-    Examples
-    --------
-    >>> add_squares(np.array([[1, 2, 3], [4, 5, 6]]))
-    array([[12, 18]])
-    """
-    height, width = values.shape[-2:]
-    if height % 2 or width % 2:
-        margins = [(0, 0)] * (values.ndim - 2) + [(0, height % 2), (0, width % 2)]
-        values = np.pad(values, margins, mode="edge")
-        height, width = values.shape[-2:]
-    parts = values.reshape(*values.shape[:-2], height // 2, 2, width // 2, 2)
-    return np.asarray(parts.sum(axis=(-3, -1)))
-
-
 def sensor_of_squares(sensor: Sensor) -> Sensor:
     """Return the sensor of squares of 2 x 2 pixels, with the same light per jot and frame.
 
@@ -118,28 +100,42 @@ def counts_of_squares(pixels: PixelCounts) -> list[Merged]:
         The counts of the pixels, (N, H, W).
     """
     trials = np.broadcast_to(np.asarray(pixels.trials, np.float64), pixels.counts.shape)
-    dark = pixels.dark_counts
-    if pixels.sensor.threshold == 1 and isinstance(dark, np.ndarray):
-        dark = -np.log(_means(np.exp(-dark), trials))
-    else:
-        dark = _means(dark, trials)
-    parts = add_squares(pixels.counts), add_squares(trials), dark
-    sensor, efficiency = sensor_of_squares(pixels.sensor), _means(pixels.efficiency, trials)
+    maps = mean_jots(pixels.sensor, trials, pixels.dark_counts, pixels.efficiency)
+    sums = sum_squares(pixels.counts), sum_squares(trials)
+    sensor = sensor_of_squares(pixels.sensor)
+    means = (each if isinstance(each, np.ndarray) else [each] * len(trials) for each in maps)
     return [
-        Merged(ones, number, sensor, dark_counts=d, efficiency=e)
-        for ones, number, d, e in zip(*parts, efficiency, strict=True)
+        Merged(ones, number, sensor, dark_counts=dark, efficiency=efficiency)
+        for ones, number, dark, efficiency in zip(*sums, *means, strict=True)
     ]
 
 
-def _means(values: float | Array, trials: Array) -> Array:
-    """Return the mean of pixels over each square, weighed by their trials.
+def mean_jots(
+    sensor: Sensor, trials: Array, dark_counts: float | Array, efficiency: float | Array
+) -> tuple[float | Array, float | Array]:
+    """Return the dark counts and the efficiency of squares of 2 x 2 pixels.
 
-    A square without trials has the mean of all of its pixels.
+    They are those of :class:`jotlight.Merged`: means over the trials of the pixels, and for
+    threshold 1, the dark counts that cause as many ones. Numbers stay numbers.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor, which states the threshold.
+    trials : ndarray, shape (..., H, W)
+        The number of trials of each pixel.
+    dark_counts, efficiency : float or ndarray, shape (..., H, W)
+        Those of the pixels.
     """
-    if not isinstance(values, np.ndarray):
-        return np.full(len(trials), values)
-    weights = np.maximum(trials, 1e-9)
-    return np.asarray(add_squares(weights * values) / add_squares(weights))
+    weights = np.maximum(trials, 1e-9)  # a square without trials has the mean of its pixels
+
+    def mean(values: Array) -> Array:
+        return np.asarray(sum_squares(weights * values) / sum_squares(weights))
+
+    if isinstance(dark_counts, np.ndarray):
+        is_first = sensor.threshold == 1
+        dark_counts = -np.log(mean(np.exp(-dark_counts))) if is_first else mean(dark_counts)
+    return dark_counts, mean(efficiency) if isinstance(efficiency, np.ndarray) else efficiency
 
 
 def add_coarse(fine: Image, coarse: Image, sensor: Sensor, trials: npt.ArrayLike) -> Image:
@@ -161,7 +157,7 @@ def add_coarse(fine: Image, coarse: Image, sensor: Sensor, trials: npt.ArrayLike
     response = response_of(sensor)
     p = response(np.asarray(fine, np.float64))
     of_pixels = log_information(coarse, sensor, np.asarray(trials, np.float64) / 4)
-    change = (response(np.asarray(coarse, np.float64)) - add_squares(p) / 4) / (1 + 2 * of_pixels)
+    change = (response(np.asarray(coarse, np.float64)) - sum_squares(p) / 4) / (1 + 2 * of_pixels)
     enlarged = zoom(change, 2, order=3, mode="reflect", grid_mode=True)
     found = (p + enlarged[: p.shape[0], : p.shape[1]]).clip(0, 1)
     efficiency, dark_counts = reference_jot(sensor)

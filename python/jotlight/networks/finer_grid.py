@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import LocalTrials, local_trials
-from jotlight.networks.coarse_scales import add_squares
+from jotlight.networks.coarse_scales import mean_jots
 from jotlight.networks.trials_map import ConditionalNetwork, denoise_fractions
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.reference import Jot, reference_jot
@@ -31,6 +31,7 @@ from jotlight.sensing.response import (
     silence_probability,
 )
 from jotlight.sensing.sensor import Sensor
+from jotlight.squares import sum_squares
 
 Image = npt.NDArray[np.float32]
 Light = npt.NDArray[np.float64]
@@ -279,24 +280,7 @@ def enlarge(image: npt.NDArray[np.floating]) -> Light:
 
 def coarse_counts(merged: Merged) -> Merged:
     """Return the counts of a grid of half pixels, summed over 2 x 2 squares, as those of pixels."""
-    shape = merged.shape
-
-    def add(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        return add_squares(np.broadcast_to(np.asarray(values, np.float64), shape))
-
-    trials = add(merged.trials)
-
-    def mean(values: float | Light) -> float | Light:
-        if not isinstance(values, np.ndarray):
-            return values
-        weighted = add(values * np.asarray(merged.trials))
-        own = weighted / np.maximum(trials, 1e-9)
-        return np.asarray(np.where(trials > 0, own, add(values) / 4))
-
-    return Merged(
-        add(merged.ones).astype(np.int32),
-        trials,
-        merged.sensor,
-        dark_counts=mean(merged.dark_counts),
-        efficiency=mean(merged.efficiency),
-    )
+    trials = np.broadcast_to(np.asarray(merged.trials, np.float64), merged.shape)
+    dark, efficiency = mean_jots(merged.sensor, trials, merged.dark_counts, merged.efficiency)
+    ones, number = sum_squares(merged.ones), sum_squares(trials)
+    return Merged(ones, number, merged.sensor, dark_counts=dark, efficiency=efficiency)

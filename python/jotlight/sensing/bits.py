@@ -9,10 +9,9 @@ import numpy.typing as npt
 
 from jotlight.checks import refuse_masked, to_array, type_of
 from jotlight.chunks import windows
-from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing import lazy, preview
 from jotlight.sensing.array_hints import ArrayHints
-from jotlight.sensing.bits_checks import check_fits, warn_about_axes
+from jotlight.sensing.bits_checks import check_fits, refuse_many_channels, warn_about_axes
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.counting import count_ones_of_one
 from jotlight.sensing.frames import (
@@ -125,12 +124,7 @@ class Bits(ArrayHints):
                 "bits: expected shape (T, H, W), (H, W) or (T, H, W, C), without a dimension of 0, "
                 f"got {values.shape}"
             )
-        if values.ndim == 4 and values.shape[3] > MAX_CHANNELS:
-            raise ValueError(
-                f"bits: expected shape (T, H, W, C) with at most {MAX_CHANNELS} channels, got "
-                f"{values.shape}; for a stack (N, T, H, W), pass a list of Bits to methods: "
-                "[Bits.from_array(frames, sensor) for frames in stack]"
-            )
+        refuse_many_channels("bits", values.shape)
         if values.dtype != np.bool_ and (values.min() < 0 or values.max() > 1):
             raise ValueError(
                 f"bits: expected 0 and 1 only, got {values.min()} to {values.max()}; "

@@ -1,6 +1,7 @@
-"""Checks of the shape of bits: that it fits a sensor, and that the first axis is that of frames."""
+"""Checks of the shape of bits: the order and number of its axes, and that it fits a sensor."""
 
 from jotlight.errors import warn
+from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing.sensor_like import SensorLike
 
 MOVE_FRAMES = "move their axis to the front: np.moveaxis(array, 2, 0)"
@@ -27,6 +28,32 @@ def warn_about_axes(name: str, shape: tuple[int, ...]) -> None:
             f"{name}: read as {frames} frames of {height} x {width} jots; if these are {width} "
             f"frames of {frames} x {height} jots, {MOVE_FRAMES}"
         )
+
+
+def refuse_many_channels(name: str, shape: tuple[int, ...]) -> None:
+    """Raise ValueError for frames (T, H, W, C) with more channels than a capture may have.
+
+    Examples
+    --------
+    >>> refuse_many_channels("a.npy", (32, 1, 96, 104))
+    Traceback (most recent call last):
+      ...
+    ValueError: a.npy: expected shape (T, H, W, C) with at most 4 channels, got (32, 1, 96, 104); \
+drop the axis of length 1, as array[:, 0] does
+    """
+    if len(shape) != 4 or shape[3] <= MAX_CHANNELS:
+        return
+    singles = [axis for axis, length in enumerate(shape[:2]) if length == 1]
+    advice = (
+        "for a stack (N, T, H, W), pass a list of Bits to methods: "
+        "[Bits.from_array(frames, sensor) for frames in stack]"
+    )
+    if singles:
+        advice = f"drop the axis of length 1, as array[{'0' if 0 in singles else ':, 0'}] does"
+    raise ValueError(
+        f"{name}: expected shape (T, H, W, C) with at most {MAX_CHANNELS} channels, got {shape}; "
+        f"{advice}"
+    )
 
 
 def check_fits(shape: tuple[int, ...], sensor: SensorLike, *, bit_depth: int = 1) -> None:

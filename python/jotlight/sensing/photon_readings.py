@@ -1,17 +1,17 @@
 """Readings of several bits, which state how many photons each jot has seen."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Self, SupportsIndex, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import refuse_masked, to_array
-from jotlight.layout import MAX_CHANNELS
+from jotlight.chunks import windows
 from jotlight.notebook import card, normalize
 from jotlight.sensing import preview
 from jotlight.sensing.array_hints import ArrayHints
-from jotlight.sensing.bits_checks import check_fits
+from jotlight.sensing.bits_checks import check_fits, refuse_many_channels
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
 from jotlight.sensing.provenance import Provenance
@@ -71,10 +71,7 @@ class Readings(ArrayHints):
                 "readings: expected shape (T, H, W), (H, W), or (T, H, W, C), without a dimension "
                 f"of 0, got {values.shape}"
             )
-        if values.ndim == 4 and values.shape[3] > MAX_CHANNELS:
-            raise ValueError(
-                f"readings: expected at most {MAX_CHANNELS} channels, got shape {values.shape}"
-            )
+        refuse_many_channels("readings", values.shape)
         self.frames = values
         self.sensor = sensor
         self.provenance = provenance
@@ -110,6 +107,30 @@ class Readings(ArrayHints):
             )
         index = frame_index("readings", frames, len(self))
         return np.asarray(self.read(index, index + 1)[0])
+
+    def windows(self, n: int, step: int | None = None) -> Iterator[Self]:
+        """Return an iterator over windows of `n` frames, which begin every `step` frames.
+
+        Parameters
+        ----------
+        n : int
+            Number of frames, from 1 to T.
+        step : int, optional
+            Frames from one window to the next. Default: the size of a window.
+
+        Raises
+        ------
+        ValueError
+            When a number is out of range.
+
+        Examples
+        --------
+        >>> from jotlight.sensing.sensor import Sensor
+        >>> readings = Readings(np.ones((10, 4, 4), int), Sensor(frames=10, bit_depth=3))
+        >>> [len(part) for part in readings.windows(4, 3)]
+        [4, 4, 4]
+        """
+        return (self[frames] for frames in windows(len(self), n, step))
 
     def read(self, start: int, stop: int) -> npt.NDArray[np.uint16]:
         """Return the readings of some frames as an array.

@@ -12,7 +12,6 @@ from torch import Tensor
 from jotlight._engine import BRIGHT, RATIO_OF_PASS
 from jotlight.networks.coarse_scales import (
     add_coarse,
-    add_squares,
     has_few_photons,
     sensor_of_squares,
 )
@@ -20,6 +19,7 @@ from jotlight.networks.dim_scenes import combine, may_be_dim
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import detection_density, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
+from jotlight.squares import sum_squares
 from jotlight.torch.response import detection_probability
 
 _MIN_PROBABILITY, _MAX_PROBABILITY = 1e-12, 1 - 2**-24
@@ -248,7 +248,7 @@ def improve_coarse(
     if not few:
         return intensity
     squares = sensor_of_squares(sensor)
-    coarse = _values(estimate(torch.from_numpy(add_squares(ones[few])).to(counts), squares))
+    coarse = _values(estimate(torch.from_numpy(sum_squares(ones[few])).to(counts), squares))
     for index, (each,) in zip(few, coarse, strict=True):
         fine[index, 0] = add_coarse(fine[index, 0], each, squares, squares.trials)
     return torch.from_numpy(fine).to(intensity)

@@ -132,7 +132,8 @@ class Sensing(nn.Module):
         Parameters
         ----------
         data : Tensor
-            An output of the layer: counts (N, 1, H, W), or bits (N, T, H·K̂, W·K̂).
+            An output of the layer: counts (N, 1, H, W), or bits (N, T, H·K̂, W·K̂). N may be 1 for
+            several intensities, and theirs for several data.
         intensities : Tensor, shape (N, 1, H, W)
             c.
 
@@ -145,6 +146,7 @@ class Sensing(nn.Module):
         ------
         ValueError
             For counts of a sensor whose jots receive different light: their likelihood takes bits.
+            For data whose shape is not that of an output of the layer.
         """
         per_jot = self.output == "bits"
         if not (per_jot or self._has_uniform_pixels):
@@ -154,6 +156,13 @@ class Sensing(nn.Module):
             )
         rate = self._rate(intensities, per_jot=per_jot)
         rate = rate + (_MIN_LIKELIHOOD_RATE - rate).clamp(min=0).detach()
+        number = len(data) if data.dim() == 4 and len(rate) == 1 else len(rate)
+        expected = (number, self.sensor.frames if per_jot else 1, *rate.shape[2:])
+        if tuple(data.shape) not in (expected, (1, *expected[1:])):
+            raise ValueError(
+                f"data: expected {self.output} of shape {expected}, as the layer returns for these "
+                f"intensities, got {tuple(data.shape)}{shape_advice('data', data)}"
+            )
         ones, trials = data.to(rate.dtype), self.sensor.trials
         if per_jot:
             ones, trials = ones.sum(1, keepdim=True), self.sensor.frames

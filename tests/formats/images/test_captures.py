@@ -131,7 +131,7 @@ def test_channels_that_are_stored_apart_are_no_frames(tmp_path):
 def test_the_error_of_many_channels_says_what_to_do(tmp_path):
     options = {"imagej": True, "metadata": {"axes": "TCYX"}}
     tifffile.imwrite(tmp_path / "a.tif", np.zeros((5, 2, 6, 7), np.uint8), **options)
-    with pytest.raises(ValueError, match="write each channel to a file of its own"):
+    with pytest.raises(ValueError, match="write each to a file of its own"):
         jl.open(tmp_path / "a.tif")
 
 

@@ -53,7 +53,9 @@ class Case:
         bits = PATTERNS[self.pattern]((frames, *jots), side)
         if self.channels > 1:
             bits = np.stack([bits, *[~bits] * (self.channels - 1)], axis=-1)
-        return jl.Bits.from_array(bits), jl.Sensor(**plain, **maps)
+        # Without a sensor, 100 frames of 127 x 1 jots would look like one frame of 100 x 127.
+        sensor = jl.Sensor(**plain, **maps)
+        return jl.Bits.from_array(bits, sensor), sensor
 
     def __str__(self) -> str:
         values = {name: getattr(v, "__name__", v) for name, v in self.sensor.items()}

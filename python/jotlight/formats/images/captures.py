@@ -1,7 +1,6 @@
 """Counts in TIFF or grayscale PNG files, or in folders of them, and masks of dead jots."""
 
 import io
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -10,15 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import Counts
 from jotlight.errors import warn
-from jotlight.files import atomic_write
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import Capture, as_count_stack, is_single_image
-from jotlight.formats.checksums import append_checksum, check_appended, check_opened, missing_error
+from jotlight.formats.checksums import check_appended, check_opened, missing_error
 from jotlight.formats.file_lists import list_files
 from jotlight.formats.file_reader import FileReader
 from jotlight.formats.format import Format, OpenOptions, Writer
+from jotlight.formats.images.kept_directories import TiffSource
 from jotlight.formats.images.png_chunks import (
     GRAYSCALE,
     HEADER_BYTES,
@@ -31,17 +29,16 @@ from jotlight.formats.images.tiff_directories import (
     open_checked_tiff,
     shape_of,
 )
-from jotlight.formats.images.tiff_layout import no_counts_error
+from jotlight.formats.images.tiff_layout import no_counts_error, note_about_axes
 from jotlight.formats.images.tiff_segments import check_segments
-from jotlight.formats.labels import COUNTS, READINGS, make_readings_label, parse_label
+from jotlight.formats.images.writing import write_png, write_tiff, write_tiff_readings
+from jotlight.formats.labels import COUNTS, READINGS, parse_label
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.stubs import open_binary, raise_failure, remote_file
-from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
 
 _TIFF_EXTENSIONS = (".tif", ".tiff")
@@ -53,7 +50,7 @@ _PILLOW_SCALE = {2: 85, 4: 17}
 
 def open_tiff(path: Path, options: OpenOptions) -> Capture:
     """Return the counts in a TIFF file, or in a folder of them in natural order."""
-    return _open_images(path, _TIFF_EXTENSIONS, TIFF.name, _read_tiff, options.means)
+    return _open_images(path, _TIFF_EXTENSIONS, TIFF.name, _read_tiff, options.floats)
 
 
 def open_png(path: Path, options: OpenOptions) -> Capture:
@@ -76,11 +73,11 @@ def _open_images(
     path: Path,
     extensions: tuple[str, ...],
     name: str,
-    read: Callable[[Path], tuple[Frames, str | None]],
-    means: bool = False,
+    read: Callable[[Path], tuple[Frames, str | None, str | None]],
+    floats: bool = False,
 ) -> Capture:
     files = list_files(path, extensions, name.upper())
-    parts, labels = zip(*map(read, files), strict=True)
+    parts, labels, notes = zip(*map(read, files), strict=True)
     kinds = {(part.shape[1:], part.dtype): file for part, file in zip(parts, files, strict=True)}
     if len(kinds) != 1:
         each = [
@@ -95,16 +92,18 @@ def _open_images(
         provenance = provenance.with_notes(
             f"{len(files)} files in the natural order of their names"
         )
+    if notes[0] is not None:
+        provenance = provenance.with_notes(notes[0])
     frames = concatenate(parts)
     if frames.dtype == np.bool_ and frames.ndim == 3:
         provenance = provenance.with_notes("black-and-white images are frames of bits, white for 1")
         return Bits(pack_lazily(frames, path.name), frames.shape[2], provenance=provenance)
     label = labels[0] if len(files) == 1 else None
-    return as_count_stack(frames, provenance, label, means=means, is_stack=True)
+    return as_count_stack(frames, provenance, label, floats=floats, is_stack=True)
 
 
-def _read_tiff(path: Path) -> tuple[Frames, str | None]:
-    """Return the images of a TIFF file, (T, H, W) or (T, H, W, C), and its description."""
+def _read_tiff(path: Path) -> tuple[Frames, str | None, str | None]:
+    """Return the images of a TIFF file, (T, H, W) or (T, H, W, C), its description, and a note."""
     file = FileReader(path)
     verified = check_opened(path)
     try:
@@ -114,6 +113,7 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
             description = tiff.pages[0].description
             is_own = any(parse_label(description, kind) for kind in (COUNTS, READINGS))
             refusal = None if is_own else no_counts_error(tiff, path)
+            note = None if is_own else note_about_axes(tiff)
             # Other programs may store channels as pages. Ours are samples.
             single = axes in ("YX", "YXS", "SYX") or (not is_own and is_single_image(shape))
             paged = not single and len(series.pages) == shape[0]
@@ -132,11 +132,12 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
             f"{path}: expected counts, (H, W) or (T, H, W), got {dtype} of shape {shape}"
         )
     stack_shape = (1, *shape) if single else shape
+    source = TiffSource(path)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:
         with file.expect_unchanged():
             try:
-                with open_checked_tiff(path) as tiff:
+                with source.open() as tiff:
                     series = tiff.series[0]
                     if paged:
                         return move_samples_last(_read_pages(tiff, start, stop), axes)
@@ -148,7 +149,7 @@ def _read_tiff(path: Path) -> tuple[Frames, str | None]:
                 raise_failure([path])
                 raise ValueError(f"{path}: the TIFF file is damaged ({error})") from error
 
-    return Frames(stack_shape, read, dtype.newbyteorder("=")), description
+    return Frames(stack_shape, read, dtype.newbyteorder("=")), description, note
 
 
 def _read_pages(tiff: Any, start: int, stop: int) -> npt.NDArray[Any]:
@@ -177,8 +178,8 @@ def _check_page(page: Any, shape: tuple[int, ...], file_bytes: int) -> None:
     check_claimed_size("a tile", tile_values * keyframe.dtype.itemsize, file_bytes)
 
 
-def _read_png(path: Path) -> tuple[Frames, None]:
-    """Return the levels of a PNG as one image, (1, H, W)."""
+def _read_png(path: Path) -> tuple[Frames, None, None]:
+    """Return the levels of a PNG as one image, (1, H, W), without a description or a note."""
     file = FileReader(path)
 
     def load() -> npt.NDArray[Any]:
@@ -193,7 +194,7 @@ def _read_png(path: Path) -> tuple[Frames, None]:
         shape, dtype = image.shape, image.dtype
     else:
         shape, dtype = _describe_png(path)
-    return Frames(shape, lambda start, stop: load()[start:stop], dtype), None
+    return Frames(shape, lambda start, stop: load()[start:stop], dtype), None, None
 
 
 def _describe_png(path: Path) -> tuple[tuple[int, int, int], np.dtype[Any]]:
@@ -265,70 +266,13 @@ def read_mask(path: Path) -> npt.NDArray[np.bool_]:
     return mask
 
 
-def _smallest_type(counts: Counts) -> npt.NDArray[Any]:
-    """Return counts in the smallest unsigned type that can represent them."""
-    high = int(counts.max())
-    return counts.astype(np.uint8 if high < 1 << 8 else np.uint16 if high < 1 << 16 else np.uint32)
-
-
-def _write_tiff(counts: Counts, path: Path, label: str | None) -> None:
-    import tifffile
-
-    with atomic_write(path) as temporary, open_output(temporary) as file:
-        if counts.ndim == 3 and counts.shape[2] not in (3, 4):
-            raise ValueError(f"tiff: expected 1 or 3 channels, got {counts.shape[2]}")
-        tifffile.imwrite(
-            file,
-            _smallest_type(counts),
-            photometric="minisblack" if counts.ndim == 2 else "rgb",
-            metadata=None,
-            description=label,
-        )
-        append_checksum(file)
-
-
-def _write_tiff_readings(readings: Readings, path: Path) -> None:
-    import tifffile
-
-    if readings.sensor.maps():
-        raise ValueError(
-            "tiff: has no place for the maps of a sensor; write to a name that ends in .npy to "
-            "keep them"
-        )
-    kind = np.uint8 if readings.sensor.bit_depth <= 8 else np.uint16
-    label = json.dumps(make_readings_label(readings.sensor, readings.provenance))
-    with atomic_write(path) as temporary, open_output(temporary) as file:
-        tifffile.imwrite(
-            file,
-            (readings[index].astype(kind) for index in range(len(readings))),
-            shape=readings.shape,
-            dtype=kind,
-            photometric="minisblack" if len(readings.shape) == 3 else "rgb",
-            metadata=None,
-            description=label,
-        )
-        append_checksum(file)
-
-
-def _write_png(counts: Counts, path: Path, label: str | None) -> None:
-    from PIL import Image
-
-    with atomic_write(path) as temporary, open_output(temporary) as file:
-        if counts.ndim != 2 or counts.max() >= 1 << 16:
-            raise ValueError(
-                f"png: expected counts (H, W) below 65536, got {counts.shape} up to "
-                f"{counts.max()}; tiff holds more"
-            )
-        Image.fromarray(_smallest_type(counts)).save(file, "PNG")
-
-
 PNG = Format(
     "png",
     "counts in a grayscale PNG, or in a folder of them",
     open=open_png,
     matches=lambda path: _matches(path, "png", _PNG_EXTENSIONS),
     extensions=_PNG_EXTENSIONS,
-    writer=Writer(counts=_write_png, extensions=_PNG_EXTENSIONS),
+    writer=Writer(counts=write_png, extensions=_PNG_EXTENSIONS),
 )
 
 TIFF = Format(
@@ -338,8 +282,8 @@ TIFF = Format(
     matches=lambda path: _matches(path, "tiff", _TIFF_EXTENSIONS),
     extensions=_TIFF_EXTENSIONS,
     writer=Writer(
-        counts=_write_tiff,
-        readings=_write_tiff_readings,
+        counts=write_tiff,
+        readings=write_tiff_readings,
         extensions=_TIFF_EXTENSIONS,
         keeps_label=True,
     ),

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from jotlight.formats.images.tiff_directories import shape_of
+from jotlight.layout import MAX_CHANNELS
 
 _ALPHA = 1, 2
 """Values of the tag ExtraSamples that mark transparency."""
@@ -31,24 +32,27 @@ def no_counts_error(tiff: Any, path: Path) -> ValueError | None:
     """
     series, page = tiff.series[0], tiff.pages[0]
     channels = channels_in_pages(tiff)
-    if channels > 1:
+    if channels > 1 and unlikely_channels(tiff) is None:
         return ValueError(
-            f"{path}: expected pages that are frames, got pages of {channels} channels "
-            f"({series.axes}, shape {series.shape}); write each channel to a file of its own "
-            "(ImageJ: Image > Color > Split Channels), or the channels as samples, (T, H, W, C); "
-            "if they are frames, state it (tifffile.imwrite(..., metadata={'axes': 'TYX'}))"
+            f"{path}: expected pages that are frames, but the file says that they are {channels} "
+            f"channels (shape {series.shape}); if they are frames, state it "
+            "(tifffile.imwrite(..., metadata={'axes': 'TYX'}), or ImageJ: Image > Hyperstacks > "
+            "Re-order Hyperstack); if they are channels, write each to a file of its own "
+            "(ImageJ: Image > Color > Split Channels), or as samples, (T, H, W, C)"
         )
     kind = _NO_COUNTS.get(int(page.photometric))
     if kind is not None:
         return ValueError(
             f"{path}: expected counts as gray levels or RGB, got {kind}; save the counts as gray "
-            "levels in which 0 is black"
+            "levels in which 0 is black (tifffile.imwrite(..., photometric='minisblack'))"
         )
     if set(_ALPHA) & set(map(int, page.extrasamples)):
+        frames = "; if they are frames, write them with tifffile.imwrite(..., photometric="
+        frames = f"{frames}'minisblack')" if series.axes == "SYX" else ""
         return ValueError(
             f"{path}: expected counts, got {page.samplesperpixel - 1} channel"
             f"{'s' * (page.samplesperpixel > 2)} and transparency, of shape {shape_of(series)}; "
-            "save the file without its alpha channel"
+            f"save the file without its alpha channel{frames}"
         )
     images = [axis for axis in series.axes if axis in _IMAGES]
     if len(images) > 1:
@@ -57,6 +61,33 @@ def no_counts_error(tiff: Any, path: Path) -> ValueError | None:
             f"{series.shape}; write one stack of images to each file"
         )
     return None
+
+
+def note_about_axes(tiff: Any) -> str | None:
+    """Return what is assumed about the pages or the samples of a file, or None if it is clear.
+
+    tifffile stores a stack of three frames as colors, each of which lies apart, unless the program
+    that writes it states that they are gray.
+    """
+    series = tiff.series[0]
+    if series.axes == "SYX":
+        return (
+            f"its {series.shape[0]} planes are read as channels; if they are frames, write them "
+            "with tifffile.imwrite(..., photometric='minisblack')"
+        )
+    return unlikely_channels(tiff)
+
+
+def unlikely_channels(tiff: Any) -> str | None:
+    """Return a note if the pages of a file are frames, although the file calls them channels.
+
+    tifffile calls the pages of any stack channels in files for ImageJ and in OME-TIFF, unless the
+    program that writes it states the axes. No capture has more than four channels.
+    """
+    channels, series = channels_in_pages(tiff), tiff.series[0]
+    if channels <= MAX_CHANNELS or len(series.shape) != 3 or series.shape[0] != channels:
+        return None
+    return f"its {channels} pages are read as frames, although the file calls them channels"
 
 
 def channels_in_pages(tiff: Any) -> int:

@@ -70,7 +70,7 @@ def open_matlab(path: Path, options: OpenOptions) -> Capture:
         raise ValueError(f"{path}: expected frames without a dimension of 0, got {frames.shape}")
     provenance = Provenance("matlab", path.name, tuple(notes))
     if options.counts:
-        return as_count_stack(frames, provenance, means=options.means, is_stack=True)
+        return as_count_stack(frames, provenance, floats=options.floats, is_stack=True)
     provenance = provenance.with_notes("each number is one bit, (H, W, T)")
     return Bits(pack_lazily(frames, path.name), frames.shape[2], provenance=provenance)
 
