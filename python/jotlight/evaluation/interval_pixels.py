@@ -17,6 +17,7 @@ from jotlight.evaluation.error_scale import (
     HalfErrors,
     correction,
     expected_squares,
+    gray_scale,
     is_unlikely,
 )
 from jotlight.sensing.merged import Merged
@@ -258,7 +259,7 @@ class Pixels:
             self.stabilize(known),
             self.local_trials(self.trials, self.relative_slope(known)),
         )
-        scale = model.scale(z, trials)
+        scale = gray_scale(model, z, trials)
         if not errors:
             return scale
         return scale * correction(errors, [expected_squares(model, half) for half in errors], z)
