@@ -175,8 +175,8 @@ def combine_dim(z: Array, trials: Array) -> tuple[Array, Array, float]:
     Examples
     --------
     >>> z, trials, factor = combine_dim(np.full((8, 8), 1 / 64), np.full((8, 8), 1024.0))
-    >>> z.mean().round(3), trials.mean(), factor
-    (np.float64(0.125), np.float64(16.0), 64.0)
+    >>> print(f"{z.mean():.3f} {trials.mean():.0f} {factor:.0f}")
+    0.125 16 64
     """
     p = np.sin(z) ** 2
     factor = combined_trials(p.astype(np.float32), trials.astype(np.float32))
