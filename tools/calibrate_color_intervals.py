@@ -16,20 +16,20 @@ from pathlib import Path
 import numpy as np
 import training_data
 from calibrate_intervals import (
+    CLASSES,
     GAMMA,
     LINEAR_FRACTION,
     PHOTONS,
-    TAILS,
     Errors,
     fit_weights,
+    start_model,
     tabulate,
 )
 from numpy.typing import NDArray
 
 import jotlight as jl
 from jotlight.evaluation.color_intervals import MosaicPixels
-from jotlight.evaluation.error_scale import COLOR_FILE, ErrorModel, error_model, error_terms
-from jotlight.evaluation.intervals import TYPICAL_DEVIATION
+from jotlight.evaluation.error_scale import COLOR_FILE, error_model, error_terms
 from jotlight.sensing.pixel_counts import count_pixels
 from jotlight.sensing.readings import without_mosaic
 from jotlight.training import random_mosaic
@@ -54,13 +54,15 @@ def main() -> None:
     rng = np.random.default_rng(0)
     files = [training_data.training_files(options.data, folder) for folder in FOLDERS]
     weights = fit_weights(*training_errors(central_parts(files, rng), rng))
-    one, tails = np.ones((2, len(TAILS))), np.array(TAILS)
-    model = ErrorModel(weights, np.arange(2.0), tails, -one, one, np.full(2, TYPICAL_DEVIATION))
+    model = start_model(weights)
     images = central_parts([training_data.validation_files(options.data)], rng)
     for _ in range(2):
         model.write(COLOR_FILE)
         error_model.cache_clear()
-        model = tabulate(weights, *validation_errors(images, rng))
+        ratios, ones = validation_errors(images, rng)
+        # The colors have no classes of activity, and all of their pixels count alike.
+        activity, alike = np.zeros(len(ones)), np.ones(len(ones))
+        model = tabulate(weights, ratios, ones, activity, alike, (CLASSES[0], 1))
     model.write(COLOR_FILE)
 
 

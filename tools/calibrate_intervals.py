@@ -2,12 +2,14 @@
 
     python tools/calibrate_intervals.py path/to/data
 
-Training photographs (see `training_data`) determine the scale of the errors, and validation
-photographs the quantiles of error/scale. A third of the photographs is made linear in light. The
-result goes to ``python/jotlight/evaluation/error_scale.json``. It takes ten minutes on one core.
+Training photographs (see `training_data`) determine the scale of the errors, and training and
+validation photographs the quantiles of error/scale. A third of the photographs is made linear in
+light. The result goes to ``python/jotlight/evaluation/error_scale.json``. It takes ten minutes on
+one core.
 """
 
 import argparse
+import itertools
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,10 +17,21 @@ from pathlib import Path
 import numpy as np
 import training_data
 from numpy.typing import NDArray
+from pixel_classes import classify
 
 import jotlight as jl
-from jotlight.evaluation.error_scale import FILE, ErrorModel, divide_bits, error_model, error_terms
-from jotlight.evaluation.interval_pixels import Pixels, stabilize
+from jotlight.evaluation.error_scale import (
+    FILE,
+    WINDOWS,
+    ErrorModel,
+    combine_dim,
+    divide_bits,
+    error_model,
+    error_terms,
+    log_activity,
+    log_ones,
+)
+from jotlight.evaluation.interval_pixels import Pixels
 from jotlight.evaluation.intervals import TYPICAL_DEVIATION, estimate_halves
 from jotlight.sensing.pixel_counts import count_pixels
 
@@ -26,16 +39,23 @@ TRIALS = 1, 2, 3, 4, 6, 9, 16, 25, 36, 64, 100, 256, 1024, 4096
 PHOTONS = 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0
 """Photons per jot and frame at intensity 1."""
 
+DIM_PHOTONS, MIN_PHOTONS = (0.002, 0.005), 0.02
+"""Photons of dim scenes, and the smallest number of photons per pixel."""
+
 FOLDERS = "photographs/cid22", "photographs/clic2025", "bsds500_extra"
 PHOTOGRAPHS, SIDE = 40, 224
-"""Maximum number of training photographs of each folder, and their largest side."""
+"""Maximum number of training photographs of each folder, and the largest side of all."""
 
 IMAGES, PIXELS = 8, 1500
 """Number of photographs for each K and exposure, and of pixels of each."""
 
+CLASS_WEIGHTS = np.array([0.7, 1.0, 1.1])
+"""Weights of flat, edge, and texture pixels for the quantiles. Flat pixels have the smallest
+errors, so without weights photographs with fewer of them are covered less."""
+
 TAILS = 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.16, 0.25
-CLASSES = 8
-"""Number of classes of expected ones."""
+CLASSES = 8, 4
+"""Number of classes of expected ones, and of activity in each of them."""
 
 LINEAR_FRACTION, GAMMA = 1 / 3, 2.2
 STEPS, PENALTY = 400, 1e-5
@@ -44,8 +64,11 @@ STEPS, PENALTY = 400, 1e-5
 _DEVIATION_TAIL = 1e-3
 """Fraction of the errors on each side that are clipped for their root mean square."""
 
-Errors = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-"""Errors of z, their scale or its terms, and log(1 + expected ones)."""
+Errors = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Errors of z, and the terms of their scale."""
+
+Ratios = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Error/scale, log(1 + expected ones), activity, and weight of some pixels."""
 
 
 def main() -> None:
@@ -54,18 +77,30 @@ def main() -> None:
     options = parser.parse_args()
     warnings.simplefilter("ignore", jl.JotlightWarning)
     rng = np.random.default_rng(0)
-    weights = fit_weights(*training_errors(training_images(options.data, rng), rng))
-    table = np.ones((2, len(TAILS)))
-    deviation = np.full(2, TYPICAL_DEVIATION)
-    model = ErrorModel(weights, np.arange(2.0), np.array(TAILS), -table, table, deviation)
-    images = training_data.validation_images(options.data)
+    images = training_images(options.data, rng)
+    weights = fit_weights(*training_errors(images, rng))
+    model = start_model(weights)
+    images += [central_part(image) for image in training_data.validation_images(options.data)]
     # The correction by held-out bits depends on the deviation, so the second pass uses that of the
     # first.
     for _ in range(2):
         model.write(FILE)
         error_model.cache_clear()
-        model = tabulate(weights, *validation_errors(images, rng))
+        model = tabulate(weights, *error_ratios(images, rng))
     model.write(FILE)
+
+
+def start_model(weights: NDArray[np.float64]) -> ErrorModel:
+    """Return a model whose quantiles are all 1, to start with."""
+    table = np.ones((2, 1, len(TAILS)))
+    deviation = np.full(2, TYPICAL_DEVIATION)
+    nodes = np.arange(2.0), np.zeros((2, 1))
+    return ErrorModel(weights, *nodes, np.array(TAILS), -table, table, deviation)
+
+
+def central_part(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    top, left = (max(0, (size - SIDE) // 2) for size in image.shape)
+    return np.ascontiguousarray(image[top : top + SIDE, left : left + SIDE])
 
 
 def training_images(data: Path, rng: np.random.Generator) -> list[NDArray[np.float32]]:
@@ -75,37 +110,35 @@ def training_images(data: Path, rng: np.random.Generator) -> list[NDArray[np.flo
         files = training_data.training_files(data, folder)
         for index in rng.choice(len(files), min(len(files), PHOTOGRAPHS), replace=False):
             image = jl.read_image(files[index], gray=True).astype(np.float32)
-            (top, left) = (max(0, (size - SIDE) // 2) for size in image.shape)
-            images.append(np.ascontiguousarray(image[top : top + SIDE, left : left + SIDE]))
+            images.append(central_part(image))
     return images
 
 
 def exposures(
     images: Sequence[NDArray[np.floating]], rng: np.random.Generator
 ) -> Iterator[tuple[Pixels, NDArray[np.float64]]]:
-    """Yield counts of photographs at all K and exposures, and the true z."""
-    for trials in TRIALS:
-        for photons in PHOTONS:
-            sensor = jl.Sensor(frames=trials, gain=photons * trials)
-            for index in rng.choice(len(images), IMAGES, replace=False):
-                image = images[index].astype(np.float64)
-                if rng.random() < LINEAR_FRACTION:
-                    image **= GAMMA
-                counts = sensor.expose(image, rng=int(rng.integers(1 << 30))).counts()
-                yield (
-                    Pixels.of(count_pixels(counts[None], sensor, 1), 0),
-                    stabilize(image, sensor, 1, 0),
-                )
+    """Yield counts of photographs at all K and exposures, and the true intensity."""
+    for trials, photons in itertools.product(TRIALS, DIM_PHOTONS + PHOTONS):
+        if trials * photons < MIN_PHOTONS:
+            continue
+        sensor = jl.Sensor(frames=trials, gain=photons * trials)
+        for index in rng.choice(len(images), IMAGES, replace=False):
+            image = images[index].astype(np.float64)
+            if rng.random() < LINEAR_FRACTION:
+                image **= GAMMA
+            counts = sensor.expose(image, rng=int(rng.integers(1 << 30))).counts()
+            yield Pixels.of(count_pixels(counts[None], sensor, 1), 0), image
 
 
 def training_errors(images: list[NDArray[np.float32]], rng: np.random.Generator) -> Errors:
     """Return errors of some pixels, and the terms of their scale."""
     errors, terms = [], []
-    for pixels, truth in exposures(images, rng):
-        z = pixels.stabilize(estimate(pixels))
+    for pixels, image in exposures(images, rng):
+        z, exact = pixels.stabilize(estimate(pixels)), pixels.stabilize(image)
         chosen = rng.choice(z.size, min(z.size, PIXELS), replace=False)
-        errors.append((truth - z).flat[chosen])
-        of_image = [term.flat[chosen] for term in error_terms(z, pixels.trials)]
+        dim, trials, factor = combine_dim(z, pixels.trials)
+        errors.append(np.sqrt(factor) * (exact - z).flat[chosen])
+        of_image = [term.flat[chosen] for term in error_terms(dim, trials)]
         terms.append(np.stack(of_image, axis=1))
     return np.concatenate(errors), np.concatenate(terms)
 
@@ -144,41 +177,70 @@ def fit_weights(errors: NDArray[np.float64], terms: NDArray[np.float64]) -> NDAr
     return weights
 
 
-def validation_errors(
-    images: list[NDArray[np.float64]], rng: np.random.Generator
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return error/scale of some pixels, and log(1 + expected ones)."""
-    ratios, ones = [], []
-    for pixels, truth in exposures(images, rng):
+def error_ratios(images: list[NDArray[np.float32]], rng: np.random.Generator) -> Ratios:
+    """Return error/scale of some pixels, their ones, their activity, and their weights."""
+    found = []
+    for pixels, image in exposures(images, rng):
         values = estimate(pixels)
         halves = divide_bits(pixels.ones, pixels.trials)
         [of_halves] = estimate_halves(network(pixels.sensor), [pixels], [halves], 1)
         errors = pixels.errors(halves, of_halves)
         z, scale = pixels.stabilize(values), pixels.scale(values, errors, error_model())
-        chosen = rng.choice(z.size, PIXELS, replace=False)
-        ratios.append(((truth - z) / scale).flat[chosen])
-        ones.append(np.log1p(pixels.trials * np.sin(z) ** 2).flat[chosen])
-    return np.concatenate(ratios), np.concatenate(ones)
+        of_pixels = (
+            (pixels.stabilize(image) - z) / scale,
+            log_ones(z, pixels.trials),
+            log_activity(z, pixels.trials, WINDOWS[1]),
+            CLASS_WEIGHTS[classify(image)],
+        )
+        chosen = rng.choice(z.size, min(z.size, PIXELS), replace=False)
+        found.append([each.flat[chosen] for each in of_pixels])
+    ratios, ones, activity, weights = (np.concatenate(each) for each in zip(*found, strict=True))
+    return ratios, ones, activity, weights
 
 
 def tabulate(
-    weights: NDArray[np.float64], ratios: NDArray[np.float64], ones: NDArray[np.float64]
+    weights: NDArray[np.float64],
+    ratios: NDArray[np.float64],
+    ones: NDArray[np.float64],
+    activity: NDArray[np.float64],
+    importance: NDArray[np.float64],
+    classes: tuple[int, int] = CLASSES,
 ) -> ErrorModel:
-    """Return the model with the quantiles of error/scale in each class of expected ones."""
-    classes = np.array_split(np.argsort(ones), CLASSES)
+    """Return the model with the quantiles of error/scale in each class of ones and activity.
+
+    `importance` weighs the pixels for the quantiles.
+    """
+    of_ones = np.array_split(np.argsort(ones), classes[0])
+    cells = [np.array_split(each[np.argsort(activity[each])], classes[1]) for each in of_ones]
     tails = np.array(TAILS)
+
+    def quantiles(levels: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.array(
+            [[weighted_quantiles(ratios[c], importance[c], levels) for c in row] for row in cells]
+        )
+
     clipped = [
         np.clip(ratios[each], *np.quantile(ratios[each], [_DEVIATION_TAIL, 1 - _DEVIATION_TAIL]))
-        for each in classes
+        for each in of_ones
     ]
     return ErrorModel(
         weights=weights,
-        ones=np.array([np.median(ones[each]) for each in classes]),
+        ones=np.array([np.median(ones[each]) for each in of_ones]),
+        activity=np.array([[np.median(activity[cell]) for cell in row] for row in cells]),
         tails=tails,
-        low=np.array([np.quantile(ratios[each], tails) for each in classes]),
-        high=np.array([np.quantile(ratios[each], 1 - tails) for each in classes]),
+        low=quantiles(tails),
+        high=quantiles(1 - tails),
         deviation=np.array([np.sqrt(np.mean(each**2)) for each in clipped]),
     )
+
+
+def weighted_quantiles(
+    values: NDArray[np.float64], weights: NDArray[np.float64], levels: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the quantiles of values that count with weights."""
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return np.asarray(np.interp(levels * total[-1], total - weights[order] / 2, values[order]))
 
 
 if __name__ == "__main__":

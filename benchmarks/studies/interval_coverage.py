@@ -9,24 +9,24 @@ IMAGES is a folder, whose first images in the order of their names are exposed w
 image, and in decades of the true intensity with more than 1 % of the pixels; and the median width
 of the intervals, next to that of the exact intervals of maximum likelihood.
 
-The classes come from the structure tensor of the square root of the true image, averaged with σ =
-1.5 pixels: flat where the gradient is at most 0.01 per pixel (root mean square), edge where its
-coherence is above 0.7, and texture elsewhere.
+The classes are those of ``tools/pixel_classes.py``.
 """
 
 import argparse
 import csv
+import sys
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import gaussian_filter, sobel
 
 import jotlight as jl
 from jotlight.images.sets import read_image_set
 
-FLAT, COHERENT, SIGMA = 0.01, 0.7, 1.5
-CLASSES = "flat", "edge", "texture"
+sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
+
+from pixel_classes import CLASSES, classify
+
 MIN_FRACTION = 0.01
 """Fraction of the pixels from which a decade counts."""
 
@@ -63,18 +63,6 @@ def main() -> None:
             writer = csv.DictWriter(file, rows[0], lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows)
-
-
-def classify(image: npt.NDArray[np.floating]) -> npt.NDArray[np.intp]:
-    """Return the class of each pixel: 0 for flat, 1 for edge, 2 for texture."""
-    shade = np.sqrt(image)
-    slopes = sobel(shade, 0) / 8, sobel(shade, 1) / 8
-    first, mixed, second = (
-        gaussian_filter(slopes[i] * slopes[j], SIGMA) for i, j in ((0, 0), (0, 1), (1, 1))
-    )
-    energy = first + second
-    coherence = np.sqrt((first - second) ** 2 + 4 * mixed**2) / np.maximum(energy, 1e-12)
-    return np.where(energy <= FLAT**2, 0, np.where(coherence > COHERENT, 1, 2))
 
 
 def measure(

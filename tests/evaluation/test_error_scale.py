@@ -9,11 +9,13 @@ from scipy.stats import binom
 from jotlight.evaluation.error_scale import (
     ErrorModel,
     HalfErrors,
+    combine_dim,
     correction,
     divide_bits,
     error_model,
     error_terms,
     expected_squares,
+    gray_scale,
     is_unlikely,
 )
 
@@ -144,6 +146,32 @@ def test_quantiles_widen_with_the_coverage_and_surround_0():
         assert (low < previous[0]).all()
         assert (high > previous[1]).all()
         previous = low, high
+
+
+def test_the_quantiles_depend_on_the_activity(constant):
+    """Between the activities of two classes, they are linear."""
+    tails = np.array([0.01, 0.25])
+    low = np.stack([np.full((8, 2), -activity) for activity in (1.0, 3.0)], axis=1)
+    nodes = np.tile([-2.0, 2.0], (8, 1))
+    model = dataclasses.replace(constant, tails=tails, activity=nodes, low=low, high=-2 * low)
+    # Stripes with a deviation of 0.1 in nearly all windows.
+    z = 0.8 + 0.1 * np.where(np.arange(64) % 2, 1, -1) * np.ones((64, 64))
+    for trials, activity in ((1e-6, -2.0), (100.0, 0.0), (1e9, 2.0)):
+        lower, upper = model.quantiles(z, np.full(z.shape, trials), 0.05)
+        expected = 2 + activity / 2
+        np.testing.assert_allclose(lower, -expected, atol=0.02)
+        np.testing.assert_allclose(upper, 2 * expected, atol=0.04)
+
+
+def test_dim_scenes_have_the_scale_of_combined_trials(constant):
+    z, trials = RANDOM.uniform(0.01, 0.02, (30, 40)), np.full((30, 40), 4096.0)
+    combined, number, factor = combine_dim(z, trials)
+    assert factor > 10
+    np.testing.assert_allclose(np.sin(combined) ** 2, factor * np.sin(z) ** 2)
+    np.testing.assert_allclose(number * factor, trials)
+    np.testing.assert_allclose(gray_scale(constant, z, trials), 0.05 / np.sqrt(factor))
+    # A bright scene stays as it is.
+    np.testing.assert_allclose(gray_scale(constant, z + 0.5, trials), 0.05)
 
 
 def test_the_gain_is_the_ratio_of_two_binomial_probabilities():

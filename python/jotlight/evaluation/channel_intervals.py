@@ -63,7 +63,7 @@ def find_channel_intervals(
             known = estimates[start + index]
             errors = one.errors(own, [colors[index] for colors in of_halves])
             scale = one.scale(known, errors, model)
-            about = known, scale, errors, confidence_level, model
+            about = known, known, scale, errors, confidence_level, model
             results.append(one.uncertainty(*about, one.unbounded))
     return Uncertainty.arrange(results, images.layout)
 

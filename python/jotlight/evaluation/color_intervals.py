@@ -253,7 +253,7 @@ def find_color_intervals(
         if not is_own:
             difference = gray.stabilize(own) - gray.stabilize(known[..., color])
             scale = widen(scale, difference)
-        about = own, scale, errors, confidence_level, model
+        about = own, known[..., color], scale, errors, confidence_level, model
         found = gray.uncertainty(*about, pixels.behind_filters.unbounded)
         is_saturated = saturated & (pixels.shares[color] > 0)
         results.append(dataclasses.replace(found, saturated=is_saturated[None], dead=dead[None]))

@@ -14,6 +14,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.networks.dim_scenes import combined_trials
 from jotlight.sensing.response import Array
 from jotlight.sensing.subsampling import subsample_counts
 
@@ -63,15 +64,17 @@ class ErrorModel:
     weights: Array
     """Weights of the terms of :func:`error_terms`, whose sum is the logarithm of the scale."""
     ones: Array
-    """log(1 + expected ones) of each class of pixels, ascending."""
+    """log(1 + expected ones) of each of O classes of pixels, ascending."""
+    activity: Array
+    """Activity of each of A classes of pixels with these ones, (O, A), ascending in each row."""
     tails: Array
     """Tail probabilities, ascending."""
     low: Array
-    """Lower quantiles of error/scale, of each class and tail probability."""
+    """Lower quantiles of error/scale, of each class and tail probability: (O, A, tails)."""
     high: Array
-    """Upper quantiles of error/scale, of each class and tail probability."""
+    """Upper quantiles of error/scale, of each class and tail probability: (O, A, tails)."""
     deviation: Array
-    """Root mean square of error/scale, of each class."""
+    """Root mean square of error/scale, of each class of ones."""
 
     @classmethod
     def read(cls, path: Path = FILE) -> Self:
@@ -102,18 +105,21 @@ class ErrorModel:
 
     def quantiles(self, z: Array, trials: Array, tail: float) -> tuple[Array, Array]:
         """Return the lower and the upper quantile of error/scale at each pixel."""
-        ones = _log_ones(z, trials)
         # Between the tail probabilities, the quantiles are nearly linear in their logarithm.
-        logarithm, known = np.log(tail), np.log(self.tails)
-        low, high = (
-            np.interp(ones, self.ones, [np.interp(logarithm, known, row) for row in table])
-            for table in (self.low, self.high)
-        )
+        place = np.interp(np.log(tail), np.log(self.tails), np.arange(len(self.tails)))
+        below = min(int(place), len(self.tails) - 2)
+        ones, activity = log_ones(z, trials), log_activity(z, trials, WINDOWS[1])
+        weights = _class_weights(ones, self.ones)
+        low, high = np.zeros(z.shape), np.zeros(z.shape)
+        for index, weight in enumerate(weights):
+            for table, end in ((self.low, low), (self.high, high)):
+                row = table[index, :, below : below + 2] @ [1 + below - place, place - below]
+                end += weight * np.interp(activity, self.activity[index], row)
         return low, high
 
     def deviations(self, z: Array, trials: Array) -> Array:
         """Return the root mean square of error/scale at each pixel."""
-        return np.asarray(np.interp(_log_ones(z, trials), self.ones, self.deviation))
+        return np.asarray(np.interp(log_ones(z, trials), self.ones, self.deviation))
 
 
 @cache
@@ -129,14 +135,9 @@ def error_terms(z: Array, trials: Array, *others: Array) -> Iterator[Array]:
     z in two windows relative to the noise, z, and the logarithms of the expected ones and zeros.
     There may be others.
     """
-    from scipy.ndimage import uniform_filter
-
     numbers = [np.log(trials) / 3]
-    for side in WINDOWS:
-        mean = uniform_filter(z, side, mode="mirror")
-        variance = uniform_filter(z * z, side, mode="mirror") - mean * mean
-        numbers.append(np.log(np.maximum(variance, 0) * trials + _SMALLEST) / 2)
-    numbers += [2 * z, _log_ones(z, trials) / 3, np.log1p(trials * np.cos(z) ** 2) / 3]
+    numbers += [log_activity(z, trials, side) for side in WINDOWS]
+    numbers += [2 * z, log_ones(z, trials) / 3, np.log1p(trials * np.cos(z) ** 2) / 3]
     numbers += others
     yield np.ones_like(z)
     yield from numbers
@@ -145,8 +146,49 @@ def error_terms(z: Array, trials: Array, *others: Array) -> Iterator[Array]:
             yield numbers[first] * numbers[second]
 
 
-def _log_ones(z: Array, trials: Array) -> Array:
+def log_activity(z: Array, trials: Array, side: int) -> Array:
+    """Return the logarithm of the deviation of z relative to the noise, in a window."""
+    from scipy.ndimage import uniform_filter
+
+    mean = uniform_filter(z, side, mode="mirror")
+    variance = uniform_filter(z * z, side, mode="mirror") - mean * mean
+    return np.asarray(np.log(np.maximum(variance, 0) * trials + _SMALLEST) / 2)
+
+
+def log_ones(z: Array, trials: Array) -> Array:
+    """Return log(1 + expected ones)."""
     return np.asarray(np.log1p(trials * np.sin(z) ** 2))
+
+
+def _class_weights(values: Array, centers: Array) -> list[Array]:
+    """Return the weights of classes in a linear interpolation between their centers."""
+    return [np.interp(values, centers, row) for row in np.eye(len(centers))]
+
+
+def combine_dim(z: Array, trials: Array) -> tuple[Array, Array, float]:
+    """Return z and the trials of an image with c trials combined into one, and c.
+
+    A K-conditioned network combines the trials of a dim scene
+    (:mod:`jotlight.networks.dim_scenes`). Its errors are those of a scene with K/c trials and
+    probabilities c p. For other scenes, c is 1. The errors of z are multiplied by √c.
+
+    Examples
+    --------
+    >>> z, trials, factor = combine_dim(np.full((8, 8), 1 / 64), np.full((8, 8), 1024.0))
+    >>> print(f"{z.mean():.3f} {trials.mean():.0f} {factor:.0f}")
+    0.125 16 64
+    """
+    p = np.sin(z) ** 2
+    factor = combined_trials(p.astype(np.float32), trials.astype(np.float32))
+    if factor == 1:
+        return z, trials, factor
+    return np.arcsin(np.sqrt(np.minimum(factor * p, 1))), trials / factor, factor
+
+
+def gray_scale(model: ErrorModel, z: Array, trials: Array) -> Array:
+    """Return the scale of the errors of a gray estimate z (H, W), from photographs."""
+    z, trials, factor = combine_dim(z, trials)
+    return np.asarray(model.scale(z, trials) / np.sqrt(factor))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -216,7 +258,7 @@ class HalfErrors:
 
 def expected_squares(model: ErrorModel, half: HalfErrors) -> Array:
     """Return the squared errors of p that a model expects of the estimate from half of the bits."""
-    scale = model.scale(half.z, half.trials) * model.deviations(half.z, half.trials)
+    scale = gray_scale(model, half.z, half.trials) * model.deviations(half.z, half.trials)
     return np.asarray((scale * half.slope) ** 2)
 
 

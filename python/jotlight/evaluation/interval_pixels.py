@@ -17,6 +17,7 @@ from jotlight.evaluation.error_scale import (
     HalfErrors,
     correction,
     expected_squares,
+    gray_scale,
     is_unlikely,
 )
 from jotlight.sensing.merged import Merged
@@ -258,7 +259,7 @@ class Pixels:
             self.stabilize(known),
             self.local_trials(self.trials, self.relative_slope(known)),
         )
-        scale = model.scale(z, trials)
+        scale = gray_scale(model, z, trials)
         if not errors:
             return scale
         return scale * correction(errors, [expected_squares(model, half) for half in errors], z)
@@ -266,6 +267,7 @@ class Pixels:
     def uncertainty(
         self,
         estimate: Estimate,
+        known: Estimate,
         scale: Array,
         errors: list[HalfErrors],
         confidence_level: float,
@@ -274,18 +276,20 @@ class Pixels:
     ) -> Uncertainty:
         """Return the uncertainty (1, H, W) of an estimate whose errors have a scale.
 
-        Where it is `unbounded`, intervals end at S.
+        The network's estimate `known` states the class of each pixel. Where it is `unbounded`,
+        intervals end at S.
         """
-        z, trials = (
-            self.stabilize(estimate),
-            self.local_trials(self.trials, self.relative_slope(estimate)),
+        z = self.stabilize(estimate)
+        pixel = (
+            self.stabilize(known),
+            self.local_trials(self.trials, self.relative_slope(known)),
         )
 
         def intensity(z: Array) -> Array:
             return intensity_of(z, self.sensor, *self.typical_jot)
 
-        low, high = model.quantiles(z, trials, (1 - confidence_level) / 2)
-        deviation = scale * model.deviations(z, trials)
+        low, high = model.quantiles(*pixel, (1 - confidence_level) / 2)
+        deviation = scale * model.deviations(*pixel)
         low, high = intensity(z + low * scale), intensity(z + high * scale)
         high = np.where(unbounded, self.sensor.max_intensity, high)
         dead = self.trials == 0

@@ -68,7 +68,7 @@ def find_intervals(
             if not is_own:
                 difference = one.stabilize(own[place]) - one.stabilize(known[place])
                 scale = widen(scale, difference)
-            about = own[place], scale, errors, confidence_level, error_model()
+            about = own[place], known[place], scale, errors, confidence_level, error_model()
             results.append(one.uncertainty(*about, one.unbounded))
     return Uncertainty.arrange(results, images.layout)
 
