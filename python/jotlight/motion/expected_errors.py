@@ -49,6 +49,11 @@ _REACH = 3
 """Distance in pixels up to which a steep edge may be displaced."""
 
 
+def is_dim(consistent: Consistent) -> bool:
+    """Return whether there is so little light that pixels hardly show wrong displacements."""
+    return float(consistent.total.ones.mean()) < _MAX_ONES
+
+
 def may_hide_displacements(consistent: Consistent) -> bool:
     """Return whether there is so little light that only many tiles together show displacements.
 
@@ -58,7 +63,7 @@ def may_hide_displacements(consistent: Consistent) -> bool:
     total = consistent.total
     outermost = sum(sums.frames for sums in consistent.outermost)
     can_tell = 0 < outermost <= _MAX_OUTERMOST * total.frames and consistent.lights is None
-    return can_tell and float(total.ones.mean()) < _MAX_ONES
+    return can_tell and is_dim(consistent)
 
 
 def is_displaced(consistent: Consistent, template: Template) -> bool:

@@ -8,7 +8,12 @@ import numpy.typing as npt
 from jotlight.blur import blur
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.disagreement import Image
-from jotlight.motion.expected_errors import is_displaced, may_hide_displacements, steep_pixels
+from jotlight.motion.expected_errors import (
+    is_dim,
+    is_displaced,
+    may_hide_displacements,
+    steep_pixels,
+)
 from jotlight.motion.motion import Motion
 from jotlight.motion.scoring import make_template
 from jotlight.motion.tiles import add_squares
@@ -128,9 +133,9 @@ def flags_of_image(
 ) -> Mask:
     """Return the pixels (H, W) of an image where larger errors are expected, or shown by the bits.
 
-    If something moves, and the scene is unclear or many tiles together show that frames are
-    displaced, steep pixels are flagged. Outlines may be displaced, too: the less light there is,
-    the farther.
+    If each tile has its own motion, and if a dim scene moves that is unclear or whose tiles
+    together show that frames are displaced, steep pixels are flagged. Outlines may be displaced,
+    too: the less light there is, the farther.
 
     Parameters
     ----------
@@ -145,7 +150,7 @@ def flags_of_image(
     distance = round(_NEAR_OUTLINE * (_ONES / ones) ** _EXPONENT)
     near_outline = int(np.clip(distance, *_OUTLINE_LIMITS))
     limits, steep = _LIMITS, np.zeros(motion.size, bool)
-    if motion.model == "none":
+    if motion.model == "none" or (motion.model != "tiles" and not is_dim(consistent)):
         limits = _UNCLEAR if is_unclear else _LIMITS
     elif is_unclear or (motion.model == "affine" and may_hide_displacements(consistent)):
         template = make_template(consistent.total, threads)
