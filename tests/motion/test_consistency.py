@@ -193,3 +193,16 @@ def test_a_scene_that_is_half_as_bright_far_from_the_middle_keeps_its_bits():
     frames[:64], frames[192:] = dim[:64], dim[192:]
     merged = jl.merge(jl.Bits.from_array(frames), sensor)
     assert merged.acceptance.mean() > 0.97
+
+
+@pytest.mark.parametrize(("blocks", "outermost"), [(2, []), (4, [1, 1]), (6, [1, 1]), (16, [4, 4])])
+def test_the_outermost_blocks_are_those_of_the_last_ring(blocks, outermost):
+    bits = np.random.default_rng(0).random((blocks, 24, 32)) < 0.3
+    counted = blocks_of(jl.Bits.from_array(bits))
+    assert len(counted.centers) == blocks
+    still = Paths([Track.still(counted)], np.zeros(counted.size, np.uint8))
+    found = find_consistent(still, is_still=True).outermost
+    assert [sums.frames for sums in found] == outermost
+    for sums, frames in zip(found, (bits[: blocks // 4], bits[-(blocks // 4) :]), strict=False):
+        if blocks in (4, 16):
+            np.testing.assert_array_equal(sums.ones, frames.sum(axis=0))

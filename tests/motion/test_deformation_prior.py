@@ -12,6 +12,7 @@ from jotlight.motion.deformation_prior import (
     Measurement,
     Prior,
     degrees_of_freedom,
+    gain_of_deviations,
     solve_deviations,
     with_likely_sizes,
 )
@@ -129,3 +130,28 @@ def test_the_bits_decide_how_much_a_scene_deforms(size):
         for each, found in ((prior, before), (likely, coefficients))
     ]
     assert errors[1] < (1.02 if size > 1 else 0.5) * errors[0]
+
+
+def test_independent_fields_have_the_stated_deviation():
+    prior = Prior.of_fields(2, (5, 6), 3.0)
+    matrix = matrix_of(prior)
+    covariance = matrix @ matrix.T
+    assert np.diag(covariance).mean() == pytest.approx(9)
+    fields = covariance.reshape(2, 2, 30, 2, 2, 30)
+    for first, second in np.ndindex(4, 4):
+        block = fields[first // 2, first % 2, :, second // 2, second % 2]
+        assert (abs(block).max() > 1) == (first == second)
+
+
+def test_deviations_gain_what_dense_matrices_state_and_noise_gains_the_degrees_of_freedom():
+    rng, prior = np.random.default_rng(0), Prior.of_fields(2, (6, 8), 2.0)
+    matrix, gains = matrix_of(prior), []
+    for number in range(20):
+        measurement, dense = measured(np.zeros((2, 2, 6, 8)), rng, 0.3)
+        right = matrix.T @ measurement.right.ravel()
+        posterior = matrix.T @ dense @ matrix + np.eye(len(right))
+        gain = gain_of_deviations(prior, measurement)
+        if number == 0:
+            assert gain == pytest.approx(right @ np.linalg.solve(posterior, right), rel=1e-3)
+        gains.append(gain / (len(right) - np.trace(np.linalg.inv(posterior))))
+    assert np.mean(gains) == pytest.approx(1, abs=0.1)

@@ -12,6 +12,10 @@ from jotlight.motion.film_candidates import Candidate, Candidates
 from moving import record
 
 
+def ignore(self, value):
+    """Set no value of a property."""
+
+
 @pytest.fixture
 def attempts(monkeypatch):
     """Return the first frames of the windows whose motion is estimated from more frames.
@@ -33,7 +37,7 @@ def attempts(monkeypatch):
             return (0.1 if is_better else 0.95) if self.warnings == ["more frames"] else 0.6
 
         monkeypatch.setattr(Candidates, "of_more_frames", counted)
-        monkeypatch.setattr(Candidate, "flagged", property(flagged))
+        monkeypatch.setattr(Candidate, "flagged", property(flagged, ignore), raising=False)
         monkeypatch.setattr(Candidate, "explains_more", lambda *_: is_better)
         return starts
 
@@ -80,10 +84,11 @@ def test_a_motion_is_carried_although_all_pixels_are_flagged(monkeypatch):
     monkeypatch.setattr(film_schedule, "_MAX_FLAGGED", 1.0)  # no motion in more frames
     monkeypatch.setattr(film_schedule, "_MAX_LOSS", 1.0)  # no fresh motion
     _, bits = record("shake", frames=20, shape=(48, 48), photons=1.0)
-    monkeypatch.setattr(
-        "jotlight.motion.merge.find_flags",
-        lambda _, disagreements, *__, **___: np.ones(disagreements.shape, bool),
-    )
+    for name in ("find_flags", "flags_of_image"):
+        monkeypatch.setattr(
+            f"jotlight.motion.merge.{name}",
+            lambda _, disagreements, *__, **___: np.ones(disagreements.shape, bool),
+        )
     for window, is_lost in ((None, False), (range(6, 10), True)):
         monkeypatch.setattr("jotlight.motion.merge.find_window", lambda *_, window=window: window)
         with hide_warnings():
@@ -97,8 +102,8 @@ def test_a_motion_is_carried_although_all_pixels_are_flagged(monkeypatch):
 @pytest.mark.parametrize("is_fewer", [True, False])
 def test_a_fresh_motion_is_shown_unless_it_flags_more_pixels(monkeypatch, is_fewer):
     monkeypatch.setattr(film_schedule, "_MAX_LOSS", -1.0)  # each carried motion is compared
-    flagged = property(lambda self: 0.2 if self.image.is_carried == is_fewer else 0.05)
-    monkeypatch.setattr(Candidate, "flagged", flagged)
+    flagged = property(lambda self: 0.2 if self.image.is_carried == is_fewer else 0.05, ignore)
+    monkeypatch.setattr(Candidate, "flagged", flagged, raising=False)
     _, bits = record("shake", frames=20, shape=(48, 48), photons=1.0)
     images = list(film(bits, window=16, step=4, model="affine"))
     assert [image.is_carried for image in images] == [False, not is_fewer]

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter
 
+import jotlight as jl
 from jotlight.motion import flags as motion_flags
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.disagreement import disagreement
+from jotlight.motion.motion import Motion
 from jotlight.motion.sums import Sums
+from jotlight.motion.tiles import tile_counts
+from moving import record
 
 SIZE = 192, 256
 NOWHERE = np.zeros(SIZE, np.uint8)
@@ -94,6 +98,93 @@ def test_pixels_near_an_outline_are_those_of_a_maximum_filter(size):
     sums = Consistent(ones, ones, np.ones(size, np.float32), np.zeros((0, *size), np.uint8))
     found = motion_flags.find_flags(sums, np.ones(size), labels)
     np.testing.assert_array_equal(found, maximum_filter(outlines, 17))
+
+
+def motion_of(model, labels=NOWHERE):
+    nodes = np.zeros((int(labels.max()) + 1, 2, 2, *tile_counts(labels.shape)), np.float32)
+    information = np.ones((*nodes.shape[:2], 3, *nodes.shape[3:]), np.float32)
+    return Motion(nodes, labels, np.array([0.0, 119.0]), 60.0, model, information)
+
+
+def of_image(sums, motion, **options):
+    disagreements = disagreement(sums.before, sums.after)
+    return motion_flags.flags_of_image(sums, disagreements, motion, **options)
+
+
+def scene_with_edge(ones, trials=120, seed=3):
+    """Return the sums of a scene with a vertical edge, whose pixels have some ones on average."""
+    rng, halves = np.random.default_rng(seed), []
+    p = np.where(np.arange(SIZE[1]) < 100, 0.5, 1.5) * ones / trials * np.ones(SIZE)
+    p /= p.mean() * trials / ones
+    for _ in range(2):
+        sums = Sums.zeros(SIZE)
+        sums.trials[:], sums.frames = trials // 2, trials // 2
+        halves.append(dataclasses.replace(sums, ones=rng.binomial(sums.trials, p).astype(np.int32)))
+    return Consistent(*halves, np.ones(SIZE, np.float32), np.zeros((0, *SIZE), np.uint8))
+
+
+@pytest.mark.parametrize(("ones", "distance"), [(0.5, 24), (12, 16), (41, 11), (60, 9)])
+def test_outlines_are_flagged_farther_in_dim_light(ones, distance):
+    labels = NOWHERE.copy()
+    labels[:, 60:] = 1
+    flags = of_image(scene_with_edge(ones), motion_of("segments", labels), is_unclear=False)
+    assert flags[:, 60 - distance : 60 + distance + 1].all()
+    assert flags[:, 60 - distance - 1].mean() < 0.3
+    assert flags[:, 60 + distance + 1].mean() < 0.3
+
+
+def test_steep_pixels_are_flagged_if_something_moves_in_an_unclear_scene():
+    sums = scene_with_edge(40)
+    unclear, clear = (
+        of_image(sums, motion_of(model), is_unclear=is_unclear)
+        for model, is_unclear in (("tiles", True), ("affine", False))
+    )
+    assert unclear[:, 97:104].all()
+    assert unclear.mean() < 0.5
+    np.testing.assert_array_equal(clear, find_flags(sums, NOWHERE))
+    shown = find_flags(sums, NOWHERE, is_unclear=True)
+    for model in ("none", "affine"):  # there is much light
+        flags = of_image(sums, motion_of(model), is_unclear=True)
+        np.testing.assert_array_equal(flags, shown)
+    dim = scene_with_edge(10)
+    assert of_image(dim, motion_of("affine"), is_unclear=True)[:, 97:104].all()
+    still = of_image(dim, motion_of("none"), is_unclear=True)
+    np.testing.assert_array_equal(still, find_flags(dim, NOWHERE, is_unclear=True))
+
+
+@pytest.mark.parametrize("distance", [0, 3])
+def test_steep_pixels_are_flagged_if_the_outermost_frames_are_displaced(distance):
+    sums, outermost = scene_with_edge(8), scene_with_edge(4, trials=60, seed=4)
+    # The first and the last frames are displaced to opposite sides.
+    first, last = (
+        dataclasses.replace(each, ones=np.roll(each.ones, side * distance, axis=1))
+        for each, side in ((outermost.before, 1), (outermost.after, -1))
+    )
+    sums = dataclasses.replace(
+        sums, before=sums.before + first, after=sums.after + last, outermost=(first, last)
+    )
+    flags = of_image(sums, motion_of("affine"), is_unclear=False)
+    assert flags[:, 98:103].all() == (distance > 0)
+
+
+@pytest.mark.slow
+def test_flags_contain_most_of_the_error_of_a_sheet():
+    scene, bits = record("sheet", frames=64, shape=(128, 128), photons=0.2)
+    merged, trials = jl.merge(bits), np.full((128, 128), 64.0)
+    network = jl.pretrained(bits.sensor)
+    ones = np.zeros((128, 128), np.int64)
+    for time, frame in enumerate(bits.to_array()):
+        positions = np.rint(np.indices(ones.shape) + scene.motion(time)).astype(int)
+        seen = ((positions >= 0) & (positions < 128)).all(axis=0)
+        ones[seen] += frame[tuple(positions[:, seen])]
+        trials -= ~seen
+    errors = [
+        (network.reconstruct(counts) - scene.image()) ** 2
+        for counts in (merged, jl.Merged(ones, trials, bits.sensor))
+    ]
+    excess = errors[0] - errors[1]
+    assert merged.flags.mean() < 0.85
+    assert excess[merged.flags].sum() > 0.9 * excess.sum()
 
 
 def spot(size, share):

@@ -53,6 +53,9 @@ class Consistent:
     """The pixels that were accepted, packed, (n, H, ceil(W / 8))."""
     lights: tuple[Lights, Lights] | None = None
     """The light of the frames before and after the reference time, if jots need several photons."""
+    outermost: tuple[Sums, ...] = ()
+    """The sums of the blocks that are farthest from the reference time: of the last ring, on each
+    side of it. They contain all pixels of a block that agree with the template."""
 
     @functools.cached_property
     def total(self) -> Sums:
@@ -127,6 +130,7 @@ class _TestedBlocks:
         """The trials of all blocks, whether or not they were accepted."""
         self._sides = [Sums.zeros(self._size), Sums.zeros(self._size)]
         """The accepted sums before and after the reference time."""
+        self._outermost: tuple[Sums, ...] = ()
         for block in first:
             sums = paths.sums(block)
             self._available += sums.trials
@@ -140,6 +144,7 @@ class _TestedBlocks:
             rounds = _ROUNDS_OF_LIGHT if len(self._blocks) == self._untested else 1
             lights = _find_lights(self._lights, self._paths, template, self._blocks, ring, rounds)
             template = dataclasses.replace(template, lights=lights)
+        self._outermost = ()
         for side in (0, 1):
             blocks = [block for block in ring if self._is_after[block] == side]
             total = self._agreeing(blocks, side, template)
@@ -150,6 +155,7 @@ class _TestedBlocks:
             limit = self._max_disagreement
             self._sides[side].add_accepted(total, test, limit, agrees, self._threads)
             self._masks[blocks] &= agrees
+            self._outermost += (total,)
         self._blocks += ring
 
     def _agreeing(self, blocks: list[int], side: int, template: Template) -> Sums:
@@ -168,7 +174,7 @@ class _TestedBlocks:
         accepted = np.divide(trials, available, dtype=np.float32, casting="unsafe")
         sides = np.flatnonzero(~self._is_after), np.flatnonzero(self._is_after)
         lights = _both_lights(self._lights, *sides)
-        return Consistent(before, after, accepted, self._masks, lights)
+        return Consistent(before, after, accepted, self._masks, lights, self._outermost)
 
 
 def _first_lights(paths: Counted, blocks: list[int]) -> BlockLights | None:

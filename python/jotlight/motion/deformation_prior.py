@@ -85,6 +85,16 @@ class Prior:
         sizes = np.tile(_sizes(shape), (curves.shape[1], 1, 1))
         return cls(curves[:-1], curves[-1], (_cosines(shape[0]), _cosines(shape[1])), sizes)
 
+    @classmethod
+    def of_fields(cls, number: int, shape: tuple[int, int], deviation: float) -> Self:
+        """Return the prior of independent fields of tiles, whose rows and columns have a shape.
+
+        `deviation` is the standard deviation of the displacement of a tile in pixels.
+        """
+        sizes = np.tile(_sizes(shape) * (deviation / _DEVIATION), (number, 1, 1))
+        along = _cosines(shape[0]), _cosines(shape[1])
+        return cls(np.eye(number), np.zeros(number), along, sizes)
+
     @property
     def shape(self) -> tuple[int, int, int, int]:
         """The shape of coefficients, (m, 2, rows, columns)."""
@@ -171,6 +181,15 @@ def degrees_of_freedom(prior: Prior, measurement: Measurement) -> float:
     It is the trace of B (B + 1)⁻¹, with the information B about the coefficients.
     """
     return float(_freedom_of_modes(prior, measurement).sum())
+
+
+def gain_of_deviations(prior: Prior, measurement: Measurement) -> float:
+    """Return by how much deviations explain the bits better, as twice the log-likelihood in nats.
+
+    The most probable ones are shrunk, so noise alone gains their degrees of freedom on average.
+    """
+    coefficients = solve_deviations(prior, measurement, np.zeros(prior.shape))
+    return float((prior.pull_back(measurement.right) * coefficients).sum())
 
 
 def _freedom_of_modes(prior: Prior, measurement: Measurement) -> Array:

@@ -4,8 +4,6 @@ import copy
 import dataclasses
 from functools import partial
 
-import numpy as np
-
 from jotlight.errors import hide_warnings, record_warnings
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
@@ -35,12 +33,8 @@ class Candidate:
     """The memory after this image."""
     warnings: list[str]
     """The warnings of aligning and merging."""
-
-    @property
-    def flagged(self) -> float:
-        """The fraction of the pixels that are flagged."""
-        flags = self.image.merged.flags
-        return 0.0 if flags is None else float(np.mean(flags))
+    flagged: float
+    """The fraction of the pixels that are flagged because of their own bits."""
 
     @property
     def accepted(self) -> float:
@@ -121,12 +115,12 @@ class Candidates:
         # Merging changes the memory, and other candidates need the one before.
         memory = copy.copy(self.memory)
         with record_warnings() as texts:
-            merged, still = self.merging.merge(paths, shown, self.start, memory)
+            merged, still, flagged = self.merging.merge(paths, shown, self.start, memory)
         image = FilmImage(merged, shown, self.start, is_carried, merged, still=still)
         if self.settings.upsample == 1 and paths.blocks.burst.channels == 1:
             count = partial(count_nearest, paths, self.merging.sensor, is_still=image.is_rejected)
             image = dataclasses.replace(image, count_nearest=count)
-        return Candidate(image, motion, paths, memory, texts)
+        return Candidate(image, motion, paths, memory, texts, flagged)
 
     def _with_hot_jots(self, paths: Paths, motion: Motion) -> Paths:
         """Return paths along which hot jots are counted if nothing moves.

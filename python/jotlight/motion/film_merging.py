@@ -5,9 +5,9 @@ from functools import partial
 from jotlight.motion.consistency import RINGS, find_consistent
 from jotlight.motion.memory import Memory, sum_leaving
 from jotlight.motion.merge import merge_along
+from jotlight.motion.merged_pixels import MergedAlong
 from jotlight.motion.motion import Motion
 from jotlight.motion.track import Paths
-from jotlight.sensing.merged import Merged
 from jotlight.sensing.sensor import Sensor
 
 _WIDE_RINGS, _MANY_FRAMES = (4, 4), 256
@@ -42,12 +42,8 @@ class FilmMerging:
         self.sensor = sensor
         self._step, self._upsample, self._may_stand_still = step, upsample, may_stand_still
 
-    def merge(
-        self, paths: Paths, motion: Motion, start: int, memory: Memory | None
-    ) -> tuple[Merged, range | None]:
+    def merge(self, paths: Paths, motion: Motion, start: int, memory: Memory | None) -> MergedAlong:
         """Return the counts of a window along paths, which are those of a motion.
-
-        The second result is that of :func:`jotlight.motion.merge.merge_along`.
 
         Parameters
         ----------

@@ -1,33 +1,59 @@
 """Flags: pixels of a merged image that are not to be trusted."""
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.blur import blur
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.disagreement import Image
+from jotlight.motion.expected_errors import (
+    is_dim,
+    is_displaced,
+    may_hide_displacements,
+    steep_pixels,
+)
+from jotlight.motion.motion import Motion
+from jotlight.motion.scoring import make_template
 from jotlight.motion.tiles import add_squares
 
-_MAX_DISAGREEMENT, _UNCLEAR_DISAGREEMENT = 1.3, 1.2
-"""Pixels are flagged where frames before and after the reference time disagree more than this.
+Mask = npt.NDArray[np.bool_]
 
-The second value is for unclear scenes.
+
+class _Limits(NamedTuple):
+    """Where pixels are flagged."""
+
+    disagreement: float
+    """Where frames before and after the reference time disagree more than this."""
+    accepted: float
+    """Where less than this fraction of their bits was accepted."""
+    near_disagreement: int
+    """And at this distance in pixels from the former."""
+    near_few: int
+    """And at this distance from the latter."""
+    near_outline: int
+    """And at this distance from an outline."""
+
+
+_LIMITS, _UNCLEAR = _Limits(1.3, 0.85, 0, 3, 8), _Limits(1.2, 0.9, 10, 20, 8)
+"""Limits of the flags that the bits show, for clear and for unclear scenes.
+
+In clear scenes, good bits of fine patterns may be rejected, too.
 """
 
-_MIN_ACCEPTED, _UNCLEAR_ACCEPTED = 0.85, 0.9
-"""Pixels are flagged where less than this fraction of their bits was accepted.
+_UNCLEAR_IMAGE = _UNCLEAR._replace(near_disagreement=3, near_few=5)
+"""Limits of the flags of images of unclear scenes, which mark steep pixels besides."""
 
-The second value is for unclear scenes. In others, good bits of fine patterns may be rejected, too.
+_NEAR_OUTLINE, _ONES, _EXPONENT = 16, 12.0, 1 / 3
+"""Distance from outlines for flags of images with a mean number of ones per pixel (second value).
+
+The distance to the power of -3 is proportional to the number of ones, because the bits of a wider
+region show whether it is inside.
 """
 
-_MARGIN = 3
-"""Distance in pixels at which pixels near others with few accepted bits are flagged, too."""
-
-_OUTLINE = 8
-"""Distance in pixels at which pixels near an outline are flagged."""
-
-_UNCLEAR_MARGIN, _UNCLEAR_GROWTH = 20, 10
-"""Distances in unclear scenes: near pixels with few accepted bits, and near those that disagree."""
+_OUTLINE_LIMITS = 8, 24
+"""Limits of this distance."""
 
 _SPREAD, _SQUARE = 8.0, 4
 """Standard deviation of the filter of rejected bits in pixels, and side of the squares over which
@@ -94,22 +120,68 @@ def find_flags(
     is_unclear : bool
         What :func:`is_unclear` returns.
     """
-    few = consistent.accepted < (_UNCLEAR_ACCEPTED if is_unclear else _MIN_ACCEPTED)
+    return _beyond(_UNCLEAR if is_unclear else _LIMITS, consistent, disagreements, labels)
+
+
+def flags_of_image(
+    consistent: Consistent,
+    disagreements: Image,
+    motion: Motion,
+    threads: int | None = None,
+    *,
+    is_unclear: bool,
+) -> Mask:
+    """Return the pixels (H, W) of an image where larger errors are expected, or shown by the bits.
+
+    If each tile has its own motion, and if a dim scene moves that is unclear or whose tiles
+    together show that frames are displaced, steep pixels are flagged. Outlines may be displaced,
+    too: the less light there is, the farther.
+
+    Parameters
+    ----------
+    consistent, disagreements, is_unclear
+        As for :func:`find_flags`.
+    motion : Motion
+        The motion.
+    threads : int, optional
+        Number of threads.
+    """
+    ones = max(float(consistent.total.ones.mean()), 1e-9)
+    distance = round(_NEAR_OUTLINE * (_ONES / ones) ** _EXPONENT)
+    near_outline = int(np.clip(distance, *_OUTLINE_LIMITS))
+    limits, steep = _LIMITS, np.zeros(motion.size, bool)
+    if motion.model == "none" or (motion.model != "tiles" and not is_dim(consistent)):
+        limits = _UNCLEAR if is_unclear else _LIMITS
+    elif is_unclear or (motion.model == "affine" and may_hide_displacements(consistent)):
+        template = make_template(consistent.total, threads)
+        if is_unclear or is_displaced(consistent, template):
+            limits, steep = _UNCLEAR_IMAGE, steep_pixels(template)
+    limits = limits._replace(near_outline=near_outline)
+    return steep | _beyond(limits, consistent, disagreements, motion.labels)
+
+
+def _beyond(
+    limits: _Limits,
+    consistent: Consistent,
+    disagreements: Image,
+    labels: npt.NDArray[np.uint8],
+) -> Mask:
+    """Return the pixels beyond limits, and those near them, and pixels without bits."""
+    few = consistent.accepted < limits.accepted
     # Dead jots have no bits, which says nothing about their neighbors.
-    dead: npt.NDArray[np.bool_] = consistent.total.trials == 0
+    dead: Mask = consistent.total.trials == 0
     outlines = np.zeros(labels.shape, bool)
     outlines[:, 1:] |= labels[:, 1:] != labels[:, :-1]
     outlines[1:] |= labels[1:] != labels[:-1]
-    limit = _UNCLEAR_DISAGREEMENT if is_unclear else _MAX_DISAGREEMENT
     return (
-        _grow(disagreements > limit, _UNCLEAR_GROWTH if is_unclear else 0)
-        | _grow(few & ~dead, _UNCLEAR_MARGIN if is_unclear else _MARGIN)
+        _grow(disagreements > limits.disagreement, limits.near_disagreement)
+        | _grow(few & ~dead, limits.near_few)
         | dead
-        | _grow(outlines, _OUTLINE)
+        | _grow(outlines, limits.near_outline)
     )
 
 
-def _grow(pixels: npt.NDArray[np.bool_], distance: int) -> npt.NDArray[np.bool_]:
+def _grow(pixels: Mask, distance: int) -> Mask:
     """Return the pixels whose square neighborhood contains one of some pixels."""
     if not pixels.any():
         return pixels

@@ -22,10 +22,10 @@ from jotlight.motion.burst import Burst
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.disagreement import disagreement
 from jotlight.motion.finer import count_fine, fine_paths
-from jotlight.motion.flags import find_flags, is_unclear
+from jotlight.motion.flags import find_flags, flags_of_image, is_unclear
 from jotlight.motion.flicker import without_saturation
 from jotlight.motion.jot_kinds import frames_of_kinds, has_kinds, join_kinds, sensors_of_kinds
-from jotlight.motion.merged_pixels import as_fine, as_merged
+from jotlight.motion.merged_pixels import MergedAlong, as_fine, as_merged
 from jotlight.motion.motion import Motion
 from jotlight.motion.reading_counts import counts_for_motion
 from jotlight.motion.still_window import count_window, find_window
@@ -162,7 +162,7 @@ def _merge(
     paths, motion = paths_at(burst, sensor, None, motion, threads)
     if motion.model == "none" and hot_jots(sensor) is not None:
         consistent = None
-    return merge_along(paths, motion, sensor, consistent, upsample)[0]
+    return merge_along(paths, motion, sensor, consistent, upsample).merged
 
 
 def _bursts_of_kinds(data: Bits | CountStack, sensor: Sensor) -> list[tuple[Burst, Sensor]]:
@@ -188,7 +188,7 @@ def _merge_kinds(
     merged = []
     for burst, own in bursts:
         paths, _ = paths_at(burst, own, None, motion, threads)
-        merged.append(merge_along(paths, motion, own, may_stand_still=False)[0])
+        merged.append(merge_along(paths, motion, own, may_stand_still=False).merged)
     joined = join_kinds(merged, sensor, threads)
     if motion.model == "none":
         if sensor.mosaic is None:
@@ -265,13 +265,12 @@ def merge_along(
     *,
     may_stand_still: bool = True,
     recall: Recall | None = None,
-) -> tuple[Merged, range | None]:
+) -> MergedAlong:
     """Return the counts of the bits along paths, which are those of a motion.
 
     The sums along them are computed if they are not given. If the scene `may_stand_still`, a window
-    without motion replaces them where the motion does not explain it better. The second result is
-    then the frames of this window, and otherwise None. `recall` adds bits to the sums unless such a
-    window replaced them.
+    without motion replaces them where the motion does not explain it better. `recall` adds bits to
+    the sums unless such a window replaced them.
     """
     burst = paths.blocks.burst
     if consistent is None:
@@ -279,10 +278,10 @@ def merge_along(
     accepted, threads = consistent.accepted, paths.blocks.threads
     halves = without_saturation(consistent.before, consistent.after, threads, consistent.lights)
     disagreements = disagreement(*halves, threads)
-    flags = find_flags(consistent, disagreements, motion.labels)
+    shown = find_flags(consistent, disagreements, motion.labels)
     of_channels = each_channel(paths)
     window = None
-    if may_stand_still and flags.mean() > _MAX_FLAGGED:
+    if may_stand_still and shown.mean() > _MAX_FLAGGED:
         window = find_window(paths, consistent.total)
     if window is not None:
         warn(
@@ -292,17 +291,20 @@ def merge_along(
         if upsample > 1:
             of_channels = [fine_paths(each) for each in of_channels]
         sums = [count_window(each, window) for each in of_channels]
-        accepted, flags = np.full_like(accepted, len(window) / len(burst)), np.ones_like(flags)
+        accepted, flags = np.full_like(accepted, len(window) / len(burst)), np.ones_like(shown)
+        shown = flags
     else:
-        if is_unclear(consistent, disagreements, motion.model, threads):
-            flags = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
+        unclear = is_unclear(consistent, disagreements, motion.model, threads)
+        if unclear:
+            shown = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
         sums = _count(of_channels, consistent, upsample)
         if recall is not None:
-            trusted = ~flags & (accepted >= _MIN_ACCEPTED)
+            trusted = ~shown & (accepted >= _MIN_ACCEPTED)
             sums = recall(sums, trusted | (consistent.total.trials == 0))
-    if upsample > 1:
-        return as_fine(sums, accepted, flags, motion, sensor), window
-    return as_merged(sums, accepted, flags, motion, sensor), window
+        flags = flags_of_image(consistent, disagreements, motion, threads, is_unclear=unclear)
+    finish = as_fine if upsample > 1 else as_merged
+    merged = finish(sums, accepted, flags, motion, sensor)
+    return MergedAlong(merged, window, float(shown.mean()))
 
 
 def _count(of_channels: list[Paths], consistent: Consistent, upsample: int) -> list[Sums]:

@@ -1,6 +1,6 @@
 """Sums over jots along a motion as the merged counts of pixels."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,20 @@ Map = npt.NDArray[np.float64]
 
 _MIN_FLAGGED = 0.5
 """Fraction of the jots of a pixel that are flagged, above which the pixel is."""
+
+
+class MergedAlong(NamedTuple):
+    """What is merged along a motion."""
+
+    merged: Merged
+    """The counts of the pixels, and their flags."""
+    window: range | None
+    """The frames of the window without motion that replaced it, or None."""
+    flagged: float
+    """Fraction of the pixels that are flagged because of their own bits, or near an outline.
+
+    The flags of the image also mark where errors are expected.
+    """
 
 
 def as_merged(
