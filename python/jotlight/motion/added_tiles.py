@@ -6,10 +6,12 @@ import numpy.typing as npt
 from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.deformation import follow_tiles
 from jotlight.motion.disagreement import disagreement
+from jotlight.motion.expected_errors import is_displaced, may_hide_displacements
 from jotlight.motion.flags import find_flags
 from jotlight.motion.flicker import without_saturation
 from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.outlines import choose_labels
+from jotlight.motion.scoring import make_template
 from jotlight.motion.tile_updates import improve_tiles_together
 from jotlight.motion.tiles import mean_tiles
 from jotlight.motion.track import Paths, Track
@@ -63,6 +65,10 @@ def is_unexplained(paths: Paths, consistent: Consistent) -> bool:
     if max(abs(track.nodes).max() for track in paths.tracks) < _MIN_MOTION:
         return False
     threads = paths.blocks.threads
+    may_hide = len(paths.tracks) == 1 and may_hide_displacements(consistent)
+    if may_hide and is_displaced(consistent, make_template(consistent.total, threads)):
+        # In dim light, the bits of pixels agree with a wrong motion, too.
+        return True
     halves = without_saturation(consistent.before, consistent.after, threads, consistent.lights)
     flags = find_flags(consistent, disagreement(*halves, threads), paths.labels)
     limit = _MAX_FLAGGED if len(paths.tracks) == 1 else _MAX_FLAGGED_OUTLINES

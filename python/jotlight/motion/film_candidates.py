@@ -19,6 +19,9 @@ from jotlight.motion.motion import Motion
 from jotlight.motion.track import Paths
 from jotlight.sensing.bits import Bits
 
+_CLEARLY_MORE = 0.005
+"""Difference of the fractions of bits that agree with two motions, above which one is better."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
@@ -43,12 +46,16 @@ class Candidate:
         return 1.0 if acceptance is None else float(acceptance.mean())
 
     def explains_more(self, other: "Candidate") -> bool:
-        """Return whether the bits of the window are more likely along this motion.
+        """Return whether this motion explains the window better.
 
-        Where merging has rejected a motion, the other one is better.
+        Where merging has rejected a motion, the other one is better. Otherwise, it is the one along
+        which clearly more bits agree, or else the one along which the bits are more likely.
+        Likelihoods do not show whether tiles have the right places at the end of a window.
         """
         if self.image.is_rejected or other.image.is_rejected:
             return not self.image.is_rejected
+        if abs(self.accepted - other.accepted) > _CLEARLY_MORE:
+            return self.accepted > other.accepted
         return likelihood_gain(self.paths) > likelihood_gain(other.paths)
 
 
