@@ -31,9 +31,12 @@ _CLEAR = 3.0
 """Number of standard deviations of noise by which displacements must explain the bits better."""
 
 _MAX_ONES = 20.0
-"""Mean number of ones of a pixel from which on the bits of single pixels show wrong displacements.
+"""Mean number of ones of a pixel from which on its bits show wrong displacements."""
 
-Errors of the templates of fine patterns then seem to be displacements, too.
+_FEW_ONES = 8.0
+"""Mean number of ones of a pixel up to which only displacements of frames seem to be displacements.
+
+With more ones, errors of the template of fine patterns do, too.
 """
 
 _MAX_OUTERMOST = 0.5
@@ -63,7 +66,7 @@ def may_hide_displacements(consistent: Consistent) -> bool:
     total = consistent.total
     outermost = sum(sums.frames for sums in consistent.outermost)
     can_tell = 0 < outermost <= _MAX_OUTERMOST * total.frames and consistent.lights is None
-    return can_tell and is_dim(consistent)
+    return can_tell and float(total.ones.mean()) < _FEW_ONES
 
 
 def is_displaced(consistent: Consistent, template: Template) -> bool:

@@ -20,11 +20,10 @@ Probability = npt.NDArray[np.floating]
 _FRACTIONS = (1, 2, 4, 8, 16, 32)
 """The windows have all frames, a half, a quarter, and so on."""
 
-_CENTRAL, _ENOUGH_ONES = 8, 100_000
-"""Number of frames in the middle, of which every second one is held out in turn.
+_CENTRAL, _ENOUGH_ONES = (8, 32), 100_000
+"""Minimum and maximum number of frames in the middle. Every second one is held out in turn.
 
-In dim light, there are more of them, with this number of ones. An eighth of all frames is the
-maximum.
+There are as many as have this number of ones together. But an eighth of all frames is enough.
 """
 
 _MIN_LEAD, _ONES = 3.5, 25_000
@@ -58,7 +57,7 @@ def find_window(paths: Paths, total: Sums) -> range | None:
         return None
     frames = len(paths.blocks.burst)
     enough = math.ceil(_ENOUGH_ONES / max(float(total.ones.sum()) / frames, 1e-9))
-    central = _window(paths, min(max(_CENTRAL, enough), frames // 8))
+    central = _window(paths, min(int(np.clip(enough, *_CENTRAL)), frames // 8))
     folds = [_Fold.of(paths, total, central[start::2]) for start in (0, 1)]
     lengths = sorted({max(len(central), frames // fraction) for fraction in _FRACTIONS})
     windows = [_window(paths, length) for length in lengths]
