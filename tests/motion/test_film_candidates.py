@@ -1,5 +1,6 @@
 """The images that a window may become: which is better, and that none changes the film."""
 
+import copy
 import dataclasses
 
 import numpy as np
@@ -29,6 +30,28 @@ def test_the_motion_that_explains_the_bits_is_better_unless_merging_rejected_it(
     rejected = dataclasses.replace(right, image=dataclasses.replace(right.image, still=range(16)))
     assert wrong.explains_more(rejected)
     assert not rejected.explains_more(wrong)
+
+
+def accepting(candidate, fraction):
+    """Return a candidate with this fraction of accepted bits."""
+    acceptance = np.full_like(candidate.image.merged.acceptance, fraction)
+    merged = dataclasses.replace(candidate.image.merged, acceptance=acceptance)
+    image = dataclasses.replace(candidate.image, merged=merged)
+    return dataclasses.replace(candidate, image=image)
+
+
+@pytest.mark.parametrize(("difference", "decides"), [(0.004, False), (0.006, True)])
+def test_a_motion_along_which_clearly_more_bits_agree_is_better(monkeypatch, difference, decides):
+    _, bits = record("static", frames=24, shape=(32, 48))
+    found = candidates_of(bits, film_settings(24, step=8, model="none")).fresh()
+    few = accepting(found, 0.9)
+    many = dataclasses.replace(accepting(found, 0.9 + difference), paths=copy.copy(found.paths))
+    # The bits are more likely along the other one.
+    gains = {id(few.paths): 2.0, id(many.paths): 1.0}
+    gain = "jotlight.motion.film_candidates.likelihood_gain"
+    monkeypatch.setattr(gain, lambda paths: gains[id(paths)])
+    assert many.explains_more(few) == decides
+    assert few.explains_more(many) != decides
 
 
 def test_each_candidate_has_a_memory_of_its_own():

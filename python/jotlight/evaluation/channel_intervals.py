@@ -16,7 +16,7 @@ from jotlight.layout import Layout
 from jotlight.sensing.pixel_counts import Estimate, GrayImages
 from jotlight.sensing.sensor import Sensor
 
-_SHARE = 0.9
+_SHARE = 0.85
 """Scale of the errors of the color network, relative to that of the network "medium" for each
 channel."""
 

@@ -162,13 +162,14 @@ def run_own(
     checked, expected = _prepare(data, sensor)
     arguments, keywords = arguments_of(method, checked, sensor, threads)
     try:
-        result = np.asarray(method(*arguments, **{**keywords, **options}))
+        returned = method(*arguments, **{**keywords, **options})
+        result = np.asarray(returned)
     except (TypeError, AttributeError) as error:
         if isinstance(checked, Bits | Readings | Merged):
             error.add_note(_about(checked, name))
         raise
     if result.dtype.kind not in "biuf":
-        kind = "None; does it return its image?" if result.shape == () else str(result.dtype)
+        kind = "None; does it return its image?" if returned is None else str(result.dtype)
         raise TypeError(f"method: expected an image of numbers from {name}, got {kind}")
     if result.shape != expected:
         raise ValueError(

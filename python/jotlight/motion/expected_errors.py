@@ -34,9 +34,9 @@ _MAX_ONES = 20.0
 """Mean number of ones of a pixel from which on its bits show wrong displacements."""
 
 _FEW_ONES = 8.0
-"""Mean number of ones of a pixel up to which only displacements of frames seem to be displacements.
+"""Mean number of ones of a pixel up to which displacements can be tested.
 
-With more ones, errors of the template of fine patterns do, too.
+With more ones, errors of the template of fine patterns are taken for displacements.
 """
 
 _MAX_OUTERMOST = 0.5

@@ -37,7 +37,7 @@ class Candidate:
     warnings: list[str]
     """The warnings of aligning and merging."""
     flagged: float
-    """The fraction of the pixels that are flagged because of their own bits."""
+    """The fraction of the pixels that the bits flag, as in ``MergedAlong``."""
 
     @property
     def accepted(self) -> float:

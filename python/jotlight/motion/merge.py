@@ -278,10 +278,10 @@ def merge_along(
     accepted, threads = consistent.accepted, paths.blocks.threads
     halves = without_saturation(consistent.before, consistent.after, threads, consistent.lights)
     disagreements = disagreement(*halves, threads)
-    shown = find_flags(consistent, disagreements, motion.labels)
+    by_bits = find_flags(consistent, disagreements, motion.labels)
     of_channels = each_channel(paths)
     window = None
-    if may_stand_still and shown.mean() > _MAX_FLAGGED:
+    if may_stand_still and by_bits.mean() > _MAX_FLAGGED:
         window = find_window(paths, consistent.total)
     if window is not None:
         warn(
@@ -291,20 +291,20 @@ def merge_along(
         if upsample > 1:
             of_channels = [fine_paths(each) for each in of_channels]
         sums = [count_window(each, window) for each in of_channels]
-        accepted, flags = np.full_like(accepted, len(window) / len(burst)), np.ones_like(shown)
-        shown = flags
+        accepted = np.full_like(accepted, len(window) / len(burst))
+        flags = by_bits = np.ones_like(by_bits)
     else:
         unclear = is_unclear(consistent, disagreements, motion.model, threads)
         if unclear:
-            shown = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
+            by_bits = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
         sums = _count(of_channels, consistent, upsample)
         if recall is not None:
-            trusted = ~shown & (accepted >= _MIN_ACCEPTED)
+            trusted = ~by_bits & (accepted >= _MIN_ACCEPTED)
             sums = recall(sums, trusted | (consistent.total.trials == 0))
         flags = flags_of_image(consistent, disagreements, motion, threads, is_unclear=unclear)
     finish = as_fine if upsample > 1 else as_merged
     merged = finish(sums, accepted, flags, motion, sensor)
-    return MergedAlong(merged, window, float(shown.mean()))
+    return MergedAlong(merged, window, float(by_bits.mean()))
 
 
 def _count(of_channels: list[Paths], consistent: Consistent, upsample: int) -> list[Sums]:

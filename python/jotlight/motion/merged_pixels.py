@@ -29,7 +29,7 @@ class MergedAlong(NamedTuple):
     window: range | None
     """The frames of the window without motion that replaced it, or None."""
     flagged: float
-    """Fraction of the pixels that are flagged because of their own bits, or near an outline.
+    """Fraction of the pixels that the bits flag (:func:`jotlight.motion.flags.find_flags`).
 
     The flags of the image also mark where errors are expected.
     """
