@@ -40,11 +40,17 @@ def accepting(candidate, fraction):
     return dataclasses.replace(candidate, image=image)
 
 
-@pytest.mark.parametrize(("difference", "decides"), [(0.004, False), (0.006, True)])
-def test_a_motion_along_which_clearly_more_bits_agree_is_better(monkeypatch, difference, decides):
+@pytest.mark.parametrize(
+    ("difference", "other_model", "decides"),
+    [(0.004, "tiles", False), (0.006, "tiles", True), (0.001, "none", True)],
+)
+def test_a_motion_along_which_more_bits_agree_is_better(
+    monkeypatch, difference, other_model, decides
+):
     _, bits = record("static", frames=24, shape=(32, 48))
     found = candidates_of(bits, film_settings(24, step=8, model="none")).fresh()
     few = accepting(found, 0.9)
+    few = dataclasses.replace(few, motion=dataclasses.replace(few.motion, model=other_model))
     many = dataclasses.replace(accepting(found, 0.9 + difference), paths=copy.copy(found.paths))
     # The bits are more likely along the other one.
     gains = {id(few.paths): 2.0, id(many.paths): 1.0}

@@ -8,10 +8,10 @@ from jotlight.motion.film_schedule import FilmSchedule, _Doubt
 from moving import film_settings
 
 
-def candidate(*, is_carried=True, flagged=0.0, accepted=1.0, model="affine"):
+def candidate(*, is_carried=True, flagged=0.0, accepted=1.0, model="affine", start=0):
     """Return what the schedule reads of an image."""
     return types.SimpleNamespace(
-        image=types.SimpleNamespace(is_carried=is_carried),
+        image=types.SimpleNamespace(is_carried=is_carried, start=start),
         motion=types.SimpleNamespace(model=model),
         flagged=flagged,
         accepted=accepted,
@@ -42,26 +42,48 @@ def test_a_motion_is_old_if_fewer_bits_agree_than_when_it_was_estimated():
     assert not schedule.is_old(candidate(accepted=0.84))
 
 
+def attempts(schedule, model, ends, *, are_better):
+    """Return the ends of the windows whose motion is also estimated from up to 128 frames.
+
+    `are_better` states whether the images along these motions are shown.
+    """
+    found = []
+    for end in ends:
+        around = range(max(0, end - 128), end)
+        carried = candidate(model=model, start=end - 32)
+        is_due = schedule.needs_more_frames(carried, around, is_lost=False)
+        found += [end] * is_due
+        is_carried = not (is_due and are_better)
+        schedule.add(candidate(is_carried=is_carried, model=model), is_compared=False)
+    return found
+
+
 @pytest.mark.parametrize(
-    ("causal", "model", "expected"),
+    ("causal", "model", "are_better", "expected"),
     [
-        (True, "segments", [48, 72, 108, 128]),
-        (True, "affine", []),
-        (False, "segments", []),
+        (True, "segments", True, [40, 52, 68, 88, 112, 140, 172, 204, 236, 268]),
+        (True, "tiles", True, [40, 52, 68, 88, 112, 140, 172, 204, 236, 268]),
+        (True, "segments", False, [40, 60, 120]),
+        (True, "affine", True, []),
+        (False, "segments", True, []),
     ],
 )
-def test_segments_are_aligned_again_as_the_frames_of_a_causal_film_become_more(
-    causal, model, expected
+def test_the_motion_of_parts_is_estimated_again_from_more_frames(
+    causal, model, are_better, expected
 ):
     schedule = FilmSchedule(film_settings(32, causal=causal))
     fresh = candidate(is_carried=False, model=model)
     assert not schedule.needs_more_frames(fresh, range(32), is_lost=True)
-    found = [
-        number
-        for number in [*range(32, 128), *[128] * 40]
-        if schedule.needs_more_frames(candidate(model=model), range(number), is_lost=False)
-    ]
-    assert found == expected
+    schedule.add(fresh, is_compared=True)
+    assert attempts(schedule, model, range(36, 272, 4), are_better=are_better) == expected
+
+
+def test_a_fresh_motion_of_a_window_is_that_of_its_frames():
+    schedule = FilmSchedule(film_settings(32, causal=True))
+    fresh = candidate(is_carried=False, model="segments", start=68)
+    assert not schedule.needs_more_frames(fresh, range(100), is_lost=False)
+    schedule.add(fresh, is_compared=True)
+    assert attempts(schedule, "segments", range(104, 120, 4), are_better=True) == [108]
 
 
 def test_the_number_of_flagged_images_between_two_attempts_doubles():

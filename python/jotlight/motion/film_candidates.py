@@ -20,7 +20,8 @@ from jotlight.motion.track import Paths
 from jotlight.sensing.bits import Bits
 
 _CLEARLY_MORE = 0.005
-"""Difference of the fractions of bits that agree with two motions, above which one is better."""
+"""Difference of the fractions of bits that agree with motions of two models, above which one is
+better."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,12 +50,14 @@ class Candidate:
         """Return whether this motion explains the window better.
 
         Where merging has rejected a motion, the other one is better. Otherwise, it is the one along
-        which clearly more bits agree, or else the one along which the bits are more likely.
-        Likelihoods do not show whether tiles have the right places at the end of a window.
+        which more bits agree. Between two models, it is the one along which clearly more bits
+        agree, or else the one along which the bits are more likely. Likelihoods do not show whether
+        outlines and tiles have the right places at the end of a window.
         """
         if self.image.is_rejected or other.image.is_rejected:
             return not self.image.is_rejected
-        if abs(self.accepted - other.accepted) > _CLEARLY_MORE:
+        needed = 0.0 if self.motion.model == other.motion.model else _CLEARLY_MORE
+        if abs(self.accepted - other.accepted) > needed:
             return self.accepted > other.accepted
         return likelihood_gain(self.paths) > likelihood_gain(other.paths)
 

@@ -3,7 +3,7 @@
 import dataclasses
 
 from jotlight.motion.film_candidates import Candidate
-from jotlight.motion.film_settings import KEPT_WINDOWS, FilmSettings
+from jotlight.motion.film_settings import FilmSettings
 from jotlight.motion.motion import Motion
 
 _MAX_CARRIED = 33
@@ -15,8 +15,9 @@ _MAX_LOSS = 0.03
 _MAX_FLAGGED = 0.5
 """A motion is doubtful if more than this fraction of the pixels is flagged."""
 
-_GROWTH = 1.5
-"""Factor by which frames must become more, until a causal film estimates its motion from them."""
+_NEW_FRAMES = 0.25
+"""A causal film estimates the motion of parts again after this fraction of the frames from which it
+was last estimated. This fraction doubles each time the carried motion is still the better one."""
 
 
 class FilmSchedule:
@@ -32,8 +33,12 @@ class FilmSchedule:
         """Number of images since the motion was last estimated from its window."""
         self._usual = 0.0
         """The fraction of accepted bits of the image then."""
-        self._frames = 0
-        """Number of frames from which the motion was last estimated."""
+        self._frames = range(0)
+        """The numbers of the frames from which the motion was last estimated."""
+        self._needed = _NEW_FRAMES
+        """The fraction of them by which frames must become more, until it is estimated again."""
+        self._is_tried = False
+        """Whether the next image may be along the motion in more frames."""
         self._doubt = _Doubt()
 
     def is_old(self, carried: Candidate) -> bool:
@@ -54,15 +59,16 @@ class FilmSchedule:
             Whether no motion was carried to the image.
         """
         if not best.image.is_carried:
-            self._frames = self._settings.window
+            self._frames = self._settings.window_at(best.image.start)
+            self._needed = _NEW_FRAMES
         is_due = self._doubt.is_due(best.flagged, is_new=is_lost)
         if len(around) <= self._settings.window:
             return False
-        if not (is_due or self._may_show_outlines(around, best.motion)):
+        if not (is_due or self._shows_parts_better(around, best.motion)):
             return False
         if is_due:
             self._doubt.begin_attempt()
-        self._frames = len(around)
+        self._frames, self._is_tried = around, True
         return True
 
     def add(self, shown: Candidate, *, is_compared: bool) -> None:
@@ -73,17 +79,19 @@ class FilmSchedule:
         if is_compared or not shown.image.is_carried:
             self._images, self._usual = 0, shown.accepted
         self._images += 1
+        if self._is_tried:
+            self._needed = 2 * self._needed if shown.image.is_carried else _NEW_FRAMES
+            self._is_tried = False
 
-    def _may_show_outlines(self, around: range, motion: Motion) -> bool:
-        """Return whether the frames around a window have grown enough to show other outlines.
+    def _shows_parts_better(self, around: range, motion: Motion) -> bool:
+        """Return whether enough new frames are known to show the parts of a scene better.
 
-        The first windows of a causal film have shown the parts of a scene too briefly.
+        The first windows of a causal film show its parts too briefly. Later, outlines that are
+        carried from image to image become worse.
         """
-        is_single = motion.model in ("none", "affine")
-        if is_single or not self._settings.causal:
+        if motion.model in ("none", "affine") or not self._settings.causal:
             return False
-        largest = KEPT_WINDOWS * self._settings.window
-        return len(around) > self._frames and len(around) >= min(_GROWTH * self._frames, largest)
+        return around.stop - self._frames.stop >= self._needed * len(self._frames)
 
 
 @dataclasses.dataclass
