@@ -42,7 +42,7 @@ def accepting(candidate, fraction):
 
 @pytest.mark.parametrize(
     ("difference", "other_model", "decides"),
-    [(0.004, "tiles", False), (0.006, "tiles", True), (0.001, "none", True)],
+    [(0.002, "tiles", False), (0.004, "tiles", True), (0.001, "none", True)],
 )
 def test_a_motion_along_which_more_bits_agree_is_better(
     monkeypatch, difference, other_model, decides

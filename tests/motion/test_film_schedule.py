@@ -64,8 +64,9 @@ def attempts(schedule, model, ends, *, are_better):
         (True, "segments", True, [40, 52, 68, 88, 112, 140, 172, 204, 236, 268]),
         (True, "tiles", True, [40, 52, 68, 88, 112, 140, 172, 204, 236, 268]),
         (True, "segments", False, [40, 60, 120]),
+        (False, "segments", False, [40, 60, 120]),
         (True, "affine", True, []),
-        (False, "segments", True, []),
+        (False, "affine", True, []),
     ],
 )
 def test_the_motion_of_parts_is_estimated_again_from_more_frames(

@@ -36,6 +36,11 @@ number of blocks."""
 _ROUNDS_OF_LIGHT = 3
 """Rounds in which the light of the first blocks is found: each uses that of the others."""
 
+CLEARLY_MORE = 0.003
+"""Difference of the fractions of bits that agree with two motions, above which one is better,
+although the bits may be more likely along the other one. Likelihoods do not show whether outlines
+and tiles have the right places at the end of a burst."""
+
 _BLOCKS_AT_ONCE = 16
 """Number of blocks that are tested together, and in memory together if their sums are not kept."""
 

@@ -9,6 +9,7 @@ from jotlight.formats.capture import CountStack
 from jotlight.motion.align import align, as_blocks, as_motion, hot_jots, prepare_burst
 from jotlight.motion.block_edges import block_edges
 from jotlight.motion.carrying import carry
+from jotlight.motion.consistency import CLEARLY_MORE
 from jotlight.motion.film_image import FilmImage, count_nearest
 from jotlight.motion.film_merging import FilmMerging
 from jotlight.motion.film_settings import FilmSettings
@@ -18,10 +19,6 @@ from jotlight.motion.merge import as_paths
 from jotlight.motion.motion import Motion
 from jotlight.motion.track import Paths
 from jotlight.sensing.bits import Bits
-
-_CLEARLY_MORE = 0.005
-"""Difference of the fractions of bits that agree with motions of two models, above which one is
-better."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,12 +48,11 @@ class Candidate:
 
         Where merging has rejected a motion, the other one is better. Otherwise, it is the one along
         which more bits agree. Between two models, it is the one along which clearly more bits
-        agree, or else the one along which the bits are more likely. Likelihoods do not show whether
-        outlines and tiles have the right places at the end of a window.
+        agree, or else the one along which the bits are more likely.
         """
         if self.image.is_rejected or other.image.is_rejected:
             return not self.image.is_rejected
-        needed = 0.0 if self.motion.model == other.motion.model else _CLEARLY_MORE
+        needed = 0.0 if self.motion.model == other.motion.model else CLEARLY_MORE
         if abs(self.accepted - other.accepted) > needed:
             return self.accepted > other.accepted
         return likelihood_gain(self.paths) > likelihood_gain(other.paths)

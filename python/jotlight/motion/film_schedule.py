@@ -16,8 +16,8 @@ _MAX_FLAGGED = 0.5
 """A motion is doubtful if more than this fraction of the pixels is flagged."""
 
 _NEW_FRAMES = 0.25
-"""A causal film estimates the motion of parts again after this fraction of the frames from which it
-was last estimated. This fraction doubles each time the carried motion is still the better one."""
+"""The motion of parts is estimated again after this fraction of the frames from which it was last
+estimated. The fraction doubles each time the carried motion is still the better one."""
 
 
 class FilmSchedule:
@@ -86,10 +86,10 @@ class FilmSchedule:
     def _shows_parts_better(self, around: range, motion: Motion) -> bool:
         """Return whether enough new frames are known to show the parts of a scene better.
 
-        The first windows of a causal film show its parts too briefly. Later, outlines that are
-        carried from image to image become worse.
+        The first windows of a film show its parts too briefly. Later, outlines that are carried
+        from image to image become worse.
         """
-        if motion.model in ("none", "affine") or not self._settings.causal:
+        if motion.model in ("none", "affine"):
             return False
         return around.stop - self._frames.stop >= self._needed * len(self._frames)
 

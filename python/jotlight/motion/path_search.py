@@ -14,7 +14,7 @@ from jotlight.motion.added_tiles import (
 )
 from jotlight.motion.affine import follow_segment, improve_inside, improve_together
 from jotlight.motion.blocks import Blocks
-from jotlight.motion.consistency import Consistent, find_consistent
+from jotlight.motion.consistency import CLEARLY_MORE, Consistent, find_consistent
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
 from jotlight.motion.kept_sums import keeps_sums
 from jotlight.motion.likelihood_gain import likelihood_gain
@@ -125,15 +125,33 @@ def _slow_segments(blocks: Blocks, found: Found) -> Found:
     If parts of a scene move slowly, they disagree with a single segment before their velocities
     differ clearly. So the paths found before have one segment, and perhaps tiles.
     """
-    most = likelihood_gain(found.paths) - needed_by_tiles(found.paths)
     for segments in find_segments(blocks, is_slow=True):
         if len(segments) > 1:
             other = _explain(blocks, segments, "auto", _ignore)
-            needed = PARAMETERS * len(blocks.centers) * (len(other.paths.tracks) - 1)
-            gain = likelihood_gain(other.paths) - needed
-            if other.model == "segments" and gain > most:
-                found, most = other, gain
+            if other.model == "segments" and _explains_more(other, found):
+                found = other
     return found
+
+
+def _explains_more(found: Found, other: Found) -> bool:
+    """Return whether paths explain the bits better: if clearly more agree, or are more likely."""
+    more = _share_of_agreeing(found) - _share_of_agreeing(other)
+    if abs(more) > CLEARLY_MORE:
+        return more > 0
+    return _net_gain(found.paths) > _net_gain(other.paths)
+
+
+def _share_of_agreeing(found: Found) -> float:
+    """Return the fraction of the bits that agree with the paths."""
+    consistent = found.consistent or find_consistent(found.paths.exact())
+    return float(consistent.accepted.mean())
+
+
+def _net_gain(paths: Paths) -> float:
+    """Return the gain of the log-likelihood in nats, without what is needed for the parameters."""
+    segments = len(paths.tracks) - paths.free
+    parameters = PARAMETERS * len(paths.blocks.centers) * (segments - 1)
+    return likelihood_gain(paths) - parameters - needed_by_tiles(paths)
 
 
 def _ignore(_: float) -> None:
