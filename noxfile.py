@@ -80,7 +80,10 @@ def readme(session: nox.Session) -> None:
         # All sessions share this target folder, so the engine is compiled once.
         env = {"CARGO_TARGET_DIR": str(ROOT / "target"), "JOTLIGHT_DATA": str(DATA)}
         session.run("bash", "-ec", blocks[1], env=env, external=True)
-        session.run("bash", "-ec", f".venv/{PROGRAMS}/pytest -m '{SLOW}'", env=env, external=True)
+        # Slow tests often wait for a signal or for another process, so there are two per core.
+        processes = 2 * (os.cpu_count() or 1)
+        slow = f".venv/{PROGRAMS}/pytest -m '{SLOW}' --numprocesses={processes}"
+        session.run("bash", "-ec", slow, env=env, external=True)
 
 
 @nox.session(venv_backend="none", tags=["gate"])

@@ -16,13 +16,10 @@ from pathlib import Path
 import hypothesis
 import numpy as np
 import pytest
-from cyclopts import App
 from PIL import Image
 
 import jotlight as jl
-from assembled_options import assemble_once
 from chromium import chromium
-from jotlight.cli import app, console
 
 hypothesis.settings.register_profile("quick", max_examples=30, deadline=None, derandomize=True)
 hypothesis.settings.register_profile("slow", max_examples=1000, deadline=None)
@@ -80,6 +77,12 @@ def run(monkeypatch, tmp_path, capsys):
 
     It returns the exit status, and everything that the command printed.
     """
+    # The process that distributes the tests does not need these.
+    from cyclopts import App
+
+    from assembled_options import assemble_once
+    from jotlight.cli import app, console
+
     monkeypatch.chdir(tmp_path)
     # Rich breaks lines at the terminal's width.
     monkeypatch.setattr(console.out, "width", 200)

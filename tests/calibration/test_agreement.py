@@ -32,7 +32,7 @@ def calibrate(dark, flat, frames=1000, flat_frames=1000, **options):
 @pytest.mark.parametrize(
     ("light", "flat_frames"),
     [
-        (0.7, 2),
+        pytest.param(0.7, 2, marks=pytest.mark.slow),
         pytest.param(0.7, 10, marks=pytest.mark.slow),
         pytest.param(2.0, 10, marks=pytest.mark.slow),
         pytest.param(0.05, 1000, marks=pytest.mark.slow),

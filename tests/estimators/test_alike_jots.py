@@ -3,6 +3,8 @@
 Estimates of sensors with maps are compared with those of a sensor whose jots are all alike.
 """
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -22,13 +24,20 @@ def photograph():
     return jl.datasets.photograph("camera")[60:252:2, 160:352:2].astype(float)
 
 
+@functools.cache
+def large_maps():
+    """Return maps of efficiency and dark counts for the mean of many jots."""
+    rng = np.random.default_rng(1)
+    return rng.uniform(0.3, 1, (1, 256, 256)), rng.gamma(1, 0.1, (1, 256, 256))
+
+
 @pytest.mark.parametrize(
     ("threshold", "light"), [(1, 0.05), (1, 0.6), (1, 2.0), (3, 0.6), (3, 2.0), (3, 6.0)]
 )
 @pytest.mark.parametrize("trials", [2, pytest.param(16, marks=pytest.mark.exhaustive), 300])
 def test_fractions_have_the_mean_and_the_variance_of_the_reference_jot(threshold, light, trials):
-    rng = np.random.default_rng(1)
-    efficiency, dark = rng.uniform(0.3, 1, (1, 256, 256)), rng.gamma(1, 0.1, (1, 256, 256))
+    rng = np.random.default_rng(2)
+    efficiency, dark = large_maps()
     own = detection_probability(threshold, efficiency * light + dark)
     reference = 0.6, 0.08
     p = detection_probability(threshold, reference[0] * light + reference[1])

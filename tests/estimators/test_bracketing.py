@@ -114,7 +114,8 @@ def test_no_other_division_of_the_frames_is_much_better():
     exposures, light = [1.0, 1 / 8, 1 / 64], (0.1, 60.0)
     sensor = jl.Sensor(frames=6)
     plan = jl.plan_brackets(sensor, light, exposures=exposures)
-    choice = Choice(sensor, [(exposure, 1) for exposure in exposures], plan.light)
+    # The lowest quality at a part of the levels is at least that at all of them.
+    choice = Choice(sensor, [(exposure, 1) for exposure in exposures], plan.light[::4])
     qualities = [
         np.minimum(choice.snr(numbers), choice.bound(numbers)).min()
         for first, second in itertools.product(range(7), repeat=2)
@@ -145,10 +146,14 @@ def test_the_snr_is_that_of_simulated_captures(sensor, light):
         assert plan.snr[index] == pytest.approx(-10 * np.log10(np.mean(error**2)), abs=1.0)
 
 
+@pytest.fixture(scope="module")
+def plan_of_few_frames():
+    return jl.plan_brackets(jl.Sensor(frames=8), (0.1, 60.0), exposures=[1.0, 1 / 32])
+
+
 @pytest.mark.parametrize("light", [0.1, 3.0, 12.0])
-def test_the_snr_of_few_frames_is_that_of_simulated_captures(light):
-    exposures = [1.0, 1 / 32]
-    plan = jl.plan_brackets(jl.Sensor(frames=8), (0.1, 60.0), exposures=exposures)
+def test_the_snr_of_few_frames_is_that_of_simulated_captures(plan_of_few_frames, light):
+    plan = plan_of_few_frames
     index = int(np.argmin(abs(plan.light - light)))
     bits = plan.sensor.expose(np.full((70, 70), plan.light[index]), rng=1)
     error = jl.mle(bits).astype(np.float64) / plan.light[index] - 1

@@ -19,21 +19,29 @@ def simulated(sensor, light, frames, rng, number=10_000):
     return np.sqrt(np.mean((estimate.astype(np.float64) * unit - light) ** 2))
 
 
+KINDS = [
+    ({"bit_depth": 2}, 4, 0.6),
+    ({"bit_depth": 4}, 1, 0.6),
+    ({"bit_depth": 4}, 16, 0.6),
+    ({"bit_depth": 4}, 64, 0.3),
+    ({"bit_depth": 8}, 16, 0.6),
+    ({"bit_depth": 12}, 4, 0.6),
+    ({"read_noise": 0.3}, 4, 0.6),
+    ({"bit_depth": 4, "read_noise": 0.4, "efficiency": 0.7, "dark_counts": 0.1}, 64, 0.3),
+]
+
+
+def kinds_and_parts():
+    """Yield all products. The fast ones have every kind and every part."""
+    for i, kind in enumerate(KINDS):
+        for j, part in enumerate((0.5, 1.0, 1.3)):
+            marks = [] if i % 3 == j else [pytest.mark.slow]
+            yield pytest.param(*kind, part, marks=marks)
+
+
 @pytest.mark.parametrize(
-    ("options", "frames", "tolerance"),
-    [
-        ({"bit_depth": 2}, 4, 0.6),
-        ({"bit_depth": 4}, 1, 0.6),
-        ({"bit_depth": 4}, 16, 0.6),
-        ({"bit_depth": 4}, 64, 0.3),
-        ({"bit_depth": 8}, 16, 0.6),
-        ({"bit_depth": 12}, 4, 0.6),
-        ({"read_noise": 0.3}, 4, 0.6),
-        ({"bit_depth": 4, "read_noise": 0.4, "efficiency": 0.7, "dark_counts": 0.1}, 64, 0.3),
-    ],
-    ids=str,
+    ("options", "frames", "tolerance", "part"), list(kinds_and_parts()), ids=str
 )
-@pytest.mark.parametrize("part", [0.5, 1.0, 1.3])
 def test_the_error_is_that_of_simulated_captures(options, frames, tolerance, part):
     sensor = jl.Sensor(**options)
     light = part * sensor.max_reading / sensor.efficiency

@@ -66,7 +66,7 @@ def test_mostly_saturated_readings_of_two_bits_are_hardly_too_dark(frames, photo
     "sensor",
     [
         jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0]),
-        jl.Sensor(frames=3, gain=[0.5, 2.0, 8.0]),
+        pytest.param(jl.Sensor(frames=3, gain=[0.5, 2.0, 8.0]), marks=pytest.mark.slow),
         jl.Sensor(bit_depth=2, gain=6.0),
         pytest.param(jl.Sensor(frames=4, gain=8.0, threshold=[1, 1, 1, 5]), marks=pytest.mark.slow),
         pytest.param(

@@ -86,9 +86,9 @@ def test_a_scene_that_begins_to_move_is_aligned_afresh():
 @pytest.mark.filterwarnings("ignore:the motion does not explain the scene")
 @pytest.mark.slow
 def test_another_scene_is_aligned_afresh():
-    _, first = moving("shake", 64)
+    _, first = moving("shake", 64, (64, 64))
     second = jl.datasets.moving(
-        PHOTO[200:], "shake", sensor=jl.Sensor(frames=64), shape=(96, 96), photons=0.5, rng=5
+        PHOTO[200:], "shake", sensor=jl.Sensor(frames=64), shape=(64, 64), photons=0.5, rng=5
     )
     packed = np.concatenate([first.packed, np.asarray(second.bits.packed)])
     images = list(film(jl.Bits(packed, first.width), window=32, step=8))

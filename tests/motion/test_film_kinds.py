@@ -73,7 +73,7 @@ def test_live_images_are_those_of_a_causal_film(frames, window, step, model, sha
 
 @pytest.mark.slow
 def test_a_causal_film_remembers_colors():
-    scene, bits = behind(frames=2 * FRAMES)
+    scene, bits = behind(frames=2 * FRAMES, shape=SIZE)
     last = [
         list(film(bits, window=48, step=12, causal=True, memory=memory))[-1]
         for memory in (False, None)

@@ -39,6 +39,13 @@ def scene_of(motion="shake", gain=3.0, oversampling=1, **options):
     return scene, jl.Bits(np.asarray(scene.bits.packed), scene.bits.width, scene.bits.sensor)
 
 
+@functools.cache
+def aligned(motion="shake", **options):
+    """Return a scene, its bits, and their estimated motion."""
+    scene, bits = scene_of(motion, **options)
+    return scene, bits, jl.align(bits)
+
+
 def quality(data, truth):
     inner = (slice(8, -8),) * 2
     return psnr(jl.reconstruct(data)[inner], truth[inner], data_range=1.0)
@@ -49,8 +56,7 @@ def quality(data, truth):
 )
 def test_a_moving_scene_is_about_as_good_as_one_that_stands_still(oversampling, loss):
     """With an oversampling of 2, scenes with one threshold lose as much."""
-    scene, bits = scene_of(oversampling=oversampling)
-    motion = jl.align(bits)
+    scene, bits, motion = aligned(oversampling=oversampling)
     pixels = motion.at(80)[:, ::oversampling, ::oversampling] / oversampling
     error = pixels - scene.motion(80, FRAMES // 2)
     assert np.sqrt((error**2).mean()) < 0.2
@@ -73,8 +79,8 @@ def test_other_motions_and_light_are_served(motion, gain):
 
 @pytest.mark.parametrize("motion", ["shake", pytest.param("static", marks=pytest.mark.slow)])
 def test_merging_alone_is_merging_along_what_align_returns(motion):
-    _, bits = scene_of(motion)
-    merged, expected = jl.merge(bits), jl.merge(bits, motion=jl.align(bits))
+    _, bits, found = aligned(motion)
+    merged, expected = jl.merge(bits), jl.merge(bits, motion=found)
     for name in ("ones", "trials", "flags"):
         np.testing.assert_array_equal(getattr(merged, name), getattr(expected, name))
 

@@ -57,7 +57,9 @@ def test_one_tied_network_serves_jots_and_frames(sensor):
 def test_changes_of_a_nested_history_stay_with_their_copy():
     first, second = (pretrained(jl.Sensor(frames=16), "small") for _ in range(2))
     first.history["run"]["patches"] = "changed"
+    first.history["records"]["loss"].append("changed")
     assert second.history["run"].get("patches") != "changed"
+    assert second.history["records"]["loss"][-1] != "changed"
     assert pretrained(jl.Sensor(frames=16), "small").history == second.history
 
 

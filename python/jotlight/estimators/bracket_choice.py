@@ -1,5 +1,7 @@
 """The numbers of frames of each exposure and threshold with the highest SNR in a range of light."""
 
+import functools
+
 import numpy as np
 import numpy.typing as npt
 
@@ -23,6 +25,8 @@ _MAX_EXCHANGES = 100
 _MIN_GAIN = 0.01
 """Smallest gain in dB for which a frame moves."""
 
+_MAX_KEPT = 1 << 12
+"""Maximum number of SNRs that are kept, for numbers of frames and levels of light."""
 
 _PRECISION = 2.0**-24
 """Smallest relative error of an estimate, which is a float32."""
@@ -52,6 +56,8 @@ class Choice:
         self._estimates = PlannedEstimates(self._groups, float(levels[-1]))
         self._max_light = sensor.max_intensity * sensor.light_per_intensity
         self._bounds = self._squared_snr(1.0)
+        # A choice that was better than others is compared with the next ones, and returned.
+        self._kept_snr = functools.lru_cache(_MAX_KEPT)(self._compute_snr)
 
     def best(self, frames: int) -> Numbers:
         """Return numbers of frames whose lowest quality is high.
@@ -106,8 +112,12 @@ class Choice:
         return max(*lights, float(self._levels[-1]))
 
     def _snr_at(self, numbers: Numbers, level: float) -> float:
-        readings = [int(number) * self._jots for number in numbers]
-        _, mse = self._estimates.bias_and_mse(readings, float(level), self.max_light(numbers))
+        return self._kept_snr(tuple(numbers.tolist()), float(level))
+
+    def _compute_snr(self, numbers: tuple[int, ...], level: float) -> float:
+        readings = [number * self._jots for number in numbers]
+        largest = self.max_light(np.array(numbers))
+        _, mse = self._estimates.bias_and_mse(readings, level, largest)
         return float(-10 * np.log10(max(mse / level**2, _PRECISION**2)))
 
     def _quality(self, numbers: Numbers) -> Array:
