@@ -26,11 +26,41 @@ def refuse_frames(data: object) -> None:
 
 
 def as_path(path: object, call: str) -> Path:
-    """Return a path. Refuse an empty text and other arguments, with an example of the call."""
+    """Return a path, in which a leading ``~`` becomes the home folder, as in a shell.
+
+    Refuse an empty text and other arguments, with an example of the call.
+    """
     if not isinstance(path, str | os.PathLike):
         raise TypeError(
             f"path: expected the name of a file, as in {call}, got {type(path).__name__}"
         )
     if not os.fspath(path):
         raise ValueError(f"path: expected the name of a file, as in {call}, got an empty text")
-    return Path(path)
+    return Path(expand_home(os.fspath(path)))
+
+
+def expand_home(path: str) -> str:
+    """Return the text of a path, in which a leading ``~`` or ``~user`` is the home folder.
+
+    Examples
+    --------
+    >>> expand_home("~/a.npy") == str(Path.home() / "a.npy"), expand_home("a~.npy")
+    (True, 'a~.npy')
+    """
+    return os.path.expanduser(path)  # noqa: PTH111  Path.expanduser refuses unknown users.
+
+
+def as_tensors_path(path: object, call: str) -> Path:
+    """Return the path of a file of tensors to write. Refuse a name with another ending.
+
+    Examples
+    --------
+    >>> as_tensors_path("mine.npy", 'network.save("mine.safetensors")')
+    Traceback (most recent call last):
+      ...
+    ValueError: mine.npy: expected a name that ends in .safetensors, as in network.save(...)
+    """
+    path = as_path(path, call)
+    if path.suffix.lower() != ".safetensors":
+        raise ValueError(f"{path}: expected a name that ends in .safetensors, as in {call}")
+    return path

@@ -52,6 +52,15 @@ def test_the_help_of_a_command_has_a_short_name(run):
     assert output == run("plan", "--help")[1]
 
 
+def test_the_home_folder_is_found_where_a_shell_leaves_the_tilde(run, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    jl.save(jl.Sensor(frames=4).expose(np.full((8, 8), 0.5), rng=0), tmp_path / "a.npy")
+    assert run("info", "~/a.npy")[0] == 0
+    assert run("reconstruct", "~/a.npy", "--output=~/a.tif", "--method", "mle")[0] == 0
+    assert jl.read_image(tmp_path / "a.tif").shape == (8, 8)
+
+
 HELP: dict[str, str] = {}
 
 

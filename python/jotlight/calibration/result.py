@@ -3,12 +3,12 @@
 import dataclasses
 import json
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.argument_types import as_path, as_tensors_path
 from jotlight.calibration.agreement import warn_about_conflict
 from jotlight.calibration.bulk import Bulk
 from jotlight.calibration.fields import CalibrationFields
@@ -234,6 +234,7 @@ class Calibration(CalibrationFields):
         >>> jl.Calibration.load(path).sensor(16) == calibration.sensor(16)
         True
         """
+        path = as_tensors_path(path, 'calibration.save("camera.safetensors")')
         tensors: Tensors = {}
         for name in MAPS:
             value = getattr(self, name)
@@ -258,7 +259,7 @@ class Calibration(CalibrationFields):
         ValueError
             If it is damaged, or not a calibration.
         """
-        path = Path(path)
+        path = as_path(path, 'jotlight.Calibration.load("camera.safetensors")')
         if not path.is_file():
             raise FileNotFoundError(f"there is no file {path}")
         tensors, metadata = read_tensors(path, FORMAT, _VERSION)

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from jotlight.argument_types import expand_home
 from jotlight.formats.file_systems import expand_url, url_state
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+(::[A-Za-z0-9+.\-/]+)*://")
@@ -63,7 +64,7 @@ def is_glob(path: str) -> bool:
     """
     if is_url(path):
         return re.search(r"[*\[]", path) is not None
-    return glob.has_magic(path) and not Path(path).exists()
+    return glob.has_magic(path) and not Path(expand_home(path)).exists()
 
 
 def expand(path: str, storage_options: dict[str, Any] | None = None) -> list[str]:
@@ -79,7 +80,7 @@ def expand(path: str, storage_options: dict[str, Any] | None = None) -> list[str
     if is_url(path):
         found = expand_url(path, storage_options)
     else:
-        found = sorted(glob.glob(path, recursive=True))  # noqa: PTH207
+        found = sorted(glob.glob(expand_home(path), recursive=True))  # noqa: PTH207
     if not found:
         raise FileNotFoundError(f"there is no file {path}: the pattern matches nothing")
     return found
