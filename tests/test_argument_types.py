@@ -26,6 +26,18 @@ def test_an_empty_text_is_no_path():
         as_path("", "open(path)")
 
 
+def test_the_current_folder_has_a_name(tmp_path, monkeypatch):
+    folder = tmp_path / "frames"
+    (folder / "below").mkdir(parents=True)
+    for number in range(2):
+        jl.save(np.eye(4, 5, dtype=int), folder / f"{number}.png")
+    monkeypatch.chdir(folder)
+    assert jl.open(".", unpacked=True).provenance.name == "frames"
+    monkeypatch.chdir(folder / "below")
+    assert jl.open("..", unpacked=True).provenance.name == "frames"
+    assert as_path("../0.png", "open(path)").parts == ("..", "0.png")
+
+
 def test_every_function_takes_the_home_folder(tmp_path, monkeypatch):
     home = tmp_path / "home"
     home.mkdir()

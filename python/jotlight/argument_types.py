@@ -26,7 +26,7 @@ def refuse_frames(data: object) -> None:
 
 
 def as_path(path: object, call: str) -> Path:
-    """Return a path, in which a leading ``~`` becomes the home folder, as in a shell.
+    """Return a path as :func:`complete_path` completes it.
 
     Refuse an empty text and other arguments, with an example of the call.
     """
@@ -36,18 +36,24 @@ def as_path(path: object, call: str) -> Path:
         )
     if not os.fspath(path):
         raise ValueError(f"path: expected the name of a file, as in {call}, got an empty text")
-    return Path(expand_home(os.fspath(path)))
+    return Path(complete_path(os.fspath(path)))
 
 
-def expand_home(path: str) -> str:
-    """Return the text of a path, in which a leading ``~`` or ``~user`` is the home folder.
+def complete_path(path: str) -> str:
+    """Return the text of a path with a name, in which a leading ``~`` is the home folder.
+
+    The paths ``.`` and ``..`` have no name of their own, but results and messages state one.
 
     Examples
     --------
-    >>> expand_home("~/a.npy") == str(Path.home() / "a.npy"), expand_home("a~.npy")
+    >>> complete_path("~/a.npy") == str(Path.home() / "a.npy"), complete_path("a~.npy")
     (True, 'a~.npy')
+    >>> complete_path(".") == str(Path.cwd())
+    True
     """
-    return os.path.expanduser(path)  # noqa: PTH111  Path.expanduser refuses unknown users.
+    expanded = os.path.expanduser(path)  # noqa: PTH111  Path.expanduser refuses unknown users.
+    has_name = not expanded or Path(expanded).name not in ("", "..")
+    return expanded if has_name else str(Path(expanded).resolve())
 
 
 def as_tensors_path(path: object, call: str) -> Path:
