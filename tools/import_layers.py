@@ -21,7 +21,7 @@ ENGINE = "_engine"
 ORDER = (
     "errors seeds checks parameter_names notebook bars blur squares drawing figures progress "
     "chunks interrupts layout memory output_files temporary_names files tensors argument_types < "
-    "metrics < sensing < calibration formats < estimators images < datasets networks < motion "
+    "sensing < calibration formats metrics < estimators images < datasets networks < motion "
     "training < torch plots < evaluation < dask experiments < view < cli napari < jotlight"
 )
 """The units, from the lowest rank to the highest; `jotlight` is `__init__.py` and `__main__.py`."""

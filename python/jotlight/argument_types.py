@@ -26,11 +26,47 @@ def refuse_frames(data: object) -> None:
 
 
 def as_path(path: object, call: str) -> Path:
-    """Return a path. Refuse an empty text and other arguments, with an example of the call."""
+    """Return a path as :func:`complete_path` completes it.
+
+    Refuse an empty text and other arguments, with an example of the call.
+    """
     if not isinstance(path, str | os.PathLike):
         raise TypeError(
             f"path: expected the name of a file, as in {call}, got {type(path).__name__}"
         )
     if not os.fspath(path):
         raise ValueError(f"path: expected the name of a file, as in {call}, got an empty text")
-    return Path(path)
+    return Path(complete_path(os.fspath(path)))
+
+
+def complete_path(path: str) -> str:
+    """Return the text of a path with a name, in which a leading ``~`` is the home folder.
+
+    The paths ``.`` and ``..`` have no name of their own, but results and messages state one.
+
+    Examples
+    --------
+    >>> complete_path("~/a.npy") == str(Path.home() / "a.npy"), complete_path("a~.npy")
+    (True, 'a~.npy')
+    >>> complete_path(".") == str(Path.cwd())
+    True
+    """
+    expanded = os.path.expanduser(path)  # noqa: PTH111  Path.expanduser refuses unknown users.
+    has_name = not expanded or Path(expanded).name not in ("", "..")
+    return expanded if has_name else str(Path(expanded).resolve())
+
+
+def as_tensors_path(path: object, call: str) -> Path:
+    """Return the path of a file of tensors to write. Refuse a name with another ending.
+
+    Examples
+    --------
+    >>> as_tensors_path("mine.npy", 'network.save("mine.safetensors")')
+    Traceback (most recent call last):
+      ...
+    ValueError: mine.npy: expected a name that ends in .safetensors, as in network.save(...)
+    """
+    path = as_path(path, call)
+    if path.suffix.lower() != ".safetensors":
+        raise ValueError(f"{path}: expected a name that ends in .safetensors, as in {call}")
+    return path

@@ -4,14 +4,18 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import positive_number, refuse_masked, require_intensities, to_array
+from jotlight.errors import warn
 from jotlight.interrupts import interruptible
 from jotlight.layout import Layout
+from jotlight.sensing.intensity_scale import gray_levels
 
 WINDOW = 11
 """Side of the window of SSIM, in pixels."""
 
 
-def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1.0) -> float:
+def psnr(
+    estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float | None = None
+) -> float:
     """Return the peak signal-to-noise ratio in dB, 10 log10(R² / mean((ĉ - c)²)).
 
     It is infinite for equal images.
@@ -20,8 +24,8 @@ def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1
     ----------
     estimate, truth : array_like of float, shape (H, W) or with more axes
         ĉ and c, images of the same shape.
-    data_range : float
-        R: the largest possible intensity, above 0.
+    data_range : float, optional
+        R: the largest possible intensity, above 0. Default: 1.
 
     Raises
     ------
@@ -29,13 +33,18 @@ def psnr(estimate: npt.ArrayLike, truth: npt.ArrayLike, *, data_range: float = 1
         When the images are not plain arrays of floats, are empty, or have different shapes, or the
         range is not a finite number above 0.
 
+    Warns
+    -----
+    JotlightWarning
+        When the range is not stated, and the true image looks like gray levels of 8 or 16 bits.
+
     Examples
     --------
     >>> round(psnr([[0.5]], [[0.6]]), 9)
     20.0
     """
     a, b = _pair(estimate, truth)
-    peak = positive_number("data_range", data_range)
+    peak = _checked_range(data_range, b)
     return _decibel(peak**2, np.mean((a - b) ** 2))
 
 
@@ -67,7 +76,7 @@ def ssim(
     estimate: npt.ArrayLike,
     truth: npt.ArrayLike,
     *,
-    data_range: float = 1.0,
+    data_range: float | None = None,
     channel_axis: int | None = None,
 ) -> float:
     """Return the structural similarity of Wang et al. (2004), at most 1.
@@ -81,8 +90,8 @@ def ssim(
     ----------
     estimate, truth : array_like of float, shape (..., H, W)
         ĉ and c, images of the same shape, with at least 11 x 11 pixels.
-    data_range : float
-        R: the largest possible intensity, above 0.
+    data_range : float, optional
+        R: the largest possible intensity, above 0. Default: 1.
     channel_axis : int, optional
         The axis of color channels. Default: none.
 
@@ -92,6 +101,11 @@ def ssim(
         When the images are not plain arrays of floats, are too small, have different shapes, or
         look like color without a channel axis, or the range is not a finite number above 0.
 
+    Warns
+    -----
+    JotlightWarning
+        When the range is not stated, and the true image looks like gray levels of 8 or 16 bits.
+
     Examples
     --------
     >>> image = np.linspace(0, 1, 256).reshape(16, 16)
@@ -100,8 +114,8 @@ def ssim(
     """
     from skimage.metrics import structural_similarity
 
-    peak = positive_number("data_range", data_range)
     a, b = _pair(estimate, truth)
+    peak = _checked_range(data_range, b)
     layout = Layout.of("estimate", a, channel_axis)
     a, b = layout.split(a), layout.split(b)
     if min(a.shape[1:]) < WINDOW:
@@ -134,7 +148,20 @@ def ssim_or_none(
     """
     if min(Layout(channel_axis=channel_axis).moved(truth).shape[-2:]) < WINDOW:
         return None
-    return ssim(estimate, truth, channel_axis=channel_axis)
+    return ssim(estimate, truth, data_range=1.0, channel_axis=channel_axis)
+
+
+def _checked_range(data_range: float | None, truth: npt.NDArray[np.float64]) -> float:
+    """Return the range R. Warn about gray levels if it is not stated."""
+    if data_range is not None:
+        return positive_number("data_range", data_range)
+    found = gray_levels([truth], 1.0)
+    if found is not None:
+        warn(
+            f"data_range: the largest possible intensity is 1 by default, but truth has values up "
+            f"to {found.highest:.4g}; pass data_range={found.level} for gray levels, or 1.0"
+        )
+    return 1.0
 
 
 def _pair(

@@ -28,8 +28,22 @@ def test_what_is_saved_is_loaded(calibration, tmp_path):
         np.testing.assert_array_equal(getattr(again, name), getattr(calibration, name))
     np.testing.assert_array_equal(again.flat_steadiness.map, calibration.flat_steadiness.map)
     assert again.provenance == {"dark": Provenance("npy", "dark.npy")}
+    assert again == calibration
+    assert hash(again) == hash(calibration)
     again.save(tmp_path / "b.safetensors")
     assert (tmp_path / "a.safetensors").read_bytes() == (tmp_path / "b.safetensors").read_bytes()
+
+
+def test_calibrations_that_differ_are_not_equal(calibration):
+    hot = calibration.hot.copy()
+    hot[0, 0] = not hot[0, 0]
+    assert calibration != dataclasses.replace(calibration, hot=hot)
+    assert calibration != dataclasses.replace(calibration, hot=hot[:-1])
+    assert calibration != dataclasses.replace(calibration, scale=2 * calibration.scale)
+    assert calibration != dataclasses.replace(calibration, provenance={})
+    assert calibration != dataclasses.replace(calibration, flat_ones=None)
+    assert calibration != "calibration"
+    assert len({calibration, dataclasses.replace(calibration)}) == 1
 
 
 HOSTILE = {

@@ -52,6 +52,29 @@ def test_the_help_of_a_command_has_a_short_name(run):
     assert output == run("plan", "--help")[1]
 
 
+def test_the_home_folder_is_found_where_a_shell_leaves_the_tilde(run, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path))
+    jl.save(jl.Sensor(frames=4).expose(np.full((8, 8), 0.5), rng=0), tmp_path / "a.npy")
+    assert run("info", "~/a.npy")[0] == 0
+    assert run("reconstruct", "~/a.npy", "--output=~/a.tif", "--method", "mle")[0] == 0
+    assert jl.read_image(tmp_path / "a.tif").shape == (8, 8)
+
+
+def test_the_current_folder_is_a_capture(run, tmp_path, monkeypatch):
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for number in range(2):
+        jl.save(np.eye(4, 5, dtype=int), folder / f"{number}.png")
+    monkeypatch.chdir(folder)
+    options = "--unpacked", "--frames", "2", "--method", "mle"
+    status, output = run("info", ".")
+    assert status == 0
+    assert "4 x 5" in output
+    assert run("reconstruct", ".", *options, "-o", "../a.tif")[0] == 0
+    assert "frames" in run("info", "../a.tif")[1]
+
+
 HELP: dict[str, str] = {}
 
 

@@ -3,8 +3,9 @@
 import numpy as np
 
 import jotlight as jl
-from jotlight.estimators.bracket_choice import Choice, divide_frames
+from jotlight.estimators.bracket_choice import Choice, _moves, divide_frames
 from jotlight.estimators.bracketing import snr_bound
+from jotlight.estimators.planned_estimates import PlannedEstimates
 
 LEVELS = np.geomspace(0.1, 50.0, 9)
 SETTINGS = [(1.0, 1), (0.25, 1), (0.25, 3), (1 / 32, 1)]
@@ -49,3 +50,26 @@ def test_the_best_single_setting_is_the_best():
         numbers[index] = 12
         lowest.append(np.minimum(choice.snr(numbers), choice.bound(numbers)).min())
     assert single[np.argmax(lowest)] == 12
+
+
+def test_the_first_move_is_the_best_of_all_and_needs_few_levels(monkeypatch):
+    start, levels = np.array([4, 4, 2, 2]), np.geomspace(0.1, 50.0, 49)
+    choice = Choice(jl.Sensor(frames=12), SETTINGS, levels)
+    computed = []
+    monkeypatch.setattr(
+        PlannedEstimates, "bias_and_mse", counted(PlannedEstimates.bias_and_mse, computed)
+    )
+    found = choice._move_frame(start)
+    assert len(computed) < 200
+    moves = list(_moves(start))
+    assert len(moves) * len(levels) > 500
+    lowest = [np.minimum(choice.snr(moved), choice.bound(moved)).min() for moved in moves]
+    np.testing.assert_array_equal(found, moves[np.argmax(lowest)])
+
+
+def counted(function, calls):
+    def call(*arguments):
+        calls.append(arguments)
+        return function(*arguments)
+
+    return call

@@ -2,6 +2,7 @@
 
 import pytest
 
+import jotlight as jl
 from jotlight.formats.locations import files_state
 
 
@@ -16,3 +17,10 @@ def test_links_to_nothing_in_a_folder_do_not_count(tmp_path):
 def test_a_missing_capture_has_no_state(tmp_path):
     with pytest.raises(FileNotFoundError):
         files_state(tmp_path / "a.npy")
+
+
+def test_a_pattern_where_one_file_is_expected_has_advice(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"a\*\.npy; a pattern of many captures is for"):
+        jl.open(tmp_path / "a*.npy")
+    with pytest.raises(FileNotFoundError, match=r"a\.npy$"):
+        jl.open(tmp_path / "a.npy")

@@ -154,3 +154,10 @@ def test_an_array_of_numbers_keeps_its_type_and_is_read_back(tmp_path, kind, sha
     assert np.load(tmp_path / "a.npy").dtype == kind
     np.testing.assert_array_equal(jl.read_image(tmp_path / "a.npy"), image)
     assert jl.read_image(tmp_path / "a.npy", gray=True).shape == (9, 7)
+
+
+def test_channels_on_the_first_axis_have_advice(tmp_path):
+    with pytest.raises(ValueError, match=r"got \(3, 8, 9\).*pass np\.moveaxis\(image, 0, -1\)$"):
+        jl.save_image(tmp_path / "a.png", np.ones((3, 8, 9)))
+    with pytest.raises(ValueError, match=r"got \(5, 8, 9\).*a stack of images$"):
+        jl.save_image(tmp_path / "a.png", np.ones((5, 8, 9)))

@@ -163,6 +163,8 @@ def test_a_slice_without_frames_is_refused():
         (np.zeros((2, 2, 2), complex), TypeError, "0 and 1, got complex128"),
         ("1010", TypeError, "0 and 1, got <U4"),
         (np.full((2, 2, 2), 2), ValueError, "0 and 1 only, got 2 to 2"),
+        (np.full((2, 2, 2), 255), ValueError, "got 255 to 255; methods take an image of counts"),
+        (np.eye(3, dtype=np.uint8) * 255, ValueError, "to 255; pass array == 255 for black and"),
         (np.full((2, 2, 2), -1), ValueError, "0 and 1 only, got -1 to -1"),
         (np.array([[[0, 1, 255]]], np.uint8), ValueError, "got 0 to 255"),
         (np.zeros(8, bool), ValueError, r"expected shape \(T, H, W\)"),

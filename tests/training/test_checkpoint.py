@@ -248,11 +248,11 @@ DAMAGES = {
 
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
 def test_a_damaged_checkpoint_is_refused(tmp_path, damage):
-    path = tmp_path / "run"
+    path = tmp_path / "run.safetensors"
     with pytest.raises(KeyboardInterrupt):
         train(checkpoint=path, callback=stopping(1))
     damage(path)
-    with pytest.raises(ValueError, match=r"run: (damaged checkpoint|expected )"):
+    with pytest.raises(ValueError, match=r"run.safetensors: (damaged checkpoint|expected )"):
         train(checkpoint=path, resume=True)
 
 

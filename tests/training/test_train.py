@@ -62,8 +62,8 @@ def test_a_trained_network_and_its_file_record_the_run(tmp_path):
     trained, history = train(test=IMAGES[:1])
     np.testing.assert_array_equal(parameter_vector(START), parameters)
     assert START.history == metadata
-    trained.save(tmp_path / "net")
-    loaded = jl.Network.load(tmp_path / "net")
+    trained.save(tmp_path / "net.safetensors")
+    loaded = jl.Network.load(tmp_path / "net.safetensors")
     assert loaded.history == trained.history
     np.testing.assert_array_equal(parameter_vector(loaded), parameter_vector(trained))
     records = loaded.history["records"]

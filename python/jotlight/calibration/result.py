@@ -3,12 +3,12 @@
 import dataclasses
 import json
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.argument_types import as_path, as_tensors_path
 from jotlight.calibration.agreement import warn_about_conflict
 from jotlight.calibration.bulk import Bulk
 from jotlight.calibration.fields import CalibrationFields
@@ -198,6 +198,29 @@ class Calibration(CalibrationFields):
                 values[field.name] = value
         return values
 
+    def maps(self) -> Tensors:
+        """Return all maps over the jots by name, (H, W)."""
+        tensors: Tensors = {}
+        for name in MAPS:
+            value = getattr(self, name)
+            value = value.map if isinstance(value, Steadiness) else value
+            if value is not None:
+                tensors[name] = np.ascontiguousarray(value)
+        return tensors
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Calibration):
+            return NotImplemented
+        mine, theirs = self.maps(), other.maps()
+        return (
+            self.metadata() == other.metadata()
+            and mine.keys() == theirs.keys()
+            and all(np.array_equal(mine[name], theirs[name]) for name in mine)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.shape, self.dark_frames, self.flat_frames, int(self.dark_ones.sum())))
+
     def plot(self) -> "Figure":
         """Return a figure with the maps, the distributions and their limits, and the numbers."""
         return page(self)
@@ -231,21 +254,16 @@ class Calibration(CalibrationFields):
         >>> calibration = jl.calibrate(dark, frames=1000)
         >>> path = pathlib.Path(tempfile.mkdtemp()) / "mine.safetensors"
         >>> calibration.save(path)
-        >>> jl.Calibration.load(path).sensor(16) == calibration.sensor(16)
+        >>> jl.Calibration.load(path) == calibration
         True
         """
-        tensors: Tensors = {}
-        for name in MAPS:
-            value = getattr(self, name)
-            value = value.map if isinstance(value, Steadiness) else value
-            if value is not None:
-                tensors[name] = np.ascontiguousarray(value)
+        path = as_tensors_path(path, 'calibration.save("camera.safetensors")')
         metadata = {
             "format": FORMAT,
             "version": _VERSION,
             "numbers": json.dumps(self.metadata(), sort_keys=True),
         }
-        write_tensors(path, tensors, metadata)
+        write_tensors(path, self.maps(), metadata)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -258,7 +276,7 @@ class Calibration(CalibrationFields):
         ValueError
             If it is damaged, or not a calibration.
         """
-        path = Path(path)
+        path = as_path(path, 'jotlight.Calibration.load("camera.safetensors")')
         if not path.is_file():
             raise FileNotFoundError(f"there is no file {path}")
         tensors, metadata = read_tensors(path, FORMAT, _VERSION)

@@ -9,6 +9,7 @@ from cyclopts import App, CycloptsError, Group, Parameter, Token, UnknownOptionE
 from cyclopts import convert as convert_tokens
 
 from jotlight._engine import __version__
+from jotlight.argument_types import complete_path
 from jotlight.cli.calibrate import calibrate
 from jotlight.cli.compare import compare
 from jotlight.cli.console import err, error, out, show_warning
@@ -75,13 +76,15 @@ def _has_fraction(text: str) -> bool:
 def _convert(kind: Any, tokens: Sequence[Token]) -> Any:
     """Return the value of an option or an argument.
 
-    cyclopts would round a number with a fraction where a whole number is expected.
+    cyclopts would round a number with a fraction where a whole number is expected. Shells leave a
+    ``~`` as it is in ``--output=~/a.npy`` and inside quotes, and ``.`` has no name.
     """
     if kind is int or set(get_args(kind)) == {int, type(None)}:
         for token in tokens:
             if _has_fraction(token.value):
                 raise ValueError(f"expected a whole number, got {token.value}.")
-    return convert_tokens(kind, tokens)
+    expanded = [token.evolve(value=complete_path(token.value)) for token in tokens]
+    return convert_tokens(kind, expanded)
 
 
 app = App(

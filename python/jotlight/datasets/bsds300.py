@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.argument_types import as_path
 from jotlight.datasets.fetch import Progress, RemoteFiles, fetch, split_progress
 from jotlight.images.sets import check_first, read_image_set
 
@@ -103,7 +104,8 @@ def bsds300(
         raise ValueError(f"split: expected 'train' or 'test', got {split!r}")
     check_first(first)
     if folder is not None:
-        return read_image_set(_split_folder(Path(folder), split), first=first, progress=progress)
+        stored = _split_folder(as_path(folder, 'bsds300(folder="photos")'), split)
+        return read_image_set(stored, first=first, progress=progress)
     source = _remote_files()
     names = sorted(name for name in source.urls if name.startswith(f"bsds300/{split}/"))[:first]
     fetching, reading = split_progress(progress)

@@ -1,11 +1,11 @@
 """The small images of CIFAR-10."""
 
 import os
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.argument_types import as_path
 from jotlight.datasets import cifar10_files
 from jotlight.datasets.fetch import Progress, RemoteFiles, fetch, split_progress
 from jotlight.images.sets import check_first
@@ -96,7 +96,7 @@ def cifar10(
         folder = fetch(source, source.urls, fetching)
         batches = cifar10_files.read_archive(folder / cifar10_files.ARCHIVE, names)
     else:
-        batches = cifar10_files.read_folder(Path(folder), split, names)
+        batches = cifar10_files.read_folder(as_path(folder, 'cifar10(folder="data")'), split, names)
     levels: list[npt.NDArray[np.uint8]] = []
     for batch in batches:
         levels.append(batch)

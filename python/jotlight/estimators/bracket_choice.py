@@ -1,6 +1,7 @@
 """The numbers of frames of each exposure and threshold with the highest SNR in a range of light."""
 
 import functools
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +26,8 @@ _MAX_EXCHANGES = 100
 _MIN_GAIN = 0.01
 """Smallest gain in dB for which a frame moves."""
 
-_MAX_KEPT = 1 << 12
-"""Maximum number of SNRs that are kept, for numbers of frames and levels of light."""
+_MAX_KEPT = 1 << 14
+"""Maximum number of values of the SNR that are kept."""
 
 _PRECISION = 2.0**-24
 """Smallest relative error of an estimate, which is a float32."""
@@ -56,8 +57,7 @@ class Choice:
         self._estimates = PlannedEstimates(self._groups, float(levels[-1]))
         self._max_light = sensor.max_intensity * sensor.light_per_intensity
         self._bounds = self._squared_snr(1.0)
-        # A choice that was better than others is compared with the next ones, and returned.
-        self._kept_snr = functools.lru_cache(_MAX_KEPT)(self._compute_snr)
+        self._snr_at = functools.lru_cache(_MAX_KEPT)(self._snr_of)
 
     def best(self, frames: int) -> Numbers:
         """Return numbers of frames whose lowest quality is high.
@@ -97,7 +97,8 @@ class Choice:
 
     def snr(self, numbers: Numbers) -> Array:
         """Return the light over the root mean square error of the estimate, in dB, (N,)."""
-        return np.array([self._snr_at(numbers, level) for level in self._levels])
+        key = tuple(numbers.tolist())
+        return np.array([self._snr_at(key, index) for index in range(len(self._levels))])
 
     def max_light(self, numbers: Numbers) -> float:
         """Return the largest estimate of light, in photons per frame of the longest exposure."""
@@ -111,12 +112,10 @@ class Choice:
         ]
         return max(*lights, float(self._levels[-1]))
 
-    def _snr_at(self, numbers: Numbers, level: float) -> float:
-        return self._kept_snr(tuple(numbers.tolist()), float(level))
-
-    def _compute_snr(self, numbers: tuple[int, ...], level: float) -> float:
+    def _snr_of(self, numbers: tuple[int, ...], index: int) -> float:
+        """Return the SNR at a level."""
         readings = [number * self._jots for number in numbers]
-        largest = self.max_light(np.array(numbers))
+        level, largest = float(self._levels[index]), self.max_light(np.array(numbers))
         _, mse = self._estimates.bias_and_mse(readings, level, largest)
         return float(-10 * np.log10(max(mse / level**2, _PRECISION**2)))
 
@@ -128,36 +127,44 @@ class Choice:
         """
         return np.minimum(self.snr(numbers), self.bound(numbers))
 
-    def _lowest_quality(self, numbers: Numbers, needed: float, first: list[int]) -> float:
+    def _lowest_quality(
+        self, numbers: Numbers, needed: float, first: list[int], stop: int | None = None
+    ) -> float:
         """Return the lowest quality, or a value up to `needed` if it is not above.
 
-        Most choices fail at one of the levels `first`.
+        Most choices fail at one of the levels `first`. A level at which one fails becomes the first
+        of them, because the next one probably fails there, too. Only `stop` levels are compared.
         """
         others = [index for index in range(len(self._levels)) if index not in first]
         lowest = float(self.bound(numbers).min())
         if lowest <= needed:
             return lowest
-        for index in [*first, *others]:
-            lowest = min(lowest, self._snr_at(numbers, self._levels[index]))
+        key = tuple(numbers.tolist())
+        for index in [*first, *others][:stop]:
+            lowest = min(lowest, self._snr_at(key, index))
             if lowest <= needed:
+                first[:] = [index, *(each for each in first if each != index)]
                 break
         return lowest
 
     def _move_frame(self, numbers: Numbers) -> Numbers | None:
-        """Return numbers of frames after the best move of one of them, or None if none helps."""
+        """Return numbers of frames after the best move of one of them, or None if none helps.
+
+        The moves that help most where the quality is lowest come first: they are probably the best,
+        and then the others need few levels.
+        """
         quality = self._quality(numbers)
         needed, better = float(quality.min()) + _MIN_GAIN, None
         first = [int(index) for index in np.argsort(quality)[:3]]
-        for source in np.flatnonzero(numbers):
-            for target in range(len(numbers)):
-                moved = numbers.copy()
-                moved[source] -= 1
-                moved[target] += 1
-                if (
-                    source != target
-                    and (found := self._lowest_quality(moved, needed, first)) > needed
-                ):
-                    needed, better = found, moved
+        found = [
+            (self._lowest_quality(moved, needed, first[:1], stop=1), moved)
+            for moved in _moves(numbers)
+        ]
+        for highest, moved in sorted(found, key=lambda each: -each[0]):
+            if highest <= needed:
+                break
+            if (lowest := self._lowest_quality(moved, needed, first)) > needed:
+                needed, better = lowest, moved
         return better
 
     def _squared_snr(self, factor: float) -> Array:
@@ -181,6 +188,23 @@ class Choice:
             overlap = np.bincount(rows, np.sqrt(near[0] * near[1]), light.size)
             out[:] = -8 / np.log(factor) ** 2 * np.log(np.clip(overlap, 1e-300, 1))
         return squares
+
+
+def _moves(numbers: Numbers) -> Iterator[Numbers]:
+    """Yield the numbers of frames after each move of a frame to another setting.
+
+    Examples
+    --------
+    >>> [moved.tolist() for moved in _moves(np.array([2, 0, 1]))]
+    [[1, 1, 1], [1, 0, 2], [3, 0, 0], [2, 1, 0]]
+    """
+    for source in np.flatnonzero(numbers):
+        for target in range(len(numbers)):
+            if source != target:
+                moved = numbers.copy()
+                moved[source] -= 1
+                moved[target] += 1
+                yield moved
 
 
 def divide_frames(squares: Array, frames: int) -> Numbers:

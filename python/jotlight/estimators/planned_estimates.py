@@ -51,8 +51,8 @@ Part = tuple[int, Array, Array]
 _LEVELS = 257
 """Number of levels of light for each group at which sums are expected."""
 
-_MAX_SCORES = 256
-"""Maximum number of levels and groups whose scores are kept."""
+_MAX_SCORES = 1 << 11
+"""Maximum number of levels and groups whose scores are kept, each in up to 40 kB."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -249,9 +249,25 @@ def _probabilities_of_sums(parts: list[Part], step: float, length: int) -> Array
         upper = probabilities * (values / step - place)
         one = np.bincount(place % length, probabilities - upper, length)
         one += np.bincount((place + 1) % length, upper, length)
-        transform *= rfft(one) ** number
+        transform *= _power(rfft(one), number)
     weights = irfft(transform, length)
     return np.asarray(np.where(weights < _NEGLIGIBLE, 0, weights))
+
+
+def _power(values: npt.NDArray[np.complex128], exponent: int) -> npt.NDArray[np.complex128]:
+    """Return a positive whole power of complex numbers by squaring, as NumPy's power is slow.
+
+    Examples
+    --------
+    >>> _power(np.array([1j, 2.0]), 5).tolist()
+    [1j, (32+0j)]
+    """
+    power = values if exponent % 2 else np.ones_like(values)
+    while exponent := exponent >> 1:
+        values = values * values
+        if exponent % 2:
+            power = power * values
+    return power
 
 
 def _invert(

@@ -109,7 +109,8 @@ def compare_methods(
         estimate = method.run(bits, sensor, threads=threads, **options)
         seconds = time.perf_counter() - start
         ssim = metrics.ssim_or_none(estimate, image, last_channel_axis(image))
-        results.append(MethodResult(name, estimate, metrics.psnr(estimate, image), ssim, seconds))
+        psnr = metrics.psnr(estimate, image, data_range=1.0)
+        results.append(MethodResult(name, estimate, psnr, ssim, seconds))
     return results
 
 

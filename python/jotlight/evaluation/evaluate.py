@@ -203,9 +203,8 @@ def evaluate(
                 image = np.moveaxis(image, channel_axis, -1)
             axis = None if channel_axis is None else -1
             ssim = metrics.ssim_or_none(estimate, image, axis)
-            scores.append(
-                Score(name, metrics.psnr(estimate, image), metrics.snr(estimate, image), ssim)
-            )
+            psnr = metrics.psnr(estimate, image, data_range=1.0)
+            scores.append(Score(name, psnr, metrics.snr(estimate, image), ssim))
             update((number + 1) / len(images))
     return Evaluation(scores)
 

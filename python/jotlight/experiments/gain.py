@@ -77,8 +77,8 @@ def _rows(context: RunContext, axis: str, sensor: Sensor, progress: Progress) ->
                     "gain": sensor.gain,
                     "image": names[number],
                     "method": method,
-                    "psnr": psnr(estimate, image),
-                    "ssim": ssim(estimate, image),
+                    "psnr": psnr(estimate, image, data_range=1.0),
+                    "ssim": ssim(estimate, image, data_range=1.0),
                 }
             )
     return rows

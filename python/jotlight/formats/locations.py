@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from jotlight.argument_types import complete_path
 from jotlight.formats.file_systems import expand_url, url_state
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+(::[A-Za-z0-9+.\-/]+)*://")
@@ -50,7 +51,11 @@ def check_exists(path: Path) -> None:
             f"{path}: is a stream; write it to a file first, or show it by "
             f"`jotlight view {STANDARD_INPUT} --follow`"
         )
-    raise FileNotFoundError(f"there is no file {path}")
+    advice = (
+        "; a pattern of many captures is for jotlight.open as a text, and for `jotlight "
+        "reconstruct` and `convert`"
+    )
+    raise FileNotFoundError(f"there is no file {path}{advice * glob.has_magic(str(path))}")
 
 
 def is_glob(path: str) -> bool:
@@ -63,7 +68,7 @@ def is_glob(path: str) -> bool:
     """
     if is_url(path):
         return re.search(r"[*\[]", path) is not None
-    return glob.has_magic(path) and not Path(path).exists()
+    return glob.has_magic(path) and not Path(complete_path(path)).exists()
 
 
 def expand(path: str, storage_options: dict[str, Any] | None = None) -> list[str]:
@@ -79,7 +84,7 @@ def expand(path: str, storage_options: dict[str, Any] | None = None) -> list[str
     if is_url(path):
         found = expand_url(path, storage_options)
     else:
-        found = sorted(glob.glob(path, recursive=True))  # noqa: PTH207
+        found = sorted(glob.glob(complete_path(path), recursive=True))  # noqa: PTH207
     if not found:
         raise FileNotFoundError(f"there is no file {path}: the pattern matches nothing")
     return found

@@ -2,9 +2,9 @@
 
 import os
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
+from jotlight.argument_types import as_path
 from jotlight.formats.capture import frames_of
 from jotlight.formats.detect import detect_format
 from jotlight.formats.reading import open_capture
@@ -48,7 +48,7 @@ def verify_capture(
     >>> verify_capture(path).partition("; ")[2]
     'all 3 frames are readable'
     """
-    path = Path(path)
+    path = as_path(path, 'verify_capture("capture.npy")')
     entry = FORMATS.get(format or detect_format(path))
     checked = entry.verify(path) if entry is not None and entry.verify is not None else 0
     capture = open_capture(path, format=format, **options)

@@ -223,8 +223,10 @@ def _checked(image: npt.ArrayLike, is_displayed: bool) -> npt.NDArray[Any]:
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[..., 0]
     if not (values.ndim == 2 or (values.ndim == 3 and values.shape[2] == 3)) or values.size == 0:
-        stack = "; jotlight.save_film writes a stack of images" if values.ndim in (3, 4) else ""
-        raise ValueError(f"image: expected shape (H, W) or (H, W, 3), got {values.shape}{stack}")
+        advice = "; jotlight.save_film writes a stack of images" if values.ndim in (3, 4) else ""
+        if values.ndim == 3 and len(values) in (1, 3):
+            advice += "; if the first axis holds channels, pass np.moveaxis(image, 0, -1)"
+        raise ValueError(f"image: expected shape (H, W) or (H, W, 3), got {values.shape}{advice}")
     if is_displayed and not np.isfinite(values).all():
         raise ValueError("image: expected finite values, got NaN or infinity")
     return values

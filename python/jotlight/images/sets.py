@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.argument_types import as_path
 from jotlight.checks import as_image, positive_number
 from jotlight.formats.archives import read_npz
 from jotlight.formats.arrays import open_npy_array
@@ -67,7 +68,7 @@ def read_image_set(
                 max_intensity=max_intensity,
                 progress=progress,
             )
-    source = Path(source)
+    source = as_path(source, 'read_image_set("photos")')
     if not source.exists():
         raise FileNotFoundError(f"there is no folder or file {source}")
     if not source.is_dir():

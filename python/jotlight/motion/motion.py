@@ -3,12 +3,12 @@
 import dataclasses
 import json
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.argument_types import as_path, as_tensors_path
 from jotlight.checks import real_number
 from jotlight.motion.figure import draw_change, draw_paths
 from jotlight.motion.reference_time import move_labels, move_nodes
@@ -180,6 +180,7 @@ class Motion:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the motion to a `.safetensors` file."""
+        path = as_tensors_path(path, 'motion.save("motion.safetensors")')
         tensors = {
             name: np.ascontiguousarray(getattr(self, name), dtype) for name, dtype in _TYPES.items()
         }
@@ -197,7 +198,7 @@ class Motion:
         ValueError
             When it is not a file of a motion, or is damaged.
         """
-        path = Path(path)
+        path = as_path(path, 'jotlight.Motion.load("motion.safetensors")')
         if not path.is_file():
             raise FileNotFoundError(f"there is no file {path} of a motion")
         tensors, metadata = read_tensors(path, FORMAT, _VERSION)

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.argument_types import as_path, as_tensors_path
 from jotlight.networks import color_planes, film_planes
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.layer import Layer
@@ -55,7 +56,10 @@ def write_network(
     ------
     TypeError
         When JSON cannot hold the history.
+    ValueError
+        When the name of the file does not end in `.safetensors`.
     """
+    path = as_tensors_path(path, 'network.save("mine.safetensors")')
     tensors: dict[str, npt.NDArray[Any]] = {}
     for index, layer in enumerate(network.layers):
         tensors[f"layers.{index}.filters"] = _compact(layer.filters)
@@ -147,7 +151,7 @@ def read_network(
 
 def _network_file(path: str | os.PathLike[str]) -> Path:
     """Return the path of a file that exists."""
-    path = Path(path)
+    path = as_path(path, 'jotlight.Network.load("mine.safetensors")')
     if not path.is_file():
         is_size = str(path) in QUALITIES
         raise FileNotFoundError(

@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight._engine import RATIO_OF_PASS
+from jotlight.argument_types import as_path
 from jotlight.errors import MissingExtraError
 from jotlight.estimators.inverse_response import equivalent_counts
 from jotlight.files import write_file
@@ -129,6 +130,7 @@ def write_onnx(
         f"jotlight network for {sensor!r}: {data} to intensities in [0, S]",
         {"jotlight sensor": json.dumps(sensor.scalars())},
     )
+    path = as_path(path, 'network.export_onnx("mine.onnx")')
     write_file(path, model.SerializeToString(deterministic=True))
 
 

@@ -126,10 +126,14 @@ class Bits(ArrayHints):
             )
         refuse_many_channels("bits", values.shape)
         if values.dtype != np.bool_ and (values.min() < 0 or values.max() > 1):
-            raise ValueError(
-                f"bits: expected 0 and 1 only, got {values.min()} to {values.max()}; "
-                "methods take an image of counts as it is"
+            low, high = values.min(), values.max()
+            is_black_and_white = low == 0 and ((values == 0) | (values == high)).all()
+            advice = (
+                f"pass array == {high} for black and white"
+                if is_black_and_white
+                else "methods take an image of counts as it is"
             )
+            raise ValueError(f"bits: expected 0 and 1 only, got {low} to {high}; {advice}")
         if sensor is None:
             warn_about_axes("bits", values.shape)
         return cls(np.packbits(values, axis=2), values.shape[2], sensor)

@@ -1,7 +1,7 @@
 """The warning about images whose values are not intensities, such as the gray levels of a file."""
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -47,22 +47,49 @@ def warn_about_scale(
     >>> warn_about_scale("image", [np.array([0.5, 0.25, 200.3])], 1.0)  # a light: no warning
     """
     each = list(images)
-    limit, highest = _MARGIN * max_intensity, max(float(image.max()) for image in each)
+    found = gray_levels(each, max_intensity)
+    if found is None:
+        return
+    if found.are_whole:
+        reason = f"they are whole numbers up to {found.highest:g}; for an integer image,"
+    else:
+        reason = (
+            f"most of them exceed {_MARGIN * max_intensity:g}, up to {found.highest:.4g}; for a "
+            "scene this bright, pass Sensor(max_intensity=…) (--max-intensity); for gray levels,"
+        )
+    advice = "pass white=" if is_file else f"write {name} / "
+    advice += f"{found.level} (--white {found.level})"
+    warn(f"{name}: {MEANING}={max_intensity:g}, but {reason} {advice}")
+
+
+class GrayLevels(NamedTuple):
+    """Why images look like gray levels."""
+
+    highest: float
+    """Their largest value."""
+
+    level: int
+    """The largest level of images of integers with such values."""
+
+    are_whole: bool
+    """Whether the values of the bright images are whole numbers. Otherwise most are too bright."""
+
+
+def gray_levels(images: Sequence[npt.NDArray[Any]], max_intensity: float) -> GrayLevels | None:
+    """Return why images look like gray levels, or None if they do not.
+
+    Examples
+    --------
+    >>> gray_levels([np.array([0.0, 128.0])], 1.0)
+    GrayLevels(highest=128.0, level=255, are_whole=True)
+    """
+    limit, highest = _MARGIN * max_intensity, max(float(image.max()) for image in images)
     level = next((level for level in _LEVELS if highest <= level), None)
     if highest <= limit or level is None:
-        return
-    bright = [image for image in each if image.max() > limit]
+        return None
+    bright = [image for image in images if image.max() > limit]
     if all((image == np.rint(image)).all() for image in bright):
-        found = f"they are whole numbers up to {highest:g}; for an integer image,"
-    elif 2 * sum(np.count_nonzero(image > limit) for image in bright) > sum(
-        image.size for image in each
-    ):
-        found = (
-            f"most of them exceed {limit:g}, up to {highest:.4g}; for a scene this bright, pass "
-            "Sensor(max_intensity=…) (--max-intensity); for gray levels,"
-        )
-    else:
-        return
-    advice = "pass white=" if is_file else f"write {name} / "
-    advice += f"{level} (--white {level})"
-    warn(f"{name}: {MEANING}={max_intensity:g}, but {found} {advice}")
+        return GrayLevels(highest, level, True)
+    pixels = sum(image.size for image in images)
+    is_bright = 2 * sum(np.count_nonzero(image > limit) for image in bright) > pixels
+    return GrayLevels(highest, level, False) if is_bright else None

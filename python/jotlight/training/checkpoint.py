@@ -6,11 +6,11 @@ import math
 import os
 import secrets
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from jotlight.argument_types import as_path
 from jotlight.checks import whole_number
 from jotlight.tensors import read_tensors, write_tensors
 from jotlight.training.history import History
@@ -19,6 +19,9 @@ from jotlight.training.parameters import Vector
 
 _FORMAT = "jotlight checkpoint"
 _VERSION = "1"
+
+_CALL = 'checkpoint="run.checkpoint.safetensors"'
+"""An example of the argument, for messages."""
 
 _OPAQUE = "images", "test", "network", "capture"
 """Settings whose values are digests. Messages omit these values."""
@@ -47,12 +50,12 @@ class Checkpoint:
             "run": json.dumps(self.run),
             "history": json.dumps(self.history.to_json()),
         }
-        write_tensors(path, tensors, metadata)
+        write_tensors(as_path(path, _CALL), tensors, metadata)
 
     @staticmethod
     def refuse_overwrite(path: str | os.PathLike[str]) -> None:
         """Raise ValueError when the path is a file that is not a checkpoint."""
-        path = Path(path)
+        path = as_path(path, _CALL)
         if not path.exists():
             return
         try:
@@ -107,7 +110,7 @@ class Checkpoint:
         """Return the checkpoint in a file."""
         if path is None:
             raise ValueError("resume: expected a checkpoint to resume from, got none")
-        path = Path(path)
+        path = as_path(path, _CALL)
         if not path.is_file():
             raise FileNotFoundError(f"there is no checkpoint {path} to resume from")
         tensors, metadata = read_tensors(path, _FORMAT, _VERSION)

@@ -4,7 +4,6 @@ import hashlib
 import math
 import os
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -192,7 +191,7 @@ def read_photographs(
     """
     photographs = []
     for number, path in enumerate(paths, 1):
-        image = read_image(Path(path), white=white)
+        image = read_image(path, white=white)
         photographs.append(np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8))
         if progress is not None:
             progress(number / len(paths))

@@ -7,7 +7,9 @@ import tifffile
 from PIL import Image
 
 import jotlight as jl
+from jotlight.formats.images import captures
 from jotlight.formats.images.captures import read_mask
+from jotlight.formats.reading import open_capture
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
 
@@ -45,6 +47,30 @@ def test_columns_of_narrow_images_are_not_channels(tmp_path, width):
             opened = jl.open(tmp_path / "r.tif")
             assert opened.sensor == sensor
             np.testing.assert_array_equal(np.asarray(opened), array)
+
+
+@pytest.mark.parametrize("depth", [1, 2, 4, 8, 16])
+def test_a_folder_of_png_is_decoded_when_it_is_read(tmp_path, monkeypatch, depth):
+    levels = COUNTS & ((1 << depth) - 1)
+    for number, image in enumerate(levels):
+        png.from_array(image.tolist(), f"L;{depth}").save(tmp_path / f"{number}.png")
+    decoded = []
+    decode = captures._decode_png
+    monkeypatch.setattr(
+        captures, "_decode_png", lambda content: decoded.append(0) or decode(content)
+    )
+    opened = open_capture(tmp_path)
+    assert decoded == []
+    found = opened.to_array() if depth == 1 else opened.images.read(0, 5)
+    np.testing.assert_array_equal(found, levels)
+    assert len(decoded) == 5
+    (tmp_path / "3.png").write_bytes((tmp_path / "3.png").read_bytes()[:-9])
+    opened = open_capture(tmp_path)
+    with pytest.raises(ValueError, match=r"3\.png: the PNG cannot be read"):
+        opened.sum() if depth > 1 else opened.counts()
+    Image.new("RGB", (7, 6)).save(tmp_path / "4.png")
+    with pytest.raises(ValueError, match=r"4\.png: .*expected gray levels, got color"):
+        open_capture(tmp_path)
 
 
 def test_floats_are_refused_as_counts(tmp_path):

@@ -1,5 +1,6 @@
 """Counts in TIFF or grayscale PNG files, or in folders of them, and masks of dead jots."""
 
+import functools
 import io
 import math
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from jotlight.formats.images.png_chunks import (
     GRAYSCALE,
     HEADER_BYTES,
     PALETTE,
+    PngHeader,
     check_png,
     read_png_header,
 )
@@ -56,9 +58,11 @@ def open_tiff(path: Path, options: OpenOptions) -> Capture:
 def open_png(path: Path, options: OpenOptions) -> Capture:
     """Return the counts in a grayscale PNG, or in a folder of them in natural order.
 
-    A PNG with a depth of 1 bit is a frame of bits.
+    A PNG with a depth of 1 bit is a frame of bits. The levels of files in a folder are decoded when
+    they are read.
     """
-    return _open_images(path, _PNG_EXTENSIONS, PNG.name, _read_png)
+    read = functools.partial(_read_png, from_header=path.is_dir())
+    return _open_images(path, _PNG_EXTENSIONS, PNG.name, read)
 
 
 def _matches(path: Path, name: str, extensions: tuple[str, ...]) -> bool:
@@ -178,8 +182,11 @@ def _check_page(page: Any, shape: tuple[int, ...], file_bytes: int) -> None:
     check_claimed_size("a tile", tile_values * keyframe.dtype.itemsize, file_bytes)
 
 
-def _read_png(path: Path) -> tuple[Frames, None, None]:
-    """Return the levels of a PNG as one image, (1, H, W), without a description or a note."""
+def _read_png(path: Path, *, from_header: bool = False) -> tuple[Frames, None, None]:
+    """Return the levels of a PNG as one image, (1, H, W), without a description or a note.
+
+    They are decoded once to check them, or later if the header alone states their shape.
+    """
     file = FileReader(path)
 
     def load() -> npt.NDArray[Any]:
@@ -189,11 +196,11 @@ def _read_png(path: Path) -> tuple[Frames, None, None]:
         except (OSError, ValueError, SyntaxError) as error:
             raise ValueError(f"{path}: the PNG cannot be read as counts ({error})") from error
 
-    if remote_file(path) is None:
+    if from_header or remote_file(path) is not None:
+        shape, dtype = _describe_png(path)
+    else:
         image = load()
         shape, dtype = image.shape, image.dtype
-    else:
-        shape, dtype = _describe_png(path)
     return Frames(shape, lambda start, stop: load()[start:stop], dtype), None, None
 
 
@@ -202,6 +209,7 @@ def _describe_png(path: Path) -> tuple[tuple[int, int, int], np.dtype[Any]]:
     try:
         with open_binary(path) as file:
             header = read_png_header(file.read(HEADER_BYTES))
+        _refuse_color(header)
     except ValueError as error:
         raise ValueError(f"{path}: the PNG cannot be read as counts ({error})") from error
     is_bits = header.depth == 1 and header.color_type == GRAYSCALE
@@ -209,16 +217,21 @@ def _describe_png(path: Path) -> tuple[tuple[int, int, int], np.dtype[Any]]:
     return (1, header.height, header.width), np.dtype(kind)
 
 
-def _decode_png(content: bytes) -> npt.NDArray[Any]:
-    """Return the levels of a PNG as the file stores them, (H, W)."""
-    from PIL.PngImagePlugin import PngImageFile
-
-    header = check_png(content)
+def _refuse_color(header: PngHeader) -> None:
+    """Raise ValueError unless a PNG has one level per pixel."""
     if header.color_type not in (GRAYSCALE, PALETTE):
         raise ValueError(
             "expected gray levels, got color or transparency; if it is a photograph, `jotlight "
             "simulate` makes a capture of it"
         )
+
+
+def _decode_png(content: bytes) -> npt.NDArray[Any]:
+    """Return the levels of a PNG as the file stores them, (H, W)."""
+    from PIL.PngImagePlugin import PngImageFile
+
+    header = check_png(content)
+    _refuse_color(header)
     shape = header.height, header.width
     check_claimed_size("the header", math.prod(shape) * max(1, header.depth // 8), len(content))
     # Image.open would refuse large captures; the size has been checked.
