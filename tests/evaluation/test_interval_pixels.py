@@ -163,3 +163,13 @@ def test_a_largest_intensity_far_above_the_scene_changes_no_interval(largest):
     )
     np.testing.assert_allclose(found.low, expected.low, rtol=1e-3, atol=1e-4)
     np.testing.assert_allclose(found.high, expected.high, rtol=1e-3)
+
+
+@pytest.mark.parametrize("shape", [(1, 2), (2, 2), (3, 3), (4, 4)])
+def test_intervals_of_tiny_images_contain_most_intensities(shape):
+    """Without a least width, 95 % intervals contained 73 % in images of 4 × 4 pixels."""
+    sensor, truth, inside = jl.Sensor(frames=8, max_intensity=4.0), np.full(shape, 0.5), []
+    for seed in range(60):
+        found = jl.uncertainty(sensor.expose(truth, rng=seed), confidence_level=0.95)
+        inside.append(((found.low <= truth) & (truth <= found.high)).mean())
+    assert np.mean(inside) > 0.85

@@ -141,6 +141,20 @@ def find_unbounded(
     return np.asarray(has_light & ~has_less)
 
 
+def least_deviation(trials: Array) -> float:
+    """Return the standard deviation of z from all trials of an image, if all pixels are alike.
+
+    A network sees an image that is continued beyond its border. So it is too certain of one with a
+    few pixels only.
+
+    Examples
+    --------
+    >>> least_deviation(np.full((5, 5), 16.0))
+    0.025
+    """
+    return float(1 / (2 * np.sqrt(trials.sum())))
+
+
 @dataclasses.dataclass(frozen=True)
 class Pixels:
     """The pixels of a gray image, (H, W).
@@ -285,12 +299,17 @@ class Pixels:
             self.local_trials(self.trials, self.relative_slope(known)),
         )
 
+        from scipy.special import ndtri
+
         def intensity(z: Array) -> Array:
             return intensity_of(z, self.sensor, *self.typical_jot)
 
-        low, high = model.quantiles(*pixel, (1 - confidence_level) / 2)
-        deviation = scale * model.deviations(*pixel)
-        low, high = intensity(z + low * scale), intensity(z + high * scale)
+        tail = (1 - confidence_level) / 2
+        low, high = (scale * each for each in model.quantiles(*pixel, tail))
+        least = least_deviation(pixel[1])
+        deviation = np.maximum(scale * model.deviations(*pixel), least)
+        low, high = np.minimum(low, least * ndtri(tail)), np.maximum(high, -least * ndtri(tail))
+        low, high = intensity(z + low), intensity(z + high)
         high = np.where(unbounded, self.sensor.max_intensity, high)
         dead = self.trials == 0
         error = (intensity(z + deviation) - intensity(z - deviation)) / 2

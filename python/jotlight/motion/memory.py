@@ -123,10 +123,11 @@ class Memory:
         own = functools.reduce(operator.add, [each.real() for each in sums])
         old = functools.reduce(operator.add, recalled)
         limit = _MAX_IF_STILL if motion.model == "none" else _MAX_DISAGREEMENT
-        agrees = trusted & (disagreement(own, old, self._threads) < limit)
+        agrees = disagreement(own, old, self._threads) < limit
         if several:
             agrees &= _same_segments(_nearest(self._labels, places), motion.labels)
-        agrees = _without_margin(agrees)
+        # Flagged regions have margins of their own.
+        agrees = _without_margin(agrees) & trusted
         if not _as_bright(own, old, agrees):
             self.forget()
             return sums
