@@ -28,15 +28,6 @@ def sensor_model(sensor: Sensor) -> SensorModel:
     return sensor.trials, sensor.pixel_response(), reference_jot(sensor)
 
 
-def _copy_history(value: Any) -> Any:
-    """Return a copy of a value of JSON, in a small part of the time of `copy.deepcopy`."""
-    if isinstance(value, dict):
-        return {name: _copy_history(each) for name, each in value.items()}
-    if isinstance(value, list):
-        return [_copy_history(x) if isinstance(x, dict | list) else x for x in value]
-    return value
-
-
 class EngineBacked:
     """A network that the engine evaluates, with the layers for every K."""
 
@@ -106,7 +97,7 @@ class EngineBacked:
     def sharing_engine(self) -> Self:
         """Return a copy with attributes of its own, and with the same network of the engine."""
         copied = copy.copy(self)
-        copied.history = _copy_history(self.history)
+        copied.history = copy.deepcopy(self.history)
         copied.__dict__[_KEPT] = (self.layers, self.rotations), self.engine_network
         return copied
 
