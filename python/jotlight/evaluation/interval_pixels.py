@@ -141,7 +141,7 @@ def find_unbounded(
     return np.asarray(has_light & ~has_less)
 
 
-def least_deviation(trials: Array) -> float:
+def min_deviation(trials: Array) -> float:
     """Return the standard deviation of z from all trials of an image, if all pixels are alike.
 
     A network sees an image that is continued beyond its border. So it is too certain of one with a
@@ -149,7 +149,7 @@ def least_deviation(trials: Array) -> float:
 
     Examples
     --------
-    >>> least_deviation(np.full((5, 5), 16.0))
+    >>> min_deviation(np.full((5, 5), 16.0))
     0.025
     """
     return float(1 / (2 * np.sqrt(trials.sum())))
@@ -306,9 +306,9 @@ class Pixels:
 
         tail = (1 - confidence_level) / 2
         low, high = (scale * each for each in model.quantiles(*pixel, tail))
-        least = least_deviation(pixel[1])
-        deviation = np.maximum(scale * model.deviations(*pixel), least)
-        low, high = np.minimum(low, least * ndtri(tail)), np.maximum(high, -least * ndtri(tail))
+        smallest = min_deviation(pixel[1])
+        deviation = np.maximum(scale * model.deviations(*pixel), smallest)
+        low, high = np.minimum(low, smallest * ndtri(tail)), np.maximum(high, -smallest * ndtri(tail))
         low, high = intensity(z + low), intensity(z + high)
         high = np.where(unbounded, self.sensor.max_intensity, high)
         dead = self.trials == 0
