@@ -308,7 +308,8 @@ class Pixels:
         low, high = (scale * each for each in model.quantiles(*pixel, tail))
         smallest = min_deviation(pixel[1])
         deviation = np.maximum(scale * model.deviations(*pixel), smallest)
-        low, high = np.minimum(low, smallest * ndtri(tail)), np.maximum(high, -smallest * ndtri(tail))
+        half_width = -smallest * ndtri(tail)
+        low, high = np.minimum(low, -half_width), np.maximum(high, half_width)
         low, high = intensity(z + low), intensity(z + high)
         high = np.where(unbounded, self.sensor.max_intensity, high)
         dead = self.trials == 0
