@@ -183,6 +183,7 @@ def read_photographs(
     Examples
     --------
     >>> import tempfile
+    >>> from pathlib import Path
     >>> from jotlight import save_image
     >>> path = Path(tempfile.mkdtemp()) / "photograph.png"
     >>> save_image(path, np.array([[0.0, 1.0]]))
