@@ -181,7 +181,7 @@ def test_a_checkpoint_of_another_run_and_a_file_that_is_none_are_refused(tmp_pat
     ):
         with pytest.raises(ValueError, match=message):
             tune(**change, checkpoint=path, resume=True)
-    network = tmp_path / "network"
+    network = tmp_path / "network.safetensors"
     CONDITIONAL.save(network)
     with pytest.raises(ValueError, match="this file is no checkpoint"):
         tune(checkpoint=network)
