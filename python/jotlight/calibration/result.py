@@ -198,7 +198,7 @@ class Calibration(CalibrationFields):
                 values[field.name] = value
         return values
 
-    def maps(self) -> Tensors:
+    def _maps(self) -> Tensors:
         """Return all maps over the jots by name, (H, W)."""
         tensors: Tensors = {}
         for name in MAPS:
@@ -211,7 +211,7 @@ class Calibration(CalibrationFields):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Calibration):
             return NotImplemented
-        mine, theirs = self.maps(), other.maps()
+        mine, theirs = self._maps(), other._maps()
         return (
             self.metadata() == other.metadata()
             and mine.keys() == theirs.keys()
@@ -263,7 +263,7 @@ class Calibration(CalibrationFields):
             "version": _VERSION,
             "numbers": json.dumps(self.metadata(), sort_keys=True),
         }
-        write_tensors(path, self.maps(), metadata)
+        write_tensors(path, self._maps(), metadata)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:

@@ -134,7 +134,10 @@ def _slow_segments(blocks: Blocks, found: Found) -> Found:
 
 
 def _explains_more(found: Found, other: Found) -> bool:
-    """Return whether paths explain the bits better: if clearly more agree, or are more likely."""
+    """Return whether paths explain the bits better than others.
+
+    They do if clearly more bits agree with them. If about as many agree, likelihoods decide.
+    """
     more = _share_of_agreeing(found) - _share_of_agreeing(other)
     if abs(more) > CLEARLY_MORE:
         return more > 0
@@ -143,8 +146,8 @@ def _explains_more(found: Found, other: Found) -> bool:
 
 def _share_of_agreeing(found: Found) -> float:
     """Return the fraction of the bits that agree with the paths."""
-    consistent = found.consistent or find_consistent(found.paths.exact())
-    return float(consistent.accepted.mean())
+    assert found.consistent is not None, "the sums along paths of the model auto"
+    return float(found.consistent.accepted.mean())
 
 
 def _net_gain(paths: Paths) -> float:
