@@ -19,7 +19,7 @@ FOLDER = Path(__file__).parents[1] / "python" / "jotlight"
 ENGINE = "_engine"
 
 ORDER = (
-    "errors seeds checks parameter_names notebook bars blur squares drawing figures progress "
+    "errors kept seeds checks parameter_names notebook bars blur squares drawing figures progress "
     "chunks interrupts layout memory output_files temporary_names files tensors argument_types < "
     "sensing < calibration formats metrics < estimators images < datasets networks < motion "
     "training < torch plots < evaluation < dask experiments < view < cli napari < jotlight"

@@ -1,7 +1,6 @@
 """What jots of one kind would report, in place of jots with different efficiency or dark counts."""
 
 import dataclasses
-import functools
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -16,6 +15,7 @@ from jotlight.estimators.neighbors import (
     typical_spread,
 )
 from jotlight.estimators.whole_counts import carry_debts
+from jotlight.kept import kept_property
 from jotlight.sensing.reference import Jot
 from jotlight.sensing.response import (
     Array,
@@ -53,7 +53,7 @@ class JotCounts:
     threshold: int
     """q."""
 
-    @functools.cached_property
+    @kept_property
     def fraction(self) -> Array:
         """The fraction of ones, 0 without trials."""
         none = np.zeros(self.ones.shape)
@@ -69,7 +69,7 @@ class JotCounts:
             dark_counts=self.dark_counts[images],
         )
 
-    @functools.cached_property
+    @kept_property
     def min_light(self) -> Array:
         """The smallest light of each image, (N, 1, 1)."""
         largest = self.trials.max(axis=(1, 2), keepdims=True)

@@ -1,7 +1,6 @@
 """Equivalent counts near estimates of the intensities, for methods that take counts."""
 
 import dataclasses
-import functools
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +20,7 @@ from jotlight.estimators.neighbors import (
 )
 from jotlight.estimators.reference_sensors import MAX_TRIALS, reference_sensor
 from jotlight.estimators.whole_counts import carry_debts, diffuse
+from jotlight.kept import kept_property
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.maps import pixel_means
@@ -52,12 +52,12 @@ class Merging:
     joint: JointLikelihood
     """The likelihood of the readings."""
 
-    @functools.cached_property
+    @kept_property
     def maximum(self) -> Array:
         """The most likely intensity of each pixel, (H, W)."""
         return maximize(self.joint)
 
-    @functools.cached_property
+    @kept_property
     def thresholds_differ(self) -> bool:
         """Whether pixels have different thresholds."""
         if np.ndim(self.joint.sensor.threshold) < 2:

@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.kept import kept_property
 from jotlight.sensing.multibit import ReadingLikelihood
 from jotlight.sensing.response import Array, JotResponse
 
@@ -74,7 +75,7 @@ class PlannedGroup:
     dark_counts: float
     exposure: float = 1.0
 
-    @functools.cached_property
+    @kept_property
     def jot(self) -> ReadingLikelihood:
         """The likelihood of a reading."""
         none = np.zeros((1, 0), np.int32)

@@ -6,7 +6,6 @@ them. A pixel's bits test the light behind its own filter.
 
 import dataclasses
 from collections.abc import Callable
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -29,6 +28,7 @@ from jotlight.evaluation.intervals import MIN_TRIALS, widen
 from jotlight.evaluation.known_estimate import read_estimate
 from jotlight.evaluation.methods import LARGE_TRIALS
 from jotlight.evaluation.mosaics import count_image
+from jotlight.kept import kept_property
 from jotlight.layout import Layout
 from jotlight.networks.color_inference import estimate_mosaic
 from jotlight.networks.mosaic_planes import find_unseen
@@ -79,24 +79,24 @@ class MosaicPixels:
         """The sensor, without the mosaic."""
         return self.counted.sensor
 
-    @cached_property
+    @kept_property
     def trials(self) -> Array:
         """The number of trials of each pixel."""
         return np.broadcast_to(np.asarray(self.counted.trials, float), self.counted.counts.shape)
 
-    @cached_property
+    @kept_property
     def behind_filters(self) -> Pixels:
         """The pixels as those of a gray image, whose light has passed the filters."""
         jot = self.counted.efficiency, self.counted.dark_counts
         return Pixels(self.sensor, self.counted.counts, self.trials, *jot)
 
-    @cached_property
+    @kept_property
     def shares(self) -> Array:
         """The part of the light of each color that passes each pixel's filter, (3, H, W)."""
         places = self.mosaic.full(*self.counted.counts.shape)
         return np.moveaxis(self.mosaic.transmission[places], -1, 0)
 
-    @cached_property
+    @kept_property
     def densities(self) -> Array:
         """The fraction of the pixels whose bits determine each color, (3,).
 
@@ -113,7 +113,7 @@ class MosaicPixels:
         trials = self.densities[color] * self._trials_near[color]
         return Pixels(self.sensor, self.counted.counts, trials, *jot)
 
-    @cached_property
+    @kept_property
     def _trials_near(self) -> Array:
         """The trials of the pixels around each pixel that see each color, (3, H, W).
 

@@ -3,7 +3,6 @@
 import dataclasses
 import math
 from collections.abc import Sequence
-from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -20,6 +19,7 @@ from jotlight.evaluation.error_scale import (
     gray_scale,
     is_unlikely,
 )
+from jotlight.kept import kept_property
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import Estimate, PixelCounts
 from jotlight.sensing.reference import Jot, typical_jot
@@ -191,7 +191,7 @@ class Pixels:
             efficiency=self.efficiency,
         )
 
-    @cached_property
+    @kept_property
     def typical_jot(self) -> Jot:
         """η and d of the typical jot."""
         return typical_jot(self.trials, self.efficiency, self.dark_counts)
@@ -201,7 +201,7 @@ class Pixels:
         """Whether the jots of all pixels are alike."""
         return not any(isinstance(each, np.ndarray) for each in (self.efficiency, self.dark_counts))
 
-    @cached_property
+    @kept_property
     def unbounded(self) -> npt.NDArray[np.bool_]:
         """Whether the light of each pixel may be of any brightness: see :func:`find_unbounded`."""
         return find_unbounded(self.ones, self.trials, self.trials)

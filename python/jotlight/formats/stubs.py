@@ -5,13 +5,13 @@ A stub has the size of its file, but not its content. :func:`open_binary` and
 """
 
 import io
-import threading
 from collections import OrderedDict
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
 from jotlight.formats.file_systems import explained
+from jotlight.formats.locks import ProcessLock
 
 BLOCK_BYTES = 1 << 14
 """Number of bytes that are read at a time where a library reads fewer."""
@@ -196,4 +196,4 @@ class RemoteStream(io.RawIOBase):
 
 
 _blocks: OrderedDict[tuple[RemoteFile, int], bytes] = OrderedDict()
-_lock = threading.Lock()
+_lock = ProcessLock()

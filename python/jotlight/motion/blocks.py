@@ -1,7 +1,6 @@
 """Blocks of frames, and their counts along a motion."""
 
 import dataclasses
-import functools
 import itertools
 import math
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.kept import kept_property
 from jotlight.motion.burst import Burst
 from jotlight.motion.frame_times import Times, locate, places_of
 from jotlight.motion.jots import Jots, SeenJots
@@ -85,14 +85,14 @@ class Blocks:
         """The middle frame. While a motion is estimated, displacements are 0 at this time."""
         return len(self.burst) // 2
 
-    @functools.cached_property
+    @kept_property
     def mean_count(self) -> float:
         """Mean number of ones of a jot in a frame, from the frames in the middle."""
         start = max(0, (len(self.burst) - _CENTRAL) // 2)
         frames = range(start, min(start + _CENTRAL, len(self.burst)))
         return float(self.burst.counts(frames, self.threads).mean()) / len(frames)
 
-    @functools.cached_property
+    @kept_property
     def centers(self) -> npt.NDArray[np.float64]:
         """Times of the middles of the blocks, (n,)."""
         return (self.edges[:-1] + self.edges[1:] - 1) / 2

@@ -1,7 +1,6 @@
 """Which bits agree with the rest: a χ² test of blocks of frames against a template."""
 
 import dataclasses
-import functools
 import itertools
 from collections.abc import Iterable, Iterator
 
@@ -9,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.kept import kept_property
 from jotlight.motion.disagreement import FEW_TRIALS, Image, chi_squared, disagreement
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.flicker import at_brightness, change_of_light, min_change, without_saturation
@@ -62,7 +62,7 @@ class Consistent:
     """The sums of the blocks that are farthest from the reference time: of the last ring, on each
     side of it. They contain all pixels of a block that agree with the template."""
 
-    @functools.cached_property
+    @kept_property
     def total(self) -> Sums:
         """The sums of all blocks: whole numbers of ones and trials."""
         return self.before + self.after

@@ -1,12 +1,12 @@
 """An image of a film, and the counts of the parts of its window."""
 
 import dataclasses
-import functools
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.kept import kept_property
 from jotlight.motion.merged_pixels import as_pixels
 from jotlight.motion.motion import Motion
 from jotlight.motion.sums import Sums
@@ -62,7 +62,7 @@ class FilmImage:
 
     still: range | None = None
 
-    @functools.cached_property
+    @kept_property
     def nearest(self) -> tuple[Merged, ...]:
         """The counts of about a quarter and a sixteenth of the window along the motion.
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.kept import kept_property
 from jotlight.motion.frame_times import locate
 from jotlight.motion.sums import Sums
 
@@ -29,7 +30,7 @@ class Curve:
     times: Array
     """The times of the fields, (n,)."""
 
-    @functools.cached_property
+    @kept_property
     def mean(self) -> Array:
         """The mean displacements of the frames, (2, rows, columns)."""
         weights = _mean_weights(self.frames, tuple(self.times.tolist()))

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.kept import kept_property
 from jotlight.sensing.response import detection_density, detection_probability
 
 Array = npt.NDArray[np.float64]
@@ -51,7 +52,7 @@ class Lights:
     factors: tuple[float, ...] = (1.0,)
     weights: tuple[float, ...] = (1.0,)
 
-    @functools.cached_property
+    @kept_property
     def _table(self) -> tuple[Array, Array, Array]:
         """Rates in increasing order, their R, and its derivative."""
         rates, ones, slope = _constant_light(self.threshold)

@@ -12,7 +12,6 @@ They do not matter for the motion, and merged counts are corrected for them.
 """
 
 import dataclasses
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from jotlight.estimators.neighbors import average_fractions, toward_own
 from jotlight.estimators.reference_sensors import reference_dark_counts, reference_sensor
 from jotlight.estimators.whole_counts import diffuse
 from jotlight.formats.capture import CountStack
+from jotlight.kept import kept_property
 from jotlight.motion.motion import Motion
 from jotlight.motion.reading_response import Response
 from jotlight.sensing.alike_frames import exposure_cycle
@@ -92,14 +92,14 @@ class ReadingCounts:
         """Whether the counts can be merged along a motion: those of pixels of one jot."""
         return self.stated.oversampling == 1
 
-    @cached_property
+    @kept_property
     def _bright(self) -> int:
         """A reading that few others exceed, in photons."""
         start = max(0, (len(self.readings) - _CENTRAL) // 2)
         middle = self.readings[start : start + _CENTRAL].to_array()
         return max(1, int(np.quantile(middle, _BRIGHT)))
 
-    @cached_property
+    @kept_property
     def trials(self) -> int:
         """The number n of trials behind a reading: 1 for bits, or 2^m - 1 for m digits."""
         if self.stated.bit_depth == 1:
@@ -107,7 +107,7 @@ class ReadingCounts:
         digits = (_TRIALS_PER_PHOTON * self._bright - 1).bit_length()
         return (1 << min(max(digits, _MIN_DIGITS), _MAX_DIGITS)) - 1
 
-    @cached_property
+    @kept_property
     def sensor(self) -> Sensor:
         """A sensor of all counts, whose bits show the scene about alike on average."""
         threshold, frames = np.unique(self.stated.threshold), len(self.counts) * self.cycle
@@ -120,13 +120,13 @@ class ReadingCounts:
             dark_counts=self.stated.dark_counts / self.trials,
         )
 
-    @cached_property
+    @kept_property
     def _mean_gain(self) -> float:
         """The mean gain of a frame of a cycle. An incomplete cycle at the end does not count."""
         gain = np.asarray(self.stated.gain)
         return float(gain[: self.cycle].mean() if gain.ndim else gain / len(self.readings))
 
-    @cached_property
+    @kept_property
     def counts(self) -> ReadingStack:
         """The number of ones of each cycle, as a stack that computes them when they are read."""
         trials = self.cycle * self.trials
@@ -136,7 +136,7 @@ class ReadingCounts:
         provenance = self.readings.provenance or Provenance("readings", "readings")
         return ReadingStack(frames, provenance, trials)
 
-    @cached_property
+    @kept_property
     def _ones(self) -> Array:
         """The mean number of ones of each reading that occurs, n (1 - (1 - 1/n)^r)."""
         readings = np.arange(self.stated.max_reading + 1)
@@ -163,7 +163,7 @@ class ReadingCounts:
         noise = np.random.default_rng((_SEED, frame)).random(readings.shape, np.float32)
         return np.asarray((self._ones.astype(np.float32)[readings] + noise).astype(np.uint16))
 
-    @cached_property
+    @kept_property
     def responses(self) -> list[tuple[float, Response]]:
         """The light of each frame of a cycle in units of the mean one, and its response."""
         gain = np.broadcast_to(self.stated.gain, len(self.readings))[: self.cycle]

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.blur import blur
 from jotlight.estimators.trial_levels import fill_from_nearest
+from jotlight.kept import kept_property
 from jotlight.motion.equivalent import MIN_PROBABILITY, equivalent_sums
 from jotlight.motion.lights import Lights
 from jotlight.motion.regularize import Equations
@@ -52,7 +53,7 @@ class Template:
         default_factory=dict, init=False, repr=False, compare=False
     )
 
-    @functools.cached_property
+    @kept_property
     def mean_trials(self) -> float:
         """The mean of D_R."""
         return float(self.trials.mean())

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.kept import kept_property
 
 TRAINABLE = "all", "filters", "nothing"
 """Values of `Layer.trainable`: the parameters that training with PyTorch changes."""
@@ -179,16 +180,10 @@ class Layer:
         wiring = self.stride, self.upsampling, self.input, self.skip
         return filters, coefficients, self.start, self.spacing, wiring
 
-    @property
+    @kept_property
     def engine_layer(self) -> engine.Layer:
         """The layer in the engine, which reorders the filters once for fast inference."""
-        # Not functools.cached_property: Python 3.11 holds a lock meanwhile, and a process that is
-        # forked then waits for it forever. Here, two threads may both create the layer.
-        if "_engine_layer" not in self.__dict__:
-            layer = engine.Layer(self.to_engine(self.filters, self.coefficients))
-            self.__dict__["_engine_layer"] = layer
-        kept: engine.Layer = self.__dict__["_engine_layer"]
-        return kept
+        return engine.Layer(self.to_engine(self.filters, self.coefficients))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return the layer for `pickle` and `copy`, without the engine's part that they reject."""

@@ -1,7 +1,6 @@
 """What a simulation draws: the readings of which images, with which seeds, in which window."""
 
 import dataclasses
-import functools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -9,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.kept import kept_property
 from jotlight.layout import Layout
 from jotlight.seeds import seed_of_image
 from jotlight.sensing.simulate import EnginePart, EngineSensor, Window
@@ -42,13 +42,13 @@ class Draw:
         """The shape of the stack, or () for a single image."""
         return self.layout.shape[:-1] if self.is_color else self.layout.shape
 
-    @functools.cached_property
+    @kept_property
     def images(self) -> npt.NDArray[Any]:
         """N images of C channels, (N, C, H, W)."""
         images = self.layout.split(self.pixels)
         return images.reshape(math.prod(self.stack), -1, *images.shape[1:])
 
-    @functools.cached_property
+    @kept_property
     def seeds(self) -> list[bytes]:
         """The seed of each image."""
         return [seed_of_image(self.seed, index) for index in range(math.prod(self.stack))]

@@ -7,7 +7,6 @@ log-likelihood is the sum of those of the groups.
 """
 
 import dataclasses
-import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import check_threads
+from jotlight.kept import kept_property
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.counting import count_ones
@@ -64,17 +64,17 @@ class JointLikelihood:
         """Whether all pixels have the same trials, efficiency, and dark counts."""
         return all(term.uniform for term in self.terms)
 
-    @functools.cached_property
+    @kept_property
     def total(self) -> Array:
         """The sum of all readings of each pixel; for bits, the number of ones."""
         return self._sum(lambda term: term.total)
 
-    @functools.cached_property
+    @kept_property
     def trials(self) -> Array:
         """The number of readings of each pixel, in all groups."""
         return self._sum(lambda term: term.trials)
 
-    @functools.cached_property
+    @kept_property
     def max_total(self) -> Array:
         """The largest possible sum of the readings of each pixel; for bits, their number."""
         return self._sum(lambda term: term.max_reading * term.trials)

@@ -1,13 +1,13 @@
 """Readings of several bits, and read noise: their probabilities and their likelihood."""
 
 import dataclasses
-import functools
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.kept import kept_property
 from jotlight.sensing.response import Array, JotResponse
 from jotlight.sensing.values import as_doubles, flatten
 
@@ -103,13 +103,13 @@ class ReadingLikelihood:
         """The shape of the cells."""
         return self.sample.shape[:-1]
 
-    @functools.cached_property
+    @kept_property
     def trials(self) -> Array:
         """The number of readings of each cell."""
         valid = self.sample if self.is_histogram else self.sample >= 0
         return np.asarray(valid.sum(axis=-1, dtype=np.float64))
 
-    @functools.cached_property
+    @kept_property
     def total(self) -> Array:
         """The sum of the readings of each cell."""
         if self.is_histogram:

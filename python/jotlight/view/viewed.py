@@ -1,7 +1,6 @@
 """What a viewer shows: a capture, its sensor, and how to open it again."""
 
 import dataclasses
-import functools
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -9,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.formats.capture import Capture, CountStack
+from jotlight.kept import kept_property
 from jotlight.sensing.alike_frames import exposure_cycle, repeat_exposures
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.photon_readings import Readings
@@ -164,7 +164,7 @@ class Viewed:
         """The provenance of the capture."""
         return self.data.provenance
 
-    @functools.cached_property
+    @kept_property
     def cycle(self) -> int:
         """The number of frames after which exposures repeat, 1 for frames of one exposure."""
         return exposure_cycle(self.sensor_of_all)
