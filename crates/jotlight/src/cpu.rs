@@ -130,7 +130,7 @@ pub(crate) fn v3() -> Option<pulp::x86::V3> {
 /// Run `work` with the vector instructions of the current level, and return its result.
 pub(crate) fn run<W: WithSimd>(work: W) -> W::Output {
     match Level::current() {
-        Level::Scalar => work.with_simd(Scalar::new()),
+        Level::Scalar => run_scalar(work),
         #[cfg(target_arch = "x86_64")]
         Level::V3 => run_with(pulp::x86::V3::try_new(), work),
         #[cfg(target_arch = "x86_64")]
@@ -154,8 +154,15 @@ pub(crate) fn run_below_v4<W: WithSimd>(work: W) -> W::Output {
 fn run_with<W: WithSimd, S: Simd>(simd: Option<S>, work: W) -> W::Output {
     match simd {
         Some(simd) => simd.vectorize(work),
-        None => work.with_simd(Scalar::new()),
+        None => run_scalar(work),
     }
+}
+
+/// Run `work` without vector instructions. Inlined copies at each call would double the time of
+/// compilation.
+#[inline(never)]
+fn run_scalar<W: WithSimd>(work: W) -> W::Output {
+    work.with_simd(Scalar::new())
 }
 
 /// Declare functions whose body is compiled for each level. A call runs the version for the current
