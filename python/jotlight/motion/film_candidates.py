@@ -104,7 +104,6 @@ class Candidates:
         motion = dataclasses.replace(
             motion, times=motion.times - offset, reference=motion.reference - offset
         )
-        # The window has shorter blocks, which show the motion at its end better.
         return self._carried(motion, 0, is_carried=False)
 
     def _carried(self, motion: Motion, step: int, *, is_carried: bool) -> Candidate | None:
