@@ -16,7 +16,7 @@ from jotlight.motion.affine import (
     template_of,
 )
 from jotlight.motion.align import as_blocks, prepare_burst
-from jotlight.motion.block_edges import block_edges, window_edges
+from jotlight.motion.block_edges import window_edges
 from jotlight.motion.depth import refine_outlines
 from jotlight.motion.merge import as_paths
 from jotlight.motion.motion import Motion
@@ -48,8 +48,7 @@ def carry(
     """Return the paths of a window, from the motion of the window that begins `step` frames before.
 
     The blocks that both windows share keep their displacements. New ones are aligned with them.
-    Then all are improved together. With a step of 0, the blocks are those of a fresh motion, so
-    that both can be compared: in longer blocks, more bits of a wrong motion agree.
+    Then all are improved together.
 
     Returns
     -------
@@ -58,8 +57,7 @@ def carry(
         to another scene, or if the motion folds the image.
     """
     burst, sensor = prepare_burst(data, sensor)
-    edges = window_edges(len(burst), step) if step else block_edges(len(burst))
-    blocks = as_blocks(burst, edges, sensor, threads)
+    blocks = as_blocks(burst, window_edges(len(burst), step), sensor, threads)
     before = dataclasses.replace(
         motion, times=motion.times - step, reference=motion.reference - step
     )

@@ -79,16 +79,17 @@ class Candidates:
 
         Return None if this motion is lost.
         """
-        return self._carried(motion, step, is_carried=True)
+        paths = self._carry(motion, step)
+        if paths is None:
+            return None
+        return self._merged(paths, as_motion(paths, motion.model), is_carried=True)
 
     def fresh(self) -> Candidate:
         """Return the image along a motion that is estimated from the window alone."""
         sensor, threads = self.merging.sensor, self.settings.threads
         with record_warnings() as texts:
             motion = align(self.window, sensor, model=self.settings.model, threads=threads)
-        burst, sensor = prepare_burst(self.window, sensor)
-        blocks = as_blocks(burst, block_edges(len(burst)), sensor, threads)
-        found = self._merged(as_paths(motion, blocks), motion, is_carried=False)
+        found = self._merged(self._along(motion), motion, is_carried=False)
         return dataclasses.replace(found, warnings=[*texts, *found.warnings])
 
     def of_more_frames(self, frames: Bits | CountStack, first: int) -> Candidate | None:
@@ -104,14 +105,26 @@ class Candidates:
         motion = dataclasses.replace(
             motion, times=motion.times - offset, reference=motion.reference - offset
         )
-        return self._carried(motion, 0, is_carried=False)
-
-    def _carried(self, motion: Motion, step: int, *, is_carried: bool) -> Candidate | None:
-        """Return the image along a motion that is continued to the end of the window, or None."""
-        paths = carry(motion, self.window, self.merging.sensor, step, self.settings.threads)
+        # The window has shorter blocks, which show the motion at its end better.
+        paths = self._carry(motion, 0)
         if paths is None:
             return None
-        return self._merged(paths, as_motion(paths, motion.model), is_carried=is_carried)
+        motion = as_motion(paths, motion.model)
+        return self._merged(self._along(motion), motion, is_carried=False)
+
+    def _carry(self, motion: Motion, step: int) -> Paths | None:
+        """Return the paths of a motion that is continued to the end of the window, or None."""
+        return carry(motion, self.window, self.merging.sensor, step, self.settings.threads)
+
+    def _along(self, motion: Motion) -> Paths:
+        """Return the paths of a new motion.
+
+        All new motions have the same blocks, so that they can be compared: in longer blocks, more
+        bits of a wrong motion agree.
+        """
+        burst, sensor = prepare_burst(self.window, self.merging.sensor)
+        blocks = as_blocks(burst, block_edges(len(burst)), sensor, self.settings.threads)
+        return as_paths(motion, blocks)
 
     def _merged(self, paths: Paths, motion: Motion, *, is_carried: bool) -> Candidate:
         """Return the image along paths, which are those of a motion seen from the middle."""

@@ -49,16 +49,11 @@ _MIN_FRACTION = 0.5
 _CLEAR = 10.0
 """With more than this multiple of this gain under blurred templates, a motion is clearly right."""
 
-_OBJECTS_UNKNOWN = 0.002, 0.15
+_OBJECTS_UNKNOWN = 0.002, 0.08
 """Fractions of pixels with unknown motion between which further objects are searched.
 
 If more is unknown, objects that keep their shape hardly explain it, and the search takes long.
 """
-
-_MUCH_UNKNOWN, _MAX_LEFT = 0.04, 0.5
-"""If more than this fraction of the pixels is unknown (first value), objects are only used if less
-than this part of it is left. Others are parts of what deforms."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Found:
@@ -288,16 +283,11 @@ def _from_back_to_front(paths: Paths) -> Paths:
 def _with_objects(paths: Paths) -> tuple[Paths, Consistent]:
     """Return paths with tracks of objects that nothing explains yet, and the sums along them.
 
-    The given paths are returned if no object is found, or if objects leave too much unexplained.
+    The given paths are returned if no object is found.
     """
     consistent = find_consistent(paths.exact())
-    unknown = share_of_unknown(consistent)
-    if not _OBJECTS_UNKNOWN[0] < unknown < _OBJECTS_UNKNOWN[1]:
-        return paths, consistent
-    more = add_objects(paths)
-    if more is paths:
-        return paths, consistent
-    explained = find_consistent(more.exact())
-    if unknown > _MUCH_UNKNOWN and share_of_unknown(explained) > _MAX_LEFT * unknown:
-        return paths, consistent
-    return more, explained
+    if _OBJECTS_UNKNOWN[0] < share_of_unknown(consistent) < _OBJECTS_UNKNOWN[1]:
+        more = add_objects(paths)
+        if more is not paths:
+            return more, find_consistent(more.exact())
+    return paths, consistent
