@@ -55,6 +55,7 @@ _OBJECTS_UNKNOWN = 0.002, 0.08
 If more is unknown, objects that keep their shape hardly explain it, and the search takes long.
 """
 
+
 @dataclasses.dataclass(frozen=True)
 class Found:
     """The paths that explain the bits best."""
