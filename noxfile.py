@@ -80,7 +80,7 @@ def readme(session: nox.Session) -> None:
         # All sessions share this target folder, so the engine is compiled once.
         env = {"CARGO_TARGET_DIR": str(ROOT / "target"), "JOTLIGHT_DATA": str(DATA)}
         session.run("bash", "-ec", blocks[1], env=env, external=True)
-        # Threads of BLAS would wait for each other, because each core has a process of its own.
+        # Each core has a process of its own, so further threads of BLAS would only wait.
         slow = f".venv/{PROGRAMS}/pytest -m '{SLOW}'"
         session.run("bash", "-ec", slow, env={**env, "OPENBLAS_NUM_THREADS": "1"}, external=True)
 

@@ -37,6 +37,7 @@ class kept_property(functools.cached_property[Value]):  # noqa: N801, TID251
         """Return the value, which the object then holds under the name of the property."""
         if instance is None:
             return self
+        assert self.attrname is not None, "the name, which the body of a class sets"
         # Frozen objects refuse `setattr`. `setdefault` keeps one value if two threads compute it.
-        kept: Value = instance.__dict__.setdefault(str(self.attrname), self.func(instance))
+        kept: Value = instance.__dict__.setdefault(self.attrname, self.func(instance))
         return kept

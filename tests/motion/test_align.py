@@ -6,7 +6,7 @@ import pytest
 import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.sensing.provenance import Provenance
-from moving import aligned, in_memory, moved, record, rms_error
+from moving import aligned, in_memory, moved, photographed, record, rms_error
 
 PROVENANCE = Provenance("npy", "counts.npy")
 
@@ -63,19 +63,12 @@ def test_an_object_in_front_of_its_background_is_found():
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 3])
 def test_three_objects_are_found_although_they_cover_much_of_the_scene(seed):
-    scene = jl.datasets.moving(
-        jl.datasets.photograph("camera"),
-        "three",
-        foreground=jl.datasets.photograph("astronaut").mean(axis=2),
-        sensor=jl.Sensor(frames=64),
-        shape=(192, 192),
-        photons=0.2,
-        rng=seed,
-    )
-    found = jl.align(in_memory(scene))
+    scene = photographed("three", 192, sensor=jl.Sensor(frames=64), photons=0.2, rng=seed)
+    bits = in_memory(scene)
+    found = jl.align(bits)
     assert found.model == "segments"
-    # Along tiles, which explain the scene if objects are not searched, 28.3 and 28.8 dB.
-    image = jl.reconstruct(jl.merge(in_memory(scene), motion=found))
+    # 28.3 and 28.8 dB along tiles, which explain the scene if objects are not searched.
+    image = jl.reconstruct(jl.merge(bits, motion=found))
     truth = scene.image(found.reference)
     assert jl.metrics.psnr(image, truth, data_range=1.0) > 29.0
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 import jotlight as jl
@@ -9,21 +10,13 @@ from jotlight.motion.carrying import carry
 from jotlight.motion.film_candidates import Candidates
 from jotlight.motion.film_merging import FilmMerging
 from jotlight.motion.squares import enlarge_motion, in_squares
-from moving import behind, film_settings, in_memory
+from moving import behind, film_settings, in_memory, photographed
 
 
 @pytest.mark.slow
 def test_a_window_keeps_the_outlines_that_more_frames_show():
     """Regions without detail look the same along both motions."""
-    scene = jl.datasets.moving(
-        jl.datasets.photograph("camera"),
-        "layers",
-        foreground=jl.datasets.photograph("astronaut").mean(axis=2),
-        sensor=jl.Sensor(frames=256),
-        shape=(128, 128),
-        photons=0.1,
-        rng=0,
-    )
+    scene = photographed("layers", 128, sensor=jl.Sensor(frames=256), photons=0.1, rng=0)
     bits = in_memory(scene)
     motion = jl.align(bits)
     assert len(motion.nodes) == 2
@@ -55,3 +48,17 @@ def test_the_end_of_a_window_moves_as_its_own_bits_show():
 
     alone = quality(jl.align(part, model="affine"))
     assert quality(enlarge_motion(found.image.motion, 2, bits.shape[1:])) > alone - 0.3
+
+
+def test_new_motions_of_a_window_are_compared_in_the_same_blocks():
+    """In longer blocks, more bits of a wrong motion agree."""
+    bits = in_memory(photographed("shake", 64, sensor=jl.Sensor(frames=128), photons=0.5, rng=0))
+    window, start = 64, 64
+    settings = film_settings(window, model="affine", memory=False)
+    sensor = bits.sensor.replace(frames=window)
+    merging = FilmMerging(sensor, settings.step)
+    candidates = Candidates(bits[start:], start, None, merging, settings)
+    edges = [
+        each.paths.blocks.edges for each in (candidates.fresh(), candidates.of_more_frames(bits, 0))
+    ]
+    np.testing.assert_array_equal(*edges)

@@ -149,6 +149,17 @@ def film_settings(window, step=None, *, causal=True, model="auto", memory=None):
 
 
 @functools.cache
+def photographed(motion, size, **options):
+    """Return a scene of the photographs camera and astronaut, of size x size pixels."""
+    return jl.datasets.moving(
+        jl.datasets.photograph("camera"),
+        motion,
+        foreground=jl.datasets.photograph("astronaut").mean(axis=2),
+        shape=(size, size),
+        **options,
+    )
+
+
 def behind(mosaic="RGGB", motion="shake", frames=96, shape=(96, 112), rng=4):
     """Return a moving color scene behind a mosaic, and its bits."""
     scene = jl.datasets.moving(
