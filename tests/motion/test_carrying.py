@@ -52,8 +52,8 @@ def test_the_end_of_a_window_moves_as_its_own_bits_show():
 
 def test_new_motions_of_a_window_are_compared_in_the_same_blocks():
     """In longer blocks, more bits of a wrong motion agree."""
-    bits = in_memory(photographed("shake", 64, sensor=jl.Sensor(frames=128), photons=0.5, rng=0))
-    window, start = 64, 64
+    bits = in_memory(photographed("shake", 64, sensor=jl.Sensor(frames=512), photons=0.5, rng=0))
+    window, start = 256, 256
     settings = film_settings(window, model="affine", memory=False)
     sensor = bits.sensor.replace(frames=window)
     merging = FilmMerging(sensor, settings.step)
