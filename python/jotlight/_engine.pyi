@@ -81,6 +81,7 @@ __all__ = [
     "relative_brightness",
     "reverse_bytes",
     "set_positions",
+    "shortest_outlines",
     "shrink",
     "smooth_curve",
     "solve_field",
@@ -252,8 +253,7 @@ def add_object_gain(
     threads: int | None,
 ) -> None: ...
 def mark_covered(
-    label: int,
-    field: npt.NDArray[np.float32],
+    fronts: list[tuple[int, npt.NDArray[np.float32]]],
     labels: npt.NDArray[np.uint8],
     out: npt.NDArray[np.bool_],
     threads: int | None,
@@ -268,6 +268,12 @@ def relative_brightness(
     other_trials: _Counts,
     threads: int | None,
 ) -> float: ...
+def shortest_outlines(
+    gain: npt.NDArray[np.float32],
+    length: float,
+    out: npt.NDArray[np.bool_],
+    threads: int | None,
+) -> None: ...
 def smooth_curve(
     estimates: npt.NDArray[np.float64],
     information: npt.NDArray[np.float64],

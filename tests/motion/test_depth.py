@@ -15,7 +15,7 @@ from jotlight.motion.depth import (
     without_absent,
 )
 from jotlight.motion.scoring import make_template
-from jotlight.motion.tiles import tile_counts
+from jotlight.motion.tiles import interpolate, tile_counts
 from jotlight.motion.track import Paths, Track, from_center
 from moving import blocks_of, occluded, record
 
@@ -87,10 +87,29 @@ def test_free_tracks_hide_nothing():
 
 def test_pixels_at_the_same_position_are_as_far_as_the_tracks_have_moved_apart():
     paths, _ = scene_of(3)
-    field = paths.relative(2, 1, 3)
-    assert field.shape == (2, *SIZE)
-    np.testing.assert_allclose(field[0], 3 - FRAMES // 2, atol=1e-5)
-    np.testing.assert_allclose(field[1], FRAMES // 2 - 3, atol=1e-5)
+    nodes = paths.relative(2, 1, 3)
+    assert nodes.shape == (2, *tile_counts(SIZE))
+    np.testing.assert_allclose(nodes[0], 3 - FRAMES // 2, atol=1e-5)
+    np.testing.assert_allclose(nodes[1], FRAMES // 2 - 3, atol=1e-5)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_covered_pixels_are_those_at_the_rounded_positions_of_segments_in_front(threads):
+    """A loop over segments yields the same, with displacements between the centers of tiles."""
+    rng = np.random.default_rng(3)
+    paths, _ = scene_of(3)
+    blocks = dataclasses.replace(paths.blocks, threads=threads)
+    for track in paths.tracks:
+        track.blocks = blocks
+        track.nodes += rng.normal(0, 3, track.nodes.shape)
+    paths.labels = rng.integers(0, 3, SIZE, dtype=np.uint8)
+    expected = np.zeros(SIZE, bool)
+    for front in (1, 2):
+        moved = np.indices(SIZE) + np.rint(interpolate(paths.relative(0, front, 5), SIZE))
+        inside = ((moved >= 0) & (moved < np.reshape(SIZE, (2, 1, 1)))).all(axis=0)
+        rows, columns = np.where(inside, moved, 0).astype(int)
+        expected |= inside & (paths.labels[rows, columns] == front)
+    np.testing.assert_array_equal(paths.covered(0, 5), expected)
 
 
 @pytest.mark.slow

@@ -20,16 +20,17 @@ def candidates_of(bits, settings, start=0, memory=None):
 @pytest.mark.slow
 def test_the_motion_that_explains_the_bits_is_better_unless_merging_rejected_it():
     _, bits = record("shake", frames=32, photons=1.0)
-    right = candidates_of(bits, film_settings(32)).fresh()
+    candidates = candidates_of(bits, film_settings(32))
+    right = candidates.fresh()
     nodes = 1.5 * right.motion.nodes
     wrong_motion = dataclasses.replace(right.motion, nodes=nodes)
     paths = as_paths(wrong_motion, right.paths.blocks)
     wrong = dataclasses.replace(right, motion=wrong_motion, paths=paths)
-    assert right.explains_more(wrong)
-    assert not wrong.explains_more(right)
+    assert candidates.explains_more(right, wrong)
+    assert not candidates.explains_more(wrong, right)
     rejected = dataclasses.replace(right, image=dataclasses.replace(right.image, still=range(16)))
-    assert wrong.explains_more(rejected)
-    assert not rejected.explains_more(wrong)
+    assert candidates.explains_more(wrong, rejected)
+    assert not candidates.explains_more(rejected, wrong)
 
 
 def accepting(candidate, fraction):
@@ -41,23 +42,40 @@ def accepting(candidate, fraction):
 
 
 @pytest.mark.parametrize(
-    ("difference", "other_model", "decides"),
-    [(0.002, "tiles", False), (0.004, "tiles", True), (0.001, "none", True)],
+    ("causal", "models", "difference", "decides"),
+    [
+        (True, ("tiles", "tiles"), 0.001, True),
+        (True, ("affine", "tiles"), 0.002, False),
+        (True, ("affine", "tiles"), 0.004, True),
+        (False, ("tiles", "tiles"), 0.2, False),
+        (False, ("affine", "tiles"), 0.2, False),
+        (False, ("segments", "tiles"), 0.002, False),
+        (False, ("segments", "tiles"), 0.004, True),
+        (False, ("affine", "segments"), 0.004, True),
+    ],
 )
-def test_a_motion_along_which_more_bits_agree_is_better(
-    monkeypatch, difference, other_model, decides
+def test_agreeing_bits_decide_at_the_last_frame_and_about_outlines(
+    monkeypatch, causal, models, difference, decides
 ):
+    """Otherwise, likelihoods do."""
     _, bits = record("static", frames=24, shape=(32, 48))
-    found = candidates_of(bits, film_settings(24, step=8, model="none")).fresh()
-    few = accepting(found, 0.9)
-    few = dataclasses.replace(few, motion=dataclasses.replace(few.motion, model=other_model))
-    many = dataclasses.replace(accepting(found, 0.9 + difference), paths=copy.copy(found.paths))
+    settings = film_settings(24, step=8, model="none", causal=causal)
+    candidates = candidates_of(bits, settings)
+    found = candidates.fresh()
+    few, many = (
+        dataclasses.replace(
+            accepting(found, fraction),
+            motion=dataclasses.replace(found.motion, model=model),
+            paths=copy.copy(found.paths),
+        )
+        for model, fraction in zip(models, (0.7, 0.7 + difference), strict=True)
+    )
     # The bits are more likely along the other one.
     gains = {id(few.paths): 2.0, id(many.paths): 1.0}
     gain = "jotlight.motion.film_candidates.likelihood_gain"
     monkeypatch.setattr(gain, lambda paths: gains[id(paths)])
-    assert many.explains_more(few) == decides
-    assert few.explains_more(many) != decides
+    assert candidates.explains_more(many, few) == decides
+    assert candidates.explains_more(few, many) != decides
 
 
 def test_each_candidate_has_a_memory_of_its_own():

@@ -38,7 +38,7 @@ def attempts(monkeypatch):
 
         monkeypatch.setattr(Candidates, "of_more_frames", counted)
         monkeypatch.setattr(Candidate, "flagged", property(flagged, ignore), raising=False)
-        monkeypatch.setattr(Candidate, "explains_more", lambda *_: is_better)
+        monkeypatch.setattr(Candidates, "explains_more", lambda *_: is_better)
         return starts
 
     return prepare

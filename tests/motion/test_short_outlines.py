@@ -14,6 +14,35 @@ REGIONS = np.array(list(itertools.product((False, True), repeat=12))).reshape(-1
 """All regions of 3 x 4 pixels."""
 
 
+def twin(gain, length):
+    """Return the pixels as the engine does, in NumPy."""
+    length = np.float32(length)
+    step, dual = np.float32(0.35) / length, length / (8 * np.float32(0.35))
+    inside = (gain > 0).astype(np.float32)
+    ahead = inside.copy()
+    flow = np.zeros((2, *gain.shape), np.float32)
+    for _ in range(150):
+        flow[0, :-1] += dual * (ahead[1:] - ahead[:-1])
+        flow[1, :, :-1] += dual * (ahead[:, 1:] - ahead[:, :-1])
+        flow /= np.maximum(1, np.sqrt(flow[0] ** 2 + flow[1] ** 2) / length)
+        divergence = flow[0] + flow[1]
+        divergence[1:] -= flow[0, :-1]
+        divergence[:, 1:] -= flow[1, :, :-1]
+        before = inside
+        inside = np.clip(before + step * divergence + step * gain, 0, 1)
+        ahead = 2 * inside - before
+    return inside > 0.5
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (7, 1), (40, 33)])
+def test_the_pixels_are_those_of_a_twin(shape, threads):
+    gain = np.random.default_rng(4).normal(-0.1, 2, shape).astype(np.float32)
+    for length in (0.4, 2.0):
+        found = shortest_outlines(gain, length, threads)
+        np.testing.assert_array_equal(found, twin(gain, length))
+
+
 def net_gain(gain, pixels, length):
     """Return the gain of regions (..., H, W) minus the cost of their outlines."""
     values = pixels.astype(float)
@@ -63,3 +92,9 @@ def test_a_hole_without_gain_is_filled_if_its_outline_costs_more():
     found = shortest_outlines(gain, 1.0)
     assert (found != expected).sum() <= 8  # corners may be rounded
     assert found[9:15, 9:15].all()
+
+
+@pytest.mark.parametrize("length", [0.0, -1.0, np.nan, np.inf])
+def test_a_length_must_be_a_number_above_0(length):
+    with pytest.raises(ValueError, match="length: expected a number above 0"):
+        shortest_outlines(np.zeros((2, 3), np.float32), length)

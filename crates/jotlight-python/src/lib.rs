@@ -66,7 +66,7 @@ mod _engine {
     #[pymodule_export]
     use super::motion_sums::{
         accept_agreeing, add_accepted, add_counts, add_object_gain, brightness, cost_of_curve,
-        mark_covered, relative_brightness, smooth_curve,
+        mark_covered, relative_brightness, shortest_outlines, smooth_curve,
     };
     #[pymodule_export]
     use super::multibit::{

@@ -1,7 +1,8 @@
 //! Sums of blocks of frames that follow a moving scene, and the curve of its motion.
 
+use jotlight::error::Result;
 use jotlight::motion::{
-    self, Accepted, Counts, Curve, Limits, Logarithms, Object, Seen, Tested, Totals,
+    self, Accepted, Counts, Curve, Limits, Logarithms, Object, Relative, Seen, TILE, Tested, Totals,
 };
 use numpy::{IntoPyArray, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use numpy::{PyReadwriteArray2, PyReadwriteArray3};
@@ -140,8 +141,12 @@ pub fn relative_brightness(
     })
 }
 
-/// A segment: its label, what its template predicts, and how far its pixels are from others.
+/// A segment: its label, what its template predicts, and how far its pixels are from others, at the
+/// centers of tiles.
 type PySeen<'py> = (u8, PyReadonlyArray3<'py, f32>, PyReadonlyArray3<'py, f32>);
+
+/// A segment in front: its label, and how far its pixels are from others, at the centers of tiles.
+type PyFront<'py> = (u8, PyReadonlyArray3<'py, f32>);
 
 /// Add the gain of an object over other segments in a block to `out`, (3, H, W).
 #[pyfunction]
@@ -161,11 +166,7 @@ pub fn add_object_gain(
     let (labels, out) = (labels.as_array(), out.as_array_mut());
     let others: Vec<_> = others
         .iter()
-        .map(|(label, predicted, field)| Seen {
-            label: *label,
-            predicted: predicted.as_array(),
-            field: field.as_array(),
-        })
+        .map(|(label, predicted, nodes)| (*label, predicted.as_array(), nodes.as_array()))
         .collect();
     for_counts!(ones, trials => {
         let object = Object {
@@ -176,25 +177,51 @@ pub fn add_object_gain(
             },
             predicted: predicted.as_array(),
         };
-        run(py, threads, || motion::add_object_gain(&object, &others, labels, out))
+        run(py, threads, || {
+            let seen = |&(label, predicted, nodes)| {
+                let relative = Relative::new(nodes, TILE, labels.dim())?;
+                Ok(Seen { label, predicted, relative })
+            };
+            let others: Vec<_> = others.iter().map(seen).collect::<Result<_>>()?;
+            motion::add_object_gain(&object, &others, labels, out)
+        })
     })
 }
 
-/// Set `out` to True where pixels are behind a segment in front.
+/// Set `out` to True where pixels are behind segments in front.
 #[pyfunction]
-#[pyo3(signature = (label, field, labels, out, threads))]
+#[pyo3(signature = (fronts, labels, out, threads))]
 pub fn mark_covered(
     py: Python<'_>,
-    label: u8,
-    field: PyReadonlyArray3<'_, f32>,
+    fronts: Vec<PyFront<'_>>,
     labels: PyReadonlyArray2<'_, u8>,
     mut out: PyReadwriteArray2<'_, bool>,
     threads: Option<isize>,
 ) -> PyResult<()> {
-    let (field, labels, out) = (field.as_array(), labels.as_array(), out.as_array_mut());
+    let (labels, out) = (labels.as_array(), out.as_array_mut());
+    let fronts: Vec<_> = fronts
+        .iter()
+        .map(|(label, nodes)| (*label, nodes.as_array()))
+        .collect();
     run(py, threads, || {
-        motion::mark_covered(label, field, labels, out)
+        let front = |&(label, nodes)| Ok((label, Relative::new(nodes, TILE, labels.dim())?));
+        let fronts: Vec<_> = fronts.iter().map(front).collect::<Result<_>>()?;
+        motion::mark_covered(&fronts, labels, out)
     })
+}
+
+/// Set `out` to the pixels whose gain minus the cost of their outline is largest.
+#[pyfunction]
+#[pyo3(signature = (gain, length, out, threads))]
+pub fn shortest_outlines(
+    py: Python<'_>,
+    gain: PyReadonlyArray2<'_, f32>,
+    length: f32,
+    mut out: PyReadwriteArray2<'_, bool>,
+    threads: Option<isize>,
+) -> PyResult<()> {
+    let (gain, out) = (gain.as_array(), out.as_array_mut());
+    run(py, threads, || motion::shortest_outlines(gain, length, out))
 }
 
 /// Return the most probable curve of a motion, (n, 6).

@@ -124,7 +124,7 @@ class Gain:
         gain = self._with_unknown() - needed
         if expected is not None:
             gain += np.where(expected, _EVIDENCE, -_EVIDENCE)
-        return shortest_outlines(gain, _LENGTH)
+        return shortest_outlines(gain, _LENGTH, self.threads)
 
     def _with_unknown(self) -> Image:
         """Return the gain with that of pixels behind which nothing was seen."""
@@ -211,9 +211,9 @@ class _Predicted:
 
     probability: Image
     """p, (H, W)."""
-    images: npt.NDArray[np.float32]
+    values: npt.NDArray[np.float32]
     """log p/(1 - p), log (1 - p), the expected loss of a bit by the noise of the template in nats,
-    and how far the template is known, (4, H, W): 1 if it has at least half as many trials as usual,
+    and how far the template is known, (H, W, 4): 1 if it has at least half as many trials as usual,
     and less where it has fewer."""
 
     @classmethod
@@ -225,7 +225,8 @@ class _Predicted:
         zero = np.log(1 - probability)
         noise = np.float32(_NOISE) / np.maximum(trials, 1)
         known = np.clip(trials * np.float32(2 / usual), 0, 1)
-        return cls(probability, np.stack([np.log(probability) - zero, zero, noise, known]))
+        values = np.log(probability) - zero, zero, noise, known
+        return cls(probability, np.stack(values, axis=-1))
 
 
 def _add_gain(
@@ -240,7 +241,7 @@ def _add_gain(
     own = templates[segment]
     sums = equivalent_sums(sums, own.probability)
     others = [
-        (other, template.images, paths.relative(segment, other, block))
+        (other, template.values, paths.relative(segment, other, block))
         for other, template in enumerate(templates)
         if other != segment
     ]
@@ -248,7 +249,7 @@ def _add_gain(
         segment,
         sums.ones,
         sums.trials,
-        own.images,
+        own.values,
         others,
         paths.labels,
         total,

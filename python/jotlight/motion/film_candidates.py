@@ -43,20 +43,6 @@ class Candidate:
         acceptance = self.image.merged.acceptance
         return 1.0 if acceptance is None else float(acceptance.mean())
 
-    def explains_more(self, other: "Candidate") -> bool:
-        """Return whether this motion explains the window better.
-
-        Where merging has rejected a motion, the other one is better. Otherwise, it is the one along
-        which more bits agree. Between two models, it is the one along which clearly more bits
-        agree, or else the one along which the bits are more likely.
-        """
-        if self.image.is_rejected or other.image.is_rejected:
-            return not self.image.is_rejected
-        needed = 0.0 if self.motion.model == other.motion.model else CLEARLY_MORE
-        if abs(self.accepted - other.accepted) > needed:
-            return self.accepted > other.accepted
-        return likelihood_gain(self.paths) > likelihood_gain(other.paths)
-
 
 @dataclasses.dataclass(frozen=True)
 class Candidates:
@@ -111,6 +97,24 @@ class Candidates:
             return None
         motion = as_motion(paths, motion.model)
         return self._merged(self._along(motion), motion, is_carried=False)
+
+    def explains_more(self, one: Candidate, other: Candidate) -> bool:
+        """Return whether the motion of one image explains the window better than that of another.
+
+        Where merging has rejected a motion, the other one is better. Otherwise, likelihoods decide,
+        unless one motion has outlines, and clearly more bits agree with one of the two. A causal
+        image shows the last frame. Likelihoods are those of all frames, so they do not show where
+        its outlines are. So the motion with which more bits agree is better, or clearly more bits
+        if the models differ.
+        """
+        if one.image.is_rejected or other.image.is_rejected:
+            return not one.image.is_rejected
+        models = {one.motion.model, other.motion.model}
+        needed = CLEARLY_MORE if len(models) > 1 else 0.0
+        may_decide = self.settings.causal or (len(models) > 1 and "segments" in models)
+        if may_decide and abs(one.accepted - other.accepted) > needed:
+            return one.accepted > other.accepted
+        return likelihood_gain(one.paths) > likelihood_gain(other.paths)
 
     def _carry(self, motion: Motion, step: int) -> Paths | None:
         """Return the paths of a motion that is continued to the end of the window, or None."""

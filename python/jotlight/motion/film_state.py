@@ -68,7 +68,7 @@ class FilmState:
             if fresh is None:
                 others.append(candidates.fresh())
             for other in others:
-                if other is not None and other.explains_more(best):
+                if other is not None and candidates.explains_more(other, best):
                     best = other
         schedule.add(best, is_compared=fresh is not None)
         self._carry_on(best)

@@ -58,13 +58,13 @@ _MIN_PIXELS = 64
 """Minimum number of pixels of an object."""
 
 
-def add_objects(paths: Paths) -> Paths:
+def add_objects(paths: Paths, most: int | None = None) -> Paths:
     """Return paths with further tracks in front, those of objects that move by themselves.
 
     An object is added if the bits are then more likely. In bright light, the first false object
-    ends the search, which would take long.
+    ends the search, which would take long. At `most` some objects are added, by default five.
     """
-    for _ in range(_MAX_OBJECTS):
+    for _ in range(_MAX_OBJECTS if most is None else most):
         more = _with_object(paths)
         if more is None or more_likely(paths, more) is paths:
             break

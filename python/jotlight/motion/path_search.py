@@ -49,11 +49,17 @@ _MIN_FRACTION = 0.5
 _CLEAR = 10.0
 """With more than this multiple of this gain under blurred templates, a motion is clearly right."""
 
-_OBJECTS_UNKNOWN = 0.002, 0.08
+_OBJECTS_UNKNOWN = 0.002, 0.15
 """Fractions of pixels with unknown motion between which further objects are searched.
 
 If more is unknown, objects that keep their shape hardly explain it, and the search takes long.
 """
+
+_MUCH_UNKNOWN = 0.08
+"""Fraction of pixels with unknown motion above which objects must explain much of them."""
+
+_MUST_EXPLAIN = (1, 0.3), (None, 0.5)
+"""The fractions of what is unknown that objects must explain then: the first one, and all."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -287,8 +293,25 @@ def _with_objects(paths: Paths) -> tuple[Paths, Consistent]:
     The given paths are returned if no object is found.
     """
     consistent = find_consistent(paths.exact())
-    if _OBJECTS_UNKNOWN[0] < share_of_unknown(consistent) < _OBJECTS_UNKNOWN[1]:
-        more = add_objects(paths)
-        if more is not paths:
-            return more, find_consistent(more.exact())
-    return paths, consistent
+    unknown = share_of_unknown(consistent)
+    if not _OBJECTS_UNKNOWN[0] < unknown < _OBJECTS_UNKNOWN[1]:
+        return paths, consistent
+    if unknown > _MUCH_UNKNOWN:
+        return _with_large_objects(paths, consistent)
+    more = add_objects(paths)
+    return (paths, consistent) if more is paths else (more, find_consistent(more.exact()))
+
+
+def _with_large_objects(paths: Paths, consistent: Consistent) -> tuple[Paths, Consistent]:
+    """Return paths with tracks of objects that explain much of what is unknown, and the sums.
+
+    Otherwise, return the given paths. The parts of such a scene deform, and what looks like an
+    object is a region whose motion is alike for a short time.
+    """
+    unknown, more, along = share_of_unknown(consistent), paths, consistent
+    for most, share in _MUST_EXPLAIN:
+        more = add_objects(more, most)
+        along = find_consistent(more.exact())
+        if share_of_unknown(along) > (1 - share) * unknown:
+            return paths, consistent
+    return more, along

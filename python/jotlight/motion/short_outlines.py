@@ -3,14 +3,12 @@
 import numpy as np
 import numpy.typing as npt
 
-_ITERATIONS = 150
-"""Number of iterations."""
-
-_STEP = 0.35
-"""Length of the steps, for a length of outlines that costs 1."""
+import jotlight._engine as engine
 
 
-def shortest_outlines(gain: npt.NDArray[np.float32], length: float) -> npt.NDArray[np.bool_]:
+def shortest_outlines(
+    gain: npt.NDArray[np.float32], length: float, threads: int | None = None
+) -> npt.NDArray[np.bool_]:
     """Return the pixels (H, W) whose gain minus the cost of their outline is largest.
 
     They are a level set of the minimizer m of ``length`` Σ |∇m| - Σ gain m with 0 ≤ m ≤ 1 (Chan,
@@ -22,6 +20,8 @@ def shortest_outlines(gain: npt.NDArray[np.float32], length: float) -> npt.NDArr
         The gain of each pixel.
     length : float
         The cost of an outline per pixel of its length, above 0.
+    threads : int, optional
+        Number of threads. Default: all.
 
     Examples
     --------
@@ -31,19 +31,6 @@ def shortest_outlines(gain: npt.NDArray[np.float32], length: float) -> npt.NDArr
     >>> int(shortest_outlines(gain, 1.0).sum())
     25
     """
-    inside = (gain > 0).astype(np.float32)
-    ahead = inside.copy()
-    flow = np.zeros((2, *gain.shape), np.float32)
-    step, dual = np.float32(_STEP / length), np.float32(length / (8 * _STEP))
-    gain = gain * step
-    for _ in range(_ITERATIONS):
-        flow[0, :-1] += dual * (ahead[1:] - ahead[:-1])
-        flow[1, :, :-1] += dual * (ahead[:, 1:] - ahead[:, :-1])
-        flow /= np.maximum(1, np.sqrt(flow[0] ** 2 + flow[1] ** 2) / np.float32(length))
-        divergence = flow[0] + flow[1]
-        divergence[1:] -= flow[0, :-1]
-        divergence[:, 1:] -= flow[1, :, :-1]
-        before = inside
-        inside = np.clip(before + step * divergence + gain, 0, 1)
-        ahead = 2 * inside - before
-    return np.asarray(inside > 0.5)
+    pixels = np.empty(gain.shape, bool)
+    engine.shortest_outlines(gain, length, pixels, threads)
+    return pixels

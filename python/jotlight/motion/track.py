@@ -188,18 +188,19 @@ class Paths:
     def covered(self, index: int, block: int) -> npt.NDArray[np.bool_]:
         """Return whether pixels that follow a track are behind others in a block, (H, W)."""
         covered = np.zeros(self.labels.shape, bool)
-        for front in range(index + 1, len(self.tracks) - self.free):
-            field = self.relative(index, front, block)
-            engine.mark_covered(front, field, self.labels, covered, self.blocks.threads)
+        segments = range(index + 1, len(self.tracks) - self.free)
+        fronts = [(front, self.relative(index, front, block)) for front in segments]
+        engine.mark_covered(fronts, self.labels, covered, self.blocks.threads)
         return covered
 
     def relative(self, index: int, other: int, block: int) -> npt.NDArray[np.float32]:
-        """Return how far the pixels of another track that have the same positions are, (2, H, W).
+        """Return how far the pixels of another track that have the same positions are.
 
-        Motions are so smooth that the displacement of such a pixel is nearly that of the first one.
+        These are the distances at the centers of tiles, (2, rows, columns). Motions are so smooth
+        that the displacement of such a pixel is nearly that of the first one.
         """
         nodes = self.tracks[index].nodes[block] - self.tracks[other].nodes[block]
-        return interpolate(nodes, self.blocks.size)
+        return np.asarray(nodes, np.float32)
 
     def displacements(self, block: int, step: int = 1) -> npt.NDArray[np.float32]:
         """Return the displacements of all pixels in the middle of a block, (2, H, W).

@@ -1,15 +1,18 @@
 //! By how much an object explains bits better than what would be there without it.
 
-use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis};
+use ndarray::{ArrayView2, ArrayView3, ArrayViewMut2, ArrayViewMut3, Axis, CowArray, Ix3};
 use rayon::prelude::*;
 
 use super::count::Count;
 use super::disagreement::Counts;
+use super::lines::BLOCK;
+use super::relative::{OUTSIDE, Relative};
+use super::rounding::max;
 use super::sums::check_counts;
 use crate::error::{Error, Result};
 use crate::interrupt;
 
-/// The number of images that describe what a template predicts: log p/(1 − p) and log (1 − p) with
+/// The number of values that describe what a template predicts: log p/(1 − p) and log (1 − p) with
 /// the probability p of a one; the expected loss of a bit because the template is noisy; and how
 /// far the template is known, from 0 to 1.
 pub const PREDICTIONS: usize = 4;
@@ -18,14 +21,14 @@ pub const PREDICTIONS: usize = 4;
 pub const GAINS: usize = 3;
 
 /// A segment of the scene, and where an object sees it in a block of frames.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Seen<'a> {
     /// The label of the segment. Segments with larger labels are in front of others.
     pub label: u8,
-    /// What its template predicts, `(PREDICTIONS, H, W)`.
+    /// What its template predicts, `(H, W, PREDICTIONS)`.
     pub predicted: ArrayView3<'a, f32>,
-    /// How far its pixels are from those of the object that have the same positions, `(2, H, W)`.
-    pub field: ArrayView3<'a, f32>,
+    /// How far its pixels are from those of the object that have the same positions.
+    pub relative: Relative<'a>,
 }
 
 /// The counts along the track of an object, and what its template predicts.
@@ -35,7 +38,7 @@ pub struct Object<'a, C = i32> {
     pub label: u8,
     /// The counts of a block, `(H, W)`.
     pub counts: Counts<'a, C>,
-    /// What its template predicts, `(PREDICTIONS, H, W)`.
+    /// What its template predicts, `(H, W, PREDICTIONS)`.
     pub predicted: ArrayView3<'a, f32>,
 }
 
@@ -58,155 +61,193 @@ pub fn add_object_gain<C: Count>(
 ) -> Result<()> {
     let size = labels.dim();
     check_counts(object.counts.ones, object.counts.trials, size)?;
-    check_images("predictions", object.predicted, PREDICTIONS, size)?;
+    let shape = (size.0, size.1, PREDICTIONS);
+    check("predictions", shape, object.predicted.dim())?;
     for other in others {
-        check_images("predictions", other.predicted, PREDICTIONS, size)?;
-        check_images("field", other.field, 2, size)?;
+        check("predictions", shape, other.predicted.dim())?;
+        check("field", size, other.relative.size())?;
     }
-    check_images("output", out.view(), GAINS, size)?;
+    check("output", (GAINS, size.0, size.1), out.dim())?;
+    let own = object.predicted.as_standard_layout();
+    let predicted: Vec<_> = others
+        .iter()
+        .map(|other| other.predicted.as_standard_layout())
+        .collect();
+    let labels = labels.as_standard_layout();
+    let labels = labels.as_slice().unwrap_or_default();
+    let own = values(&own);
+    let others: Vec<_> = others
+        .iter()
+        .zip(&predicted)
+        .map(|(other, predicted)| Other {
+            label: other.label,
+            predicted: values(predicted),
+            relative: &other.relative,
+        })
+        .collect();
     out.axis_iter_mut(Axis(1))
         .into_par_iter()
         .enumerate()
         .for_each(|(row, out)| {
             if !interrupt::is_requested() {
-                add_row(object, others, labels, row, out);
+                add_row(object, own, &others, labels, row, out);
             }
         });
     Ok(())
 }
 
-/// Set `out` `(H, W)` to true where pixels are behind a segment in front.
+/// Set `out` to true where pixels are behind a segment in front.
 ///
-/// Those are the pixels where the pixel of the segment at the same position has its label. `field`
-/// is how far that pixel is away, `(2, H, W)`.
+/// Those are the pixels where the pixel of such a segment at the same position has its label. Each
+/// segment is given by its label, and how far its pixels are away.
 ///
 /// # Errors
 /// [`Error::Shape`] if the shapes of the arrays do not match.
 pub fn mark_covered(
-    label: u8,
-    field: ArrayView3<'_, f32>,
+    fronts: &[(u8, Relative<'_>)],
     labels: ArrayView2<'_, u8>,
     mut out: ArrayViewMut2<'_, bool>,
 ) -> Result<()> {
     let size = labels.dim();
-    check_images("field", field, 2, size)?;
-    if out.dim() != size {
-        return Err(Error::shape("output", size, out.dim()));
+    check("output", size, out.dim())?;
+    for (_, relative) in fronts {
+        check("field", size, relative.size())?;
     }
+    let labels = labels.as_standard_layout();
+    let labels = labels.as_slice().unwrap_or_default();
     out.axis_iter_mut(Axis(0))
         .into_par_iter()
         .enumerate()
         .for_each(|(row, mut out)| {
-            for (column, out) in out.iter_mut().enumerate() {
-                *out |= place_in(field, size, [row, column])
-                    .is_some_and(|place| labels[place] == label);
+            for (label, relative) in fronts {
+                let relative = relative.row(row);
+                for block in 0..size.1.div_ceil(BLOCK) {
+                    let places = relative.places(block);
+                    let pixels = out.iter_mut().skip(BLOCK * block);
+                    for (out, place) in pixels.zip(places) {
+                        *out |= labels.get(place) == Some(label);
+                    }
+                }
             }
         });
     Ok(())
 }
 
-/// Check the shape of some images.
-fn check_images(
-    what: &'static str,
-    images: ArrayView3<'_, f32>,
-    number: usize,
-    size: (usize, usize),
-) -> Result<()> {
-    let shape = (number, size.0, size.1);
-    if images.dim() != shape {
-        return Err(Error::shape(what, shape, images.dim()));
+/// Check the shape of an array.
+fn check<T: PartialEq + std::fmt::Debug>(what: &'static str, expected: T, found: T) -> Result<()> {
+    if found == expected {
+        return Ok(());
     }
-    Ok(())
+    Err(Error::shape(what, expected, found))
+}
+
+/// Another segment of the scene.
+struct Other<'a> {
+    label: u8,
+    predicted: &'a [[f32; PREDICTIONS]],
+    relative: &'a Relative<'a>,
+}
+
+/// Return the values of each pixel.
+fn values<'a>(predicted: &'a CowArray<'_, f32, Ix3>) -> &'a [[f32; PREDICTIONS]] {
+    predicted.as_slice().unwrap_or_default().as_chunks().0
 }
 
 /// Add the gain of a row, `(GAINS, W)`.
 fn add_row<C: Count>(
     object: &Object<'_, C>,
-    others: &[Seen<'_>],
-    labels: ArrayView2<'_, u8>,
+    own: &[[f32; PREDICTIONS]],
+    others: &[Other<'_>],
+    labels: &[u8],
     row: usize,
     mut out: ArrayViewMut2<'_, f32>,
 ) {
-    for column in 0..labels.ncols() {
-        let trials = object.counts.trials[[row, column]].to_f32();
+    let width = out.ncols();
+    let rows: Vec<_> = others.iter().map(|other| other.relative.row(row)).collect();
+    let mut places = vec![[OUTSIDE; BLOCK]; others.len()];
+    let (ones, trials) = (object.counts.ones.row(row), object.counts.trials.row(row));
+    for column in 0..width {
+        if column % BLOCK == 0 {
+            for (places, row) in places.iter_mut().zip(&rows) {
+                *places = row.places(column / BLOCK);
+            }
+        }
+        let trials = trials[column].to_f32();
         if trials <= 0.0 {
             continue;
         }
-        let (other, [y, x]) = match shown(object.label, others, labels, [row, column]) {
+        let places = places.iter().map(|places| places[column % BLOCK]);
+        let other = match shown(object.label, others, labels, places) {
             Shown::Hidden => continue,
             Shown::Nothing => {
                 out[[2, column]] += trials;
                 continue;
             }
-            Shown::Behind(other, place) => (other, place),
+            Shown::Behind(predicted) => predicted,
         };
         out[[2, column]] += trials;
-        let ones = object.counts.ones[[row, column]].to_f32();
-        let difference =
-            |index| object.predicted[[index, row, column]] - other.predicted[[index, y, x]];
-        let loss = (-difference(2)).max(0.0);
-        let gain = ones * difference(0) + trials * (difference(1) - loss);
-        let known = other.predicted[[3, y, x]];
+        let ones = ones[column].to_f32();
+        let own = own[row * width + column];
+        let loss = max(other[2] - own[2], 0.0);
+        let gain = ones * (own[0] - other[0]) + trials * (own[1] - other[1] - loss);
+        let known = other[3];
         out[[0, column]] += known * gain;
         out[[1, column]] += known * trials;
     }
 }
 
 /// What is at a pixel of an object.
-enum Shown<'a, 'b> {
+enum Shown {
     /// A segment in front hides the object.
     Hidden,
     /// No other segment is there.
     Nothing,
-    /// The foremost segment behind the object, and its pixel.
-    Behind(&'a Seen<'b>, [usize; 2]),
+    /// What the template of the foremost segment behind the object predicts.
+    Behind([f32; PREDICTIONS]),
 }
 
-/// Return what is at a pixel of an object.
-fn shown<'a, 'b>(
+/// Return what is at a pixel of an object, given the pixels of all other segments there.
+#[inline(always)]
+fn shown(
     object: u8,
-    others: &'a [Seen<'b>],
-    labels: ArrayView2<'_, u8>,
-    pixel: [usize; 2],
-) -> Shown<'a, 'b> {
+    others: &[Other<'_>],
+    labels: &[u8],
+    places: impl Iterator<Item = usize>,
+) -> Shown {
     let mut found = Shown::Nothing;
-    for other in others {
-        let Some(place) = place_in(other.field, labels.dim(), pixel) else {
+    for (other, place) in others.iter().zip(places) {
+        let Some(&label) = labels.get(place) else {
             continue;
         };
-        if other.label > 0 && labels[place] != other.label {
+        if other.label > 0 && label != other.label {
             continue;
         }
         if other.label > object {
             return Shown::Hidden;
         }
-        found = Shown::Behind(other, place);
+        found = Shown::Behind(other.predicted[place]);
     }
     found
 }
 
-/// Return the pixel of a field at a pixel, if it is inside the image.
-fn place_in(
-    field: ArrayView3<'_, f32>,
-    size: (usize, usize),
-    [row, column]: [usize; 2],
-) -> Option<[usize; 2]> {
-    let shifted = |axis: usize, index: usize, length: usize| {
-        let place = index as f32 + field[[axis, row, column]].round_ties_even();
-        (place >= 0.0 && place < length as f32).then_some(place as usize)
-    };
-    Some([shifted(0, row, size.0)?, shifted(1, column, size.1)?])
-}
-
 #[cfg(test)]
 mod tests {
-    use ndarray::{Array2, Array3, arr2, arr3};
+    use ndarray::{Array2, Array3, arr2};
 
     use super::*;
 
-    /// Images of one row of three pixels.
+    const TILE: usize = 16;
+
+    /// The predictions of a row of three pixels.
     fn row(values: [[f32; 3]; PREDICTIONS]) -> Array3<f32> {
-        arr3(&values.map(|values| [values]))
+        Array3::from_shape_fn((1, 3, PREDICTIONS), |(_, column, index)| {
+            values[index][column]
+        })
+    }
+
+    /// Displacements at the center of a tile.
+    fn nodes(down: f32, right: f32) -> Array3<f32> {
+        Array3::from_shape_fn((2, 1, 1), |(axis, ..)| [down, right][axis])
     }
 
     #[test]
@@ -222,9 +263,7 @@ mod tests {
         ]);
         let front = row([[9.0; 3], [-9.0; 3], [0.0; 3], [1.0; 3]]);
         let labels = arr2(&[[0, 1, 2]]);
-        let mut field = Array3::zeros((2, 1, 3));
-        field.index_axis_mut(Axis(0), 1).fill(1.0);
-        let still = Array3::zeros((2, 1, 3));
+        let (moved, still) = (nodes(0.4, 1.0), nodes(0.0, 0.0));
         let object = Object {
             label: 1,
             counts: Counts {
@@ -233,14 +272,16 @@ mod tests {
             },
             predicted: own.view(),
         };
-        let seen = |label, predicted, field| Seen {
-            label,
-            predicted,
-            field,
+        let seen = |label, predicted, nodes| -> Result<Seen<'_>> {
+            Ok(Seen {
+                label,
+                predicted,
+                relative: Relative::new(nodes, TILE, (1, 3))?,
+            })
         };
         let others = [
-            seen(0, back.view(), field.view()),
-            seen(2, front.view(), still.view()),
+            seen(0, back.view(), moved.view())?,
+            seen(2, front.view(), still.view())?,
         ];
         let mut out = Array3::zeros((GAINS, 1, 3));
         add_object_gain(&object, &others, labels.view(), out.view_mut())?;
@@ -257,28 +298,33 @@ mod tests {
     #[test]
     fn pixels_behind_a_segment_are_marked() -> Result<()> {
         let labels = arr2(&[[0, 2, 2]]);
-        let mut field = Array3::zeros((2, 1, 3));
-        field.index_axis_mut(Axis(0), 1).fill(1.0);
+        let (right, away) = (nodes(0.0, 1.0), nodes(-1.0, 0.0));
+        let front = |label, nodes| Ok::<_, Error>((label, Relative::new(nodes, TILE, (1, 3))?));
         let mut out = Array2::from_elem((1, 3), false);
-        mark_covered(2, field.view(), labels.view(), out.view_mut())?;
-        assert_eq!(out.into_raw_vec_and_offset().0, [true, true, false]);
+        let fronts = [front(2, right.view())?, front(1, right.view())?];
+        mark_covered(&fronts, labels.view(), out.view_mut())?;
+        assert_eq!(out, arr2(&[[true, true, false]]));
+        // The pixels of this one are above the image.
+        mark_covered(&[front(2, away.view())?], labels.view(), out.view_mut())?;
+        assert_eq!(out, arr2(&[[true, true, false]]));
         let mut few = Array2::from_elem((1, 2), false);
-        assert!(mark_covered(2, field.view(), labels.view(), few.view_mut()).is_err());
+        assert!(mark_covered(&fronts, labels.view(), few.view_mut()).is_err());
         Ok(())
     }
 
     #[test]
-    fn other_shapes_are_refused() {
+    fn other_shapes_are_refused() -> Result<()> {
         let counts = Array2::<i32>::zeros((2, 3));
         let labels = Array2::zeros((2, 3));
-        let images = Array3::zeros((PREDICTIONS, 2, 3));
+        let predicted = Array3::zeros((2, 3, PREDICTIONS));
+        let still = nodes(0.0, 0.0);
         let object = Object {
             label: 1,
             counts: Counts {
                 ones: counts.view(),
                 trials: counts.view(),
             },
-            predicted: images.view(),
+            predicted: predicted.view(),
         };
         let mut few = Array3::zeros((2, 2, 3));
         assert!(add_object_gain(&object, &[], labels.view(), few.view_mut()).is_err());
@@ -286,9 +332,11 @@ mod tests {
         assert!(add_object_gain(&object, &[], labels.view(), out.view_mut()).is_ok());
         let wrong = Seen {
             label: 0,
-            predicted: images.view(),
-            field: images.view(),
+            predicted: predicted.view(),
+            relative: Relative::new(still.view(), TILE, (3, 3))?,
         };
         assert!(add_object_gain(&object, &[wrong], labels.view(), out.view_mut()).is_err());
+        assert!(Relative::new(still.view(), TILE, (17, 3)).is_err());
+        Ok(())
     }
 }
