@@ -70,6 +70,18 @@ def _identity(path: Path) -> Path | tuple[int, int]:
     return state.st_dev, state.st_ino
 
 
+def refuse_folder(path: Path, example: str, *, may_be_new: bool = False) -> None:
+    """Raise IsADirectoryError for a folder that exists, with an example of a file in it.
+
+    If the output `may_be_new`, the message also proposes a new folder.
+    """
+    if path.is_dir():
+        raise IsADirectoryError(
+            f"cannot write {path}: it is a folder; name a file in it, such as {path / example}"
+            f"{', or a new folder' * may_be_new}"
+        )
+
+
 def write_file(
     path: str | os.PathLike[str], content: bytes | str, *, output: Path | None = None
 ) -> None:
@@ -212,7 +224,10 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     path = Path(path)
     if path.exists():
-        raise FileExistsError(f"cannot write {path}: it already exists; choose another name")
+        kind = "folder" if path.is_dir() else "file"
+        raise FileExistsError(
+            f"cannot write {path}: this {kind} already exists; choose another name"
+        )
     _check_parent(path)
     with _reserved(path, path) as temporary:
         with explained_creation(path):

@@ -109,7 +109,11 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
         (["convert", "a.npy", "-o", "b.npy", "--frame-range", "1:9:0"], "frame-range"),
         (["convert", "a.npy", "-o", "b.npy", "--frame-range", "7:9"], "no frames"),
         (["convert", "a.npy", "-o", "b.npy", "--rotate", "45"], "multiple of 90"),
-        (["convert", "a.npy", "-o", "c", "--to", "visionsim"], "it already exists"),
+        (["convert", "a.npy", "-o", "c", "--to", "visionsim"], "this folder already exists"),
+        (
+            ["convert", "a.npy", "-o", "c"],
+            "it is a folder; name a file in it, such as c/capture.npy",
+        ),
         (["convert", "none.npy", "-o", "b.npy"], "there is no file"),
         (["convert", "counts.tif", "-o", "b", "--to", "visionsim"], "which counts cannot become"),
         (["convert", "a.npy", "-o", "none/b.npy"], "there is no folder"),

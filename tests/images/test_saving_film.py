@@ -165,3 +165,14 @@ def test_the_first_image_with_negative_values_is_reported(tmp_path):
     [message] = [str(warning.message) for warning in warnings]
     assert message.startswith("images[1]: expected values of 0 or more for display, got 7 of 63")
     jl.save_film(tmp_path / "a.tif", images, white=1)
+
+
+@pytest.mark.parametrize("name", [".", "..", "old", "old.set"])
+def test_a_folder_is_refused_with_the_name_of_a_file_in_it(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    for each in ("old", "old.set"):
+        (tmp_path / each).mkdir()
+    with pytest.raises(IsADirectoryError, match=r"it is a folder; name .*film\.gif, or a new"):
+        jl.save_film(name, np.zeros((2, 3, 4)))
+    with pytest.raises(IsADirectoryError, match=r"it is a folder; name .*image\.png$"):
+        jl.save_image(name, np.zeros((3, 4)))

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from jotlight.argument_types import as_path
 from jotlight.checks import positive_number
+from jotlight.files import refuse_folder
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
 from jotlight.formats.images.tiff_directories import open_checked_tiff
@@ -212,6 +213,8 @@ def image_writer(
 
     Raises
     ------
+    OSError
+        If the path is a folder.
     ValueError
         If the ending is unknown, or the format does not have the depth.
     MissingExtraError
@@ -220,6 +223,7 @@ def image_writer(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in (*DISPLAYED, *FLOATS):
+        refuse_folder(path, "image.png")
         raise ValueError(
             f"{path}: expected a name that ends in .png, .jpg, .tif, .exr, or .npy, "
             f"got {suffix or 'none'}"
