@@ -234,6 +234,19 @@ def test_frames_along_the_last_axis_are_reported():
     jl.Bits.from_array(np.ones((1, 200, 2), bool))
 
 
+@pytest.mark.parametrize("shape", [(64, 64, 1000), (32, 32, 257)])
+def test_many_frames_along_the_last_axis_are_reported(shape):
+    message = rf"if these are {shape[2]} frames of {shape[0]} x {shape[1]} jots, .*\(array, 2, 0\)$"
+    with pytest.warns(jl.JotlightWarning, match=message):
+        jl.Bits.from_array(np.ones(shape, bool))
+    jl.Bits.from_array(np.ones(shape, bool), jl.Sensor(frames=shape[0]))
+
+
+@pytest.mark.parametrize("shape", [(64, 64, 512), (63, 64, 1000), (64, 63, 1000), (16, 16, 1000)])
+def test_frames_in_strips_are_not_reported(shape):
+    assert len(jl.Bits.from_array(np.ones(shape, bool))) == shape[0]
+
+
 def test_a_sensor_with_the_frames_of_the_last_axis_is_advised_to_move_it():
     sensor = jl.Sensor(frames=8)
     message = r"8 frames, got 128; if the frames are the last axis, .*: (np.*); otherwise take"

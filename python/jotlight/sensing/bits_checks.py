@@ -13,6 +13,14 @@ _MIN_SIDE = 64
 _MIN_RATIO = 4
 """Minimum ratio of these sizes and the size of the last axis."""
 
+_MIN_EQUAL, _MAX_ASPECT = 32, 8
+"""Minimum size of the first two axes, if they are equal, and the ratio of the last axis to them,
+above which the last one looks like that of the frames.
+
+As many frames as a frame has rows are rare, and so are jots in such long strips. Sensors with 8
+times as many columns as rows exist.
+"""
+
 
 def warn_about_axes(name: str, shape: tuple[int, ...]) -> None:
     """Warn about frames of a shape that looks like (H, W, T).
@@ -23,7 +31,9 @@ def warn_about_axes(name: str, shape: tuple[int, ...]) -> None:
     """
     frames, height, width = shape[:3]
     side = min(frames, height)
-    if side >= _MIN_SIDE and side >= _MIN_RATIO * width:
+    is_last_short = side >= _MIN_SIDE and side >= _MIN_RATIO * width
+    is_last_long = frames == height >= _MIN_EQUAL and width > _MAX_ASPECT * side
+    if is_last_short or is_last_long:
         warn(
             f"{name}: read as {frames} frames of {height} x {width} jots; if these are {width} "
             f"frames of {frames} x {height} jots, {MOVE_FRAMES}"
