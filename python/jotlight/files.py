@@ -3,10 +3,10 @@
 import contextlib
 import errno
 import os
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+from jotlight.argument_types import was_url
 from jotlight.output_files import open_output
 from jotlight.temporary_names import has_temporaries, reserve_temporary
 
@@ -21,7 +21,7 @@ _unfinished: set[Path] = set()
 
 
 def _refuse_url(output: Path) -> None:
-    """Raise ValueError when an output is a URL. A path has one slash in place of its two.
+    """Raise ValueError when an output is a URL.
 
     Examples
     --------
@@ -30,7 +30,7 @@ def _refuse_url(output: Path) -> None:
       ...
     ValueError: s3:/bucket/a.zarr: results are written to files of this machine, not to URLs
     """
-    if output.parts and re.fullmatch(r"[A-Za-z][A-Za-z0-9+.\-]+:", output.parts[0]):
+    if was_url(output):
         raise ValueError(f"{output}: results are written to files of this machine, not to URLs")
 
 

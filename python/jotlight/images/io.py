@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import as_path
+from jotlight.argument_types import as_path, pattern_advice
 from jotlight.checks import positive_number
 from jotlight.files import refuse_folder
 from jotlight.formats.arrays import read_npy
@@ -80,7 +80,8 @@ def read_image(
     if path.is_dir():
         raise IsADirectoryError(f"{path}: expected an image file, got a folder")
     if not path.is_file():
-        raise FileNotFoundError(f"there is no image file {path}")
+        advice = pattern_advice(path, "name one image")
+        raise FileNotFoundError(f"there is no image file {path}{advice}")
     if path.suffix.lower() == ".npy":
         array, scale = read_npy(path), None
     elif path.suffix.lower() in (".tif", ".tiff"):
