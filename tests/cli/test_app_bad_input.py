@@ -43,6 +43,7 @@ import jotlight as jl
         (["compare", "photo.png", "-o", "photo.png"], "another name"),
         (["compare", "nan.npy", "-o", "a.png"], "finite"),
         (["demo", "--photo", "nobody"], "expected one of camera"),
+        (["simulate", "photo.png", "-o", "a.npy", "--efficiency", "40%"], "map, got '40%'"),
         (["info", "none.npy"], "there is no file"),
         (["info", "b*.npy"], "there is no file b*.npy; a pattern of several files is not taken"),
         (["film", "b*.npy", "-o", "a.npy", "--window", "1"], "name one; `jotlight reconstruct`"),

@@ -37,10 +37,7 @@ class SensorOptions:
 
     oversampling: Annotated[
         int | None,
-        Parameter(
-            alias="-k",
-            help=f"{_OVERSAMPLING} Default: 1.",
-        ),
+        Parameter(alias="-k", help=f"{_OVERSAMPLING} Default: 1."),
     ] = None
     frames: Annotated[
         int | None,
@@ -134,7 +131,7 @@ class SensorOptions:
         kwargs = self._set()
         for name in ("dark_counts", "efficiency"):
             if name in kwargs:
-                kwargs[name] = _number_or_map(kwargs[name])
+                kwargs[name] = _number_or_map(name, kwargs[name])
         frames = kwargs.get("frames")
         for name, kind in (("gain", float), ("threshold", int)):
             if name in kwargs:
@@ -311,11 +308,13 @@ def read_mosaic(text: str) -> Mosaic | str:
         raise ValueError(f"{path}: {error}") from error
 
 
-def _number_or_map(text: str) -> float | npt.NDArray[Any]:
+def _number_or_map(name: str, text: str) -> float | npt.NDArray[Any]:
+    if Path(text).suffix.lower() == ".npy":
+        return read_npy(text)
     try:
         return float(text)
     except ValueError:
-        return read_npy(text)
+        raise ValueError(f"{name}: expected a number, or a .npy map, got {text!r}") from None
 
 
 def _values_of_frames(
