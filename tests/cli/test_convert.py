@@ -96,8 +96,11 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
         (["convert", "a.npy", "-o", "b.bin"], "pass --to: swissspad2"),
         (["convert", "a.npy", "-o", "b"], "pass --to: visionsim, zarr"),
         (["convert", "a.npy", "-o", "b.bin"], "implies no single format; pass --to: swissspad2, "),
-        (["convert", "a.npy", "-o", "b.xyz"], "b.xyz: no capture has a name that ends in .xyz; "),
-        (["convert", "a.npy", "-o", "b.xyz", "--to", "png"], "choose one that ends in .npy, "),
+        (
+            ["convert", "a.npy", "-o", "b.xyz"],
+            "b.xyz: captures are not written with the ending",
+        ),
+        (["convert", "a.npy", "-o", "b.xyz", "--to", "png"], "choose one of .npy, "),
         (["convert", "a.npy", "-o", "b.npy", "--to", "png"], "ends in .png for png"),
         (
             ["convert", "a.npy", "-o", "b.bin", "--to", "matlab"],

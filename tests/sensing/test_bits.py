@@ -1,6 +1,7 @@
 """Packed bits: packing, counting, slicing, and checks."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -254,3 +255,15 @@ def test_a_sensor_with_the_frames_of_the_last_axis_is_advised_to_move_it():
         jl.Bits.from_array(HWT, sensor)
     moved = eval(re.search(message, str(error.value))[1], {"np": np, "array": HWT})
     assert jl.Bits.from_array(moved, sensor).shape == (8, 128, 100)
+
+
+@pytest.mark.parametrize("sensor", ["sensor", 4])
+def test_what_is_no_sensor_is_refused(sensor):
+    with pytest.raises(TypeError, match=r"expected a jotlight\.Sensor, such as Sensor\(frames=2\)"):
+        jl.Bits.from_array(np.ones((2, 3, 4), bool), sensor)
+
+
+@pytest.mark.parametrize("path", ["a.npy", Path("a.npy")])
+def test_a_path_is_no_array(path):
+    with pytest.raises(TypeError, match=r"got .*; jotlight\.open\(path\) reads a capture"):
+        jl.Bits.from_array(path)

@@ -50,8 +50,8 @@ def choose_output_format(path: Path, name: str | None = None) -> str:
     if not candidates:
         known = dict.fromkeys(each for writer in WRITERS.values() for each in writer.extensions)
         raise ValueError(
-            f"{path}: no capture has a name that ends in {extension}; choose one that ends in "
-            f"{', '.join(known)}, or in nothing for a new folder"
+            f"{path}: captures are not written with the ending {extension}; choose one of "
+            f"{', '.join(known)}, or none for a new folder"
         )
     if name is None and len(candidates) == 1:
         return candidates[0]

@@ -67,7 +67,11 @@ drop the axis of length 1, as array[:, 0] does
 
 
 def check_fits(shape: tuple[int, ...], sensor: SensorLike, *, bit_depth: int = 1) -> None:
-    """Raise ValueError unless readings of this shape and bit depth fit the sensor."""
+    """Raise TypeError or ValueError unless readings of this shape and bit depth fit the sensor."""
+    if not hasattr(sensor, "bit_depth"):
+        raise TypeError(
+            f"sensor: expected a jotlight.Sensor, such as Sensor(frames={shape[0]}), got {sensor!r}"
+        )
     if sensor.bit_depth != bit_depth:
         own = f"readings of {sensor.bit_depth} bits" if sensor.bit_depth > 1 else "single bits"
         other = "single bits" if bit_depth == 1 else f"readings of {bit_depth} bits"
