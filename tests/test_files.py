@@ -158,7 +158,10 @@ def test_a_folder_appears_when_the_block_ends_and_not_before(tmp_path):
         assert not (tmp_path / "set").exists()
     assert file_names(tmp_path) == ["set"]
     assert permissions(tmp_path / "set") & 0o700 == 0o700
-    with pytest.raises(FileExistsError, match="it already exists"), atomic_folder(tmp_path / "set"):
+    with (
+        pytest.raises(FileExistsError, match="this folder already exists"),
+        atomic_folder(tmp_path / "set"),
+    ):
         pass
 
 

@@ -1,6 +1,8 @@
 """Checks of the types of arguments: paths, and frames in place of counts."""
 
+import glob
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +56,31 @@ def complete_path(path: str) -> str:
     expanded = os.path.expanduser(path)  # noqa: PTH111  Path.expanduser refuses unknown users.
     has_name = not expanded or Path(expanded).name not in ("", "..")
     return expanded if has_name else str(Path(expanded).resolve())
+
+
+def was_url(path: Path) -> bool:
+    """Return whether a path was made from a URL. It has one slash in place of its two.
+
+    Examples
+    --------
+    >>> was_url(Path("s3://bucket/a.npy")), was_url(Path("C:/data/a.npy"))
+    (True, False)
+    """
+    return bool(path.parts) and bool(re.fullmatch(r"[A-Za-z][A-Za-z0-9+.\-]+:", path.parts[0]))
+
+
+def pattern_advice(path: str | os.PathLike[str], advice: str) -> str:
+    """Return advice for a path that does not exist, if it is a pattern of several files.
+
+    Examples
+    --------
+    >>> pattern_advice("photos/*.png", "name one image")
+    '; a pattern of several files is not taken here: name one image'
+    >>> pattern_advice("photo.png", "name one image")
+    ''
+    """
+    is_pattern = glob.has_magic(os.fspath(path))
+    return f"; a pattern of several files is not taken here: {advice}" if is_pattern else ""
 
 
 def as_tensors_path(path: object, call: str) -> Path:

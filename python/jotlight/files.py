@@ -3,10 +3,10 @@
 import contextlib
 import errno
 import os
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
+from jotlight.argument_types import was_url
 from jotlight.output_files import open_output
 from jotlight.temporary_names import has_temporaries, reserve_temporary
 
@@ -21,7 +21,7 @@ _unfinished: set[Path] = set()
 
 
 def _refuse_url(output: Path) -> None:
-    """Raise ValueError when an output is a URL. A path has one slash in place of its two.
+    """Raise ValueError when an output is a URL.
 
     Examples
     --------
@@ -30,7 +30,7 @@ def _refuse_url(output: Path) -> None:
       ...
     ValueError: s3:/bucket/a.zarr: results are written to files of this machine, not to URLs
     """
-    if output.parts and re.fullmatch(r"[A-Za-z][A-Za-z0-9+.\-]+:", output.parts[0]):
+    if was_url(output):
         raise ValueError(f"{output}: results are written to files of this machine, not to URLs")
 
 
@@ -68,6 +68,18 @@ def _identity(path: Path) -> Path | tuple[int, int]:
         return path.resolve()
     state = path.stat()
     return state.st_dev, state.st_ino
+
+
+def refuse_folder(path: Path, example: str, *, may_be_new: bool = False) -> None:
+    """Raise IsADirectoryError for a folder that exists, with an example of a file in it.
+
+    If the output `may_be_new`, the message also proposes a new folder.
+    """
+    if path.is_dir():
+        raise IsADirectoryError(
+            f"cannot write {path}: it is a folder; name a file in it, such as {path / example}"
+            f"{', or a new folder' * may_be_new}"
+        )
 
 
 def write_file(
@@ -212,7 +224,10 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     path = Path(path)
     if path.exists():
-        raise FileExistsError(f"cannot write {path}: it already exists; choose another name")
+        kind = "folder" if path.is_dir() else "file"
+        raise FileExistsError(
+            f"cannot write {path}: this {kind} already exists; choose another name"
+        )
     _check_parent(path)
     with _reserved(path, path) as temporary:
         with explained_creation(path):

@@ -1,12 +1,16 @@
-"""Names of parameters: calls that must state them, and the nearest known name."""
+"""Names of parameters: calls that must state them, the nearest known name, and other names."""
 
 import functools
 import inspect
 from collections.abc import Callable
 from difflib import get_close_matches
-from typing import TypeVar
+from typing import ParamSpec, TypeVar
 
 T = TypeVar("T")
+P = ParamSpec("P")
+
+_SEEDS = "seed", "random_state"
+"""Names of the parameter `rng` in other libraries."""
 
 
 def unknown_names(unknown: list[str], known: list[str]) -> str:
@@ -54,3 +58,30 @@ def require_names(example: str) -> Callable[[type[T]], type[T]]:
         return cls
 
     return decorate
+
+
+def takes_rng(function: Callable[P, T]) -> Callable[P, T]:
+    """Return the same function, whose error says that a seed is its parameter `rng`.
+
+    Examples
+    --------
+    >>> @takes_rng
+    ... def draw(*, rng: int = 0) -> int:
+    ...     return rng
+    >>> draw(seed=1)
+    Traceback (most recent call last):
+      ...
+    TypeError: draw: expected rng= for a seed or a random generator, got seed=; write rng= instead
+    """
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        for name in _SEEDS:
+            if name in kwargs:
+                raise TypeError(
+                    f"{function.__name__}: expected rng= for a seed or a random generator, got "
+                    f"{name}=; write rng= instead"
+                )
+        return function(*args, **kwargs)
+
+    return call

@@ -1,5 +1,6 @@
 """Correlated frames and change over time: found where they are, and no alarm where they are not."""
 
+import dataclasses
 import tracemalloc
 
 import numpy as np
@@ -98,3 +99,13 @@ def test_a_mask_of_another_type_or_shape_is_refused(mask):
 def test_the_number_of_blocks_is_as_documented(frames):
     assert 2 <= frames // block_frames(frames) <= 19
     assert {79: 19, 1000: 16}.get(frames, 0) in (0, frames // block_frames(frames))
+
+
+def test_results_are_equal_if_all_values_are():
+    frames = np.random.default_rng(12).random((64, 8, 8)) < 0.3
+    found, again = (steadiness(jl.Bits.from_array(frames)) for _ in range(2))
+    assert found == again
+    assert hash(found) == hash(again)
+    assert found != dataclasses.replace(found, map=found.map + 1)
+    assert found != dataclasses.replace(found, correlation=0.5)
+    assert found != "steady"

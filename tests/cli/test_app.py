@@ -59,6 +59,42 @@ def test_the_home_folder_is_found_where_a_shell_leaves_the_tilde(run, tmp_path, 
     assert run("info", "~/a.npy")[0] == 0
     assert run("reconstruct", "~/a.npy", "--output=~/a.tif", "--method", "mle")[0] == 0
     assert jl.read_image(tmp_path / "a.tif").shape == (8, 8)
+    for arguments in (
+        ["reconstruct", "~/none.npy", "-o", "a.tif"],
+        ["convert", "~/none.npy", "-o", "a.npy"],
+        ["view", "~/none.npy"],
+        ["train", "~/none.npy", "-o", "a.safetensors"],
+        ["reconstruct", "~/a.npy", "-o", "a.tif", "--dark-counts", "~/none.npy"],
+        ["reconstruct", "~/a.npy", "-o", "a.tif", "--efficiency", "~/none.npy"],
+        ["reconstruct", "~/a.npy", "-o", "a.tif", "--threshold", "~/none.npy"],
+        ["reconstruct", "~/a.npy", "-o", "a.tif", "--mosaic", "~/none.npy.json"],
+        ["calibrate", "~/a.npy", "-o", "a.safetensors", "--mosaic", "~/none.npy.json"],
+    ):
+        status, output = run(*arguments)
+        assert status == 1
+        assert str(tmp_path / "none.npy") in output
+
+
+@pytest.mark.parametrize("text", ["~/a", "."])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["info", "two.npz", "--key"],
+        ["info", "two.npz", "--frame-range"],
+        ["info", "two.npz", "--format"],
+        ["reconstruct", "one.npy", "-o", "a.tif", "--method"],
+        ["reconstruct", "one.npy", "-o", "a.tif", "--gain"],
+        ["convert", "two.npz", "-o", "a.npy", "--window", "2", "--storage-option"],
+        ["demo", "--photo"],
+        ["plan", "1", "--size"],
+    ],
+)
+def test_a_text_that_names_no_file_is_left_as_it_is(run, arguments, text):
+    np.save("one.npy", np.ones((4, 8, 8), bool))
+    np.savez("two.npz", a=np.ones((4, 8, 8), bool), b=np.ones((4, 8, 8), bool))
+    status, output = run(*arguments, text)
+    assert status == 1
+    assert f"'{text}'" in output
 
 
 def test_the_current_folder_is_a_capture(run, tmp_path, monkeypatch):

@@ -43,7 +43,18 @@ import jotlight as jl
         (["compare", "photo.png", "-o", "photo.png"], "another name"),
         (["compare", "nan.npy", "-o", "a.png"], "finite"),
         (["demo", "--photo", "nobody"], "expected one of camera"),
+        (["simulate", "photo.png", "-o", "a.npy", "--efficiency", "40%"], "map, got '40%'"),
         (["info", "none.npy"], "there is no file"),
+        (["info", "b*.npy"], "there is no file b*.npy; a pattern of several files is not taken"),
+        (["film", "b*.npy", "-o", "a.npy", "--window", "1"], "name one; `jotlight reconstruct`"),
+        (["fine-tune", "b*.npy", "-o", "a.safetensors"], "name one; `jotlight reconstruct`"),
+        (["calibrate", "b*.npy", "-o", "a.safetensors"], "name one; `jotlight reconstruct`"),
+        (["view", "b*.npy"], "name one; `jotlight reconstruct`"),
+        (["film", "s3://a/b.npy", "-o", "a.npy", "--window", "1"], "take a URL"),
+        (["simulate", "*.png", "-o", "a.npy"], "not taken here: name one image"),
+        (["compare", "*.png"], "not taken here: name one image"),
+        (["evaluate", "*.png"], "not taken here: name the folder of the images"),
+        (["train", "*.png", "-o", "a.safetensors"], "not taken here: name the folder of the"),
     ],
 )
 def test_bad_input_gets_one_clear_line_and_leaves_no_files(

@@ -96,8 +96,11 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
         (["convert", "a.npy", "-o", "b.bin"], "pass --to: swissspad2"),
         (["convert", "a.npy", "-o", "b"], "pass --to: visionsim, zarr"),
         (["convert", "a.npy", "-o", "b.bin"], "implies no single format; pass --to: swissspad2, "),
-        (["convert", "a.npy", "-o", "b.xyz"], "b.xyz: no capture has a name that ends in .xyz; "),
-        (["convert", "a.npy", "-o", "b.xyz", "--to", "png"], "choose one that ends in .npy, "),
+        (
+            ["convert", "a.npy", "-o", "b.xyz"],
+            "b.xyz: captures are not written with the ending",
+        ),
+        (["convert", "a.npy", "-o", "b.xyz", "--to", "png"], "choose one of .npy, "),
         (["convert", "a.npy", "-o", "b.npy", "--to", "png"], "ends in .png for png"),
         (
             ["convert", "a.npy", "-o", "b.bin", "--to", "matlab"],
@@ -109,7 +112,11 @@ def test_folders_are_reconstructed_and_described(run, tmp_path):
         (["convert", "a.npy", "-o", "b.npy", "--frame-range", "1:9:0"], "frame-range"),
         (["convert", "a.npy", "-o", "b.npy", "--frame-range", "7:9"], "no frames"),
         (["convert", "a.npy", "-o", "b.npy", "--rotate", "45"], "multiple of 90"),
-        (["convert", "a.npy", "-o", "c", "--to", "visionsim"], "it already exists"),
+        (["convert", "a.npy", "-o", "c", "--to", "visionsim"], "this folder already exists"),
+        (
+            ["convert", "a.npy", "-o", "c"],
+            "it is a folder; name a file in it, such as c/capture.npy",
+        ),
         (["convert", "none.npy", "-o", "b.npy"], "there is no file"),
         (["convert", "counts.tif", "-o", "b", "--to", "visionsim"], "which counts cannot become"),
         (["convert", "a.npy", "-o", "none/b.npy"], "there is no folder"),

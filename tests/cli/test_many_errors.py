@@ -169,6 +169,8 @@ def test_no_capture_is_an_error(run):
     assert run("reconstruct", "-o", "a.png")[0] == 1
     assert run("convert", "-o", "a.npy")[0] == 1
     assert run("gather")[0] == 1
+    code, err = run("gather", "*.part")
+    assert (code, err) == (1, "error: there is no file *.part: the pattern matches nothing\n")
 
 
 def test_a_wrong_number_of_threads_is_refused_before_anything_is_written(run, captures):

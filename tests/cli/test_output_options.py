@@ -177,6 +177,7 @@ def test_uncertainty_is_shown_as_an_image(run, capture, tmp_path):
         (["-o", "a.npy", "--uncertainty", "a.npy"], "a different name for each output"),
         (["-o", "a.npy", "--uncertainty", "u.jpg"], "ends in .npz, .npy, .tif"),
         (["-o", "a.npy", "--uncertainty", "u.npz", "--level", 2], "expected a number in [0.5, 1)"),
+        (["-o", "a.npy", "--uncertainty", "u.npz", "--level", 95], "95.0; write 0.95 for 95 %"),
         (["-o", "a.npy", "--curve", "sepia"], "linear, gamma, log, reinhard"),
         (["-o", "a.npy", "--curve", "log"], "is for a .png or .jpg"),
         (["-o", "a.npy", "--white", 2], "white: is for a .png or .jpg, not for the floats"),

@@ -176,7 +176,8 @@ def test_a_network_trained_for_a_map_gives_the_same_estimate_after_saving(tmp_pa
         (np.ones((2, 2, 2)), "a map of numbers with one per jot"),
         (np.array([["a"]]), "a map of numbers"),
         (0.0, "from 1e-18 to 1, got 0.0"),
-        (1.5, "from 1e-18 to 1, got 1.5"),
+        (1.5, "from 1e-18 to 1, got 1.5$"),
+        (40, "from 1e-18 to 1, got 40; write 0.4 for 40 %"),
     ],
 )
 def test_invalid_efficiencies_are_refused(efficiency, message):

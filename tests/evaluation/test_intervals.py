@@ -154,6 +154,11 @@ def test_a_bad_confidence_level_is_refused(level):
         jl.uncertainty(COUNTS, SENSOR, confidence_level=level)
 
 
+def test_a_confidence_level_in_percent_gets_the_fraction():
+    with pytest.raises(ValueError, match=r"got 95; write 0\.95 for 95 %"):
+        jl.uncertainty(COUNTS, SENSOR, confidence_level=95)
+
+
 def test_bits_that_speak_against_the_estimate_are_flagged():
     rows, columns = np.indices((96, 96))
     board = 0.1 + 0.8 * ((rows + columns) % 2)

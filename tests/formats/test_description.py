@@ -28,6 +28,8 @@ FOREIGN = ["{}", "[]", "nonsense", '{"format": "visionsim", "w": 8}', "[" * 100_
 def test_a_width_that_contradicts_the_description_is_refused(tmp_path):
     jl.save(random_bits((2, 3, 13)), tmp_path / "cube.npy")
     assert jl.open(tmp_path / "cube.npy", width=13).width == 13
+    with pytest.raises(TypeError, match="width: expected a whole number, got '13'"):
+        jl.open(tmp_path / "cube.npy", width="13")
     with pytest.raises(ValueError, match="states a width of 13, not 12"):
         jl.open(tmp_path / "cube.npy", width=12)
 

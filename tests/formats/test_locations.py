@@ -1,5 +1,7 @@
 """The state of the files of a capture."""
 
+from pathlib import Path
+
 import pytest
 
 import jotlight as jl
@@ -20,7 +22,12 @@ def test_a_missing_capture_has_no_state(tmp_path):
 
 
 def test_a_pattern_where_one_file_is_expected_has_advice(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"a\*\.npy; a pattern of many captures is for"):
+    with pytest.raises(FileNotFoundError, match=r"a\*\.npy; a pattern of several.*: name one; "):
         jl.open(tmp_path / "a*.npy")
     with pytest.raises(FileNotFoundError, match=r"a\.npy$"):
         jl.open(tmp_path / "a.npy")
+
+
+def test_a_url_as_a_path_has_advice():
+    with pytest.raises(FileNotFoundError, match=r"jotlight\.open with a text take a URL$"):
+        jl.open(Path("s3://bucket/a.npy"))

@@ -52,12 +52,14 @@ def test_the_output_format_follows_from_the_extension_or_is_required(tmp_path):
         choose_output_format(tmp_path / "a.bin")
 
 
-@pytest.mark.parametrize("name", ["a.safetensors", "a.json"])
+@pytest.mark.parametrize("name", ["a.safetensors", "a.json", "a.mp4", "a.csv"])
 def test_files_beside_captures_are_named(tmp_path, name):
     (tmp_path / name).write_text("{}")
     message = {
         "a.safetensors": r"a network, a calibration, or a motion; jotlight\.Network\.load,",
         "a.json": r"describes a capture; open the capture itself",
+        "a.mp4": r"a video; .*jotlight\.Bits\.from_array takes frames of 0 and 1",
+        "a.csv": r"text; numpy\.loadtxt reads an image of counts",
     }[name]
     with pytest.raises(ValueError, match=message) as error:
         jl.open(tmp_path / name)

@@ -1,5 +1,6 @@
 """Symbolic links in captures: they may not lead out of the folder that was passed."""
 
+import errno
 import os
 import shutil
 
@@ -9,7 +10,7 @@ import pytest
 import jotlight as jl
 from examples.captures import BITS, BITS_WITH_MAPS, COUNTS, FULL_FRAMES
 from jotlight.datasets.cifar10_files import read_folder
-from jotlight.formats.safe_paths import LINK_FOLDERS, list_below
+from jotlight.formats.safe_paths import LINK_FOLDERS, MAX_SEARCHED, list_below
 from jotlight.formats.writing import write_capture
 from jotlight.images.sets import read_image_set
 
@@ -148,8 +149,50 @@ def test_folders_with_links_in_a_loop_are_refused(tmp_path, links):
     (tmp_path / "1.bin").touch()
     for name, target in links.items():
         (tmp_path / name).symlink_to(target)
-    with pytest.raises((OSError, ValueError), match=r"loop|levels of symbolic links"):
+    with pytest.raises(ValueError, match="remove links that form a loop"):
         list(list_below(tmp_path))
+
+
+@pytest.mark.parametrize("image", [[], ["a.png"], ["a.tif"]])
+def test_the_search_for_a_capture_in_a_wrong_folder_is_bounded(tmp_path, monkeypatch, image):
+    for name in image:
+        (tmp_path / name).touch()
+    for number in range(2 * MAX_SEARCHED):
+        (tmp_path / str(number)).mkdir()
+    read, scan = [], os.scandir
+
+    def scandir(path):
+        read.append(path)
+        return scan(path)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    message = rf"got a folder with more than {MAX_SEARCHED} folders that contain no .*\.bin;"
+    with pytest.raises(ValueError, match=message):
+        jl.open(tmp_path)
+    assert len(read) <= MAX_SEARCHED + 10
+
+
+def test_folders_with_files_of_a_capture_do_not_bound_its_search(tmp_path):
+    for number in range(MAX_SEARCHED + 10):
+        (tmp_path / str(number)).mkdir()
+        (tmp_path / str(number) / "1.bin").touch()
+    found = list(list_below(tmp_path, (".bin",), max_others=MAX_SEARCHED))
+    assert len(found) == MAX_SEARCHED + 10
+
+
+def test_a_folder_that_cannot_be_read_is_named_with_the_one_above(tmp_path, monkeypatch):
+    (tmp_path / "private").mkdir()
+    scan = os.scandir
+
+    def scandir(path):
+        if str(path).endswith("private"):
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return scan(path)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    message = r"expected the folder of a capture, but .*private in it cannot be read \(Permission"
+    with pytest.raises(PermissionError, match=message):
+        jl.open(tmp_path)
 
 
 def test_the_soft_links_of_hdf5_stay_in_the_file(tmp_path):

@@ -110,6 +110,15 @@ def test_a_name_that_implies_no_format_is_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("name", [".", "..", "old", "old.set"])
+def test_a_folder_is_refused_with_the_name_of_a_file_in_it(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    for each in ("old", "old.set"):
+        (tmp_path / each).mkdir()
+    with pytest.raises(IsADirectoryError, match=r"it is a folder; name .*capture\.npy, or a new"):
+        jl.save(BITS, name)
+
+
 @pytest.mark.parametrize(
     "convert",
     [

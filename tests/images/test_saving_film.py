@@ -8,6 +8,7 @@ from PIL import Image
 import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.formats.reading import open_capture
+from jotlight.motion.film import film
 
 SENSOR = jl.Sensor(frames=12)
 BITS = SENSOR.expose(np.linspace(0, 1, 600).reshape(20, 30), rng=0)
@@ -165,3 +166,39 @@ def test_the_first_image_with_negative_values_is_reported(tmp_path):
     [message] = [str(warning.message) for warning in warnings]
     assert message.startswith("images[1]: expected values of 0 or more for display, got 7 of 63")
     jl.save_film(tmp_path / "a.tif", images, white=1)
+
+
+@pytest.mark.parametrize("name", [".", "..", "old", "old.set"])
+def test_a_folder_is_refused_with_the_name_of_a_file_in_it(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    for each in ("old", "old.set"):
+        (tmp_path / each).mkdir()
+    with pytest.raises(IsADirectoryError, match=r"it is a folder; name .*film\.gif, or a new"):
+        jl.save_film(name, np.zeros((2, 3, 4)))
+    with pytest.raises(IsADirectoryError, match=r"it is a folder; name .*image\.png$"):
+        jl.save_image(name, np.zeros((3, 4)))
+
+
+@pytest.mark.parametrize(
+    ("images", "advice"),
+    [
+        (jl.merge_readings(BITS), r"images: .* got Merged; take .*jotlight\.reconstruct\(merged\)"),
+        (
+            [jl.merge_readings(BITS)],
+            r"image: .* got Merged; take .*jotlight\.reconstruct\(merged\)",
+        ),
+        (BITS.windows(4), r"image: .* got Bits; take one frame, bits\[0\], or bits\.counts\(\)"),
+        ([jl.uncertainty(BITS)], r"got Uncertainty; take .* uncertainty\.standard_error"),
+        ([SENSOR], "expected an array of numbers, got Sensor"),
+    ],
+)
+def test_what_is_no_image_is_refused_with_the_image_to_save(tmp_path, images, advice):
+    with pytest.raises(TypeError, match=advice):
+        jl.save_film(tmp_path / "a.gif", images)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.filterwarnings("ignore:expected 16 or more frames")
+def test_the_images_of_a_film_along_a_motion_are_estimated_first(tmp_path):
+    with pytest.raises(TypeError, match=r"got FilmImage; take .*reconstruct\(image\.data\)"):
+        jl.save_film(tmp_path / "a.gif", film(BITS, window=12))

@@ -271,6 +271,15 @@ def test_color_is_filmed():
 
 
 @pytest.mark.slow
+def test_a_single_channel_keeps_its_axis():
+    _, bits = moving("shake", 48, (48, 48))
+    channel = jl.Bits.from_array(bits.to_array()[..., None])
+    gray, images = (list(film(each, window=32, step=16)) for each in (bits, channel))
+    assert images[-1].data.shape == (48, 48, 1)
+    np.testing.assert_array_equal(images[-1].merged.ones[..., 0], gray[-1].merged.ones)
+
+
+@pytest.mark.slow
 def test_a_motion_that_folds_the_image_is_not_carried():
     _, bits = moving("shake", 64)
     motion = jl.align(bits[:32])

@@ -197,6 +197,14 @@ def test_stacks_of_counts_have_films():
     assert [each.shape for each in estimate_film(images, RANDOM)] == [(48, 64)] * 3
 
 
+def test_images_of_a_single_channel_are_those_of_gray_films_with_its_axis(shaken):
+    bits, images = shaken
+    channel = jl.Bits.from_array(bits.to_array()[..., None], bits.sensor)
+    found = list(estimate_film(film(channel, window=64, step=16, causal=True), RANDOM))
+    expected = list(estimate_film(images, RANDOM))
+    np.testing.assert_array_equal(np.stack(found), np.stack(expected)[..., None])
+
+
 @pytest.mark.slow
 def test_the_shipped_network_is_better_where_motion_is_unknown():
     scene, bits = burst("layers", frames=160, photons=0.2, shape=(96, 128))

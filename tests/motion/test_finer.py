@@ -1,6 +1,6 @@
 """Merging onto a grid of half pixels: counts by brute force, and where the grid is not covered."""
 
-import sys
+import importlib
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ import jotlight as jl
 from jotlight.motion.finer import double, fine_frames
 from moving import constant_motion, in_memory, moved
 
-module = sys.modules["jotlight.motion.merge"]
+module = importlib.import_module("jotlight.motion.merge")
 
 SIZE = 32, 48
 FRAMES = 32

@@ -1,6 +1,6 @@
 """Merging along a known motion: sums and maps by brute force."""
 
-import sys
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +9,7 @@ import pytest
 import jotlight as jl
 from moving import aligned, constant_motion, moved, record
 
-module = sys.modules["jotlight.motion.merge"]
+module = importlib.import_module("jotlight.motion.merge")
 
 SIZE = 64, 96
 FRAMES = 32
@@ -52,6 +52,18 @@ def assert_sums(merged, ones, trials):
     np.testing.assert_array_equal(merged.trials[complete], trials[complete])
     assert (merged.trials <= trials).all()
     assert (merged.ones <= ones).all()
+
+
+@pytest.mark.parametrize("upsample", [1, 2])
+def test_a_single_channel_keeps_its_axis(upsample):
+    _, bits = moved(shifts_of((1, -2)), shape=SIZE, photons=0.4, rng=0)
+    channel = jl.Bits.from_array(bits.to_array()[..., None])
+    motion = motion_of((1, -2))
+    gray = jl.merge(bits, motion=motion, upsample=upsample)
+    merged = jl.merge(channel, motion=motion, upsample=upsample)
+    np.testing.assert_array_equal(merged.ones, gray.ones[..., None])
+    np.testing.assert_array_equal(merged.trials, gray.trials[..., None])
+    assert jl.reconstruct(merged).shape == (*gray.shape, 1)
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Packed bits: packing, counting, slicing, and checks."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -234,6 +235,19 @@ def test_frames_along_the_last_axis_are_reported():
     jl.Bits.from_array(np.ones((1, 200, 2), bool))
 
 
+@pytest.mark.parametrize("shape", [(64, 64, 1000), (32, 32, 257)])
+def test_many_frames_along_the_last_axis_are_reported(shape):
+    message = rf"if these are {shape[2]} frames of {shape[0]} x {shape[1]} jots, .*\(array, 2, 0\)$"
+    with pytest.warns(jl.JotlightWarning, match=message):
+        jl.Bits.from_array(np.ones(shape, bool))
+    jl.Bits.from_array(np.ones(shape, bool), jl.Sensor(frames=shape[0]))
+
+
+@pytest.mark.parametrize("shape", [(64, 64, 512), (63, 64, 1000), (64, 63, 1000), (16, 16, 1000)])
+def test_frames_in_strips_are_not_reported(shape):
+    assert len(jl.Bits.from_array(np.ones(shape, bool))) == shape[0]
+
+
 def test_a_sensor_with_the_frames_of_the_last_axis_is_advised_to_move_it():
     sensor = jl.Sensor(frames=8)
     message = r"8 frames, got 128; if the frames are the last axis, .*: (np.*); otherwise take"
@@ -241,3 +255,15 @@ def test_a_sensor_with_the_frames_of_the_last_axis_is_advised_to_move_it():
         jl.Bits.from_array(HWT, sensor)
     moved = eval(re.search(message, str(error.value))[1], {"np": np, "array": HWT})
     assert jl.Bits.from_array(moved, sensor).shape == (8, 128, 100)
+
+
+@pytest.mark.parametrize("sensor", ["sensor", 4])
+def test_what_is_no_sensor_is_refused(sensor):
+    with pytest.raises(TypeError, match=r"expected a jotlight\.Sensor, such as Sensor\(frames=2\)"):
+        jl.Bits.from_array(np.ones((2, 3, 4), bool), sensor)
+
+
+@pytest.mark.parametrize("path", ["a.npy", Path("a.npy")])
+def test_a_path_is_no_array(path):
+    with pytest.raises(TypeError, match=r"got .*; jotlight\.open\(path\) reads a capture"):
+        jl.Bits.from_array(path)

@@ -20,9 +20,9 @@ Blocks have whole frames. So there are up to 19 of them for fewer frames, for ex
 _MIN_FRAMES = 8
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Steadiness:
-    """The results of the tests of the frames of a capture.
+    """The results of the tests of the frames of a capture. Two are equal if all values are.
 
     Parameters
     ----------
@@ -41,6 +41,24 @@ class Steadiness:
     correlation_z: float
     homogeneity_z: float
     map: npt.NDArray[np.float32] = dataclasses.field(repr=False)
+
+    @property
+    def _numbers(self) -> tuple[float, ...]:
+        """All values but the map."""
+        return (
+            self.correlation,
+            self.correlation_error,
+            self.correlation_z,
+            self.homogeneity_z,
+        )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Steadiness):
+            return NotImplemented
+        return self._numbers == other._numbers and np.array_equal(self.map, other.map)
+
+    def __hash__(self) -> int:
+        return hash(self._numbers)
 
 
 def steadiness(

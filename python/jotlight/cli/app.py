@@ -3,14 +3,15 @@
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, get_args
 
 from cyclopts import App, CycloptsError, Group, Parameter, Token, UnknownOptionError
 from cyclopts import convert as convert_tokens
 
 from jotlight._engine import __version__
-from jotlight.argument_types import complete_path
 from jotlight.cli.calibrate import calibrate
+from jotlight.cli.common_options import convert_file
 from jotlight.cli.compare import compare
 from jotlight.cli.console import err, error, out, show_warning
 from jotlight.cli.convert import convert
@@ -76,15 +77,14 @@ def _has_fraction(text: str) -> bool:
 def _convert(kind: Any, tokens: Sequence[Token]) -> Any:
     """Return the value of an option or an argument.
 
-    cyclopts would round a number with a fraction where a whole number is expected. Shells leave a
-    ``~`` as it is in ``--output=~/a.npy`` and inside quotes, and ``.`` has no name.
+    cyclopts would round a number with a fraction where a whole number is expected. Paths are
+    completed, but other texts are not. Texts that may name a file have their own converter.
     """
     if kind is int or set(get_args(kind)) == {int, type(None)}:
         for token in tokens:
             if _has_fraction(token.value):
                 raise ValueError(f"expected a whole number, got {token.value}.")
-    expanded = [token.evolve(value=complete_path(token.value)) for token in tokens]
-    return convert_tokens(kind, expanded)
+    return convert_file(kind, tokens) if kind is Path else convert_tokens(kind, tokens)
 
 
 app = App(

@@ -12,7 +12,7 @@ from jotlight.calibration import calibrate as estimate_calibration
 from jotlight.calibration.calibrate import MAX_DARK
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import check_outputs_of, check_trials, provenance_notes
-from jotlight.cli.common_options import CAPTURE_PANEL, Threads
+from jotlight.cli.common_options import CAPTURE_PANEL, Threads, convert_file
 from jotlight.cli.console import progress, report
 from jotlight.cli.sensor_options import read_mosaic
 from jotlight.files import atomic_write
@@ -56,8 +56,9 @@ class CalibrationOptions:
     mosaic: Annotated[
         str | None,
         Parameter(
+            converter=convert_file,
             help="Color filters of the jots in the flat capture, such as RGGB, or a .json. "
-            "Default: that of the file, or gray."
+            "Default: that of the file, or gray.",
         ),
     ] = None
 

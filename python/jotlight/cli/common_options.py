@@ -1,10 +1,13 @@
 """Options and help panels that several commands share."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from cyclopts import Group, Parameter
+from cyclopts import Group, Parameter, Token
+from cyclopts import convert as convert_tokens
 
+from jotlight.argument_types import complete_path
 from jotlight.evaluation.methods import METHODS
 from jotlight.networks.architectures import QUALITIES
 from jotlight.networks.precision import F32, PRECISIONS
@@ -22,6 +25,16 @@ CAPTURE_PANEL = Group("Capture", sort_key=5)
 OUTPUT_PANEL = Group("Output", sort_key=6)
 FILM_PANEL = Group("Film", sort_key=7)
 MOTION_PANEL = Group("Motion", sort_key=8)
+
+
+def convert_file(kind: Any, tokens: Sequence[Token]) -> Any:
+    """Return the value of an option or an argument that is, or may be, the name of a file.
+
+    Shells leave a ``~`` as it is in ``--output=~/a.npy`` and inside quotes, and ``.`` has no name.
+    """
+    completed = [token.evolve(value=complete_path(token.value)) for token in tokens]
+    return convert_tokens(kind, completed)
+
 
 CapturePath = Annotated[Path, Parameter(help="A capture of bits or counts: a file or a folder.")]
 Photo = Annotated[Path, Parameter(help="A photograph: PNG, JPEG, TIFF, or .npy.")]

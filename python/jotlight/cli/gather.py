@@ -7,11 +7,16 @@ from cyclopts import Parameter
 
 from jotlight.cli.console import progress, report
 from jotlight.errors import counted
+from jotlight.formats.locations import expand
 
 
 def gather(
     *folders: Annotated[
-        Path, Parameter(help="Folders that contain unfinished results, NAME.zarr.part.")
+        Path,
+        Parameter(
+            help="Folders that contain unfinished results, NAME.zarr.part, or globs of them in "
+            "quotation marks."
+        ),
     ],
 ) -> None:
     """Complete the results of a job array, whose tasks ran with --part.
@@ -22,7 +27,7 @@ def gather(
 
     if not folders:
         raise ValueError("gather: expected one folder or more")
-    parts = find_unfinished(folders)
+    parts = find_unfinished(Path(each) for folder in folders for each in expand(str(folder)))
     if not parts:
         report("nothing to complete: these folders contain no unfinished results, NAME.zarr.part")
         return

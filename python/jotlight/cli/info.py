@@ -14,6 +14,7 @@ from jotlight.calibration import Calibration
 from jotlight.calibration.result import FORMAT as CALIBRATION
 from jotlight.cli.capture_facts import bits_facts, notes, readings_facts
 from jotlight.cli.capture_options import CaptureOptions
+from jotlight.cli.common_options import convert_file
 from jotlight.cli.console import out, progress, with_options_only
 from jotlight.cli.jot_checks import jot_remarks
 from jotlight.cli.origins import film_facts, origin_facts, verify_video, video_facts
@@ -56,8 +57,9 @@ def info(
     file: Annotated[
         str,
         Parameter(
+            converter=convert_file,
             help="A capture of bits or counts, a file, a folder, or a URL; a network, a "
-            "calibration, or a motion (.safetensors); or an image."
+            "calibration, or a motion (.safetensors); or an image.",
         ),
     ],
     /,

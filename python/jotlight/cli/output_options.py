@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from jotlight._engine import __version__
 from jotlight.cli.common_options import OUTPUT_PANEL
-from jotlight.errors import warn
+from jotlight.errors import percent_advice, warn
 from jotlight.estimators.brightness import UNITS, unit_scale
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.images.image_stack import stack_writer
@@ -157,7 +157,8 @@ class ImageOutputOptions(OutputOptions):
             if self.uncertainty.suffix.lower() != _SHOWN:
                 stack_writer(self.uncertainty)
             if not 0.5 <= self.coverage < 1:
-                raise ValueError(f"level: expected a number in [0.5, 1), got {self.level}")
+                advice = percent_advice(self.coverage, 0.5)
+                raise ValueError(f"level: expected a number in [0.5, 1), got {self.level}{advice}")
         elif self.level is not None:
             raise ValueError("level: is for the confidence interval; add --uncertainty u.npz")
 

@@ -6,13 +6,16 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
+from jotlight.cli.common_options import convert_file
+
 RUN_PANEL = Group("Many captures and windows", sort_key=9)
 
 CapturePaths = Annotated[
     str,
     Parameter(
+        converter=convert_file,
         help="Captures of bits or counts: files, folders, URLs such as s3://bucket/a.npy, or globs "
-        "of them in quotation marks."
+        "of them in quotation marks.",
     ),
 ]
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from cyclopts import Parameter
 
-from jotlight.cli.common_options import KNOWN_SENSOR_PANEL, SENSOR_PANEL
+from jotlight.cli.common_options import KNOWN_SENSOR_PANEL, SENSOR_PANEL, convert_file
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.captures import read_mask
 from jotlight.sensing.mosaic import Mosaic
@@ -37,10 +37,7 @@ class SensorOptions:
 
     oversampling: Annotated[
         int | None,
-        Parameter(
-            alias="-k",
-            help=f"{_OVERSAMPLING} Default: 1.",
-        ),
+        Parameter(alias="-k", help=f"{_OVERSAMPLING} Default: 1."),
     ] = None
     frames: Annotated[
         int | None,
@@ -59,6 +56,7 @@ class SensorOptions:
         str | None,
         Parameter(
             alias="-q",
+            converter=convert_file,
             help="q: number of photons that make a jot report 1: one number, several as in "
             "--gain, or a .npy map of the jots. Default: 1.",
         ),
@@ -73,15 +71,17 @@ class SensorOptions:
     dark_counts: Annotated[
         str | None,
         Parameter(
+            converter=convert_file,
             help="d: detections per jot and frame without light, the dark count rate (DCR) times "
-            "the exposure time. A number, or a .npy map of the jots. Default: 0."
+            "the exposure time. A number, or a .npy map of the jots. Default: 0.",
         ),
     ] = None
     efficiency: Annotated[
         str | None,
         Parameter(
+            converter=convert_file,
             help="η, the photon detection efficiency (PDE) or quantum efficiency: fraction of the "
-            "photons that are detected. A number, or a .npy map of the jots. Default: 1."
+            "photons that are detected. A number, or a .npy map of the jots. Default: 1.",
         ),
     ] = None
     mask: Annotated[
@@ -98,7 +98,6 @@ class SensorOptions:
             help="Exposure time of a frame in seconds, for photons per second. Default: unknown."
         ),
     ] = None
-
     bit_depth: Annotated[
         int | None,
         Parameter(
@@ -115,9 +114,10 @@ class SensorOptions:
     mosaic: Annotated[
         str | None,
         Parameter(
+            converter=convert_file,
             help="Color filters of the pixels, from the top left: letters such as RGGB, with / "
             "between rows of more than 2 x 2; or a .json with pattern, filters, transmission, and "
-            "white_balance. Default: gray."
+            "white_balance. Default: gray.",
         ),
     ] = None
 
@@ -131,7 +131,7 @@ class SensorOptions:
         kwargs = self._set()
         for name in ("dark_counts", "efficiency"):
             if name in kwargs:
-                kwargs[name] = _number_or_map(kwargs[name])
+                kwargs[name] = _number_or_map(name, kwargs[name])
         frames = kwargs.get("frames")
         for name, kind in (("gain", float), ("threshold", int)):
             if name in kwargs:
@@ -308,11 +308,13 @@ def read_mosaic(text: str) -> Mosaic | str:
         raise ValueError(f"{path}: {error}") from error
 
 
-def _number_or_map(text: str) -> float | npt.NDArray[Any]:
+def _number_or_map(name: str, text: str) -> float | npt.NDArray[Any]:
+    if Path(text).suffix.lower() == ".npy":
+        return read_npy(text)
     try:
         return float(text)
     except ValueError:
-        return read_npy(text)
+        raise ValueError(f"{name}: expected a number, or a .npy map, got {text!r}") from None
 
 
 def _values_of_frames(

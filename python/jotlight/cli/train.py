@@ -10,7 +10,7 @@ from cyclopts import Parameter
 import jotlight.plots as plots
 from jotlight.cli.capture_options import TargetCaptureOptions
 from jotlight.cli.captured import check_outputs_of
-from jotlight.cli.common_options import CAPTURE_PANEL, TRAINING_PANEL
+from jotlight.cli.common_options import CAPTURE_PANEL, TRAINING_PANEL, convert_file
 from jotlight.cli.console import report, silenced
 from jotlight.cli.learners import (
     Learner,
@@ -60,9 +60,10 @@ def train(
     images: Annotated[
         str | None,
         Parameter(
+            converter=convert_file,
             help="A folder of photographs, an array (N, H, W) in .npy or .npz, or the word "
             f"{SYNTHETIC} for the paper's random scenes. Default with --sensor: photographs that "
-            "ship with scikit-image."
+            "ship with scikit-image.",
         ),
     ] = None,
     /,

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from jotlight.argument_types import pattern_advice
 from jotlight.calibration import Calibration
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.captured import add_sensor
@@ -62,9 +63,9 @@ def read_training_images(
             tests = uniform_scenes(np.random.default_rng([seed, 1]), _TEST_SCENES)
         return uniform_scenes, tests
     if not is_url(images) and not Path(images).exists():
-        raise FileNotFoundError(
-            f"there is no folder or file {images}; the word {SYNTHETIC} stands for random scenes"
-        )
+        advice = pattern_advice(images, "name the folder of the images")
+        word = f"; the word {SYNTHETIC} stands for random scenes"
+        raise FileNotFoundError(f"there is no folder or file {images}{advice or word}")
     with progress(2) as begin:
         update = begin("reading the images")
         scenes = _read(images, options.key, options.white, max_intensity, update)

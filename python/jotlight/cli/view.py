@@ -10,6 +10,7 @@ from cyclopts import Group, Parameter
 from jotlight.calibration import Calibration
 from jotlight.cli.capture_options import CaptureOptions, parse_frame_range
 from jotlight.cli.captured import Captured, add_sensor
+from jotlight.cli.common_options import convert_file
 from jotlight.cli.console import caution, report
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.sensor_options import CapturedSensorOptions
@@ -83,6 +84,7 @@ def view(
         str,
         Parameter(
             allow_leading_hyphen=True,
+            converter=convert_file,
             help="A capture of bits, readings, or counts: a file, a folder, or a URL; - with "
             "--follow for standard input.",
         ),

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.images.color import luma
+from jotlight.parameter_names import takes_rng
 
 PHOTOGRAPHS = ("camera", "coins", "moon", "astronaut", "coffee", "chelsea", "rocket")
 """Names of photographs of scikit-image: three in gray, then four in color."""
@@ -45,6 +46,7 @@ def _levels(name: str) -> npt.NDArray[np.uint8]:
     return levels
 
 
+@takes_rng
 def uniform_scene(
     shape: tuple[int, ...] = (32, 32), rng: int | np.random.Generator | None = None
 ) -> npt.NDArray[np.float32]:

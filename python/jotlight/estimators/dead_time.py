@@ -9,6 +9,7 @@ from jotlight.checks import as_counts, number_in_range, positive_number, shown
 from jotlight.estimators.merge_readings import counts_of_equal_likelihood, round_ones
 from jotlight.estimators.reference_sensors import MAX_RATE
 from jotlight.interrupts import interruptible
+from jotlight.parameter_names import takes_rng
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.response import Array
@@ -120,6 +121,7 @@ class FreeRunning:
                 break
         return total
 
+    @takes_rng
     def draw(self, light: npt.ArrayLike, rng: SeedLike = None) -> npt.NDArray[np.int64]:
         """Return random counts for an array of light. `rng` is a seed, a generator, or None.
 

@@ -17,6 +17,7 @@ from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.layout import Layout
 from jotlight.networks.network import Network
 from jotlight.notebook import card, table_of, text_table
+from jotlight.parameter_names import takes_rng
 from jotlight.progress import Progress, equal_steps, shown_progress
 from jotlight.seeds import SeedLike
 from jotlight.sensing.bits import Bits
@@ -81,6 +82,7 @@ class Comparison:
         return plots.comparison(panels, heading, white=sensor.max_intensity)
 
 
+@takes_rng
 def compare(
     methods: Mapping[str, AnyMethod] | Sequence[AnyMethod] | AnyMethod | None,
     image: npt.ArrayLike,

@@ -19,6 +19,7 @@ from jotlight.files import write_file
 from jotlight.layout import looks_like_color
 from jotlight.networks.network import Network
 from jotlight.notebook import card, table_of, text_table
+from jotlight.parameter_names import takes_rng
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.sensor import Sensor, require_any_sensor
 
@@ -128,6 +129,7 @@ class Evaluation:
         write_file(path, text.getvalue())
 
 
+@takes_rng
 def evaluate(
     method: str | Network | OwnMethod,
     images: Sequence[npt.NDArray[np.floating]] | npt.NDArray[np.floating],

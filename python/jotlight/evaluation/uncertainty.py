@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import real_number, shown
+from jotlight.errors import percent_advice
 from jotlight.estimators.brightness import unit_scale
 from jotlight.estimators.joint_uncertainty import joint_uncertainty
 from jotlight.estimators.typical_trials import typical_trials
@@ -153,10 +154,10 @@ def uncertainty(
     >>> bool(0.8 < ((result.low <= image) & (image <= result.high)).mean() < 0.99)
     True
     """
-    if not 0.5 <= real_number(confidence_level) < 1:
+    if not 0.5 <= (level := real_number(confidence_level)) < 1:
         raise ValueError(
             "confidence_level: expected a coverage from 0.5 to below 1, got "
-            f"{shown(confidence_level)}"
+            f"{shown(confidence_level)}{percent_advice(level, 0.5)}"
         )
     request = Request(method, quality, demosaicing, precision, threads=threads)
     stated = carried_sensor(data) if sensor is None else sensor

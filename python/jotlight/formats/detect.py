@@ -12,6 +12,16 @@ PHOTOGRAPH_EXTENSIONS = (".jpg", ".jpeg", ".bmp", ".webp", ".pgm", ".ppm", ".gif
 _OTHERS = {
     ".safetensors": "which holds a network, a calibration, or a motion; jotlight.Network.load, "
     "jotlight.Calibration.load, and jotlight.Motion.load read them",
+    **dict.fromkeys(
+        (".mp4", ".avi", ".mov", ".mkv"),
+        "which holds a video; other programs read its frames, and jotlight.Bits.from_array takes "
+        "frames of 0 and 1",
+    ),
+    **dict.fromkeys(
+        (".csv", ".txt"),
+        "which holds text; numpy.loadtxt reads an image of counts from it, which "
+        "jotlight.reconstruct takes with its sensor",
+    ),
     ".json": "which describes a capture; open the capture itself, such as the .npy beside it",
 }
 """What files with other extensions hold, and what to do with them."""

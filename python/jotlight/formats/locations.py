@@ -7,10 +7,13 @@ import re
 from pathlib import Path
 from typing import Any
 
-from jotlight.argument_types import complete_path
+from jotlight.argument_types import complete_path, pattern_advice, was_url
 from jotlight.formats.file_systems import expand_url, url_state
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+(::[A-Za-z0-9+.\-/]+)*://")
+
+_TAKEN = "`jotlight reconstruct`, `jotlight convert`, and jotlight.open with a text take {}"
+"""What takes other names of captures than paths."""
 
 STANDARD_INPUT = Path("-")
 """The path that stands for standard input."""
@@ -51,11 +54,10 @@ def check_exists(path: Path) -> None:
             f"{path}: is a stream; write it to a file first, or show it by "
             f"`jotlight view {STANDARD_INPUT} --follow`"
         )
-    advice = (
-        "; a pattern of many captures is for jotlight.open as a text, and for `jotlight "
-        "reconstruct` and `convert`"
-    )
-    raise FileNotFoundError(f"there is no file {path}{advice * glob.has_magic(str(path))}")
+    if was_url(path):
+        raise FileNotFoundError(f"there is no file {path}; {_TAKEN.format('a URL')}")
+    advice = pattern_advice(path, f"name one; {_TAKEN.format('a pattern')}")
+    raise FileNotFoundError(f"there is no file {path}{advice}")
 
 
 def is_glob(path: str) -> bool:

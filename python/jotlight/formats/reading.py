@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.argument_types import as_path
-from jotlight.checks import whole_number_in_range
+from jotlight.checks import whole_number, whole_number_in_range
 from jotlight.errors import SeveralArraysError, warn
 from jotlight.formats.capture import Capture, CountStack, frames_of, with_frames
 from jotlight.formats.detect import detect_format
@@ -288,6 +288,7 @@ def _open_once(
         raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {format!r}")
     check_exists(path)
     entry = FORMATS[format or detect_format(path)]
+    width = None if width is None else whole_number("width", width, 1)
     if readings and (unpacked or counts is False):
         raise ValueError(
             "bit_depth: is for images of readings, but bits are requested; leave out unpacked=True "

@@ -6,6 +6,8 @@ folder that was passed, or in the folder of the file that names it, or below. Sy
 followed before this is checked. So a capture from a stranger cannot lead to private files.
 """
 
+import collections
+import errno
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +17,11 @@ LINK_FOLDERS = "JOTLIGHT_LINK_FOLDERS"
 
 _MAX_FOLDER_LINKS = 1000
 """Maximum number of links to folders in a capture."""
+
+MAX_SEARCHED = 1000
+"""Maximum number of folders without a file of a format, in which files of this format are searched
+to detect it. The folder of a capture has few. So a wrong folder, such as ``/``, is refused in less
+than a second."""
 
 
 def check_inside(file: Path, folder: Path) -> Path:
@@ -43,38 +50,77 @@ def check_inside(file: Path, folder: Path) -> Path:
     )
 
 
-def list_below(folder: Path, extensions: tuple[str, ...] = ("",)) -> Iterator[Path]:
+def list_below(
+    folder: Path, extensions: tuple[str, ...] = ("",), *, max_others: int | None = None
+) -> Iterator[Path]:
     """Yield the files with these extensions, in lower case, in a folder and below it.
 
-    Links are followed. A file that several paths lead to is yielded for each path.
+    Links are followed. A file that several paths lead to is yielded for each path. The files of a
+    folder come before those of the folders in it.
+
+    Parameters
+    ----------
+    folder : path
+        The folder.
+    extensions : tuple of str
+        Extensions of the files in lower case. Default: all.
+    max_others : int, optional
+        Maximum number of folders that contain no such file. Default: any number.
 
     Raises
     ------
     OSError
         When a folder cannot be read.
     ValueError
-        When a link leads out of the folder, or links form a loop.
+        When a link leads out of the folder, links form a loop, or other folders are too many.
     """
-    waiting, links = [folder], 0
+    waiting, links, others = collections.deque([folder]), 0, 0
     while waiting:
-        with os.scandir(waiting.pop()) as entries:
+        is_other = True
+        for entry, is_folder in _entries(waiting.popleft(), folder):
+            if not is_folder and not entry.name.lower().endswith(extensions):
+                continue
+            path = Path(entry.path)
+            if entry.is_symlink():
+                check_inside(path, folder)
+                links += is_folder
+                if links > _MAX_FOLDER_LINKS:
+                    raise ValueError(
+                        f"{path}: expected at most {_MAX_FOLDER_LINKS} links to folders; "
+                        "remove links that form a loop"
+                    )
+            if is_folder:
+                waiting.append(path)
+            elif entry.is_file():
+                is_other = False
+                yield path
+        others += is_other
+        if max_others is not None and others > max_others:
+            raise ValueError(
+                f"{folder}: expected a capture: a file, or the folder of its files; got a folder "
+                f"with more than {max_others} folders that contain no {' or '.join(extensions)}; "
+                "pass the folder of the capture itself, or format= (--format)"
+            )
+
+
+def _entries(current: Path, folder: Path) -> Iterator[tuple[os.DirEntry[str], bool]]:
+    """Yield what is in a folder, and whether each is a folder itself.
+
+    Errors name the `folder` that was passed, if the current one lies below it.
+    """
+    try:
+        with os.scandir(current) as entries:
             for entry in entries:
-                is_folder = entry.is_dir()
-                if not is_folder and not entry.name.lower().endswith(extensions):
-                    continue
-                path = Path(entry.path)
-                if entry.is_symlink():
-                    check_inside(path, folder)
-                    links += is_folder
-                    if links > _MAX_FOLDER_LINKS:
-                        raise ValueError(
-                            f"{path}: expected at most {_MAX_FOLDER_LINKS} links to folders; "
-                            "remove links that form a loop"
-                        )
-                if is_folder:
-                    waiting.append(path)
-                elif entry.is_file():
-                    yield path
+                yield entry, entry.is_dir()
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise ValueError(f"{current}: remove links that form a loop") from error
+        if current == folder:
+            raise
+        raise type(error)(
+            f"{folder}: expected the folder of a capture, but {current} in it cannot be read "
+            f"({error.strerror})"
+        ) from error
 
 
 def resolve_below(path: Path, name: object, parameter: str) -> Path:

@@ -29,7 +29,7 @@ from jotlight.formats.raw import (
     read_raw,
     write_raw,
 )
-from jotlight.formats.safe_paths import list_below
+from jotlight.formats.safe_paths import MAX_SEARCHED, list_below
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, Packed, concatenate
 from jotlight.sensing.provenance import Provenance
@@ -89,7 +89,7 @@ def _looks_sparse(path: Path) -> bool:
 def _matches(path: Path, *, sparse: bool) -> bool:
     """Return whether the file, or a file in the folder, has the trailer and this layout."""
     if path.is_dir():
-        files = sorted(list_below(path, (".bin",)), key=natural_sort_key)
+        files = sorted(list_below(path, (".bin",), max_others=MAX_SEARCHED), key=natural_sort_key)
     else:
         files = [path] if file_type(path) is None else []
     finished = next(filter(_has_trailer, files), None)

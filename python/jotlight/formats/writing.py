@@ -10,6 +10,7 @@ import numpy.typing as npt
 from jotlight.argument_types import as_path
 from jotlight.checks import Counts, refuse_masked, to_array
 from jotlight.errors import warn
+from jotlight.files import refuse_folder
 from jotlight.formats.labels import make_counts_label
 from jotlight.formats.registry import WRITERS
 from jotlight.layout import MAX_CHANNELS
@@ -26,6 +27,8 @@ def choose_output_format(path: Path, name: str | None = None) -> str:
 
     Raises
     ------
+    OSError
+        When the path is a folder, and no format is requested.
     ValueError
         When `name` is unknown, the extension implies no single format, or the two disagree.
 
@@ -42,11 +45,13 @@ def choose_output_format(path: Path, name: str | None = None) -> str:
         for each, writer in WRITERS.items()
         if extension in writer.extensions or (writer.folder and extension == "")
     ]
+    if len(candidates) != 1 and name is None:
+        refuse_folder(path, "capture.npy", may_be_new=True)
     if not candidates:
         known = dict.fromkeys(each for writer in WRITERS.values() for each in writer.extensions)
         raise ValueError(
-            f"{path}: no capture has a name that ends in {extension}; choose one that ends in "
-            f"{', '.join(known)}, or in nothing for a new folder"
+            f"{path}: captures are not written with the ending {extension}; choose one of "
+            f"{', '.join(known)}, or none for a new folder"
         )
     if name is None and len(candidates) == 1:
         return candidates[0]

@@ -12,8 +12,9 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import as_path
+from jotlight.argument_types import as_path, pattern_advice
 from jotlight.checks import positive_number
+from jotlight.files import refuse_folder
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
 from jotlight.formats.images.tiff_directories import open_checked_tiff
@@ -79,7 +80,8 @@ def read_image(
     if path.is_dir():
         raise IsADirectoryError(f"{path}: expected an image file, got a folder")
     if not path.is_file():
-        raise FileNotFoundError(f"there is no image file {path}")
+        advice = pattern_advice(path, "name one image")
+        raise FileNotFoundError(f"there is no image file {path}{advice}")
     if path.suffix.lower() == ".npy":
         array, scale = read_npy(path), None
     elif path.suffix.lower() in (".tif", ".tiff"):
@@ -212,6 +214,8 @@ def image_writer(
 
     Raises
     ------
+    OSError
+        If the path is a folder.
     ValueError
         If the ending is unknown, or the format does not have the depth.
     MissingExtraError
@@ -220,6 +224,7 @@ def image_writer(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in (*DISPLAYED, *FLOATS):
+        refuse_folder(path, "image.png")
         raise ValueError(
             f"{path}: expected a name that ends in .png, .jpg, .tif, .exr, or .npy, "
             f"got {suffix or 'none'}"

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.argument_types import as_path
-from jotlight.checks import positive_number, refuse_masked, to_array
+from jotlight.checks import positive_number, refuse_masked, to_array, type_of
 from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.formats.capture import CountStack
@@ -20,15 +20,16 @@ from jotlight.images.video import DEFAULT_FPS, is_floats, video_writer
 from jotlight.layout import looks_like_color
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.merged import Merged
 from jotlight.sensing.photon_readings import Readings
 
-_ADVICE: dict[type, str] = {
-    Bits: "take one frame, bits[0], or bits.counts()",
-    Readings: "take one frame, readings[0], or readings.sum()",
-    Merged: "take an estimate, such as jotlight.reconstruct(merged)",
+_ADVICE = {
+    "Bits": "take one frame, bits[0], or bits.counts()",
+    "Readings": "take one frame, readings[0], or readings.sum()",
+    "Merged": "take an estimate, such as jotlight.reconstruct(merged)",
+    "FilmImage": "take an estimate, such as jotlight.reconstruct(image.data)",
+    "Uncertainty": "take one of its maps, such as uncertainty.standard_error",
 }
-"""What to save in place of data."""
+"""What to save in place of data, by the names of their types."""
 
 _DARK = 0.1
 """Images whose bright pixels are below this fraction of white are exposed automatically."""
@@ -82,8 +83,6 @@ def save_image(
     True
     """
     path = as_path(path, 'jotlight.save_image("a.png", image)')
-    if (advice := _ADVICE.get(type(image))) is not None:
-        raise TypeError(f"image: expected an array, got {type(image).__name__}; {advice}")
     values = _checked(image, path.suffix.lower() in DISPLAYED)
     if path.suffix.lower() in DISPLAYED:
         white = find_white(values) if white is None else positive_number("white", white)
@@ -196,8 +195,16 @@ def save_film(
         clipping.report()
 
 
+def _refuse_data(name: str, data: object) -> None:
+    """Raise TypeError for data that are no array, with what to save in place of them."""
+    if (advice := _ADVICE.get(type(data).__name__)) is not None:
+        raise TypeError(f"{name}: expected an array, got {type(data).__name__}; {advice}")
+
+
 def _check_shape(images: Iterable[npt.ArrayLike]) -> None:
-    """Raise ValueError if the images are one array that is, or looks like, a single image."""
+    """Raise TypeError or ValueError if the images are, or look like, a single image or object."""
+    if not isinstance(images, Bits | Readings):
+        _refuse_data("images", images)
     shape = getattr(images, "shape", ())
     if len(shape) == 2:
         raise ValueError(
@@ -216,10 +223,11 @@ def _checked(image: npt.ArrayLike, is_displayed: bool) -> npt.NDArray[Any]:
 
     An image for display has finite values only.
     """
+    _refuse_data("image", image)
     refuse_masked("image", image, "pass image.filled(0), or another value for masked pixels")
     values = to_array("image", image)
     if values.dtype.kind not in "biuf":
-        raise TypeError(f"image: expected an array of numbers, got {values.dtype}")
+        raise TypeError(f"image: expected an array of numbers, got {type_of(image, values)}")
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[..., 0]
     if not (values.ndim == 2 or (values.ndim == 3 and values.shape[2] == 3)) or values.size == 0:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.argument_types import as_path
+from jotlight.argument_types import as_path, pattern_advice
 from jotlight.checks import as_image, positive_number
 from jotlight.formats.archives import read_npz
 from jotlight.formats.arrays import open_npy_array
@@ -70,7 +70,8 @@ def read_image_set(
             )
     source = as_path(source, 'read_image_set("photos")')
     if not source.exists():
-        raise FileNotFoundError(f"there is no folder or file {source}")
+        advice = pattern_advice(source, "name the folder of the images")
+        raise FileNotFoundError(f"there is no folder or file {source}{advice}")
     if not source.is_dir():
         names, stack = _read_stack(source, key, white, first)
         warn_about_scale(str(source), stack, max_intensity, is_file=True)

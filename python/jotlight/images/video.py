@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from jotlight.checks import real_number, shown
 from jotlight.errors import MissingExtraError
-from jotlight.files import atomic_folder, atomic_write
+from jotlight.files import atomic_folder, atomic_write, refuse_folder
 from jotlight.images.color import FloatImage, fit_channels
 from jotlight.images.gif import MAX_FPS, gif_writer
 from jotlight.images.io import image_writer
@@ -42,10 +42,14 @@ def is_floats(path: Path) -> bool:
     ------
     MissingExtraError
         If `.mp4` needs the package imageio-ffmpeg.
+    OSError
+        If the path is a folder that exists.
     ValueError
         If the ending is unknown.
     """
     suffix = path.suffix.lower()
+    if suffix not in (*FLOATS, ".mp4", ".gif"):
+        refuse_folder(path, "film.gif", may_be_new=True)
     if suffix not in ("", *FLOATS, ".mp4", ".gif"):
         raise ValueError(
             f"{path}: expected a name for a film: one that ends in .npy or .tif (floats), .mp4 or "

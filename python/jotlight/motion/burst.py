@@ -37,6 +37,8 @@ class Burst:
     """Number of binary readings behind a count of one frame."""
     channels: int
     """Number of color channels, 1 for gray."""
+    color: bool
+    """Whether the images have an axis of channels, which may have the length 1."""
     frame_bytes: int
     """Bytes of a frame."""
     read: Callable[[int, int, int | None], Planes]
@@ -134,7 +136,8 @@ def _burst_of_bits(bits: Bits) -> Burst:
     number = channels[0] if channels else 1
     frame_bytes = max(1, bits.packed.nbytes // frames)
     is_in_memory = not channels and not isinstance(bits.packed, Frames)
-    return Burst(frames, (height, width), number, number, frame_bytes, read, is_in_memory)
+    color = bool(channels)
+    return Burst(frames, (height, width), number, number, color, frame_bytes, read, is_in_memory)
 
 
 def _burst_of_counts(stack: CountStack) -> Burst:
@@ -161,7 +164,7 @@ def _burst_of_counts(stack: CountStack) -> Burst:
 
     total = trials * number
     frame_bytes = height * -(-width // 8) * total.bit_length() + images.nbytes // frames
-    return Burst(frames, (height, width), total, number, frame_bytes, read)
+    return Burst(frames, (height, width), total, number, bool(channels), frame_bytes, read)
 
 
 def refuse_pixels(sensor: Sensor) -> None:

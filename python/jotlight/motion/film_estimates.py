@@ -1,5 +1,6 @@
 """The images of a film by the film network, which also reads the last image."""
 
+import dataclasses
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -76,12 +77,16 @@ class FilmEstimates:
     def add(self, image: FilmImage) -> Image:
         """Return the intensities in [0, S] of the next image of the film, (H, W).
 
+        Those of merged counts (H, W, 1) have this shape, too.
+
         Raises
         ------
         ValueError
             When the image has colors or a finer grid, which the network does not read, or when its
             sensor has a smooth kernel.
         """
+        shape = image.merged.shape
+        image = _without_channel_axis(image)
         # Sums of a scene that stands still need no correction.
         if image.motion.model == "none" or _are_uneven(image.merged):
             found = self._start(image)
@@ -92,7 +97,8 @@ class FilmEstimates:
         probability = np.clip(found, 0, 1)
         self._last = arcsin_root(probability)
         self._time = image.time
-        return intensity_from_probability(probability, image.merged.sensor, self._threads)
+        intensity = intensity_from_probability(probability, image.merged.sensor, self._threads)
+        return intensity.reshape(shape)
 
     def planes_of(self, image: FilmImage) -> tuple[Image, float]:
         """Return what the network reads of the next image, and its usual number of trials."""
@@ -127,6 +133,13 @@ class FilmEstimates:
         if self._last is None or displacement is None or self._last.shape != image.merged.shape:
             return None
         return displaced(self._last, displacement, image.merged.sensor.oversampling)
+
+
+def _without_channel_axis(image: FilmImage) -> FilmImage:
+    """Return an image of one channel as a gray one, like its nearest counts. Others stay."""
+    if image.merged.shape[2:] != (1,):
+        return image
+    return dataclasses.replace(image, merged=next(image.merged.channels()))
 
 
 def _are_uneven(merged: Merged) -> bool:

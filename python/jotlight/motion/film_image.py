@@ -70,8 +70,9 @@ class FilmImage:
         of their bits are counted, whether or not they agree with the motion. The counts of the
         next four sixteenths follow, in the order of their distance in time; of two with the same
         distance, the earlier one is first. The film network reads these counts and `merged`. If
-        merging has rejected the motion, they are counted without it. The tuple is empty for colors,
-        for maps of thresholds, and for a finer grid. It is computed when it is first read.
+        merging has rejected the motion, they are counted without it. Those of a single channel have
+        no axis of channels. The tuple is empty for more colors, for maps of thresholds, and for a
+        finer grid. It is computed when it is first read.
         """
         return self.count_nearest()
 

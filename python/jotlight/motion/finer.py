@@ -96,6 +96,7 @@ def _fine_blocks(blocks: Blocks) -> Blocks:
         (2 * height, 2 * width),
         burst.trials,
         burst.channels,
+        burst.color,
         4 * burst.frame_bytes,
         read,
     )

@@ -303,7 +303,7 @@ def merge_along(
             sums = recall(sums, trusted | (consistent.total.trials == 0))
         flags = flags_of_image(consistent, disagreements, motion, threads, is_unclear=unclear)
     finish = as_fine if upsample > 1 else as_merged
-    merged = finish(sums, accepted, flags, motion, sensor)
+    merged = finish(sums, accepted, flags, motion, sensor, color=burst.color)
     return MergedAlong(merged, window, float(by_bits.mean()))
 
 

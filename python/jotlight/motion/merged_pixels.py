@@ -41,21 +41,29 @@ def as_merged(
     flags: npt.NDArray[np.bool_],
     motion: Motion,
     sensor: Sensor,
+    *,
+    color: bool = False,
 ) -> Merged:
-    """Return sums over jots as the merged counts of pixels."""
+    """Return sums over jots as the merged counts of pixels, as :func:`as_pixels` does."""
     side = sensor.oversampling
     return as_pixels(
         channels,
         sensor,
+        color=color,
         acceptance=_mean_of_pixels(accepted, side),
         posterior_error=_mean_of_pixels(posterior_error(motion), side),
         flags=_mean_of_pixels(flags.astype(np.float32), side) >= _MIN_FLAGGED,
     )
 
 
-def as_pixels(channels: list[Sums], sensor: Sensor, **others: Any) -> Merged:
-    """Return sums over jots as the counts of pixels, with other parameters of :class:`Merged`."""
-    side, color = sensor.oversampling, len(channels) > 1
+def as_pixels(
+    channels: list[Sums], sensor: Sensor, *, color: bool = False, **others: Any
+) -> Merged:
+    """Return sums over jots as the counts of pixels, with other parameters of :class:`Merged`.
+
+    For color images, the counts have an axis of channels, which may have the length 1.
+    """
+    side = sensor.oversampling
     efficiency, dark_counts = _seen_jots(channels[0], sensor, side)
     return Merged(
         stack_channels([_sum_pixels(each.ones, side) for each in channels], color=color),
@@ -76,11 +84,14 @@ def as_fine(
     flags: npt.NDArray[np.bool_],
     motion: Motion,
     sensor: Sensor,
+    *,
+    color: bool = False,
 ) -> Merged:
     """Return sums on the fine grid as merged counts. The error is in pixels of this grid."""
     return as_pixels(
         channels,
         sensor,
+        color=color,
         acceptance=double(accepted),
         posterior_error=2 * double(posterior_error(motion)),
         flags=double(flags),

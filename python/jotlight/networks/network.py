@@ -26,6 +26,7 @@ from jotlight.networks.network_files import read_network, write_network
 from jotlight.networks.onnx_export import write_onnx
 from jotlight.networks.served_sensors import check_served
 from jotlight.networks.torch_hints import TorchHints
+from jotlight.parameter_names import takes_rng
 from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.pixel_counts import Data, carried_sensor, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
@@ -125,6 +126,7 @@ class Network(EngineBacked, TorchHints):
         return cls(layers, sensor, {"start": f"initial parameters of the paper, sigma = {sigma}"})
 
     @classmethod
+    @takes_rng
     def residual(
         cls, sensor: Sensor, architecture: str = "small", *, rng: int | None = None
     ) -> Self:
@@ -152,6 +154,7 @@ class Network(EngineBacked, TorchHints):
         return cls(layers, sensor, history)
 
     @classmethod
+    @takes_rng
     def conditional(
         cls,
         architecture: str = "medium",

@@ -14,6 +14,7 @@ from jotlight.networks.graph import size_divisor
 from jotlight.networks.layer import Layer
 from jotlight.networks.network_files import read_network, write_network
 from jotlight.networks.planes_layers import build_correction
+from jotlight.parameter_names import takes_rng
 from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
@@ -64,6 +65,7 @@ class PlanesNetwork(EngineBacked):
         _ = self.engine_network  # It refuses layers whose values could overflow.
 
     @classmethod
+    @takes_rng
     def initial(
         cls,
         architecture: str = "medium",

@@ -1,6 +1,7 @@
 """Bits of a single-photon camera, in packed form."""
 
 import operator
+import os
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Self, SupportsIndex, overload
 
@@ -116,6 +117,8 @@ class Bits(ArrayHints):
         if values.dtype.kind not in "biu":
             kind = type_of(array, values)
             advice = "; pass array == 1 for floats" if values.dtype.kind == "f" else ""
+            if isinstance(array, str | os.PathLike):
+                advice = "; jotlight.open(path) reads a capture from a file"
             raise TypeError(f"bits: expected bool or whole numbers 0 and 1, got {kind}{advice}")
         if values.ndim == 2:
             values = values[None]

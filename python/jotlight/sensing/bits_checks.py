@@ -13,6 +13,14 @@ _MIN_SIDE = 64
 _MIN_RATIO = 4
 """Minimum ratio of these sizes and the size of the last axis."""
 
+_MIN_EQUAL, _MAX_ASPECT = 32, 8
+"""Minimum size of the first two axes, if they are equal, and the ratio of the last axis to them,
+above which the last one looks like that of the frames.
+
+As many frames as a frame has rows are rare, and so are jots in such long strips. Sensors with 8
+times as many columns as rows exist.
+"""
+
 
 def warn_about_axes(name: str, shape: tuple[int, ...]) -> None:
     """Warn about frames of a shape that looks like (H, W, T).
@@ -23,7 +31,9 @@ def warn_about_axes(name: str, shape: tuple[int, ...]) -> None:
     """
     frames, height, width = shape[:3]
     side = min(frames, height)
-    if side >= _MIN_SIDE and side >= _MIN_RATIO * width:
+    is_last_short = side >= _MIN_SIDE and side >= _MIN_RATIO * width
+    is_last_long = frames == height >= _MIN_EQUAL and width > _MAX_ASPECT * side
+    if is_last_short or is_last_long:
         warn(
             f"{name}: read as {frames} frames of {height} x {width} jots; if these are {width} "
             f"frames of {frames} x {height} jots, {MOVE_FRAMES}"
@@ -57,7 +67,11 @@ drop the axis of length 1, as array[:, 0] does
 
 
 def check_fits(shape: tuple[int, ...], sensor: SensorLike, *, bit_depth: int = 1) -> None:
-    """Raise ValueError unless readings of this shape and bit depth fit the sensor."""
+    """Raise TypeError or ValueError unless readings of this shape and bit depth fit the sensor."""
+    if not hasattr(sensor, "bit_depth"):
+        raise TypeError(
+            f"sensor: expected a jotlight.Sensor, such as Sensor(frames={shape[0]}), got {sensor!r}"
+        )
     if sensor.bit_depth != bit_depth:
         own = f"readings of {sensor.bit_depth} bits" if sensor.bit_depth > 1 else "single bits"
         other = "single bits" if bit_depth == 1 else f"readings of {bit_depth} bits"

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.parameter_names import takes_rng
 from jotlight.seeds import SeedLike, seed_bytes
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.draw_bits import draw_bits
@@ -113,6 +114,7 @@ class Exposure(Parameters):
         function = noisy_probability if self.read_noise else engine.probability
         return evaluate_parts(function, self.engine_parts(), *images, out, threads)
 
+    @takes_rng
     def expose(
         self,
         image: npt.ArrayLike,

@@ -5,13 +5,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range, to_array
+from jotlight.checks import number_in_range, real_number, to_array
+from jotlight.errors import percent_advice
 
 LIMITS = 1e-18, 1e18
 """Range of a sensor's gain and largest intensity, and of its other numbers where they are not 0.
 
 float32 holds the product and the ratio of any two such numbers.
 """
+
+_MIN_PERCENTAGE = 0.02
+"""Smallest efficiency that is taken for a percentage if it is 100 times as large."""
 
 MAX_THRESHOLD = 65535
 """Largest threshold."""
@@ -93,7 +97,8 @@ def _checked_dark_counts(dark_counts: npt.ArrayLike) -> float | npt.NDArray[np.f
 def _checked_efficiency(efficiency: npt.ArrayLike) -> float | npt.NDArray[np.float32]:
     values = to_array("efficiency", efficiency)
     if values.ndim == 0:
-        return number_in_range("efficiency", efficiency, LIMITS[0], 1)
+        advice = percent_advice(real_number(efficiency), _MIN_PERCENTAGE)
+        return number_in_range("efficiency", efficiency, LIMITS[0], 1, advice)
     if values.dtype.kind not in "iuf" or values.ndim != 2:
         raise ValueError(
             "efficiency: expected a number, or a map of numbers with one per jot, "

@@ -13,6 +13,7 @@ from torch import Tensor
 from jotlight.checks import positive_number, whole_number
 from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
+from jotlight.parameter_names import takes_rng
 from jotlight.progress import Progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
@@ -49,6 +50,7 @@ LEARNING_RATE = 5e-4
 
 
 # A run has many settings, each of them documented; all but the first three are keyword-only.
+@takes_rng
 def fine_tune(
     network: Network,
     data: Bits | npt.ArrayLike,

@@ -14,6 +14,7 @@ from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
 from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.networks.precision import F32
+from jotlight.parameter_names import takes_rng
 from jotlight.progress import Progress
 from jotlight.sensing.intensity_scale import warn_about_scale
 from jotlight.sensing.sensor import Sensor
@@ -49,6 +50,7 @@ LEARNING_RATE = 3e-3
 
 
 # A run has many settings, each of them documented; all but the first three are keyword-only.
+@takes_rng
 def train(
     network: Network,
     images: TrainingImages | PatchSource,

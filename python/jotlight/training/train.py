@@ -10,6 +10,7 @@ from jotlight.checks import check_threads, positive_number, whole_number
 from jotlight.networks.graph import is_sequential
 from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
+from jotlight.parameter_names import takes_rng
 from jotlight.progress import Progress
 from jotlight.sensing.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet, SafeSet
@@ -25,6 +26,7 @@ from jotlight.training.run import Run
 
 
 # Keyword-only options with numpydoc documentation, so more than nine parameters are fine.
+@takes_rng
 def train(
     network: Network,
     images: TrainingImages,

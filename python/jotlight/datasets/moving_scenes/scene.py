@@ -15,6 +15,7 @@ from jotlight.datasets.moving_scenes.planes import Plane
 from jotlight.datasets.moving_scenes.textures import Texture
 from jotlight.datasets.scenes import photograph as scikit_image_photograph
 from jotlight.errors import hide_warnings
+from jotlight.parameter_names import takes_rng
 from jotlight.seeds import SeedLike
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.intensity_scale import MEANING, warn_about_scale
@@ -226,6 +227,7 @@ def _centered_grid(size: tuple[int, int], detail: int) -> Array:
     return np.stack(np.meshgrid(*axes, indexing="ij"))
 
 
+@takes_rng
 def moving(
     photograph: npt.ArrayLike | None = None,
     motion: str | npt.ArrayLike = "shake",

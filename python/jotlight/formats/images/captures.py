@@ -38,6 +38,7 @@ from jotlight.formats.labels import COUNTS, READINGS, parse_label
 from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
+from jotlight.formats.safe_paths import MAX_SEARCHED, list_below
 from jotlight.formats.stubs import open_binary, raise_failure, remote_file
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, concatenate
@@ -45,6 +46,7 @@ from jotlight.sensing.provenance import Provenance
 
 _TIFF_EXTENSIONS = (".tif", ".tiff")
 _PNG_EXTENSIONS = (".png",)
+_RAW_EXTENSION = ".bin"
 
 _PILLOW_SCALE = {2: 85, 4: 17}
 """Factor by which Pillow scales gray levels to 8 bits, for each depth in bits."""
@@ -70,7 +72,10 @@ def _matches(path: Path, name: str, extensions: tuple[str, ...]) -> bool:
     if not path.is_dir():
         return has_type(path, name)
     has_images = any(file.suffix.lower() in extensions for file in path.iterdir())
-    return has_images and next(path.rglob("*.bin"), None) is None
+    if not has_images:
+        return False
+    files = list_below(path, (*extensions, _RAW_EXTENSION), max_others=MAX_SEARCHED)
+    return not any(file.suffix.lower() == _RAW_EXTENSION for file in files)
 
 
 def _open_images(
