@@ -7,6 +7,7 @@ import pytest
 
 from jotlight.motion import objects
 from jotlight.motion.depth import ComparedBits
+from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.objects import add_objects
 from jotlight.motion.track import Paths
 from moving import blocks_of, occluded, paths_of
@@ -102,6 +103,21 @@ def test_the_velocity_of_a_candidate_is_refined():
     assert followed is second
     far = np.full_like(wrong, -2.0)
     assert objects._candidates(paths, bits, far) == []
+
+
+@pytest.mark.parametrize("error", [0.15, 0.0])
+def test_a_motion_is_improved_inside_outlines_if_the_bits_are_then_more_likely(monkeypatch, error):
+    paths = background_of(2)
+    times = paths.blocks.centers - paths.reference
+    nodes = paths.tracks[0].nodes + np.outer(times, (error, 1))[:, :, None, None]
+    track = dataclasses.replace(paths.tracks[0], nodes=nodes)
+    start = Paths([paths.tracks[0], track], MASKS[1].astype(np.uint8))
+    better = objects._inside_outlines(start)
+    assert likelihood_gain(better) >= likelihood_gain(start)
+    speed = better.tracks[1].velocity().mean(axis=(1, 2))
+    np.testing.assert_allclose(speed, VELOCITIES[1], atol=0.05)
+    monkeypatch.setattr(objects, "likelihood_gain", lambda found: float(found is start))
+    assert objects._inside_outlines(start) is start
 
 
 def test_few_blocks_have_no_velocities():

@@ -10,7 +10,7 @@ import dataclasses
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.affine import follow_segment, start_track
+from jotlight.motion.affine import follow_segment, improve_inside, start_track
 from jotlight.motion.depth import ComparedBits, object_gains, refine_outlines, without_absent
 from jotlight.motion.equivalent import equivalent_sums
 from jotlight.motion.likelihood_gain import likelihood_gain
@@ -142,11 +142,20 @@ def _with_candidate(paths: Paths, candidate: _Candidate) -> Paths | None:
     start = Segment(candidate.velocity, np.ones(tile_counts(blocks.size)), energy=0.0, half=0)
     track = follow_segment(blocks, start, candidate.pixels)
     labels = np.where(candidate.pixels, np.uint8(index), paths.labels)
-    more = without_absent(refine_outlines(Paths([*paths.tracks, track], labels)))
+    more = _inside_outlines(without_absent(refine_outlines(Paths([*paths.tracks, track], labels))))
     gains = [gain.net(more.labels == each) for each, gain in enumerate(object_gains(more), 1)]
     needed = max(_MIN_GAIN, _MIN_SHARE * max(gains))
     has_enough = (more.labels == index).sum() >= _MIN_PIXELS and gains[-1] > needed
     return more if has_enough else None
+
+
+def _inside_outlines(paths: Paths) -> Paths:
+    """Return paths whose motions are those of the pixels inside the outlines, if these gain.
+
+    The pixels from which a motion was followed may belong to several objects.
+    """
+    better = without_absent(refine_outlines(improve_inside(paths)))
+    return better if likelihood_gain(better) > likelihood_gain(paths) else paths
 
 
 def _constant(paths: Paths, velocity: Array) -> Track:
