@@ -27,8 +27,12 @@ _SIGMA = 2.0
 _DEVIATION = 2.0
 """Standard deviation of the displacements that are expected if the motion is wrong, in pixels."""
 
-_CLEAR = 3.0
-"""Number of standard deviations of noise by which displacements must explain the bits better."""
+_CLEAR = 1.9
+"""Number of standard deviations of noise by which displacements must explain the bits better.
+
+The template contains the noise of the bits, so displacements explain them worse on average. In 102
+simulated scenes of a moving camera, the largest number was 1.8, and the median -0.8.
+"""
 
 _MAX_ONES = 20.0
 """Mean number of ones of a pixel from which on its bits show wrong displacements."""

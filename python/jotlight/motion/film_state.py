@@ -1,5 +1,8 @@
 """What a film carries from image to image: its motion, and its memory."""
 
+from collections.abc import Callable, Sequence
+from functools import partial
+
 from jotlight.errors import warn
 from jotlight.motion.film_candidates import Candidate, Candidates
 from jotlight.motion.film_frames import FilmFrames
@@ -64,12 +67,11 @@ class FilmState:
         best = _less_flagged(carried, fresh)
         around = settings.more_frames(known.numbers, start)
         if schedule.needs_more_frames(best, around, is_lost=carried is None):
-            others = [candidates.of_more_frames(known.part(around), around.start)]
+            more = partial(candidates.of_more_frames, known.part(around), around.start)
+            attempts: list[Callable[[], Candidate | None]] = [more]
             if fresh is None:
-                others.append(candidates.fresh())
-            for other in others:
-                if other is not None and candidates.explains_more(other, best):
-                    best = other
+                attempts.append(candidates.fresh)
+            best = _first_better(attempts, best, candidates)
         schedule.add(best, is_compared=fresh is not None)
         self._carry_on(best)
         return best.image
@@ -93,6 +95,21 @@ class FilmState:
             self._motion = None
             if self._memory is not None:
                 self._memory.forget()
+
+
+def _first_better(
+    attempts: Sequence[Callable[[], Candidate | None]], best: Candidate, candidates: Candidates
+) -> Candidate:
+    """Return the first of several images that explains the window better than the best one so far.
+
+    The motion of more frames comes before that of the window alone. It has better outlines, which
+    matter for the next images, too.
+    """
+    for attempt in attempts:
+        other = attempt()
+        if other is not None and candidates.explains_more(other, best):
+            return other
+    return best
 
 
 def _less_flagged(carried: Candidate | None, fresh: Candidate | None) -> Candidate:

@@ -28,7 +28,7 @@ from jotlight.motion.jot_kinds import frames_of_kinds, has_kinds, join_kinds, se
 from jotlight.motion.merged_pixels import MergedAlong, as_fine, as_merged
 from jotlight.motion.motion import Motion
 from jotlight.motion.reading_counts import counts_for_motion
-from jotlight.motion.still_window import count_window, find_window
+from jotlight.motion.still_window import count_window, find_window, report_window
 from jotlight.motion.sums import Sums
 from jotlight.motion.threshold_maps import count_still
 from jotlight.motion.track import Paths, Track
@@ -278,23 +278,22 @@ def merge_along(
     accepted, threads = consistent.accepted, paths.blocks.threads
     halves = without_saturation(consistent.before, consistent.after, threads, consistent.lights)
     disagreements = disagreement(*halves, threads)
-    by_bits = find_flags(consistent, disagreements, motion.labels)
+    unclear = is_unclear(consistent, disagreements, motion.model, threads)
+    # Few bits show that a dim scene moves, if its motion was not found.
+    is_doubtful = unclear and motion.model == "none"
+    by_bits = find_flags(consistent, disagreements, motion.labels, is_unclear=is_doubtful)
     of_channels = each_channel(paths)
     window = None
     if may_stand_still and by_bits.mean() > _MAX_FLAGGED:
         window = find_window(paths, consistent.total)
     if window is not None:
-        warn(
-            "the motion does not explain the scene clearly better than no motion; only "
-            f"{len(window)} frames are used, and all pixels are flagged"
-        )
+        report_window(window, motion.model)
         if upsample > 1:
             of_channels = [fine_paths(each) for each in of_channels]
         sums = [count_window(each, window) for each in of_channels]
         accepted = np.full_like(accepted, len(window) / len(burst))
         flags = by_bits = np.ones_like(by_bits)
     else:
-        unclear = is_unclear(consistent, disagreements, motion.model, threads)
         if unclear:
             by_bits = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
         sums = _count(of_channels, consistent, upsample)

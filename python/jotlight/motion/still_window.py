@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import warn
 from jotlight.motion.equivalent import clip_probability, equivalent_sums, expected_probability
 from jotlight.motion.frame_times import locate
 from jotlight.motion.scoring import template_network
@@ -44,7 +45,8 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     Of some frames in the middle, every second one is held out, and then the others. A window
     predicts that these frames are alike. The merged counts without them predict each one, moved
     along the motion. So a wrong motion is noticed although single frames have few bits. If the
-    merged counts are not clearly better, the window is chosen that predicts the bits best.
+    merged counts are not clearly better, the window is chosen that predicts the bits best. If
+    nothing moves, the merged counts are the sum of all frames, and the windows are shorter.
 
     Parameters
     ----------
@@ -53,19 +55,27 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     total : Sums
         The merged counts of all frames.
     """
-    if not any(track.nodes.any() for track in paths.tracks):
-        return None
     frames = len(paths.blocks.burst)
+    moves = any(track.nodes.any() for track in paths.tracks)
     enough = math.ceil(_ENOUGH_ONES / max(float(total.ones.sum()) / frames, 1e-9))
     central = _window(paths, min(int(np.clip(enough, *_CENTRAL)), frames // 8))
     folds = [_Fold.of(paths, total, central[start::2]) for start in (0, 1)]
-    lengths = sorted({max(len(central), frames // fraction) for fraction in _FRACTIONS})
+    fractions = _FRACTIONS if moves else _FRACTIONS[1:]
+    lengths = sorted({max(len(central), frames // fraction) for fraction in fractions})
     windows = [_window(paths, length) for length in lengths]
     gains, errors = np.transpose([_gain_of(count_window(paths, each), folds) for each in windows])
     lead = -(_smooth(gains) / np.maximum(errors, 1e-9)).max()
     ones = sum(int(fold.held.ones.sum()) for fold in folds)
     needed = _MIN_LEAD * min(1.0, math.sqrt(ones / _ONES))
     return windows[int(np.argmax(gains))] if lead < needed else None
+
+
+def report_window(window: range, model: str) -> None:
+    """Warn that a window replaces the counts that were merged along a motion of a model."""
+    reason = "the motion does not explain the scene clearly better than no motion"
+    if model == "none":
+        reason = "the frames differ, but no motion was found"
+    warn(f"{reason}; only {len(window)} frames are used, and all pixels are flagged")
 
 
 def _smooth(gains: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
