@@ -40,14 +40,19 @@ def test_a_wrong_motion_is_worse_than_a_window(shake):
     assert (counted.trials == len(window)).all()
 
 
-def test_a_scene_that_moves_unnoticed_has_a_window_and_one_that_stands_still_has_none(shake):
-    _, blocks, shifts, reference = shake
-    paths = paths_of(blocks, np.zeros_like(shifts), reference)
+@pytest.mark.parametrize(
+    ("motion", "photons", "has_window"),
+    [("shake", 0.3, True), ("static", 0.3, False), ("shake", 0.03, False)],
+)
+def test_a_scene_that_moves_unnoticed_has_a_window_if_there_are_enough_bits(
+    motion, photons, has_window
+):
+    _, bits = record(motion, 64, shape=(160, 160), photons=photons, rng=0)
+    blocks = blocks_of(bits)
+    paths = paths_of(blocks, np.zeros((len(blocks.centers), 2)), 32)
     window = find_window(paths, total_of(paths))
-    assert window is not None
-    assert len(window) <= len(blocks.burst) // 2
-    paths = paths_that_drift(0, 0.1, 0)
-    assert find_window(paths, total_of(paths)) is None
+    assert (window is not None) == has_window
+    assert window is None or (len(window) <= 32 and window.start <= 32 < window.stop)
 
 
 @pytest.mark.slow

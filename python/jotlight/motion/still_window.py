@@ -46,7 +46,8 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     predicts that these frames are alike. The merged counts without them predict each one, moved
     along the motion. So a wrong motion is noticed although single frames have few bits. If the
     merged counts are not clearly better, the window is chosen that predicts the bits best. If
-    nothing moves, the merged counts are the sum of all frames, and the windows are shorter.
+    nothing moves, the merged counts are the sum of all frames, and the windows are shorter. With
+    few bits, there is none then.
 
     Parameters
     ----------
@@ -66,6 +67,8 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     gains, errors = np.transpose([_gain_of(count_window(paths, each), folds) for each in windows])
     lead = -(_smooth(gains) / np.maximum(errors, 1e-9)).max()
     ones = sum(int(fold.held.ones.sum()) for fold in folds)
+    if not moves and ones < _ONES:
+        return None
     needed = _MIN_LEAD * min(1.0, math.sqrt(ones / _ONES))
     return windows[int(np.argmax(gains))] if lead < needed else None
 
