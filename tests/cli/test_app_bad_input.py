@@ -47,7 +47,6 @@ import jotlight as jl
         (["info", "none.npy"], "there is no file"),
         (["info", "b*.npy"], "there is no file b*.npy; a pattern of several files is not taken"),
         (["film", "b*.npy", "-o", "a.npy", "--window", "1"], "name one; `jotlight reconstruct`"),
-        (["fine-tune", "b*.npy", "-o", "a.safetensors"], "name one; `jotlight reconstruct`"),
         (["calibrate", "b*.npy", "-o", "a.safetensors"], "name one; `jotlight reconstruct`"),
         (["view", "b*.npy"], "name one; `jotlight reconstruct`"),
         (["film", "s3://a/b.npy", "-o", "a.npy", "--window", "1"], "take a URL"),

@@ -223,6 +223,12 @@ def test_an_unsuitable_capture_is_refused_with_the_reason(
     assert OWN not in file_names(tmp_path)
 
 
+def test_a_pattern_of_captures_gets_advice(run):
+    status, output = run("fine-tune", "b*.npy", "-o", OWN)
+    assert status == 1
+    assert "name one; `jotlight reconstruct`" in output
+
+
 def test_capture_options_need_a_capture(run, photo_folder):
     status, output = run("train", photo_folder, "-o", OWN, "--rotate", 90)
     assert status == 1
