@@ -197,12 +197,12 @@ def record_warnings() -> Iterator[list[str]]:
 def percent_advice(value: float, minimum: float) -> str:
     """Return advice for a number that looks like a percentage in place of a fraction.
 
-    A fraction has a `minimum`, and is at most 1.
+    A fraction has a `minimum`, and is below 1.
 
     Examples
     --------
     >>> percent_advice(95, 0.5), percent_advice(1.5, 0.5)
     ('; write 0.95 for 95 %', '')
     """
-    is_percentage = max(1, 100 * minimum) < value <= 100
+    is_percentage = value > 1 and 100 * minimum <= value < 100
     return f"; write {value / 100:g} for {value:g} %" if is_percentage else ""

@@ -59,6 +59,9 @@ def test_the_home_folder_is_found_where_a_shell_leaves_the_tilde(run, tmp_path, 
     assert run("info", "~/a.npy")[0] == 0
     assert run("reconstruct", "~/a.npy", "--output=~/a.tif", "--method", "mle")[0] == 0
     assert jl.read_image(tmp_path / "a.tif").shape == (8, 8)
+    options = "--method", "mle", "--uncertainty=~/u.npz"
+    assert run("reconstruct", "~/a.npy", "--output=~/a.tif", *options)[0] == 0
+    assert (tmp_path / "u.npz").exists()
     for arguments in (
         ["reconstruct", "~/none.npy", "-o", "a.tif"],
         ["convert", "~/none.npy", "-o", "a.npy"],
@@ -69,6 +72,7 @@ def test_the_home_folder_is_found_where_a_shell_leaves_the_tilde(run, tmp_path, 
         ["reconstruct", "~/a.npy", "-o", "a.tif", "--threshold", "~/none.npy"],
         ["reconstruct", "~/a.npy", "-o", "a.tif", "--mosaic", "~/none.npy.json"],
         ["calibrate", "~/a.npy", "-o", "a.safetensors", "--mosaic", "~/none.npy.json"],
+        ["reconstruct", "~/a.npy", "-o", "a.tif", "--mask", "~/none.npy"],
     ):
         status, output = run(*arguments)
         assert status == 1

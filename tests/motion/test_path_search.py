@@ -12,6 +12,7 @@ from jotlight.motion.added_tiles import share_of_unknown
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import as_burst
 from jotlight.motion.consistency import find_consistent
+from jotlight.motion.objects import MAX_OBJECTS
 from jotlight.motion.path_search import (
     Found,
     _are_in_doubt,
@@ -232,3 +233,26 @@ def test_slow_segments_are_used_if_they_explain_the_scene_better(
     result = find_paths(blocks, "auto", lambda _: None)
     assert result.model == expected
     assert len(result.paths.tracks) == len((slow if expected == "segments" else first).tracks)
+
+
+@pytest.mark.parametrize(
+    ("shares", "are_used"),
+    [((0.069, 0.049), True), ((0.071, 0.01), False), ((0.06, 0.051), False), ((0.06, 0.06), False)],
+)
+def test_objects_must_explain_much_of_a_scene_that_is_mostly_unknown(monkeypatch, shares, are_used):
+    """At first, 10 % of the pixels are unknown, then these fractions."""
+    before, *along = (types.SimpleNamespace(unknown=each) for each in (0.1, *shares))
+    made, calls = iter(along), []
+
+    def add(paths, most):
+        calls.append(most)
+        return types.SimpleNamespace(exact=lambda: None)
+
+    monkeypatch.setattr(path_search, "add_objects", add)
+    monkeypatch.setattr(path_search, "find_consistent", lambda _: next(made))
+    monkeypatch.setattr(path_search, "share_of_unknown", lambda sums: sums.unknown)
+    paths = object()
+    more, sums = path_search._with_large_objects(paths, before)
+    assert (more is not paths) == are_used
+    assert sums is (along[-1] if are_used else before)
+    assert sum(calls) <= MAX_OBJECTS

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+import jotlight as jl
 from jotlight.motion import still_window
-from jotlight.motion.still_window import count_window, find_window
+from jotlight.motion.still_window import count_window, find_window, report_window
 from jotlight.motion.sums import Sums
 from moving import blocks_of, moved, paths_of, record
 
@@ -53,6 +54,23 @@ def test_a_scene_that_moves_unnoticed_has_a_window_if_there_are_enough_bits(
     window = find_window(paths, total_of(paths))
     assert (window is not None) == has_window
     assert window is None or (len(window) <= 32 and window.start <= 32 < window.stop)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 5, 15])
+def test_few_frames_without_motion_have_no_window(frames):
+    _, bits = record("static", frames, shape=(160, 160), photons=3, rng=0)
+    blocks = blocks_of(bits, 1)
+    paths = paths_of(blocks, np.zeros((len(blocks.centers), 2)), frames // 2)
+    assert find_window(paths, total_of(paths)) is None
+
+
+@pytest.mark.parametrize(
+    ("model", "expected"),
+    [("none", "the frames differ although"), ("affine", "the motion does not explain the scene")],
+)
+def test_a_window_is_reported(model, expected):
+    with pytest.warns(jl.JotlightWarning, match=f"{expected}.*; only 8 frames are used"):
+        report_window(range(4, 12), model)
 
 
 @pytest.mark.slow

@@ -84,7 +84,12 @@ def _convert(kind: Any, tokens: Sequence[Token]) -> Any:
         for token in tokens:
             if _has_fraction(token.value):
                 raise ValueError(f"expected a whole number, got {token.value}.")
-    return convert_file(kind, tokens) if kind is Path else convert_tokens(kind, tokens)
+    return convert_file(kind, tokens) if _is_path(kind) else convert_tokens(kind, tokens)
+
+
+def _is_path(kind: Any) -> bool:
+    """Return whether a type is that of paths, or contains it, as `Path | None` does."""
+    return kind is Path or any(map(_is_path, get_args(kind)))
 
 
 app = App(

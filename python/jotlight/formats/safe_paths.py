@@ -19,8 +19,8 @@ _MAX_FOLDER_LINKS = 1000
 """Maximum number of links to folders in a capture."""
 
 MAX_SEARCHED = 1000
-"""Maximum number of folders without a file of a format, in which files of this format are searched
-to detect it. The folder of a capture has few. So a wrong folder, such as ``/``, is refused in less
+"""When the format of a folder is detected, at most this many folders without a matching file are
+searched. The folder of a capture has few. So a wrong folder, such as ``/``, is refused in less
 than a second."""
 
 

@@ -101,11 +101,11 @@ class Candidates:
     def explains_more(self, one: Candidate, other: Candidate) -> bool:
         """Return whether the motion of one image explains the window better than that of another.
 
-        Where merging has rejected a motion, the other one is better. Otherwise, likelihoods decide,
-        unless one motion has outlines, and clearly more bits agree with one of the two. A causal
-        image shows the last frame. Likelihoods are those of all frames, so they do not show where
-        its outlines are. So the motion with which more bits agree is better, or clearly more bits
-        if the models differ.
+        A motion that merging has rejected is worse. In a causal film, the motion with which more
+        bits agree is better; if the models differ, clearly more must agree. Likelihoods are those
+        of all frames, so they do not show where the outlines are in the last one. In other films,
+        this is so only if exactly one of the motions has outlines. In all other cases, likelihoods
+        decide.
         """
         if one.image.is_rejected or other.image.is_rejected:
             return not one.image.is_rejected

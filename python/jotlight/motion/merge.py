@@ -294,7 +294,7 @@ def merge_along(
         accepted = np.full_like(accepted, len(window) / len(burst))
         flags = by_bits = np.ones_like(by_bits)
     else:
-        if unclear:
+        if unclear and not is_doubtful:
             by_bits = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
         sums = _count(of_channels, consistent, upsample)
         if recall is not None:

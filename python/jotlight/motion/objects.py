@@ -24,8 +24,8 @@ from jotlight.motion.velocity_scores import BIN, MAX_BLOCKS, MIN_PEAK, VelocityS
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-_MAX_OBJECTS = 5
-"""Maximum number of objects that are added."""
+MAX_OBJECTS = 5
+"""Maximum number of objects of a scene."""
 
 _MAX_TRIED, _MAX_FOLLOWED = 8, 2
 """Maximum numbers of velocities that are tried for each object, and that are followed."""
@@ -58,13 +58,13 @@ _MIN_PIXELS = 64
 """Minimum number of pixels of an object."""
 
 
-def add_objects(paths: Paths, most: int | None = None) -> Paths:
+def add_objects(paths: Paths, most: int = MAX_OBJECTS) -> Paths:
     """Return paths with further tracks in front, those of objects that move by themselves.
 
     An object is added if the bits are then more likely. In bright light, the first false object
-    ends the search, which would take long. At `most` some objects are added, by default five.
+    ends the search, which would take long. `most` is the maximum number of objects.
     """
-    for _ in range(_MAX_OBJECTS if most is None else most):
+    for _ in range(most):
         more = _with_object(paths)
         if more is None or more_likely(paths, more) is paths:
             break

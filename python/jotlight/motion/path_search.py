@@ -18,7 +18,7 @@ from jotlight.motion.consistency import CLEARLY_MORE, Consistent, find_consisten
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
 from jotlight.motion.kept_sums import keeps_sums
 from jotlight.motion.likelihood_gain import likelihood_gain
-from jotlight.motion.objects import PARAMETERS, add_objects, more_likely
+from jotlight.motion.objects import MAX_OBJECTS, PARAMETERS, add_objects, more_likely
 from jotlight.motion.outlines import choose_labels
 from jotlight.motion.scoring import make_blurred_template
 from jotlight.motion.segments import Segment, energy_of, find_segments
@@ -58,8 +58,9 @@ If more is unknown, objects that keep their shape hardly explain it, and the sea
 _MUCH_UNKNOWN = 0.08
 """Fraction of pixels with unknown motion above which objects must explain much of them."""
 
-_MUST_EXPLAIN = (1, 0.3), (None, 0.5)
-"""The fractions of what is unknown that objects must explain then: the first one, and all."""
+_MUST_EXPLAIN = (1, 0.3), (MAX_OBJECTS - 1, 0.5)
+"""Numbers of objects that are added then, and which fraction of the unknown pixels all objects so
+far must explain."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -310,8 +311,8 @@ def _with_large_objects(paths: Paths, consistent: Consistent) -> tuple[Paths, Co
     """
     unknown, more, along = share_of_unknown(consistent), paths, consistent
     for most, share in _MUST_EXPLAIN:
-        more = add_objects(more, most)
-        along = find_consistent(more.exact())
+        before, more = more, add_objects(more, most)
+        along = along if more is before else find_consistent(more.exact())
         if share_of_unknown(along) > (1 - share) * unknown:
             return paths, consistent
     return more, along

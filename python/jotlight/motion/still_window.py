@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import warn
+from jotlight.estimators.planned_motion import MIN_FRAMES
 from jotlight.motion.equivalent import clip_probability, equivalent_sums, expected_probability
 from jotlight.motion.frame_times import locate
 from jotlight.motion.scoring import template_network
@@ -45,9 +46,10 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     Of some frames in the middle, every second one is held out, and then the others. A window
     predicts that these frames are alike. The merged counts without them predict each one, moved
     along the motion. So a wrong motion is noticed although single frames have few bits. If the
-    merged counts are not clearly better, the window is chosen that predicts the bits best. If
-    nothing moves, the merged counts are the sum of all frames, and the windows are shorter. With
-    few bits, there is none then.
+    merged counts are not clearly better, the window is chosen that predicts the bits best.
+
+    If nothing moves, the merged counts are those of all frames in place, without bits that
+    disagree. The windows are shorter then, and there is none if there are few frames or few bits.
 
     Parameters
     ----------
@@ -58,8 +60,11 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     """
     frames = len(paths.blocks.burst)
     moves = any(track.nodes.any() for track in paths.tracks)
-    enough = math.ceil(_ENOUGH_ONES / max(float(total.ones.sum()) / frames, 1e-9))
+    ones_per_frame = max(float(total.ones.sum()) / frames, 1e-9)
+    enough = math.ceil(_ENOUGH_ONES / ones_per_frame)
     central = _window(paths, min(int(np.clip(enough, *_CENTRAL)), frames // 8))
+    if not moves and (frames < MIN_FRAMES or len(central) * ones_per_frame < _ONES):
+        return None
     folds = [_Fold.of(paths, total, central[start::2]) for start in (0, 1)]
     fractions = _FRACTIONS if moves else _FRACTIONS[1:]
     lengths = sorted({max(len(central), frames // fraction) for fraction in fractions})
@@ -67,8 +72,6 @@ def find_window(paths: Paths, total: Sums) -> range | None:
     gains, errors = np.transpose([_gain_of(count_window(paths, each), folds) for each in windows])
     lead = -(_smooth(gains) / np.maximum(errors, 1e-9)).max()
     ones = sum(int(fold.held.ones.sum()) for fold in folds)
-    if not moves and ones < _ONES:
-        return None
     needed = _MIN_LEAD * min(1.0, math.sqrt(ones / _ONES))
     return windows[int(np.argmax(gains))] if lead < needed else None
 
@@ -77,7 +80,7 @@ def report_window(window: range, model: str) -> None:
     """Warn that a window replaces the counts that were merged along a motion of a model."""
     reason = "the motion does not explain the scene clearly better than no motion"
     if model == "none":
-        reason = "the frames differ, but no motion was found"
+        reason = "the frames differ although the motion is none"
     warn(f"{reason}; only {len(window)} frames are used, and all pixels are flagged")
 
 

@@ -14,8 +14,8 @@ _MIN_RATIO = 4
 """Minimum ratio of these sizes and the size of the last axis."""
 
 _MIN_EQUAL, _MAX_ASPECT = 32, 8
-"""Minimum size of the first two axes, if they are equal, and the ratio of the last axis to them,
-above which the last one looks like that of the frames.
+"""If the first two axes are equal and have at least this size, and the last axis is more than this
+many times as long, the last axis is probably that of the frames.
 
 As many frames as a frame has rows are rare, and so are jots in such long strips. Sensors with 8
 times as many columns as rows exist.

@@ -15,7 +15,7 @@ float32 holds the product and the ratio of any two such numbers.
 """
 
 _MIN_PERCENTAGE = 0.02
-"""Smallest efficiency that is taken for a percentage if it is 100 times as large."""
+"""An efficiency of at least 100 times this value is taken for a percentage."""
 
 MAX_THRESHOLD = 65535
 """Largest threshold."""

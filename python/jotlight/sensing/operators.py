@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import check_threads, positive_number, shown, whole_number_in_range
+from jotlight.parameter_names import takes_rng
 from jotlight.seeds import SeedLike
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import KERNELS
@@ -246,6 +247,7 @@ def differences(shape: Sequence[int], *, threads: int | None = None) -> Operator
     return Operator(forward, adjoint, shape, output_shape, takes_stacks=True)
 
 
+@takes_rng
 def check_adjoint(
     operator: Operator, *, rng: SeedLike = 0, draws: int = 3, tol: float = 1e-10
 ) -> float:

@@ -68,6 +68,9 @@ pub fn add_object_gain<C: Count>(
         check("field", size, other.relative.size())?;
     }
     check("output", (GAINS, size.0, size.1), out.dim())?;
+    if labels.is_empty() {
+        return Ok(());
+    }
     let own = object.predicted.as_standard_layout();
     let predicted: Vec<_> = others
         .iter()
@@ -112,6 +115,9 @@ pub fn mark_covered(
     check("output", size, out.dim())?;
     for (_, relative) in fronts {
         check("field", size, relative.size())?;
+    }
+    if labels.is_empty() {
+        return Ok(());
     }
     let labels = labels.as_standard_layout();
     let labels = labels.as_slice().unwrap_or_default();
