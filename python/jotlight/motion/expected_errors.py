@@ -31,7 +31,7 @@ _CLEAR = 1.9
 """Number of standard deviations of noise by which displacements must explain the bits better.
 
 The template contains the noise of the bits, so displacements explain them worse on average. In 102
-simulated scenes of a moving camera, the largest number was 1.8, and the median -1.0.
+simulated scenes of a moving camera, the largest number was 1.8, and the median -1.1.
 """
 
 _MAX_ONES = 20.0
