@@ -86,8 +86,10 @@ def test_a_member_that_goes_beyond_the_end_of_its_file_is_an_error_with_a_reason
     place = content.rindex(b"PK\1\2") + 20
     content[place : place + 8] = 2 * len(content).to_bytes(4, "little")
     path.write_bytes(content)
+    # Newer releases of Python notice earlier that the member reaches into what follows it.
+    reason = r"a\.npz: .*\((it ends too early|Overlapped entries.*)\)"
     for read in (read_npz, jl.open):
-        with pytest.raises(ValueError, match=r"a\.npz: .*\(it ends too early\)"):
+        with pytest.raises(ValueError, match=reason):
             read(path)
 
 

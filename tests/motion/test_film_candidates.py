@@ -33,14 +33,6 @@ def test_the_motion_that_explains_the_bits_is_better_unless_merging_rejected_it(
     assert not candidates.explains_more(rejected, wrong)
 
 
-def accepting(candidate, fraction):
-    """Return a candidate with this fraction of accepted bits."""
-    acceptance = np.full_like(candidate.image.merged.acceptance, fraction)
-    merged = dataclasses.replace(candidate.image.merged, acceptance=acceptance)
-    image = dataclasses.replace(candidate.image, merged=merged)
-    return dataclasses.replace(candidate, image=image)
-
-
 @pytest.mark.parametrize(
     ("causal", "models", "difference", "decides"),
     [
@@ -64,7 +56,8 @@ def test_agreeing_bits_decide_at_the_last_frame_and_about_outlines(
     found = candidates.fresh()
     few, many = (
         dataclasses.replace(
-            accepting(found, fraction),
+            found,
+            agreeing=fraction,
             motion=dataclasses.replace(found.motion, model=model),
             paths=copy.copy(found.paths),
         )

@@ -8,13 +8,13 @@ from jotlight.motion.film_schedule import FilmSchedule, _Doubt
 from moving import film_settings
 
 
-def candidate(*, is_carried=True, flagged=0.0, accepted=1.0, model="affine", start=0):
+def candidate(*, is_carried=True, flagged=0.0, agreeing=1.0, model="affine", start=0):
     """Return what the schedule reads of an image."""
     return types.SimpleNamespace(
         image=types.SimpleNamespace(is_carried=is_carried, start=start),
         motion=types.SimpleNamespace(model=model),
         flagged=flagged,
-        accepted=accepted,
+        agreeing=agreeing,
     )
 
 
@@ -33,13 +33,13 @@ def test_a_motion_is_old_after_33_images_unless_the_film_is_causal(causal):
 
 def test_a_motion_is_old_if_fewer_bits_agree_than_when_it_was_estimated():
     schedule = FilmSchedule(film_settings(32))
-    schedule.add(candidate(is_carried=False, accepted=0.9), is_compared=False)
-    for accepted, is_old in ((0.88, False), (0.86, True), (0.88, False)):
-        assert schedule.is_old(candidate(accepted=accepted)) == is_old
-        schedule.add(candidate(accepted=accepted), is_compared=False)
+    schedule.add(candidate(is_carried=False, agreeing=0.9), is_compared=False)
+    for agreeing, is_old in ((0.88, False), (0.86, True), (0.88, False)):
+        assert schedule.is_old(candidate(agreeing=agreeing)) == is_old
+        schedule.add(candidate(agreeing=agreeing), is_compared=False)
     # After a comparison that the carried motion won, its bits are the usual ones.
-    schedule.add(candidate(accepted=0.86), is_compared=True)
-    assert not schedule.is_old(candidate(accepted=0.84))
+    schedule.add(candidate(agreeing=0.86), is_compared=True)
+    assert not schedule.is_old(candidate(agreeing=0.84))
 
 
 def attempts(schedule, model, ends, *, are_better):

@@ -36,12 +36,8 @@ class Candidate:
     """The warnings of aligning and merging."""
     flagged: float
     """The fraction of the pixels that the bits flag, as in ``MergedAlong``."""
-
-    @property
-    def accepted(self) -> float:
-        """The fraction of the bits that were counted."""
-        acceptance = self.image.merged.acceptance
-        return 1.0 if acceptance is None else float(acceptance.mean())
+    agreeing: float
+    """The fraction of the bits that agree with the motion, as in ``MergedAlong``."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,8 +108,8 @@ class Candidates:
         models = {one.motion.model, other.motion.model}
         needed = CLEARLY_MORE if len(models) > 1 else 0.0
         may_decide = self.settings.causal or (len(models) > 1 and "segments" in models)
-        if may_decide and abs(one.accepted - other.accepted) > needed:
-            return one.accepted > other.accepted
+        if may_decide and abs(one.agreeing - other.agreeing) > needed:
+            return one.agreeing > other.agreeing
         return likelihood_gain(one.paths) > likelihood_gain(other.paths)
 
     def _carry(self, motion: Motion, step: int) -> Paths | None:
@@ -137,12 +133,12 @@ class Candidates:
         # Merging changes the memory, and other candidates need the one before.
         memory = copy.copy(self.memory)
         with record_warnings() as texts:
-            merged, still, flagged = self.merging.merge(paths, shown, self.start, memory)
+            merged, still, flagged, agreeing = self.merging.merge(paths, shown, self.start, memory)
         image = FilmImage(merged, shown, self.start, is_carried, merged, still=still)
         if self.settings.upsample == 1 and paths.blocks.burst.channels == 1:
             count = partial(count_nearest, paths, self.merging.sensor, is_still=image.is_rejected)
             image = dataclasses.replace(image, count_nearest=count)
-        return Candidate(image, motion, paths, memory, texts, flagged)
+        return Candidate(image, motion, paths, memory, texts, flagged, agreeing)
 
     def _with_hot_jots(self, paths: Paths, motion: Motion) -> Paths:
         """Return paths along which hot jots are counted if nothing moves.

@@ -10,7 +10,7 @@ _MAX_CARRIED = 33
 """Number of images after which the motion is estimated anew, unless the film is causal."""
 
 _MAX_LOSS = 0.03
-"""The motion is estimated anew if the fraction of accepted bits falls by more than this."""
+"""The motion is estimated anew if the fraction of agreeing bits falls by more than this."""
 
 _MAX_FLAGGED = 0.5
 """A motion is doubtful if more than this fraction of the pixels is flagged."""
@@ -32,7 +32,7 @@ class FilmSchedule:
         self._images = 0
         """Number of images since the motion was last estimated from its window."""
         self._usual = 0.0
-        """The fraction of accepted bits of the image then."""
+        """The fraction of agreeing bits of the image then."""
         self._frames = range(0)
         """The numbers of the frames from which the motion was last estimated."""
         self._needed = _NEW_FRAMES
@@ -44,7 +44,7 @@ class FilmSchedule:
     def is_old(self, carried: Candidate) -> bool:
         """Return whether the carried motion must be compared with a fresh one of the window."""
         is_old = not self._settings.causal and self._images >= _MAX_CARRIED
-        return is_old or carried.accepted < self._usual - _MAX_LOSS
+        return is_old or carried.agreeing < self._usual - _MAX_LOSS
 
     def needs_more_frames(self, best: Candidate, around: range, *, is_lost: bool) -> bool:
         """Return whether the motion is also to be estimated from more frames than the window.
@@ -77,7 +77,7 @@ class FilmSchedule:
         It `is_compared` if a fresh motion of its window was among those to choose from at first.
         """
         if is_compared or not shown.image.is_carried:
-            self._images, self._usual = 0, shown.accepted
+            self._images, self._usual = 0, shown.agreeing
         self._images += 1
         if self._is_tried:
             self._needed = 2 * self._needed if shown.image.is_carried else _NEW_FRAMES

@@ -19,7 +19,7 @@ from jotlight.motion.align import (
 from jotlight.motion.block_edges import block_edges
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst
-from jotlight.motion.consistency import Consistent, find_consistent
+from jotlight.motion.consistency import Consistent
 from jotlight.motion.disagreement import disagreement
 from jotlight.motion.finer import count_fine, fine_paths
 from jotlight.motion.flags import find_flags, flags_of_image, is_unclear
@@ -29,6 +29,7 @@ from jotlight.motion.merged_pixels import MergedAlong, as_fine, as_merged
 from jotlight.motion.motion import Motion
 from jotlight.motion.reading_counts import counts_for_motion
 from jotlight.motion.still_window import count_window, find_window, report_window
+from jotlight.motion.stricter_test import Selected, select_bits
 from jotlight.motion.sums import Sums
 from jotlight.motion.threshold_maps import count_still
 from jotlight.motion.track import Paths, Track
@@ -162,7 +163,8 @@ def _merge(
     paths, motion = paths_at(burst, sensor, None, motion, threads)
     if motion.model == "none" and hot_jots(sensor) is not None:
         consistent = None
-    return merge_along(paths, motion, sensor, consistent, upsample).merged
+    selected = select_bits(paths, is_still=motion.model == "none", consistent=consistent)
+    return merge_along(paths, motion, sensor, selected, upsample).merged
 
 
 def _bursts_of_kinds(data: Bits | CountStack, sensor: Sensor) -> list[tuple[Burst, Sensor]]:
@@ -188,7 +190,8 @@ def _merge_kinds(
     merged = []
     for burst, own in bursts:
         paths, _ = paths_at(burst, own, None, motion, threads)
-        merged.append(merge_along(paths, motion, own, may_stand_still=False).merged)
+        selected = select_bits(paths, is_still=motion.model == "none")
+        merged.append(merge_along(paths, motion, own, selected, may_stand_still=False).merged)
     joined = join_kinds(merged, sensor, threads)
     if motion.model == "none":
         if sensor.mosaic is None:
@@ -260,7 +263,7 @@ def merge_along(
     paths: Paths,
     motion: Motion,
     sensor: Sensor,
-    consistent: Consistent | None = None,
+    selected: Selected,
     upsample: int = 1,
     *,
     may_stand_still: bool = True,
@@ -268,14 +271,12 @@ def merge_along(
 ) -> MergedAlong:
     """Return the counts of the bits along paths, which are those of a motion.
 
-    The sums along them are computed if they are not given. If the scene `may_stand_still`, a window
-    without motion replaces them where the motion does not explain it better. `recall` adds bits to
-    the sums unless such a window replaced them.
+    If the scene `may_stand_still`, a window without motion replaces them where the motion does not
+    explain it better. `recall` adds bits to the sums unless such a window replaced them.
     """
-    burst = paths.blocks.burst
-    if consistent is None:
-        consistent = find_consistent(paths, is_still=motion.model == "none")
-    accepted, threads = consistent.accepted, paths.blocks.threads
+    burst, (consistent, counted) = paths.blocks.burst, selected
+    accepted, agreeing = counted.accepted, float(consistent.accepted.mean())
+    threads = paths.blocks.threads
     halves = without_saturation(consistent.before, consistent.after, threads, consistent.lights)
     disagreements = disagreement(*halves, threads)
     unclear = is_unclear(consistent, disagreements, motion.model, threads)
@@ -285,25 +286,26 @@ def merge_along(
     of_channels = each_channel(paths)
     window = None
     if may_stand_still and by_bits.mean() > _MAX_FLAGGED:
-        window = find_window(paths, consistent.total)
+        window = find_window(paths, counted.total)
     if window is not None:
         report_window(window, motion.model)
         if upsample > 1:
             of_channels = [fine_paths(each) for each in of_channels]
         sums = [count_window(each, window) for each in of_channels]
-        accepted = np.full_like(accepted, len(window) / len(burst))
+        agreeing = len(window) / len(burst)
+        accepted = np.full_like(accepted, agreeing)
         flags = by_bits = np.ones_like(by_bits)
     else:
         if unclear and not is_doubtful:
             by_bits = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
-        sums = _count(of_channels, consistent, upsample)
+        sums = _count(of_channels, counted, upsample)
         if recall is not None:
-            trusted = ~by_bits & (accepted >= _MIN_ACCEPTED)
+            trusted = ~by_bits & (consistent.accepted >= _MIN_ACCEPTED)
             sums = recall(sums, trusted | (consistent.total.trials == 0))
         flags = flags_of_image(consistent, disagreements, motion, threads, is_unclear=unclear)
     finish = as_fine if upsample > 1 else as_merged
     merged = finish(sums, accepted, flags, motion, sensor, color=burst.color)
-    return MergedAlong(merged, window, float(by_bits.mean()))
+    return MergedAlong(merged, window, float(by_bits.mean()), agreeing)
 
 
 def _count(of_channels: list[Paths], consistent: Consistent, upsample: int) -> list[Sums]:

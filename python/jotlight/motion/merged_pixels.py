@@ -33,6 +33,8 @@ class MergedAlong(NamedTuple):
 
     The flags of the image also mark where errors are expected.
     """
+    agreeing: float
+    """Fraction of the bits that agree with the motion by the usual test. Fewer may be counted."""
 
 
 def as_merged(

@@ -1,0 +1,133 @@
+"""The stricter test of bits near others that disagree: scenes whose wrong bits are known."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+import jotlight as jl
+from jotlight.motion.consistency import find_consistent
+from jotlight.motion.stricter_test import select_bits
+from jotlight.motion.track import Track
+from moving import blocks_of
+
+SIZE, FRAMES = (64, 96), 64
+
+
+def crossing(seed, light=1.0):
+    """Return the bits of a still scene in front of which something crosses, and where it is."""
+    rng = np.random.default_rng(seed)
+    p = np.full((FRAMES, *SIZE), 0.1)
+    p[:, ::4] = 0.3
+    rows, columns = np.indices(SIZE)
+    center = 10 + 50 * np.arange(FRAMES)[:, None, None] / FRAMES
+    hidden = (abs(rows - 24 - 8 * np.sin(center / 6)) < 10) & (abs(columns - center) < 9)
+    p[hidden] = 0.24
+    return rng.random(p.shape) < light * p, hidden
+
+
+def still_track(bits, threads=None):
+    """Return the track of a scene that stands still."""
+    blocks = dataclasses.replace(blocks_of(jl.Bits.from_array(bits)), threads=threads)
+    return Track.still(blocks)
+
+
+def masks_of(consistent, track):
+    """Return which bits are counted, (T, H, W)."""
+    frames = np.diff(track.blocks.edges)
+    masks = np.unpackbits(consistent.masks, axis=2, count=SIZE[1]).astype(bool)
+    return masks.repeat(frames, axis=0)
+
+
+def test_fewer_bits_of_what_moves_are_counted_and_hardly_fewer_others():
+    counted_wrong, lost = [], []
+    for seed in range(3):
+        bits, hidden = crossing(seed)
+        track = still_track(bits)
+        selected = select_bits(track)
+        usual, strict = (masks_of(each, track) for each in selected)
+        assert not (strict & ~usual).any()
+        counted_wrong.append((strict & hidden).sum() / (usual & hidden).sum())
+        lost.append((usual & ~strict & ~hidden).sum() / (usual & ~hidden).sum())
+    assert np.mean(counted_wrong) < 0.7
+    assert np.mean(lost) < 0.1
+
+
+def test_the_sums_are_those_of_the_counted_bits():
+    bits, _ = crossing(5)
+    track = still_track(bits)
+    consistent, counted = select_bits(track)
+    assert counted is not consistent
+    masks = masks_of(counted, track)
+    assert masks.sum() < masks_of(consistent, track).sum()
+    is_after = (track.blocks.centers > track.reference).repeat(np.diff(track.blocks.edges))
+    for sums, frames in ((counted.before, ~is_after), (counted.after, is_after)):
+        np.testing.assert_array_equal(sums.ones, (bits & masks)[frames].sum(axis=0))
+        np.testing.assert_array_equal(sums.trials, masks[frames].sum(axis=0))
+    np.testing.assert_allclose(counted.accepted, masks.mean(axis=0), rtol=1e-6)
+
+
+def test_the_stricter_test_decides_where_more_than_12_percent_are_rejected():
+    bits, _ = crossing(6)
+    track = still_track(bits)
+    selected = select_bits(track)
+    strict = find_consistent(track, is_strict=True)
+    usual, strictly, counted = (
+        np.unpackbits(each.masks, axis=2, count=SIZE[1]).astype(bool)
+        for each in (selected.consistent, strict, selected.counted)
+    )
+    squares = (~usual).reshape(len(usual), SIZE[0] // 4, 4, SIZE[1] // 4, 4).mean(axis=(2, 4))
+    nearby = gaussian_filter(squares, 2.0, mode=("nearest", "reflect", "reflect"))
+    nearby = nearby.repeat(4, axis=1).repeat(4, axis=2)
+    few, many = nearby < 0.11, nearby > 0.13
+    assert few.any()
+    assert many.any()
+    np.testing.assert_array_equal(counted[few], usual[few])
+    np.testing.assert_array_equal(counted[many], (usual & strictly)[many])
+
+
+@pytest.mark.parametrize("is_still", [False, True])
+def test_where_all_bits_agree_nothing_is_tested_again(is_still):
+    selected = select_bits(still_track(np.zeros((FRAMES, *SIZE), bool)), is_still=is_still)
+    assert selected.counted is selected.consistent
+
+
+def test_chance_alone_hardly_removes_bits():
+    lost = []
+    for seed in range(5):
+        bits = np.random.default_rng(seed).random((FRAMES, *SIZE)) < 0.2
+        consistent, counted = select_bits(still_track(bits))
+        lost.append(1 - counted.total.trials.sum() / consistent.total.trials.sum())
+    assert np.mean(lost) < 0.01
+
+
+def test_what_appears_matters_for_the_blocks_before_it_alone():
+    """The bits after it agree with each other, so a stricter test would only waste some."""
+    p = np.full((FRAMES, *SIZE), 0.1)
+    p[:, ::4] = 0.3
+    p[20:, 16:48, 20:60] = 0.5
+    removed = []
+    for seed in range(4):
+        bits = np.random.default_rng(seed).random(p.shape) < p
+        track = still_track(bits)
+        usual, strict = (masks_of(each, track) for each in select_bits(track))
+        removed.append((usual & ~strict).mean(axis=(1, 2)))
+    by_time = np.mean(removed, axis=0)
+    assert by_time[:20].mean() > 5 * by_time[44:].mean()
+
+
+def test_a_known_result_of_the_usual_test_is_used():
+    bits, _ = crossing(7)
+    track = still_track(bits)
+    known = find_consistent(track)
+    selected = select_bits(track, consistent=known)
+    assert selected.consistent is known
+    np.testing.assert_array_equal(selected.counted.masks, select_bits(track).counted.masks)
+
+
+def test_the_number_of_threads_changes_nothing():
+    bits, _ = crossing(8)
+    one, two = (select_bits(still_track(bits, threads)).counted for threads in (1, 2))
+    np.testing.assert_array_equal(one.masks, two.masks)
+    np.testing.assert_array_equal(one.total.ones, two.total.ones)
