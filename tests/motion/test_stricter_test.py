@@ -1,4 +1,4 @@
-"""The stricter test of bits near others that disagree: scenes whose wrong bits are known."""
+"""Stricter tests of bits near others that disagree: scenes whose wrong bits are known."""
 
 import dataclasses
 
@@ -68,23 +68,25 @@ def test_the_sums_are_those_of_the_counted_bits():
     np.testing.assert_allclose(counted.accepted, masks.mean(axis=0), rtol=1e-6)
 
 
-def test_the_stricter_test_decides_where_more_than_12_percent_are_rejected():
+def test_stricter_tests_decide_where_more_than_12_and_20_percent_are_rejected():
     bits, _ = crossing(6)
     track = still_track(bits)
     selected = select_bits(track)
-    strict = find_consistent(track, is_strict=True)
-    usual, strictly, counted = (
+    stricter = (find_consistent(track, limits=each) for each in ((1.5, 1.2), (1.2, 1.05)))
+    usual, strict, strictest, counted = (
         np.unpackbits(each.masks, axis=2, count=SIZE[1]).astype(bool)
-        for each in (selected.consistent, strict, selected.counted)
+        for each in (selected.consistent, *stricter, selected.counted)
     )
     squares = (~usual).reshape(len(usual), SIZE[0] // 4, 4, SIZE[1] // 4, 4).mean(axis=(2, 4))
     nearby = gaussian_filter(squares, 2.0, mode=("nearest", "reflect", "reflect"))
     nearby = nearby.repeat(4, axis=1).repeat(4, axis=2)
-    few, many = nearby < 0.11, nearby > 0.13
-    assert few.any()
-    assert many.any()
-    np.testing.assert_array_equal(counted[few], usual[few])
-    np.testing.assert_array_equal(counted[many], (usual & strictly)[many])
+    for pixels, expected in (
+        (nearby < 0.11, usual),
+        ((nearby > 0.13) & (nearby < 0.19), usual & strict),
+        (nearby > 0.21, usual & strict & strictest),
+    ):
+        assert pixels.any()
+        np.testing.assert_array_equal(counted[pixels], expected[pixels])
 
 
 @pytest.mark.parametrize("is_still", [False, True])

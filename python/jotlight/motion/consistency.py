@@ -29,9 +29,6 @@ _LIMITS_IF_STILL = 4.5, 1.6
 Dim scenes exceed 3.5 by chance in some pixels of most images.
 """
 
-_STRICT_LIMITS = 1.4, 1.15
-"""The same where bits that agree by chance are likely. Some bits that are right exceed them."""
-
 RINGS = 2, 2
 """Number of blocks in the middle, which are not tested, and by which factor each ring increases the
 number of blocks."""
@@ -87,7 +84,7 @@ def find_consistent(
     paths: Counted,
     *,
     is_still: bool = False,
-    is_strict: bool = False,
+    limits: tuple[float, float] | None = None,
     rings: tuple[int, int] = RINGS,
 ) -> Consistent:
     """Return the sums of all blocks along a motion, without pixels that disagree.
@@ -103,17 +100,16 @@ def find_consistent(
         The paths of all pixels.
     is_still : bool
         Whether nothing moves. Then fewer pixels are rejected.
-    is_strict : bool
-        Whether more pixels are rejected.
+    limits : (float, float), optional
+        The values of χ² up to which pixels of a block, and of one side of a ring, are accepted.
+        Default: the usual ones.
     rings : (int, int)
         Number of blocks in the middle, which are not tested, and by which factor each ring
         increases the number of blocks.
     """
     order = [int(block) for block in from_center(paths)]
-    limits, (start, growth) = _LIMITS_IF_STILL if is_still else _LIMITS, rings
-    if is_strict:
-        limits = _STRICT_LIMITS
-    tested = _TestedBlocks(paths, order[:start], limits)
+    usual, (start, growth) = _LIMITS_IF_STILL if is_still else _LIMITS, rings
+    tested = _TestedBlocks(paths, order[:start], limits or usual)
     while start < len(order):
         end = growth * start
         tested.add_ring(order[start:end])

@@ -1,9 +1,10 @@
-"""A stricter test of bits near others that disagree: something moves there by itself.
+"""Stricter tests of bits near others that disagree: something moves there by itself.
 
-A few bits of what moves agree with the rest by chance. Near others that disagree, this is likely,
-so such bits must agree better.
+A few bits of what moves agree with the rest by chance. The more bits nearby disagree, the more
+likely this is, so the others must agree better.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,8 @@ from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import add_squares
 from jotlight.motion.track import Counted
 
+Mask = npt.NDArray[np.bool_]
+
 _SPREAD, _BLOCKS = 8.0, 2.0
 """Standard deviations of the filters that average the rejected bits near a pixel of a block: in
 pixels, and in blocks. What appears later rejects the bits of all blocks before, but of none
@@ -23,8 +26,9 @@ after."""
 _SQUARE = 4
 """Side of the squares in which they are counted, in pixels."""
 
-_MAX_REJECTED = 0.12
-"""Fraction of the bits near a pixel that are rejected, above which the stricter test decides."""
+_TESTS = (0.12, (1.5, 1.2)), (0.2, (1.2, 1.05))
+"""Fractions of the bits near a pixel that are rejected, above which a stricter test decides, and
+its limits."""
 
 
 class Selected(NamedTuple):
@@ -33,7 +37,7 @@ class Selected(NamedTuple):
     consistent: Consistent
     """Those that agree by the usual test."""
     counted: Consistent
-    """Those of them that are counted. Near bits that disagree, they passed a stricter test."""
+    """Those of them that are counted. Near bits that disagree, they also pass stricter tests."""
 
 
 def select_bits(
@@ -46,23 +50,28 @@ def select_bits(
     """Return which bits of all blocks agree with a motion.
 
     Where more than 12 % of the bits nearby are rejected, in space and time, the others must also
-    pass a stricter test.
+    pass a stricter test, and an even stricter one above 20 %.
 
     Parameters
     ----------
     paths, is_still, rings
-        As for :func:`jotlight.motion.consistency.find_consistent`. The stricter test always has the
+        As for :func:`jotlight.motion.consistency.find_consistent`. Stricter tests always have the
         usual rings: bits in the middle that are not tested may be wrong, too.
     consistent : Consistent, optional
         The result of this function. Default: it is computed.
     """
     if consistent is None:
         consistent = find_consistent(paths, is_still=is_still, rings=rings)
-    is_doubtful = _rejected_nearby(consistent, paths.blocks.threads) > _MAX_REJECTED
-    if not is_doubtful.any():
+    nearby = _rejected_nearby(consistent, paths.blocks.threads)
+    masks = consistent.masks.copy()
+    for fraction, limits in _TESTS:
+        is_doubtful = nearby > fraction
+        if is_doubtful.any():
+            stricter = find_consistent(paths, limits=limits)
+            masks &= stricter.masks | ~_packed(is_doubtful, paths.blocks.size)
+    if (masks == consistent.masks).all():
         return Selected(consistent, consistent)
-    stricter = find_consistent(paths, is_strict=True)
-    return Selected(consistent, _join(paths, consistent, stricter, is_doubtful))
+    return Selected(consistent, _with_masks(paths, consistent, masks))
 
 
 def _rejected_nearby(consistent: Consistent, threads: int | None) -> npt.NDArray[np.float32]:
@@ -77,23 +86,24 @@ def _rejected_nearby(consistent: Consistent, threads: int | None) -> npt.NDArray
     return blur(rejected, _SPREAD / _SQUARE, threads)
 
 
-def _join(
-    paths: Counted,
-    usual: Consistent,
-    stricter: Consistent,
-    is_doubtful: npt.NDArray[np.bool_],
-) -> Consistent:
-    """Return the sums of the bits that pass the usual test, and in some squares also another."""
-    size, masks = paths.blocks.size, usual.masks.copy()
+def _packed(squares: Mask, size: tuple[int, int]) -> npt.NDArray[np.uint8]:
+    """Return the pixels of squares (n, rows, columns) as masks, packed as in Consistent."""
+    pixels = squares.repeat(_SQUARE, axis=1).repeat(_SQUARE, axis=2)
+    return np.packbits(pixels[:, : size[0], : size[1]], axis=2)
+
+
+def _with_masks(paths: Counted, usual: Consistent, masks: npt.NDArray[np.uint8]) -> Consistent:
+    """Return the sums of the bits of masks."""
+    counted = dataclasses.replace(usual, masks=masks, outermost=())
+    size = paths.blocks.size
     before, after = Sums.zeros(size), Sums.zeros(size)
     available = np.zeros(size, np.int32)
-    for block, squares in enumerate(is_doubtful):
-        doubtful = squares.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)[: size[0], : size[1]]
-        mask = usual.mask(block) & (stricter.mask(block) | ~doubtful)
-        masks[block] = np.packbits(mask, axis=1)
+    for block, center in enumerate(paths.blocks.centers):
         sums = paths.sums(block)
         available += sums.trials
-        side = after if paths.blocks.centers[block] > paths.reference else before
-        side += sums.masked(mask)
+        side = after if center > paths.reference else before
+        side += sums.masked(counted.mask(block))
     accepted = (before.trials + after.trials) / np.maximum(available, 1)
-    return Consistent(before, after, accepted.astype(np.float32), masks, usual.lights)
+    return dataclasses.replace(
+        counted, before=before, after=after, accepted=accepted.astype(np.float32)
+    )
