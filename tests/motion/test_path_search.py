@@ -19,6 +19,7 @@ from jotlight.motion.path_search import (
     _with_other_outlines,
     find_paths,
 )
+from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import tile_counts
 from jotlight.motion.track import Paths, Track
 from moving import blocks_of, occluded, record, two_halves
@@ -221,7 +222,9 @@ def test_slow_segments_are_used_if_they_explain_the_scene_better(
 
     def explain(_, parts, *__):
         is_slow = len(parts) == 2
-        agreeing = types.SimpleNamespace(accepted=np.full(blocks.size, 0.9 + is_slow * more))
+        agreeing = types.SimpleNamespace(
+            accepted=np.full(blocks.size, 0.9 + is_slow * more), total=Sums.zeros(blocks.size)
+        )
         return Found(slow if is_slow else first, parts[0], agreeing, is_explained=False)
 
     monkeypatch.setattr(path_search, "find_segments", segments)
@@ -256,3 +259,27 @@ def test_objects_must_explain_much_of_a_scene_that_is_mostly_unknown(monkeypatch
     assert (more is not paths) == are_used
     assert sums is (along[-1] if are_used else before)
     assert sum(calls) <= MAX_OBJECTS
+
+
+@pytest.mark.parametrize(
+    ("unknown", "gain", "is_kept"), [(0.05, 1.0, True), (0.05, -1.0, False), (0.03, -1.0, True)]
+)
+def test_parts_must_predict_frames_in_the_middle_if_much_is_unknown(
+    monkeypatch, unknown, gain, is_kept
+):
+    _, bits = record("static", frames=16, shape=(32, 48))
+    track = Track.still(blocks_of(bits))
+    labels = np.zeros((32, 48), np.uint8)
+    labels[8:16] = 1
+    found = Found(Paths([track, track], labels), "segments", find_consistent(track))
+    monkeypatch.setattr(path_search, "share_of_unknown", lambda _: unknown)
+    monkeypatch.setattr(path_search, "_held_out", lambda paths, _: gain * len(paths.tracks))
+    result = path_search._without_wrong_parts(found)
+    assert (result is found) == is_kept
+    if not is_kept:
+        assert result.model == "affine"
+        assert len(result.paths.tracks) == 1
+        assert not result.paths.labels.any()
+        np.testing.assert_array_equal(
+            result.consistent.total.ones, find_consistent(result.paths).total.ones
+        )

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.motion import still_window
-from jotlight.motion.still_window import count_window, find_window, report_window
+from jotlight.motion.held_out import Fold, count_in_place
+from jotlight.motion.still_window import find_window, report_window
 from jotlight.motion.sums import Sums
 from moving import blocks_of, moved, paths_of, record
 
@@ -35,7 +35,7 @@ def test_a_wrong_motion_is_worse_than_a_window(shake):
     assert window is not None
     assert window.start <= reference < window.stop
     assert len(window) < len(bits)
-    counted = count_window(paths, window)
+    counted = count_in_place(paths, window)
     expected = bits[window.start : window.stop].counts()
     np.testing.assert_array_equal(counted.ones, expected)
     assert (counted.trials == len(window)).all()
@@ -97,32 +97,18 @@ def paths_that_drift(pixels_per_frame, photons, rng, frames=64):
 @pytest.mark.slow
 def test_every_second_frame_in_the_middle_is_held_out(monkeypatch):
     held = []
-    fold = still_window._Fold.of
+    fold = Fold.of
 
     def spy(paths, total, frames):
         held.append(list(frames))
         return fold(paths, total, frames)
 
-    monkeypatch.setattr(still_window._Fold, "of", spy)
+    monkeypatch.setattr(Fold, "of", spy)
     for frames, expected in ((64, [28, 30, 32, 34]), (32, [14, 16]), (16, [7])):
         paths = paths_that_drift(0.5, 0.3, 0, frames)
         held.clear()
         find_window(paths, total_of(paths))
         assert held == [expected, [time + 1 for time in expected]]
-
-
-def test_merged_counts_predict_frames_along_the_motion(shake):
-    """The fold's prediction of a frame is the merged image, moved to where the frame shows it."""
-    _, blocks, shifts, reference = shake
-    paths = paths_of(blocks, shifts, reference)
-    image = np.arange(blocks.size[0] * blocks.size[1], dtype=float).reshape(blocks.size)
-    for time in (reference - 5, reference + 20):
-        row, column = (
-            round(float(np.interp(time, blocks.centers, shifts[:, axis]))) for axis in (0, 1)
-        )
-        moved = still_window._moved(image, paths, time)
-        inner = np.s_[40:-40, 40:-40]
-        np.testing.assert_array_equal(moved[inner], np.roll(image, (row, column), (0, 1))[inner])
 
 
 @pytest.mark.slow

@@ -24,11 +24,12 @@ from jotlight.motion.disagreement import disagreement
 from jotlight.motion.finer import count_fine, fine_paths
 from jotlight.motion.flags import find_flags, flags_of_image, is_unclear
 from jotlight.motion.flicker import without_saturation
+from jotlight.motion.held_out import count_in_place
 from jotlight.motion.jot_kinds import frames_of_kinds, has_kinds, join_kinds, sensors_of_kinds
 from jotlight.motion.merged_pixels import MergedAlong, as_fine, as_merged
 from jotlight.motion.motion import Motion
 from jotlight.motion.reading_counts import counts_for_motion
-from jotlight.motion.still_window import count_window, find_window, report_window
+from jotlight.motion.still_window import find_window, report_window
 from jotlight.motion.stricter_test import Selected, select_bits
 from jotlight.motion.sums import Sums
 from jotlight.motion.threshold_maps import count_still
@@ -291,7 +292,7 @@ def merge_along(
         report_window(window, motion.model)
         if upsample > 1:
             of_channels = [fine_paths(each) for each in of_channels]
-        sums = [count_window(each, window) for each in of_channels]
+        sums = [count_in_place(each, window) for each in of_channels]
         agreeing = len(window) / len(burst)
         accepted = np.full_like(accepted, agreeing)
         flags = by_bits = np.ones_like(by_bits)

@@ -16,12 +16,14 @@ from jotlight.motion.affine import follow_segment, improve_inside, improve_toget
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.consistency import CLEARLY_MORE, Consistent, find_consistent
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
+from jotlight.motion.held_out import held_out_likelihood
 from jotlight.motion.kept_sums import keeps_sums
 from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.objects import MAX_OBJECTS, PARAMETERS, add_objects, more_likely
 from jotlight.motion.outlines import choose_labels
 from jotlight.motion.scoring import make_blurred_template
 from jotlight.motion.segments import Segment, energy_of, find_segments
+from jotlight.motion.stricter_test import select_bits
 from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import mean_tiles
 from jotlight.motion.track import Paths, Track
@@ -57,6 +59,9 @@ If more is unknown, objects that keep their shape hardly explain it, and the sea
 
 _MUCH_UNKNOWN = 0.08
 """Fraction of pixels with unknown motion above which objects must explain much of them."""
+
+_UNCLEAR = 0.04
+"""Fraction of pixels with unknown motion above which parts may be wrong."""
 
 _MUST_EXPLAIN = (1, 0.3), (MAX_OBJECTS - 1, 0.5)
 """Numbers of objects that are added then, and which fraction of the unknown pixels all objects so
@@ -122,8 +127,30 @@ def _best_of(
         if is_clear:
             break
     if len(best.paths.tracks) - best.paths.free == 1 and not best.is_explained:
-        return _slow_segments(blocks, best)
-    return best
+        best = _slow_segments(blocks, best)
+    return _without_wrong_parts(best)
+
+
+def _without_wrong_parts(found: Found) -> Found:
+    """Return paths, or only those of the background if parts with other motions may be wrong.
+
+    Where much is still unknown, such as people who deform, bits agree with parts, and are more
+    likely with them, although the image is worse. Frames in the middle that are held out show this.
+    """
+    paths, consistent = found.paths, found.consistent
+    if len(paths.tracks) == 1 or consistent is None or share_of_unknown(consistent) < _UNCLEAR:
+        return found
+    alone = Paths(paths.tracks[:1], np.zeros_like(paths.labels))
+    other = find_consistent(alone.exact())
+    if _held_out(paths, consistent) >= _held_out(alone, other):
+        return found
+    return Found(alone, "affine", other, found.is_explained)
+
+
+def _held_out(paths: Paths, consistent: Consistent) -> float:
+    """Return the log-likelihood of frames in the middle that are held out."""
+    paths = paths.exact()
+    return held_out_likelihood(paths, select_bits(paths, consistent=consistent).counted.total)
 
 
 def _slow_segments(blocks: Blocks, found: Found) -> Found:

@@ -1,0 +1,143 @@
+"""Frames in the middle of a burst that are held out, and how merged counts predict them.
+
+The prediction shows the quality of an image at the time that it shows, so it also notices a wrong
+motion along which many bits agree.
+"""
+
+import dataclasses
+import math
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.motion.equivalent import clip_probability, equivalent_sums, expected_probability
+from jotlight.motion.frame_times import locate
+from jotlight.motion.scoring import template_network
+from jotlight.motion.sums import Sums
+from jotlight.motion.tiles import interpolate
+from jotlight.motion.track import Paths
+from jotlight.networks.trials_map import denoise_map
+
+Probability = npt.NDArray[np.floating]
+
+_CENTRAL, _ENOUGH_ONES = (8, 32), 100_000
+"""Minimum and maximum number of frames in the middle. Every second one is held out in turn.
+
+There are as many as have this number of ones together. But an eighth of all frames is enough.
+"""
+
+
+def central_frames(paths: Paths, total: Sums) -> range:
+    """Return the frames in the middle that are held out, for the sums of all frames."""
+    frames = len(paths.blocks.burst)
+    enough = math.ceil(_ENOUGH_ONES / max(float(total.ones.sum()) / frames, 1e-9))
+    return frames_around(paths, min(int(np.clip(enough, *_CENTRAL)), frames // 8))
+
+
+def frames_around(paths: Paths, length: int) -> range:
+    """Return the frames around the reference time, two or more."""
+    frames, half = len(paths.blocks.burst), max(1, length // 2)
+    middle = int(np.clip(round(paths.reference), half, max(half, frames - half)))
+    return range(middle - half, min(middle + half, frames))
+
+
+def count_in_place(paths: Paths, window: range) -> Sums:
+    """Return the sums of frames without motion."""
+    still = np.zeros((2, *paths.tracks[0].nodes.shape[2:]), np.float32)
+    return paths.blocks.count(window, (still, still), (window.start, window.stop))
+
+
+def held_out_likelihood(paths: Paths, total: Sums) -> float:
+    """Return the log-likelihood in nats of frames in the middle, predicted without them.
+
+    Parameters
+    ----------
+    paths : Paths
+        The motion.
+    total : Sums
+        The merged counts of all frames along it.
+    """
+    held = central_frames(paths, total)
+    return sum(Fold.of(paths, total, held[start::2]).likelihood() for start in (0, 1))
+
+
+@dataclasses.dataclass(frozen=True)
+class Fold:
+    """Frames that are held out, and how the merged counts predict them."""
+
+    held: Sums
+    """The sums of these frames without motion."""
+    frames: list[Sums]
+    """Each frame."""
+    logarithms: list[tuple[Probability, Probability]]
+    """The logarithms of the probabilities of a one and of a zero in each frame."""
+
+    @classmethod
+    def of(cls, paths: Paths, total: Sums, held: range) -> Self:
+        """Return the fold that holds out some frames."""
+        blocks = paths.blocks
+        moved = [blocks.count(held, track.nodes, blocks.centers) for track in paths.tracks]
+        own = Sums.select(moved, paths.labels) if len(moved) > 1 else moved[0]
+        # Bits that disagree with the others were not merged.
+        trials = np.minimum(own.trials, total.trials)
+        ones = np.clip(own.ones, total.ones - (total.trials - trials), total.ones)
+        merged = _estimate(total.without(np.minimum(ones, trials), trials))
+        frames = [count_in_place(paths, range(time, time + 1)) for time in held]
+        predicted = [
+            _logarithms(frame, _moved(merged, paths, time))
+            for frame, time in zip(frames, held, strict=True)
+        ]
+        return cls(count_in_place(paths, held), frames, predicted)
+
+    def likelihood(self) -> float:
+        """Return the log-likelihood of the frames in nats."""
+        pairs = zip(self.frames, self.logarithms, strict=True)
+        return sum(
+            float((frame.ones * one + (frame.trials - frame.ones) * zero).sum())
+            for frame, (one, zero) in pairs
+        )
+
+    def gain(self, window: Sums) -> tuple[float, float]:
+        """Return by how many nats a window predicts the frames better, and the error."""
+        estimate = _estimate(window.without(self.held.ones, self.held.trials))
+        one, zero = _logarithms(self.held, estimate)
+        gain, variance = 0.0, 0.0
+        for frame, logarithms in zip(self.frames, self.logarithms, strict=True):
+            of_one, of_zero = one - logarithms[0], zero - logarithms[1]
+            gain += float((frame.ones * of_one + (frame.trials - frame.ones) * of_zero).sum())
+            p = np.exp(one)
+            variance += float((frame.trials * p * (1 - p) * (of_one - of_zero) ** 2).sum())
+        return gain, variance**0.5
+
+
+def _logarithms(sums: Sums, estimate: Probability) -> tuple[Probability, Probability]:
+    """Return the logarithms of the probabilities of a one and of a zero, (H, W)."""
+    p = expected_probability(sums, estimate).astype(np.float64)
+    return np.log(p), np.log(1 - p)
+
+
+def _moved(image: Probability, paths: Paths, time: float) -> Probability:
+    """Return an image (H, W) of the reference time as it is seen at another time."""
+    (index,), (place,) = locate(np.array([float(time)]), paths.blocks.centers)
+    nodes = [
+        track.nodes[index] + place * (track.nodes[index + 1] - track.nodes[index])
+        for track in paths.tracks
+    ]
+    fields = [interpolate(each, paths.blocks.size) for each in nodes]
+    displacement = np.choose(paths.labels, fields) if len(fields) > 1 else fields[0]
+    # The displacement of a pixel is nearly that of the scene point that it shows.
+    rows, columns = (
+        np.clip(np.rint(pixels - moved), 0, length - 1).astype(np.intp)
+        for pixels, moved, length in zip(
+            np.indices(image.shape), displacement, image.shape, strict=True
+        )
+    )
+    return np.asarray(image[rows, columns])
+
+
+def _estimate(sums: Sums) -> Probability:
+    """Return the probabilities that the network estimates for the reference jot, (H, W)."""
+    sums = equivalent_sums(sums)
+    ones, trials = sums.ones.astype(np.float32), sums.trials.astype(np.float32)
+    return clip_probability(denoise_map(template_network(), ones, trials))
