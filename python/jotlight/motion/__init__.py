@@ -18,9 +18,10 @@ In reading order:
   front. ``added_tiles``: tiles that move by themselves. ``likelihood_gain``: how much better a
   motion is than none.
 - ``merge``: the counts of all bits along a motion; ``merged_pixels`` adds up their jots.
-  ``consistency``, ``disagreement``, ``flags``, ``still_window``: which bits agree, and how much;
-  which pixels not to trust; and when a window without motion is better. ``expected_errors``: where
-  errors are expected although single pixels do not show them.
+  ``consistency``, ``stricter_test``, ``disagreement``, ``flags``, ``still_window``: which bits
+  agree, and how much; which pixels not to trust; and when a window without motion is better.
+  ``held_out``: how merged counts predict other frames. ``expected_errors``: where errors are
+  expected although single pixels do not show them.
 - ``film``, ``live_film``, ``film_image``: an image of each window of frames. ``film_settings``,
   ``film_frames``: how it is made, and of which frames. ``film_state``: what a film carries from
   image to image. ``film_candidates``: an image along each of several motions. ``film_schedule``:
