@@ -51,7 +51,7 @@ def test_a_rejected_image_is_not_remembered_twice(monkeypatch):
     _, bits = recorded("static", 56, shape=(64, 64))
     expected = [image.merged for image in film(bits, window=32, step=8, causal=True)]
     # Carried images are lost, so all are aligned afresh.
-    for name, of_carried, of_fresh in (("accepted", 0.5, 1.0), ("flagged", 0.2, 0.1)):
+    for name, of_carried, of_fresh in (("agreeing", 0.5, 1.0), ("flagged", 0.2, 0.1)):
         shown = property(
             lambda self, a=of_carried, b=of_fresh: a if self.image.is_carried else b,
             lambda self, value: None,

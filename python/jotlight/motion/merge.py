@@ -287,7 +287,7 @@ def merge_along(
     of_channels = each_channel(paths)
     window = None
     if may_stand_still and by_bits.mean() > _MAX_FLAGGED:
-        window = find_window(paths, counted.total)
+        window = find_window(paths, consistent.total)
     if window is not None:
         report_window(window, motion.model)
         if upsample > 1:
