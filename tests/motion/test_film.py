@@ -10,10 +10,10 @@ import jotlight as jl
 from jotlight.formats.capture import CountStack
 from jotlight.motion.align import as_motion
 from jotlight.motion.carrying import carry
+from jotlight.motion.consistency import find_consistent
 from jotlight.motion.film import film
 from jotlight.motion.live_film import LiveFilm
 from jotlight.motion.merge import as_paths
-from jotlight.motion.stricter_test import select_bits
 from jotlight.sensing import periodic_rates
 from jotlight.sensing.provenance import Provenance
 from moving import blocks_of
@@ -107,7 +107,7 @@ def test_windows_that_share_few_frames_are_aligned_afresh():
     np.testing.assert_array_equal(images[-1].motion.nodes, last.nodes)
     # The templates of films come from a smaller network than those of single images.
     paths = as_paths(last, blocks_of(bits[64:96]))
-    expected = select_bits(paths).counted.total
+    expected = find_consistent(paths).total
     np.testing.assert_array_equal(images[-1].merged.ones, expected.ones)
     np.testing.assert_array_equal(images[-1].merged.trials, expected.trials)
 

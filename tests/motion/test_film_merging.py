@@ -5,8 +5,8 @@ import pytest
 
 import jotlight as jl
 from jotlight.motion import film_merging
+from jotlight.motion.consistency import find_consistent
 from jotlight.motion.film_merging import FilmMerging
-from jotlight.motion.stricter_test import select_bits
 from moving import blocks_of, constant_motion, paths_of
 
 
@@ -25,9 +25,9 @@ def test_long_windows_with_one_motion_have_wider_rings(model, frames, rings, mon
 
     def record(*args, **options):
         found.append(options["rings"])
-        return select_bits(*args, **options)
+        return find_consistent(*args, **options)
 
-    monkeypatch.setattr(film_merging, "select_bits", record)
+    monkeypatch.setattr(film_merging, "find_consistent", record)
     bits = jl.Bits.from_array(np.random.default_rng(0).random((frames, 32, 32)) < 0.3)
     blocks = blocks_of(bits)
     still = np.zeros((len(blocks.centers), 2))

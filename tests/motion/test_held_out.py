@@ -40,7 +40,8 @@ def test_frames_are_more_likely_along_the_true_motion(shake):
     likelihoods = []
     for factor in (1.0, 0.9, 0.5, 0.0):
         paths = paths_of(blocks, factor * shifts, reference)
-        likelihoods.append(held_out_likelihood(paths, total_of(paths)))
+        total = total_of(paths)
+        likelihoods.append(held_out_likelihood(paths, total, central_frames(paths, total)))
     assert likelihoods == sorted(likelihoods, reverse=True)
 
 
@@ -57,7 +58,7 @@ def test_the_likelihood_is_that_of_the_bits(shake):
             seen = bits[time : time + 1].counts().astype(bool)
             np.testing.assert_allclose(np.exp(one) + np.exp(zero), 1, rtol=1e-6)
             expected += float(np.where(seen, one, zero).sum())
-    assert held_out_likelihood(paths, total) == pytest.approx(expected, rel=1e-9)
+    assert held_out_likelihood(paths, total, held) == pytest.approx(expected, rel=1e-9)
 
 
 def test_held_out_bits_do_not_change_their_own_prediction(shake):

@@ -262,24 +262,53 @@ def test_objects_must_explain_much_of_a_scene_that_is_mostly_unknown(monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("unknown", "gain", "is_kept"), [(0.05, 1.0, True), (0.05, -1.0, False), (0.03, -1.0, True)]
+    ("unknown", "gain", "rest", "expected"),
+    [
+        (0.05, 1.0, 5.0, "segments"),
+        (0.05, -1.0, 5.0, "affine"),
+        (0.05, -1.0, -5.0, "none"),
+        (0.03, -1.0, 5.0, "segments"),
+    ],
 )
 def test_parts_must_predict_frames_in_the_middle_if_much_is_unknown(
-    monkeypatch, unknown, gain, is_kept
+    monkeypatch, unknown, gain, rest, expected
 ):
     _, bits = record("static", frames=16, shape=(32, 48))
     track = Track.still(blocks_of(bits))
     labels = np.zeros((32, 48), np.uint8)
     labels[8:16] = 1
+    still = Found(Paths([track], np.zeros_like(labels)), "none", None)
     found = Found(Paths([track, track], labels), "segments", find_consistent(track))
+    held = []
+
+    def held_out(paths, _, frames):
+        held.append(frames)
+        return gain * len(paths.tracks)
+
     monkeypatch.setattr(path_search, "share_of_unknown", lambda _: unknown)
-    monkeypatch.setattr(path_search, "_held_out", lambda paths, _: gain * len(paths.tracks))
-    result = path_search._without_wrong_parts(found)
-    assert (result is found) == is_kept
-    if not is_kept:
-        assert result.model == "affine"
-        assert len(result.paths.tracks) == 1
-        assert not result.paths.labels.any()
+    monkeypatch.setattr(path_search, "_held_out", held_out)
+    monkeypatch.setattr(path_search, "_gain_over_rest", lambda _: (rest, False))
+    result = path_search._without_wrong_parts(found, still)
+    assert result.model == expected
+    assert len(result.paths.tracks) == (2 if expected == "segments" else 1)
+    assert len(set(held)) == (0 if unknown < 0.04 else 1)  # both predict the same frames
+    if expected == "affine":
         np.testing.assert_array_equal(
             result.consistent.total.ones, find_consistent(result.paths).total.ones
         )
+
+
+def test_a_wrong_part_predicts_held_out_frames_worse():
+    """A part of a still scene moves away from it, but the bits of the background do not."""
+    _, bits = record("static", frames=64, shape=(64, 96))
+    blocks = blocks_of(bits)
+    back, wrong = Track.still(blocks), Track.still(blocks)
+    wrong.nodes += np.arange(len(blocks.centers))[:, None, None, None] - len(blocks.centers) / 2
+    labels = np.zeros(blocks.size, np.uint8)
+    labels[16:48, 24:72] = 1
+    held = range(28, 36)
+    gains = [
+        path_search._held_out(paths, find_consistent(paths), held)
+        for paths in (Paths([back], np.zeros_like(labels)), Paths([back, wrong], labels))
+    ]
+    assert gains[0] > gains[1] + 10

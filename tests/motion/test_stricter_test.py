@@ -7,10 +7,13 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 import jotlight as jl
+from jotlight.motion.align import as_motion
 from jotlight.motion.consistency import find_consistent
+from jotlight.motion.film_merging import FilmMerging
+from jotlight.motion.merge import as_paths
 from jotlight.motion.stricter_test import select_bits
-from jotlight.motion.track import Track
-from moving import blocks_of
+from jotlight.motion.track import Paths, Track
+from moving import blocks_of, record
 
 SIZE, FRAMES = (64, 96), 64
 
@@ -33,6 +36,13 @@ def still_track(bits, threads=None):
     return Track.still(blocks)
 
 
+def select(bits, threads=None):
+    """Return the track of a still scene, what agrees with it, and what is counted."""
+    track = still_track(bits, threads)
+    consistent = find_consistent(track)
+    return track, consistent, select_bits(track, consistent)
+
+
 def masks_of(consistent, track):
     """Return which bits are counted, (T, H, W)."""
     frames = np.diff(track.blocks.edges)
@@ -44,9 +54,8 @@ def test_fewer_bits_of_what_moves_are_counted_and_hardly_fewer_others():
     counted_wrong, lost = [], []
     for seed in range(3):
         bits, hidden = crossing(seed)
-        track = still_track(bits)
-        selected = select_bits(track)
-        usual, strict = (masks_of(each, track) for each in selected)
+        track, *both = select(bits)
+        usual, strict = (masks_of(each, track) for each in both)
         assert not (strict & ~usual).any()
         counted_wrong.append((strict & hidden).sum() / (usual & hidden).sum())
         lost.append((usual & ~strict & ~hidden).sum() / (usual & ~hidden).sum())
@@ -56,9 +65,7 @@ def test_fewer_bits_of_what_moves_are_counted_and_hardly_fewer_others():
 
 def test_the_sums_are_those_of_the_counted_bits():
     bits, _ = crossing(5)
-    track = still_track(bits)
-    consistent, counted = select_bits(track)
-    assert counted is not consistent
+    track, consistent, counted = select(bits)
     masks = masks_of(counted, track)
     assert masks.sum() < masks_of(consistent, track).sum()
     is_after = (track.blocks.centers > track.reference).repeat(np.diff(track.blocks.edges))
@@ -70,12 +77,10 @@ def test_the_sums_are_those_of_the_counted_bits():
 
 def test_stricter_tests_decide_where_more_than_12_and_20_percent_are_rejected():
     bits, _ = crossing(6)
-    track = still_track(bits)
-    selected = select_bits(track)
+    track, *both = select(bits)
     stricter = (find_consistent(track, limits=each) for each in ((1.5, 1.2), (1.2, 1.05)))
-    usual, strict, strictest, counted = (
-        np.unpackbits(each.masks, axis=2, count=SIZE[1]).astype(bool)
-        for each in (selected.consistent, *stricter, selected.counted)
+    usual, counted, strict, strictest = (
+        np.unpackbits(each.masks, axis=2, count=SIZE[1]).astype(bool) for each in (*both, *stricter)
     )
     squares = (~usual).reshape(len(usual), SIZE[0] // 4, 4, SIZE[1] // 4, 4).mean(axis=(2, 4))
     nearby = gaussian_filter(squares, 2.0, mode=("nearest", "reflect", "reflect"))
@@ -89,17 +94,18 @@ def test_stricter_tests_decide_where_more_than_12_and_20_percent_are_rejected():
         np.testing.assert_array_equal(counted[pixels], expected[pixels])
 
 
-@pytest.mark.parametrize("is_still", [False, True])
-def test_where_all_bits_agree_nothing_is_tested_again(is_still):
-    selected = select_bits(still_track(np.zeros((FRAMES, *SIZE), bool)), is_still=is_still)
-    assert selected.counted is selected.consistent
+def test_where_all_bits_agree_nothing_is_tested_again(monkeypatch):
+    track = still_track(np.zeros((FRAMES, *SIZE), bool))
+    consistent = find_consistent(track)
+    monkeypatch.setattr("jotlight.motion.stricter_test.find_consistent", None)
+    assert select_bits(track, consistent) is consistent
 
 
 def test_chance_alone_hardly_removes_bits():
     lost = []
     for seed in range(5):
         bits = np.random.default_rng(seed).random((FRAMES, *SIZE)) < 0.2
-        consistent, counted = select_bits(still_track(bits))
+        _, consistent, counted = select(bits)
         lost.append(1 - counted.total.trials.sum() / consistent.total.trials.sum())
     assert np.mean(lost) < 0.01
 
@@ -112,24 +118,53 @@ def test_what_appears_matters_for_the_blocks_before_it_alone():
     removed = []
     for seed in range(4):
         bits = np.random.default_rng(seed).random(p.shape) < p
-        track = still_track(bits)
-        usual, strict = (masks_of(each, track) for each in select_bits(track))
+        track, *both = select(bits)
+        usual, strict = (masks_of(each, track) for each in both)
         removed.append((usual & ~strict).mean(axis=(1, 2)))
     by_time = np.mean(removed, axis=0)
     assert by_time[:20].mean() > 5 * by_time[44:].mean()
 
 
-def test_a_known_result_of_the_usual_test_is_used():
-    bits, _ = crossing(7)
-    track = still_track(bits)
-    known = find_consistent(track)
-    selected = select_bits(track, consistent=known)
-    assert selected.consistent is known
-    np.testing.assert_array_equal(selected.counted.masks, select_bits(track).counted.masks)
-
-
 def test_the_number_of_threads_changes_nothing():
     bits, _ = crossing(8)
-    one, two = (select_bits(still_track(bits, threads)).counted for threads in (1, 2))
+    one, two = (select(bits, threads)[2] for threads in (1, 2))
     np.testing.assert_array_equal(one.masks, two.masks)
     np.testing.assert_array_equal(one.total.ones, two.total.ones)
+
+
+@pytest.mark.parametrize("cut", [(64, 93), (61, 90), (50, 65)])
+def test_all_sizes_are_possible(cut):
+    bits, _ = crossing(9)
+    bits = np.ascontiguousarray(bits[:, : cut[0], : cut[1]])
+    track, consistent, counted = select(bits)
+    masks = np.unpackbits(counted.masks, axis=2, count=cut[1]).astype(bool)
+    masks = masks.repeat(np.diff(track.blocks.edges), axis=0)
+    np.testing.assert_array_equal(counted.total.ones, (bits & masks).sum(axis=0))
+    assert (counted.total.trials <= consistent.total.trials).all()
+    assert counted.total.trials.sum() < consistent.total.trials.sum()
+
+
+def test_merging_counts_the_selected_bits():
+    bits, _ = crossing(10)
+    track, consistent, counted = select(bits)
+    paths = Paths([track], np.zeros(SIZE, np.uint8))
+    merging = FilmMerging(jl.Sensor(frames=FRAMES), 8, may_stand_still=False)
+    found = merging.merge(paths, as_motion(paths, "affine"), 0, None)
+    assert consistent.total.trials.sum() > counted.total.trials.sum()
+    np.testing.assert_array_equal(found.merged.ones, counted.total.ones)
+    np.testing.assert_array_equal(found.merged.trials, counted.total.trials)
+    np.testing.assert_allclose(found.merged.acceptance, counted.accepted)
+    assert found.agreeing == pytest.approx(consistent.accepted.mean())
+    np.testing.assert_array_equal(found.counted.masks, counted.masks)
+
+
+def test_nothing_moves_by_itself_in_a_clear_scene_with_one_motion():
+    sensor = jl.Sensor(frames=64)
+    scene = jl.datasets.moving(motion="shake", sensor=sensor, shape=(96, 128), photons=1.0, rng=0)
+    motion = jl.align(scene.bits)
+    consistent = find_consistent(as_paths(motion, blocks_of(scene.bits)))
+    merged = jl.merge(scene.bits, motion=motion)
+    np.testing.assert_array_equal(merged.ones, consistent.total.ones)
+    # A stricter test would reject some bits at steep edges.
+    counted = select_bits(as_paths(motion, blocks_of(scene.bits)), consistent)
+    assert counted.total.trials.sum() < consistent.total.trials.sum()

@@ -133,12 +133,13 @@ class Candidates:
         # Merging changes the memory, and other candidates need the one before.
         memory = copy.copy(self.memory)
         with record_warnings() as texts:
-            merged, still, flagged, agreeing = self.merging.merge(paths, shown, self.start, memory)
-        image = FilmImage(merged, shown, self.start, is_carried, merged, still=still)
+            found = self.merging.merge(paths, shown, self.start, memory)
+        merged = found.merged
+        image = FilmImage(merged, shown, self.start, is_carried, merged, still=found.window)
         if self.settings.upsample == 1 and paths.blocks.burst.channels == 1:
             count = partial(count_nearest, paths, self.merging.sensor, is_still=image.is_rejected)
             image = dataclasses.replace(image, count_nearest=count)
-        return Candidate(image, motion, paths, memory, texts, flagged, agreeing)
+        return Candidate(image, motion, paths, memory, texts, found.flagged, found.agreeing)
 
     def _with_hot_jots(self, paths: Paths, motion: Motion) -> Paths:
         """Return paths along which hot jots are counted if nothing moves.

@@ -2,12 +2,11 @@
 
 from functools import partial
 
-from jotlight.motion.consistency import RINGS
+from jotlight.motion.consistency import RINGS, find_consistent
 from jotlight.motion.memory import Memory, sum_leaving
 from jotlight.motion.merge import merge_along
 from jotlight.motion.merged_pixels import MergedAlong
 from jotlight.motion.motion import Motion
-from jotlight.motion.stricter_test import select_bits
 from jotlight.motion.track import Paths
 from jotlight.sensing.sensor import Sensor
 
@@ -58,16 +57,16 @@ class FilmMerging:
         is_still, frames = motion.model == "none", len(paths.blocks.burst)
         is_simple = is_still or motion.model == "affine"
         rings = _WIDE_RINGS if is_simple and frames >= _MANY_FRAMES else RINGS
-        selected = select_bits(paths, is_still=is_still, rings=rings)
+        consistent = find_consistent(paths, is_still=is_still, rings=rings)
         result = merge_along(
             paths,
             motion,
             self.sensor,
-            selected,
+            consistent,
             self._upsample,
             may_stand_still=self._may_stand_still,
             recall=None if memory is None else partial(memory.recall, motion=motion, start=start),
         )
         if memory is not None:
-            memory.remember(sum_leaving(paths, selected.counted, motion, self._step), motion, start)
+            memory.remember(sum_leaving(paths, result.counted, motion, self._step), motion, start)
         return result

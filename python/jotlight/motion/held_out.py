@@ -48,8 +48,8 @@ def count_in_place(paths: Paths, window: range) -> Sums:
     return paths.blocks.count(window, (still, still), (window.start, window.stop))
 
 
-def held_out_likelihood(paths: Paths, total: Sums) -> float:
-    """Return the log-likelihood in nats of frames in the middle, predicted without them.
+def held_out_likelihood(paths: Paths, total: Sums, held: range) -> float:
+    """Return the log-likelihood in nats of some frames, predicted without them.
 
     Parameters
     ----------
@@ -57,8 +57,9 @@ def held_out_likelihood(paths: Paths, total: Sums) -> float:
         The motion.
     total : Sums
         The merged counts of all frames along it.
+    held : range
+        The frames, such as the :func:`central_frames`. Every second one is held out in turn.
     """
-    held = central_frames(paths, total)
     return sum(Fold.of(paths, total, held[start::2]).likelihood() for start in (0, 1))
 
 

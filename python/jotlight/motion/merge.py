@@ -19,7 +19,7 @@ from jotlight.motion.align import (
 from jotlight.motion.block_edges import block_edges
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst
-from jotlight.motion.consistency import Consistent
+from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.disagreement import disagreement
 from jotlight.motion.finer import count_fine, fine_paths
 from jotlight.motion.flags import find_flags, flags_of_image, is_unclear
@@ -30,7 +30,7 @@ from jotlight.motion.merged_pixels import MergedAlong, as_fine, as_merged
 from jotlight.motion.motion import Motion
 from jotlight.motion.reading_counts import counts_for_motion
 from jotlight.motion.still_window import find_window, report_window
-from jotlight.motion.stricter_test import Selected, select_bits
+from jotlight.motion.stricter_test import select_bits
 from jotlight.motion.sums import Sums
 from jotlight.motion.threshold_maps import count_still
 from jotlight.motion.track import Paths, Track
@@ -164,8 +164,7 @@ def _merge(
     paths, motion = paths_at(burst, sensor, None, motion, threads)
     if motion.model == "none" and hot_jots(sensor) is not None:
         consistent = None
-    selected = select_bits(paths, is_still=motion.model == "none", consistent=consistent)
-    return merge_along(paths, motion, sensor, selected, upsample).merged
+    return merge_along(paths, motion, sensor, consistent, upsample).merged
 
 
 def _bursts_of_kinds(data: Bits | CountStack, sensor: Sensor) -> list[tuple[Burst, Sensor]]:
@@ -191,8 +190,7 @@ def _merge_kinds(
     merged = []
     for burst, own in bursts:
         paths, _ = paths_at(burst, own, None, motion, threads)
-        selected = select_bits(paths, is_still=motion.model == "none")
-        merged.append(merge_along(paths, motion, own, selected, may_stand_still=False).merged)
+        merged.append(merge_along(paths, motion, own, may_stand_still=False).merged)
     joined = join_kinds(merged, sensor, threads)
     if motion.model == "none":
         if sensor.mosaic is None:
@@ -264,7 +262,7 @@ def merge_along(
     paths: Paths,
     motion: Motion,
     sensor: Sensor,
-    selected: Selected,
+    consistent: Consistent | None = None,
     upsample: int = 1,
     *,
     may_stand_still: bool = True,
@@ -272,18 +270,23 @@ def merge_along(
 ) -> MergedAlong:
     """Return the counts of the bits along paths, which are those of a motion.
 
-    If the scene `may_stand_still`, a window without motion replaces them where the motion does not
-    explain it better. `recall` adds bits to the sums unless such a window replaced them.
+    The sums along them are computed if they are not given. If the scene `may_stand_still`, a window
+    without motion replaces them where the motion does not explain it better. `recall` adds bits to
+    the sums unless such a window replaced them.
     """
-    burst, (consistent, counted) = paths.blocks.burst, selected
-    accepted, agreeing = counted.accepted, float(consistent.accepted.mean())
-    threads = paths.blocks.threads
+    burst, threads = paths.blocks.burst, paths.blocks.threads
+    if consistent is None:
+        consistent = find_consistent(paths, is_still=motion.model == "none")
     halves = without_saturation(consistent.before, consistent.after, threads, consistent.lights)
     disagreements = disagreement(*halves, threads)
     unclear = is_unclear(consistent, disagreements, motion.model, threads)
     # Few bits show that a dim scene moves, if its motion was not found.
     is_doubtful = unclear and motion.model == "none"
     by_bits = find_flags(consistent, disagreements, motion.labels, is_unclear=is_doubtful)
+    # In a clear scene with one motion, nothing moves by itself.
+    has_objects = unclear or motion.model == "segments"
+    counted = select_bits(paths, consistent) if has_objects else consistent
+    accepted, agreeing = counted.accepted, float(consistent.accepted.mean())
     of_channels = each_channel(paths)
     window = None
     if may_stand_still and by_bits.mean() > _MAX_FLAGGED:
@@ -306,7 +309,7 @@ def merge_along(
         flags = flags_of_image(consistent, disagreements, motion, threads, is_unclear=unclear)
     finish = as_fine if upsample > 1 else as_merged
     merged = finish(sums, accepted, flags, motion, sensor, color=burst.color)
-    return MergedAlong(merged, window, float(by_bits.mean()), agreeing)
+    return MergedAlong(merged, window, float(by_bits.mean()), agreeing, counted)
 
 
 def _count(of_channels: list[Paths], consistent: Consistent, upsample: int) -> list[Sums]:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.motion.consistency import Consistent
 from jotlight.motion.finer import double
 from jotlight.motion.jots import SeenJots
 from jotlight.motion.motion import Motion
@@ -35,6 +36,8 @@ class MergedAlong(NamedTuple):
     """
     agreeing: float
     """Fraction of the bits that agree with the motion by the usual test. Fewer may be counted."""
+    counted: Consistent
+    """The sums of the bits along the motion that are counted."""
 
 
 def as_merged(

@@ -16,7 +16,7 @@ from jotlight.motion.affine import follow_segment, improve_inside, improve_toget
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.consistency import CLEARLY_MORE, Consistent, find_consistent
 from jotlight.motion.depth import order_by_depth, refine_outlines, without_absent
-from jotlight.motion.held_out import held_out_likelihood
+from jotlight.motion.held_out import central_frames, held_out_likelihood
 from jotlight.motion.kept_sums import keeps_sums
 from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.objects import MAX_OBJECTS, PARAMETERS, add_objects, more_likely
@@ -61,7 +61,7 @@ _MUCH_UNKNOWN = 0.08
 """Fraction of pixels with unknown motion above which objects must explain much of them."""
 
 _UNCLEAR = 0.04
-"""Fraction of pixels with unknown motion above which parts may be wrong."""
+"""Fraction of pixels with unknown motion from which on parts may be wrong."""
 
 _MUST_EXPLAIN = (1, 0.3), (MAX_OBJECTS - 1, 0.5)
 """Numbers of objects that are added then, and which fraction of the unknown pixels all objects so
@@ -128,29 +128,33 @@ def _best_of(
             break
     if len(best.paths.tracks) - best.paths.free == 1 and not best.is_explained:
         best = _slow_segments(blocks, best)
-    return _without_wrong_parts(best)
+    return _without_wrong_parts(best, still)
 
 
-def _without_wrong_parts(found: Found) -> Found:
+def _without_wrong_parts(found: Found, still: Found) -> Found:
     """Return paths, or only those of the background if parts with other motions may be wrong.
 
     Where much is still unknown, such as people who deform, bits agree with parts, and are more
     likely with them, although the image is worse. Frames in the middle that are held out show this.
+    The background may stand still.
     """
     paths, consistent = found.paths, found.consistent
     if len(paths.tracks) == 1 or consistent is None or share_of_unknown(consistent) < _UNCLEAR:
         return found
     alone = Paths(paths.tracks[:1], np.zeros_like(paths.labels))
     other = find_consistent(alone.exact())
-    if _held_out(paths, consistent) >= _held_out(alone, other):
+    held = central_frames(paths, consistent.total)
+    if _held_out(paths, consistent, held) >= _held_out(alone, other, held):
         return found
+    if _gain_over_rest(alone)[0] <= 0:
+        return still
     return Found(alone, "affine", other, found.is_explained)
 
 
-def _held_out(paths: Paths, consistent: Consistent) -> float:
-    """Return the log-likelihood of frames in the middle that are held out."""
+def _held_out(paths: Paths, consistent: Consistent, held: range) -> float:
+    """Return the log-likelihood of frames that are held out."""
     paths = paths.exact()
-    return held_out_likelihood(paths, select_bits(paths, consistent=consistent).counted.total)
+    return held_out_likelihood(paths, select_bits(paths, consistent).total, held)
 
 
 def _slow_segments(blocks: Blocks, found: Found) -> Found:

@@ -5,13 +5,12 @@ likely this is, so the others must agree better.
 """
 
 import dataclasses
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.blur import blur
-from jotlight.motion.consistency import RINGS, Consistent, find_consistent
+from jotlight.motion.consistency import Consistent, find_consistent
 from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import add_squares
 from jotlight.motion.track import Counted
@@ -27,41 +26,24 @@ _SQUARE = 4
 """Side of the squares in which they are counted, in pixels."""
 
 _TESTS = (0.12, (1.5, 1.2)), (0.2, (1.2, 1.05))
-"""Fractions of the bits near a pixel that are rejected, above which a stricter test decides, and
-its limits."""
+"""Fractions of the bits near a pixel that are rejected, above which the others must also pass a
+stricter test, and its limits."""
 
 
-class Selected(NamedTuple):
-    """Which bits of a scene agree with its motion."""
-
-    consistent: Consistent
-    """Those that agree by the usual test."""
-    counted: Consistent
-    """Those of them that are counted. Near bits that disagree, they also pass stricter tests."""
-
-
-def select_bits(
-    paths: Counted,
-    *,
-    is_still: bool = False,
-    rings: tuple[int, int] = RINGS,
-    consistent: Consistent | None = None,
-) -> Selected:
-    """Return which bits of all blocks agree with a motion.
+def select_bits(paths: Counted, consistent: Consistent) -> Consistent:
+    """Return the sums of the bits that are counted, among those that agree with a motion.
 
     Where more than 12 % of the bits nearby are rejected, in space and time, the others must also
-    pass a stricter test, and an even stricter one above 20 %.
+    pass a stricter test, and an even stricter one above 20 %. All stricter tests have the usual
+    rings: bits in the middle that are not tested may be wrong, too.
 
     Parameters
     ----------
-    paths, is_still, rings
-        As for :func:`jotlight.motion.consistency.find_consistent`. Stricter tests always have the
-        usual rings: bits in the middle that are not tested may be wrong, too.
-    consistent : Consistent, optional
-        The result of this function. Default: it is computed.
+    paths : Paths or Track
+        The motion.
+    consistent : Consistent
+        What :func:`jotlight.motion.consistency.find_consistent` returns for it.
     """
-    if consistent is None:
-        consistent = find_consistent(paths, is_still=is_still, rings=rings)
     nearby = _rejected_nearby(consistent, paths.blocks.threads)
     masks = consistent.masks.copy()
     for fraction, limits in _TESTS:
@@ -70,8 +52,8 @@ def select_bits(
             stricter = find_consistent(paths, limits=limits)
             masks &= stricter.masks | ~_packed(is_doubtful, paths.blocks.size)
     if (masks == consistent.masks).all():
-        return Selected(consistent, consistent)
-    return Selected(consistent, _with_masks(paths, consistent, masks))
+        return consistent
+    return _with_masks(paths, consistent, masks)
 
 
 def _rejected_nearby(consistent: Consistent, threads: int | None) -> npt.NDArray[np.float32]:
@@ -82,7 +64,8 @@ def _rejected_nearby(consistent: Consistent, threads: int | None) -> npt.NDArray
     rejected = np.stack([add_squares(~consistent.mask(block), _SQUARE) for block in blocks])
     if not rejected.any():
         return rejected
-    rejected = gaussian_filter1d(rejected / _SQUARE**2, _BLOCKS, axis=0, mode="nearest")
+    pixels = add_squares(np.ones(consistent.accepted.shape, bool), _SQUARE)
+    rejected = gaussian_filter1d(rejected / pixels, _BLOCKS, axis=0, mode="nearest")
     return blur(rejected, _SPREAD / _SQUARE, threads)
 
 
