@@ -13,7 +13,7 @@ from jotlight.motion.film_merging import FilmMerging
 from jotlight.motion.merge import as_paths
 from jotlight.motion.stricter_test import select_bits
 from jotlight.motion.track import Paths, Track
-from moving import blocks_of, record
+from moving import blocks_of
 
 SIZE, FRAMES = (64, 96), 64
 
