@@ -5,25 +5,12 @@ import pytest
 
 from jotlight.motion import held_out
 from jotlight.motion.held_out import Fold, central_frames, held_out_likelihood
-from jotlight.motion.sums import Sums
-from moving import blocks_of, paths_of, record
+from moving import blocks_of, paths_of, shaken, total_of
 
 
-@pytest.fixture(scope="module")
-def shake():
-    scene, bits = record("shake", photons=0.4)
-    blocks = blocks_of(bits)
-    shifts = np.stack([scene.motion(time)[:, 0, 0] for time in blocks.centers])
-    return bits, blocks, shifts, scene.reference
-
-
-def total_of(paths):
-    return Sums.total([paths.sums(block) for block in range(len(paths.blocks.centers))])
-
-
-def test_merged_counts_predict_frames_along_the_motion(shake):
+def test_merged_counts_predict_frames_along_the_motion():
     """The fold's prediction of a frame is the merged image, moved to where the frame shows it."""
-    _, blocks, shifts, reference = shake
+    _, blocks, shifts, reference = shaken()
     paths = paths_of(blocks, shifts, reference)
     image = np.arange(blocks.size[0] * blocks.size[1], dtype=float).reshape(blocks.size)
     for time in (reference - 5, reference + 20):
@@ -35,8 +22,8 @@ def test_merged_counts_predict_frames_along_the_motion(shake):
         np.testing.assert_array_equal(moved[inner], np.roll(image, (row, column), (0, 1))[inner])
 
 
-def test_frames_are_more_likely_along_the_true_motion(shake):
-    _, blocks, shifts, reference = shake
+def test_frames_are_more_likely_along_the_true_motion():
+    _, blocks, shifts, reference = shaken()
     likelihoods = []
     for factor in (1.0, 0.9, 0.5, 0.0):
         paths = paths_of(blocks, factor * shifts, reference)
@@ -45,9 +32,9 @@ def test_frames_are_more_likely_along_the_true_motion(shake):
     assert likelihoods == sorted(likelihoods, reverse=True)
 
 
-def test_the_likelihood_is_that_of_the_bits(shake):
+def test_the_likelihood_is_that_of_the_bits():
     """The sum over single bits, from the probabilities of both folds."""
-    bits, blocks, shifts, reference = shake
+    bits, blocks, shifts, reference = shaken()
     paths = paths_of(blocks, shifts, reference)
     total = total_of(paths)
     held = central_frames(paths, total)
@@ -61,9 +48,9 @@ def test_the_likelihood_is_that_of_the_bits(shake):
     assert held_out_likelihood(paths, total, held) == pytest.approx(expected, rel=1e-9)
 
 
-def test_held_out_bits_do_not_change_their_own_prediction(shake):
+def test_held_out_bits_do_not_change_their_own_prediction():
     """Other bits in the held-out frames leave the prediction as it is."""
-    bits, _, shifts, reference = shake
+    bits, _, shifts, reference = shaken()
     predicted = []
     for seed in (0, 1):
         frames = bits.to_array().copy()

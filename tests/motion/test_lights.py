@@ -155,7 +155,7 @@ def merge_brighter_half(threshold, **maps):
 def test_still_scenes_whose_light_changes_are_not_flagged(threshold, most):
     merged = merge_brighter_half(threshold)
     assert merged.flags.mean() < most
-    assert merged.acceptance.mean() > 0.98
+    assert merged.acceptance.mean() > 0.985
 
 
 @pytest.mark.slow

@@ -6,30 +6,17 @@ import pytest
 import jotlight as jl
 from jotlight.motion.held_out import Fold, count_in_place
 from jotlight.motion.still_window import find_window, report_window
-from jotlight.motion.sums import Sums
-from moving import blocks_of, moved, paths_of, record
+from moving import blocks_of, moved, paths_of, record, shaken, total_of
 
 
-@pytest.fixture(scope="module")
-def shake():
-    scene, bits = record("shake", photons=0.4)
-    blocks = blocks_of(bits)
-    shifts = np.stack([scene.motion(time)[:, 0, 0] for time in blocks.centers])
-    return bits, blocks, shifts, scene.reference
-
-
-def total_of(paths):
-    return Sums.total([paths.sums(block) for block in range(len(paths.blocks.centers))])
-
-
-def test_the_true_motion_is_better_than_any_window(shake):
-    _, blocks, shifts, reference = shake
+def test_the_true_motion_is_better_than_any_window():
+    _, blocks, shifts, reference = shaken()
     paths = paths_of(blocks, shifts, reference)
     assert find_window(paths, total_of(paths)) is None
 
 
-def test_a_wrong_motion_is_worse_than_a_window(shake):
-    bits, blocks, shifts, reference = shake
+def test_a_wrong_motion_is_worse_than_a_window():
+    bits, blocks, shifts, reference = shaken()
     paths = paths_of(blocks, -2 * shifts, reference)
     window = find_window(paths, total_of(paths))
     assert window is not None

@@ -7,9 +7,11 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 import jotlight as jl
+from jotlight.motion import film_merging
 from jotlight.motion.align import as_motion
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.film_merging import FilmMerging
+from jotlight.motion.memory import Memory
 from jotlight.motion.merge import as_paths
 from jotlight.motion.stricter_test import select_bits
 from jotlight.motion.track import Paths, Track
@@ -156,6 +158,22 @@ def test_merging_counts_the_selected_bits():
     np.testing.assert_allclose(found.merged.acceptance, counted.accepted)
     assert found.agreeing == pytest.approx(consistent.accepted.mean())
     np.testing.assert_array_equal(found.counted.masks, counted.masks)
+
+
+def test_a_film_remembers_the_selected_bits(monkeypatch):
+    bits, _ = crossing(11)
+    track, _, counted = select(bits)
+    paths, remembered = Paths([track], np.zeros(SIZE, np.uint8)), []
+    leaving = film_merging.sum_leaving
+
+    def spy(paths, consistent, *others):
+        remembered.append(consistent.masks)
+        return leaving(paths, consistent, *others)
+
+    monkeypatch.setattr(film_merging, "sum_leaving", spy)
+    merging = FilmMerging(jl.Sensor(frames=FRAMES), 8, may_stand_still=False)
+    merging.merge(paths, as_motion(paths, "affine"), 0, Memory(FRAMES))
+    np.testing.assert_array_equal(remembered[0], counted.masks)
 
 
 def test_nothing_moves_by_itself_in_a_clear_scene_with_one_motion():

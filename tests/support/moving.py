@@ -133,6 +133,22 @@ def paths_of(blocks, shifts, reference):
     return Paths([track], np.zeros(blocks.size, np.uint8))
 
 
+def total_of(paths):
+    """Return the sums of all blocks along paths."""
+    from jotlight.motion.sums import Sums
+
+    return Sums.total([paths.sums(block) for block in range(len(paths.blocks.centers))])
+
+
+@functools.cache
+def shaken():
+    """Return the bits of a shaking camera, their blocks, true shifts, and the reference time."""
+    scene, bits = record("shake", photons=0.4)
+    blocks = blocks_of(bits)
+    shifts = np.stack([scene.motion(time)[:, 0, 0] for time in blocks.centers])
+    return bits, blocks, shifts, scene.reference
+
+
 def film_settings(window, step=None, *, causal=True, model="auto", memory=None):
     """Return the settings of a film, with four images per window by default."""
     from jotlight.motion.film_settings import FilmSettings

@@ -94,10 +94,7 @@ class Fold:
     def likelihood(self) -> float:
         """Return the log-likelihood of the frames in nats."""
         pairs = zip(self.frames, self.logarithms, strict=True)
-        return sum(
-            float((frame.ones * one + (frame.trials - frame.ones) * zero).sum())
-            for frame, (one, zero) in pairs
-        )
+        return sum(_sum_over_bits(frame, *of_bits) for frame, of_bits in pairs)
 
     def gain(self, window: Sums) -> tuple[float, float]:
         """Return by how many nats a window predicts the frames better, and the error."""
@@ -106,10 +103,15 @@ class Fold:
         gain, variance = 0.0, 0.0
         for frame, logarithms in zip(self.frames, self.logarithms, strict=True):
             of_one, of_zero = one - logarithms[0], zero - logarithms[1]
-            gain += float((frame.ones * of_one + (frame.trials - frame.ones) * of_zero).sum())
+            gain += _sum_over_bits(frame, of_one, of_zero)
             p = np.exp(one)
             variance += float((frame.trials * p * (1 - p) * (of_one - of_zero) ** 2).sum())
         return gain, variance**0.5
+
+
+def _sum_over_bits(sums: Sums, of_one: Probability, of_zero: Probability) -> float:
+    """Return the sum of a value of each one and of each zero, which are images (H, W)."""
+    return float((sums.ones * of_one + (sums.trials - sums.ones) * of_zero).sum())
 
 
 def _logarithms(sums: Sums, estimate: Probability) -> tuple[Probability, Probability]:

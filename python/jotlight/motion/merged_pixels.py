@@ -37,7 +37,7 @@ class MergedAlong(NamedTuple):
     agreeing: float
     """Fraction of the bits that agree with the motion by the usual test. Fewer may be counted."""
     counted: Consistent
-    """The sums of the bits along the motion that are counted."""
+    """The sums of the bits along the motion that are counted, unless a window replaced them."""
 
 
 def as_merged(

@@ -23,7 +23,7 @@ pixels, and in blocks. What appears later rejects the bits of all blocks before,
 after."""
 
 _SQUARE = 4
-"""Side of the squares in which they are counted, in pixels."""
+"""Side of the squares in which rejected bits are counted, in pixels."""
 
 _TESTS = (0.12, (1.5, 1.2)), (0.2, (1.2, 1.05))
 """Fractions of the bits near a pixel that are rejected, above which the others must also pass a
