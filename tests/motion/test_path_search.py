@@ -312,3 +312,13 @@ def test_a_wrong_part_predicts_held_out_frames_worse():
         for paths in (Paths([back], np.zeros_like(labels)), Paths([back, wrong], labels))
     ]
     assert gains[0] > gains[1] + 10
+
+
+def test_held_out_frames_are_predicted_by_the_bits_that_are_counted(monkeypatch):
+    _, bits = record("static", frames=16, shape=(32, 48))
+    paths = Paths([Track.still(blocks_of(bits))], np.zeros((32, 48), np.uint8))
+    counted = types.SimpleNamespace(total=Sums.zeros((32, 48)))
+    monkeypatch.setattr(path_search, "select_bits", lambda *_: counted)
+    monkeypatch.setattr(path_search, "held_out_likelihood", lambda _, total, held: (total, held))
+    found = path_search._held_out(paths, find_consistent(paths), range(4, 8))
+    assert found == (counted.total, range(4, 8))
