@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import tifffile
 
 import jotlight as jl
 from folders import file_names, size_limit
@@ -27,15 +28,16 @@ def test_the_option_gray_converts_color_to_luma(run, color, tmp_path):
     assert jl.open(tmp_path / "bits.npy").shape == (1, 160, 196)
 
 
-def test_all_sensor_options_reach_the_sensor(run, photo, tmp_path):
+@pytest.mark.parametrize("dark_file", ["dark.npy", "dark.tif"])
+def test_all_sensor_options_reach_the_sensor(run, photo, tmp_path, dark_file):
     rng = np.random.default_rng(0)
     dark = rng.random((80, 98)).astype(np.float32)
     dead = rng.random((80, 98)) < 0.1
-    np.save(tmp_path / "dark.npy", dark)
+    (np.save if dark_file.endswith(".npy") else tifffile.imwrite)(tmp_path / dark_file, dark)
     np.save(tmp_path / "dead.npy", dead)
     options = ["-k", 2, "-t", 3, "--gain", 6, "-q", 2, "--kernel", "cubic"]
     options += ["--efficiency", 0.5, "--max-intensity", 2]
-    maps = ["--dark-counts", "dark.npy", "--mask", "dead.npy"]
+    maps = ["--dark-counts", dark_file, "--mask", "dead.npy"]
     assert run("simulate", photo, "-o", "bits.npy", *options, *maps)[0] == 0
     assert jl.open(tmp_path / "bits.npy").sensor == jl.Sensor(
         oversampling=2, frames=3, gain=6, threshold=2, kernel="cubic", dark_counts=dark,

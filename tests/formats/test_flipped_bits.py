@@ -6,7 +6,7 @@ from PIL import Image
 
 import jotlight as jl
 from examples.captures import BITS, BITS_WITH_MAPS, COUNTS
-from jotlight.formats.images.captures import read_mask
+from jotlight.formats.images.maps import read_mask
 from jotlight.formats.verification import verify_capture
 from jotlight.images.io import image_writer, read_image
 

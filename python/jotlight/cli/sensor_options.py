@@ -11,8 +11,7 @@ import numpy.typing as npt
 from cyclopts import Parameter
 
 from jotlight.cli.common_options import KNOWN_SENSOR_PANEL, SENSOR_PANEL, convert_file
-from jotlight.formats.arrays import read_npy
-from jotlight.formats.images.captures import read_mask
+from jotlight.formats.images.maps import is_map, read_map, read_mask
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.sensor import KERNELS
 
@@ -58,7 +57,7 @@ class SensorOptions:
             alias="-q",
             converter=convert_file,
             help="q: number of photons that make a jot report 1: one number, several as in "
-            "--gain, or a .npy map of the jots. Default: 1.",
+            "--gain, or a .npy or .tif map of the jots. Default: 1.",
         ),
     ] = None
     kernel: Annotated[
@@ -73,7 +72,7 @@ class SensorOptions:
         Parameter(
             converter=convert_file,
             help="d: detections per jot and frame without light, the dark count rate (DCR) times "
-            "the exposure time. A number, or a .npy map of the jots. Default: 0.",
+            "the exposure time. A number, or a .npy or .tif map of the jots. Default: 0.",
         ),
     ] = None
     efficiency: Annotated[
@@ -81,14 +80,14 @@ class SensorOptions:
         Parameter(
             converter=convert_file,
             help="η, the photon detection efficiency (PDE) or quantum efficiency: fraction of the "
-            "photons that are detected. A number, or a .npy map of the jots. Default: 1.",
+            "photons that are detected. A number, or a .npy or .tif map of the jots. Default: 1.",
         ),
     ] = None
     mask: Annotated[
         Path | None,
         Parameter(
-            help="Dead jots: a .npy of bool that is True for dead jots, or a PNG that is black for "
-            "live jots. Default: all jots are live."
+            help="Dead jots: a .npy of bool that is True for dead jots, or a PNG or TIFF that is "
+            "black for live jots. Default: all jots are live."
         ),
     ] = None
     max_intensity: Annotated[float | None, Parameter(help=f"{_MAX_INTENSITY} Default: 1.")] = None
@@ -152,9 +151,12 @@ class SensorOptions:
         """Return the files that hold maps."""
         values = self._set()
         maps = [Path(values[name]) for name in _MAPS if name in values]
-        others = [("threshold", ".npy"), ("mosaic", ".json")]
-        texts = [(str(values.get(name, "")), ending) for name, ending in others]
-        return [*maps, *(Path(text) for text, ending in texts if text.endswith(ending))]
+        threshold, mosaic = (str(values.get(name, "")) for name in ("threshold", "mosaic"))
+        if is_map(threshold):
+            maps.append(Path(threshold))
+        if mosaic.endswith(".json"):
+            maps.append(Path(mosaic))
+        return maps
 
     def to_argv(self) -> list[str]:
         """Return the options as words of a command line."""
@@ -309,12 +311,14 @@ def read_mosaic(text: str) -> Mosaic | str:
 
 
 def _number_or_map(name: str, text: str) -> float | npt.NDArray[Any]:
-    if Path(text).suffix.lower() == ".npy":
-        return read_npy(text)
+    if is_map(text):
+        return read_map(text)
     try:
         return float(text)
     except ValueError:
-        raise ValueError(f"{name}: expected a number, or a .npy map, got {text!r}") from None
+        raise ValueError(
+            f"{name}: expected a number, or a .npy or .tif map, got {text!r}"
+        ) from None
 
 
 def _values_of_frames(
@@ -327,13 +331,13 @@ def _values_of_frames(
     ValueError
         When a value is no number, or the frames are no multiple of the values.
     """
-    if name == "threshold" and text.endswith(".npy"):
-        return read_npy(text)
+    if name == "threshold" and is_map(text):
+        return read_map(text)
     text, repeats, _ = text.partition(_REPEATS)
     try:
         values = [kind(part) for part in text.split(",")]
     except ValueError:
-        some = ", or a .npy map" if name == "threshold" else ""
+        some = ", or a .npy or .tif map" if name == "threshold" else ""
         raise ValueError(
             f"{name}: expected a number, or several such as 64,8,1{some}, got {text!r}"
         ) from None

@@ -15,7 +15,7 @@ from jotlight.cli.console import caution, report
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.formats.capture import CountStack
-from jotlight.formats.images.captures import read_mask
+from jotlight.formats.images.maps import is_map, read_map, read_mask
 from jotlight.formats.locations import is_url
 from jotlight.sensing.alike_frames import exposure_cycle
 from jotlight.sensing.bits import Bits
@@ -185,9 +185,7 @@ def _opening(
 def _of_window(sensor: CapturedSensorOptions) -> tuple[str, ...]:
     """Return the options whose values for a window differ. A map is that of all windows."""
     stated = {name: getattr(sensor, name) for name in _OF_WINDOW}
-    return tuple(
-        name for name, text in stated.items() if text is not None and not text.endswith(".npy")
-    )
+    return tuple(name for name, text in stated.items() if text is not None and not is_map(text))
 
 
 def _sensor_lines(sensor: CapturedSensorOptions, captured: Captured) -> list[str]:
@@ -243,7 +241,7 @@ def _as_python(name: str, value: Any) -> tuple[str, list[str]]:
     >>> _as_python("efficiency", "0.5")
     ('0.5', [])
     >>> _as_python("efficiency", "map.npy")
-    ("np.load('map.npy')", ['import numpy as np'])
+    ("read_map('map.npy')", ['from jotlight.formats.images.maps import read_map'])
     """
     path = repr(str(value))
     if name == "mask":
@@ -260,7 +258,7 @@ def _as_python(name: str, value: Any) -> tuple[str, list[str]]:
             pass
     elif name != "threshold":
         return repr(value), []
-    return f"np.load({path})", ["import numpy as np"]
+    return f"read_map({path})", [f"from {read_map.__module__} import read_map"]
 
 
 def _follow(

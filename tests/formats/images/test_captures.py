@@ -8,7 +8,6 @@ from PIL import Image
 
 import jotlight as jl
 from jotlight.formats.images import captures
-from jotlight.formats.images.captures import read_mask
 from jotlight.formats.reading import open_capture
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
@@ -114,19 +113,6 @@ def test_a_color_png_is_refused(tmp_path):
     Image.fromarray(np.zeros((4, 5, 3), np.uint8)).save(tmp_path / "a.png")
     with pytest.raises(ValueError, match="expected gray levels"):
         jl.open(tmp_path / "a.png")
-
-
-def test_masks_are_read_from_arrays_and_images(tmp_path):
-    mask = np.zeros((6, 11), bool)
-    mask[2, 3] = True
-    np.save(tmp_path / "a.npy", mask)
-    Image.fromarray(mask).save(tmp_path / "one.png")
-    Image.fromarray(mask.astype(np.uint8) * 255).save(tmp_path / "eight.png")
-    for name in ("a.npy", "one.png", "eight.png"):
-        np.testing.assert_array_equal(read_mask(tmp_path / name), mask)
-    Image.fromarray(~mask).save(tmp_path / "one.png")
-    with pytest.warns(jl.JotlightWarning, match="invert it"):
-        read_mask(tmp_path / "one.png")
 
 
 @pytest.mark.parametrize(("levels", "is_bits"), [(COUNTS[0], False), (COUNTS[0] > 150, True)])

@@ -11,7 +11,7 @@ from PIL import Image
 
 import jotlight as jl
 from examples.encodings import with_png_checksums
-from jotlight.formats.images.captures import read_mask
+from jotlight.formats.images.maps import read_mask
 from jotlight.formats.images.png_chunks import check_png
 from jotlight.images.io import read_image
 

@@ -18,7 +18,7 @@ from examples.encodings import (
 )
 from examples.reader import Reader
 from jotlight.formats.description import description_path
-from jotlight.formats.images.captures import read_mask
+from jotlight.formats.images.maps import read_mask
 from jotlight.formats.writing import write_capture
 from jotlight.formats.zarr.manifest import BITS_ARRAY, MANIFEST
 

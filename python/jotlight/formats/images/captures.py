@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.errors import warn
-from jotlight.formats.arrays import read_npy
 from jotlight.formats.capture import Capture, as_count_stack, is_single_image
 from jotlight.formats.checksums import check_appended, check_opened, missing_error
 from jotlight.formats.file_lists import list_files
@@ -54,7 +52,7 @@ _PILLOW_SCALE = {2: 85, 4: 17}
 
 def open_tiff(path: Path, options: OpenOptions) -> Capture:
     """Return the counts in a TIFF file, or in a folder of them in natural order."""
-    return _open_images(path, _TIFF_EXTENSIONS, TIFF.name, _read_tiff, options.floats)
+    return _open_images(path, _TIFF_EXTENSIONS, TIFF.name, read_tiff, options.floats)
 
 
 def open_png(path: Path, options: OpenOptions) -> Capture:
@@ -63,7 +61,7 @@ def open_png(path: Path, options: OpenOptions) -> Capture:
     A PNG with a depth of 1 bit is a frame of bits. The levels of files in a folder are decoded when
     they are read.
     """
-    read = functools.partial(_read_png, from_header=path.is_dir())
+    read = functools.partial(read_png, from_header=path.is_dir())
     return _open_images(path, _PNG_EXTENSIONS, PNG.name, read)
 
 
@@ -111,7 +109,7 @@ def _open_images(
     return as_count_stack(frames, provenance, label, floats=floats, is_stack=True)
 
 
-def _read_tiff(path: Path) -> tuple[Frames, str | None, str | None]:
+def read_tiff(path: Path) -> tuple[Frames, str | None, str | None]:
     """Return the images of a TIFF file, (T, H, W) or (T, H, W, C), its description, and a note."""
     file = FileReader(path)
     verified = check_opened(path)
@@ -187,7 +185,7 @@ def _check_page(page: Any, shape: tuple[int, ...], file_bytes: int) -> None:
     check_claimed_size("a tile", tile_values * keyframe.dtype.itemsize, file_bytes)
 
 
-def _read_png(path: Path, *, from_header: bool = False) -> tuple[Frames, None, None]:
+def read_png(path: Path, *, from_header: bool = False) -> tuple[Frames, None, None]:
     """Return the levels of a PNG as one image, (1, H, W), without a description or a note.
 
     They are decoded once to check them, or later if the header alone states their shape.
@@ -247,41 +245,6 @@ def _decode_png(content: bytes) -> npt.NDArray[Any]:
     if header.color_type == GRAYSCALE and header.depth in _PILLOW_SCALE:
         levels = levels // _PILLOW_SCALE[header.depth]
     return levels
-
-
-def read_mask(path: Path) -> npt.NDArray[np.bool_]:
-    """Return a mask of dead jots, (H, W), in which True marks a dead jot.
-
-    Parameters
-    ----------
-    path : path
-        A `.npy` file of booleans, or a grayscale PNG where every level above 0 marks a dead jot.
-
-    Raises
-    ------
-    OSError, ValueError
-        When the file cannot be read.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> path = Path(tempfile.mkdtemp()) / "mask.npy"
-    >>> np.save(path, np.eye(2, 3, dtype=bool))
-    >>> read_mask(path).astype(int).tolist()
-    [[1, 0, 0], [0, 1, 0]]
-    """
-    if path.suffix.lower() != ".png":
-        mask = read_npy(path)
-    else:
-        if not path.is_file():
-            raise FileNotFoundError(f"there is no file {path}")
-        mask = _read_png(path)[0].read(0, 1)[0] != 0
-    if mask.dtype == np.bool_ and mask.size and mask.mean() > 0.5:
-        warn(
-            f"{path}: marks {mask.mean():.0%} of the jots as dead; if it marks the live ones, "
-            "invert it"
-        )
-    return mask
 
 
 PNG = Format(
