@@ -76,6 +76,7 @@ def test_a_callback_receives_every_iteration_and_may_end_the_run(method):
         bits, sensor, callback=stop_after_4, return_history=True, tol=1e-5, max_iter=77
     )
     assert [iteration.number for iteration in iterations] == [1, 2, 3, 4]
+    assert iterations[0] == iterations[0] != iterations[1]
     assert {(iteration.tol, iteration.max_iter) for iteration in iterations} == {(1e-5, 77)}
     assert (history.converged, history.iterations) == (False, 4)
     np.testing.assert_array_equal(estimate, iterations[-1].estimate.astype(np.float32))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from jotlight.figures import Figure
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Iteration:
     """The state of an iterative method after one iteration, as a callback receives it."""
 

@@ -34,7 +34,7 @@ MAX_PIXELS = 1 << 18
 """Maximum number of pixels of the images that a method processes at once, if they are several."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class PixelCounts:
     """The counts of the pixels of gray images, and the sensor parameters of each pixel.
 

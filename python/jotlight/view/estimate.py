@@ -47,7 +47,7 @@ _MAX_BRIEF_PIXELS = 1 << 20
 """Number of pixels whose maximum likelihood one thread finds in a few milliseconds."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Estimate:
     """An image of a window, and how it was made."""
 
