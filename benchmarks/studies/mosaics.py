@@ -31,7 +31,7 @@ from jotlight.networks.color_inference import planes_of_channels, planes_of_mosa
 from jotlight.networks.color_planes import CENTER, START
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.sensing.pixel_counts import count_pixels
-from jotlight.sensing.readings import without_mosaic
+from jotlight.sensing.reading_groups import without_mosaic
 
 Array = npt.NDArray[np.floating]
 

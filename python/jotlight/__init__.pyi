@@ -52,8 +52,8 @@ from .sensing import operators as operators
 from .sensing.bits import Bits as Bits
 from .sensing.likelihood import Likelihood as Likelihood
 from .sensing.merged import Merged as Merged
-from .sensing.photon_readings import Readings as Readings
 from .sensing.problem import Problem as Problem
+from .sensing.readings import Readings as Readings
 from .sensing.sensor import Sensor as Sensor
 from .training import train as train
 

@@ -20,7 +20,7 @@ from jotlight.networks.network import Network
 from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 from jotlight.training.history import History
 
 if TYPE_CHECKING:

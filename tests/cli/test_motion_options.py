@@ -176,6 +176,7 @@ def test_uncertainty_is_that_of_the_merged_bits(run, moving, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
+        (["--at", 0], "at: is for the motion of the scene; add --motion"),
         (["--at", 3], "at: is for the motion of the scene; add --motion"),
         (["--motion-model", "affine"], "motion-model: is for the motion of the scene; add"),
         (["--maps", "m.npz"], "maps: is for the motion of the scene; add --motion"),

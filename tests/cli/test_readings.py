@@ -108,6 +108,7 @@ def test_brackets_that_repeat_are_aligned_and_filmed(run, tmp_path, monkeypatch)
     ("arguments", "message"),
     [
         (["-t", 5, "--gain", "8,1"], "expected a multiple of 2 frames in --frames, got --frames 5"),
+        (["-t", 4, "--gain", "8,...,1"], "gain: expected a number, or several such as 64,8,1"),
         (["-t", 4, "--gain", "8,x"], "gain: expected a number, or several such as 64,8,1"),
         (["-t", 4, "-q", "1,1.5"], "threshold: expected a number, or several such as"),
         (["-t", 4, "-q", "0"], "threshold: expected a whole number from 1 to 65535"),

@@ -35,7 +35,9 @@ def test_links_lead_to_the_site_or_to_the_repository(links, target, folder, site
 
 
 def test_every_example_has_a_title_and_ends_with_its_figure():
-    for path in (ROOT / "examples").glob("*.py"):
+    examples = list((ROOT / "examples").glob("*.py"))
+    assert examples
+    for path in examples:
         text = path.read_text("utf-8")
         title, line = (ast.get_docstring(ast.parse(text)) or "").splitlines()[:2]
         assert line == "=" * len(title)

@@ -78,6 +78,12 @@ def test_pixels_far_from_known_ones_have_a_wider_mean():
     assert local_mean(np.full((200, 200), 3.0), known, 0.1)[-1, -1] == pytest.approx(3)
 
 
+def test_pixels_too_far_from_the_only_known_one_have_its_value():
+    known = np.zeros((1, 6000), bool)
+    known[0, 0] = True
+    np.testing.assert_allclose(local_mean(np.full(known.shape, 3.0), known, 1.0), 3, rtol=1e-6)
+
+
 def test_gray_details_have_no_color_at_the_pixels_of_the_densest_filter():
     gray = np.random.default_rng(0).random((24, 30))
     mosaic = Mosaic(np.where(np.arange(24 * 30).reshape(24, 30) % 8, 3, RANDOM.pattern), "RGBW")

@@ -112,6 +112,12 @@ def test_without_its_package_bm3d_names_the_extra_and_its_license(monkeypatch):
         jl.noniterative(np.zeros((4, 4), int), jl.Sensor(), denoiser="bm3d")
 
 
+@pytest.mark.parametrize("sigma", [-1, np.nan, np.inf])
+def test_bad_standard_deviations_are_refused(sigma):
+    with pytest.raises(ValueError, match="sigma: expected a number from 0 to 1000, got"):
+        denoise.gaussian(np.ones((8, 8), np.float32), sigma=sigma)
+
+
 def test_without_its_package_the_bm3d_method_is_unavailable(monkeypatch):
     method = METHODS["noniterative-bm3d"]
     assert method.available == (importlib.util.find_spec("bm3d") is not None)
@@ -120,7 +126,7 @@ def test_without_its_package_the_bm3d_method_is_unavailable(monkeypatch):
 
 
 def test_a_denoiser_in_a_thread_raises_its_errors_and_uses_the_callers_numpy_settings():
-    with pytest.raises(RuntimeError, match="sequence argument"):
+    with pytest.raises(ValueError, match=r"sigma: .* got \[1, 2, 3\]"):
         jl.denoise.gaussian(np.ones((8, 8), np.float32), sigma=[1, 2, 3])
     with np.errstate(all="raise"):
         jl.denoise.gaussian(np.ones((8, 8), np.float32))

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import jotlight as jl
+from jotlight.networks.color_network import ColorNetwork
+from jotlight.networks.pretrained import MOSAIC_FILE
 
 SENSOR = jl.Sensor(oversampling=2, frames=4)
 IMAGE = jl.datasets.photograph()[100:140, 180:220]
@@ -135,6 +137,14 @@ def test_the_color_network_is_one_of_the_methods_for_colors(mosaic):
     assert best.method == "network-color"
     assert best.estimate.shape == image.shape
     assert "network, color" in repr(found)
+
+
+def test_a_color_network_is_compared():
+    network = ColorNetwork.load(MOSAIC_FILE)
+    image = jl.datasets.photograph("astronaut")[100:132, 180:212]
+    found = jl.compare([network], image, jl.Sensor(frames=8, mosaic="RGGB"), channel_axis=-1)
+    expected = jl.reconstruct(found.bits, method=network)
+    np.testing.assert_array_equal(found.results[0].estimate, expected)
 
 
 def test_a_mosaic_of_the_size_of_the_image_is_compared():

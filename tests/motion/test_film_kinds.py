@@ -13,7 +13,7 @@ from jotlight.motion.live_film import LiveFilm
 from jotlight.motion.mosaic_colors import is_mergeable
 from jotlight.motion.squares import in_squares
 from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.readings import without_mosaic
+from jotlight.sensing.reading_groups import without_mosaic
 from moving import behind, film_settings
 
 FRAMES, SIZE = 96, (64, 80)

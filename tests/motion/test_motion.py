@@ -1,5 +1,6 @@
 """Motions: displacements at any time, and files."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 import jotlight as jl
+from jotlight.motion.posterior import posterior_error
 
 
 def random_motion(fields=2):
@@ -49,6 +51,22 @@ def test_each_pixel_follows_its_own_field():
         weights = np.outer([1 - down, down], [1 - right, right])
         expected = (corners * weights).sum(axis=(1, 2))
         np.testing.assert_allclose(found[:, row, column], expected, atol=1e-4)
+
+
+def test_more_fields_than_numpy_can_choose_from():
+    motion = random_motion(fields=70)
+    each = [
+        dataclasses.replace(
+            motion, nodes=motion.nodes[[index]], labels=np.zeros_like(motion.labels),
+            information=motion.information[[index]],
+        )
+        for index in range(70)
+    ]  # fmt: skip
+    found = motion.at(6.5)
+    for label, one in enumerate(each):
+        own = motion.labels == label
+        np.testing.assert_array_equal(found[:, own], one.at(6.5)[:, own])
+    assert posterior_error(motion).shape == motion.size
 
 
 def test_the_representation_states_the_length_of_the_motion():

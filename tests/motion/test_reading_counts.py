@@ -10,9 +10,9 @@ from jotlight.motion.film import film
 from jotlight.motion.film_estimates import FilmEstimates
 from jotlight.motion.reading_counts import ReadingCounts, counts_of_readings
 from jotlight.sensing.multibit import reading_probability
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import count_pixels
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.readings import Readings
 
 FRAMES, SHAPE = 64, (96, 112)
 SENSORS = [

@@ -34,17 +34,19 @@ def test_the_output_is_the_mean_over_rotations():
     for turns in range(4):
         turned = np.ascontiguousarray(np.rot90(planes, turns, (1, 2)))
         each.append(np.rot90(network.estimate_probability(turned, 9), -turns, (1, 2)))
-    network.rotations = 4
-    found = network.estimate_probability(planes, 9)
+    turned = ColorNetwork(network.layers, trials_range=network.trials_range, rotations=4)
+    found = turned.estimate_probability(planes, 9)
     np.testing.assert_allclose(found, np.mean(each, axis=0), atol=1e-6)
     assert np.abs(found - each[0]).max() > 1e-4
 
 
-def test_files_keep_a_network(tmp_path):
-    network = ColorNetwork.initial("small", trials_range=(2, 32), rng=0)
+@pytest.mark.parametrize("rotations", [1, 4])
+def test_files_keep_a_network(tmp_path, rotations):
+    layers = ColorNetwork.load(MOSAIC_FILE).layers
+    network = ColorNetwork(layers, trials_range=(2, 32), rotations=rotations)
     network.save(tmp_path / "c.safetensors")
     loaded = ColorNetwork.load(tmp_path / "c.safetensors")
-    assert loaded.trials_range == (2, 32)
+    assert (loaded.trials_range, loaded.rotations) == ((2, 32), rotations)
     for layer, other in zip(network.layers, loaded.layers, strict=True):
         np.testing.assert_array_equal(layer.filters, other.filters)
     found, expected = (
@@ -65,5 +67,7 @@ def test_other_layers_and_kernels_are_refused(tmp_path):
         ColorNetwork(gray.layers, trials_range=(1, 4))
     with pytest.raises(ValueError, match="layers: expected at least one"):
         ColorNetwork([], trials_range=(1, 4))
+    with pytest.raises(ValueError, match="rotations: expected 1 or 4, got 2"):
+        ColorNetwork(ColorNetwork.initial("small").layers, trials_range=(1, 4), rotations=2)
     with pytest.raises(ValueError, match="expected the box kernel, got cubic"):
         ColorNetwork.initial("small", rng=0).check_sensor(jl.Sensor(kernel="cubic"))

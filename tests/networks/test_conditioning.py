@@ -70,25 +70,6 @@ def test_conditioned_layers_are_weighted_sums_of_the_sets(bits):
     np.testing.assert_allclose(zeros, 1 - expected[-1].coefficients, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("bits", "message"),
-    [
-        (None, "trials_range: expected a range of K for layers with sets"),
-        ((0, 16), "trials_range: expected the smallest and the largest K of a tied network"),
-        (
-            (16, 16),
-            "trials_range: expected the smallest and the largest K of a tied network",
-        ),
-        (3, "trials_range: expected the smallest and the largest K of .*, got 3"),
-        ("ab", "trials_range: expected the smallest and the largest K of .*, got 'ab'"),
-        ((1.5, 9), r"trials_range: expected .*, got \(1.5, 9\)"),
-    ],
-)
-def test_parameter_sets_need_a_range_of_k(bits, message):
-    with pytest.raises(ValueError, match=message):
-        jl.Network(conditional_network().layers, jl.Sensor(), trials_range=bits)
-
-
 def test_all_layers_need_the_same_number_of_sets_and_at_least_four():
     layers = list(conditional_network().layers)
     for kept in (3, 5):

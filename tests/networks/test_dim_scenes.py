@@ -5,7 +5,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.metrics import psnr
-from jotlight.networks.dim_scenes import combine, combined_trials, may_be_dim
+from jotlight.networks.dim_scenes import combine, may_be_dim, trials_per_combined
 
 
 def photograph():
@@ -58,7 +58,7 @@ def test_each_image_of_a_stack_is_that_of_itself():
 def test_bright_scenes_keep_their_trials():
     rng = np.random.default_rng(0)
     fraction = (rng.binomial(256, 0.2, (32, 32)) / 256).astype(np.float32)
-    assert combined_trials(fraction, 256) == 1
+    assert trials_per_combined(fraction, 256) == 1
     assert combine(fraction, 256) is None
     assert not may_be_dim(np.full((8, 8), 0.5, np.float32), jl.Sensor(), 16)
 

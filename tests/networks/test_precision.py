@@ -175,6 +175,16 @@ def test_networks_without_filters_of_several_planes_have_no_bfloat16():
         assert network.with_precision("f32").precision == "f32"
 
 
+def test_an_assigned_precision_is_used():
+    sensor = jl.Sensor(frames=16)
+    bits = sensor.expose(np.full((24, 24), 0.4), rng=0)
+    network = jl.pretrained(sensor, "small")
+    expected = network.with_precision("bf16").reconstruct(bits)
+    assert (network.reconstruct(bits) != expected).any()
+    network.precision = "bf16"
+    np.testing.assert_array_equal(network.reconstruct(bits), expected)
+
+
 def test_unknown_precisions_are_refused():
     network = jl.pretrained(jl.Sensor(frames=16), "small")
     with pytest.raises(ValueError, match="precision: expected one of f32, bf16, got 'f16'"):

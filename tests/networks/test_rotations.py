@@ -5,7 +5,6 @@ import pytest
 
 import jotlight as jl
 from jotlight.networks.pretrained import pretrained_file
-from reference.networks import random_network
 
 SENSOR = jl.Sensor(frames=16)
 RNG = np.random.default_rng(0)
@@ -107,14 +106,6 @@ def test_extra_large_is_large_with_four_rotations():
         large, extra = (jl.pretrained(sensor, name) for name in ("large", "extra-large"))
         assert (large.rotations, extra.rotations) == (1, 4)
         np.testing.assert_array_equal(large.layers[3].filters, extra.layers[3].filters)
-
-
-def test_other_numbers_and_untied_networks_are_refused():
-    with pytest.raises(ValueError, match="rotations: expected 1 or 4, got 2"):
-        with_rotations(SMALL, 2)
-    untied = random_network(RNG, jl.Sensor(frames=3), [1, 1], [(1, 1), (3, 3)], tied=False)
-    with pytest.raises(ValueError, match="rotations: expected 1 for a network that is not tied"):
-        with_rotations(untied, 4)
 
 
 def test_onnx_models_have_one_rotation(tmp_path):

@@ -8,7 +8,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.sensing.joint_likelihood import joint_likelihood
-from jotlight.sensing.readings import group_readings
+from jotlight.sensing.reading_groups import group_readings
 
 RANDOM = np.random.default_rng(2)
 

@@ -1,297 +1,234 @@
-"""Sensors whose readings differ in their gain or threshold: parameters, bits, and files."""
+"""Readings of several bits: their simulation, their class, and sensors that record them."""
 
-import json
-import pickle
-import re
+import math
 
-import mpmath
 import numpy as np
 import pytest
 from scipy import stats
 
 import jotlight as jl
-from jotlight.sensing.readings import group_readings
+from jotlight.sensing.multibit import reading_probability
 
-GAINS = [1.0, 8.0, 64.0, 1.0, 8.0, 64.0]
-CHECKERBOARD = np.where(np.indices((12, 16)).sum(axis=0) % 2, 1, 4)
-DEAD = np.eye(12, 16, dtype=bool)
-SENSORS = [
-    jl.Sensor(frames=6, gain=GAINS),
-    jl.Sensor(frames=6, oversampling=2, threshold=[1, 2, 2, 5, 1, 1], gain=30.0, mask=DEAD),
-    jl.Sensor(frames=6, oversampling=2, threshold=CHECKERBOARD, gain=60.0, mask=DEAD),
-    jl.Sensor(
-        frames=6,
-        oversampling=2,
-        gain=GAINS,
-        threshold=CHECKERBOARD,
-        dark_counts=0.3,
-        efficiency=0.5,
-    ),
-]
+IMAGE = np.linspace(0, 1, 30 * 20).reshape(30, 20)
 
 
-def image(sensor):
-    height, width = 12 // sensor.oversampling, 16 // sensor.oversampling
-    return np.random.default_rng(0).random((height, width))
+def several_bits(**changes):
+    return jl.Sensor(**{"frames": 5, "gain": 15.0, "bit_depth": 3, "oversampling": 2, **changes})
 
 
-def one_reading(sensor, frame, threshold):
-    """A sensor all of whose readings are those of one frame and one threshold."""
-    gain = np.broadcast_to(
-        sensor.gain if np.ndim(sensor.gain) else sensor.gain / sensor.frames, sensor.frames
+@pytest.mark.parametrize(
+    "sensor",
+    [
+        several_bits(gain=60.0),
+        several_bits(gain=800.0, bit_depth=7, kernel="linear"),
+        several_bits(gain=60.0, dark_counts=np.full((60, 40), 0.3, np.float32), efficiency=0.5),
+        several_bits(gain=60.0, mask=np.arange(2400).reshape(60, 40) % 7 == 0),
+        several_bits(gain=[1.0, 8.0, 1.0, 8.0, 30.0]),
+    ],
+)
+def test_readings_agree_with_the_bits_of_all_thresholds(sensor):
+    readings = sensor.expose(IMAGE, rng=3).to_array()
+    assert readings.max() == sensor.max_reading or sensor.bit_depth > 3
+    for threshold in range(1, sensor.max_reading + 1):
+        bits = sensor.replace(bit_depth=1, threshold=threshold).expose(IMAGE, rng=3)
+        np.testing.assert_array_equal(readings >= threshold, bits.to_array())
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+def test_parts_are_those_of_the_whole(noise):
+    sensor = several_bits(read_noise=noise)
+    whole = sensor.expose(IMAGE, rng=3)
+    part = sensor.expose(
+        IMAGE, rng=3, tile=(slice(5, 9), slice(7, 20)), frames=slice(2, 4), threads=1
     )
-    return sensor.replace(gain=float(gain[frame]) * sensor.frames, threshold=threshold)
+    np.testing.assert_array_equal(part.to_array(), whole.to_array()[2:4, 10:18, 14:40])
+    assert part.sensor == sensor.replace(frames=2)
 
 
-@pytest.mark.parametrize("sensor", SENSORS, ids=repr)
-def test_each_bit_is_that_of_a_sensor_whose_readings_are_all_like_its_own(sensor):
-    bits = sensor.expose(image(sensor), rng=3).to_array()
-    thresholds = np.broadcast_to(sensor.threshold, 6) if np.ndim(sensor.threshold) < 2 else None
-    for frame in range(6):
-        if thresholds is not None:
-            plain = one_reading(sensor, frame, int(thresholds[frame]))
-            expected = plain.expose(image(sensor), rng=3).to_array()[frame]
-        else:
-            each = [
-                one_reading(sensor, frame, q).expose(image(sensor), rng=3).to_array()[frame]
-                for q in (1, 4)
-            ]
-            expected = np.where(CHECKERBOARD == 1, *each)
-        np.testing.assert_array_equal(bits[frame], expected)
+def test_colors_and_stacks_are_independent():
+    sensor = several_bits(read_noise=0.3)
+    color = sensor.expose(np.stack([IMAGE, IMAGE], -1), rng=0, channel_axis=-1)
+    assert color.shape == (5, 60, 40, 2)
+    first, second = color.channels()
+    np.testing.assert_array_equal(first.to_array(), sensor.expose(IMAGE, rng=0).to_array())
+    assert (first.to_array() != second.to_array()).mean() > 0.2
+    stack = sensor.expose(np.stack([IMAGE, IMAGE]), rng=0)
+    np.testing.assert_array_equal(stack[0].to_array(), first.to_array())
+    assert (stack[1].to_array() != first.to_array()).mean() > 0.2
 
 
-@pytest.mark.parametrize("sensor", SENSORS, ids=repr)
-@pytest.mark.parametrize("threads", [1, 2, 3])
-def test_tiles_frames_and_threads_do_not_change_the_bits(sensor, threads):
-    scene = image(sensor)
-    whole = sensor.expose(scene, rng=1)
-    side = sensor.oversampling
-    tile = slice(1, 4), slice(2, 6)
-    part = sensor.expose(scene, rng=1, tile=tile, frames=slice(1, 5), threads=threads)
-    jots = tuple(slice(each.start * side, each.stop * side) for each in tile)
-    np.testing.assert_array_equal(part.to_array(), whole.to_array()[1:5][:, *jots])
-    assert part.sensor.frames == 4
-    again = part.sensor.probability(scene[tile])
-    probability = sensor.probability(scene)
-    rows = probability[1:5] if probability.ndim == 3 else probability
-    np.testing.assert_array_equal(again, rows[..., *jots])
+@pytest.mark.parametrize(
+    ("light", "options"),
+    [
+        (0.02, {"bit_depth": 2, "read_noise": 0.3}),
+        (1.0, {"bit_depth": 4, "read_noise": 0.15}),
+        (5.0, {"bit_depth": 3, "read_noise": 0.5}),
+        (40.0, {"bit_depth": 8, "read_noise": 2.0}),
+        (300.0, {"bit_depth": 12}),
+        (0.7, {"read_noise": 0.3}),
+        (3.0, {"read_noise": 0.25, "threshold": 4}),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:read_noise")
+def test_drawn_readings_have_the_exact_distribution(light, options):
+    # Two-sided exact binomial tests of all readings together: a false alarm once in 10^6 seeds.
+    frames = 400
+    sensor = jl.Sensor(frames=frames, gain=frames * light, **options)
+    drawn = np.asarray(sensor.expose(np.ones((40, 40)), rng=7)).astype(int).reshape(-1)
+    found = np.bincount(drawn, minlength=sensor.max_reading + 1)
+    probability = reading_probability(np.arange(sensor.max_reading + 1), light, **options)
+    level = 1e-6 / len(found)
+    low = stats.binom.cdf(found, drawn.size, probability)
+    high = stats.binom.sf(found - 1, drawn.size, probability)
+    assert np.minimum(low, high).min() > level / 2
 
 
-def test_the_bits_of_a_stack_and_of_channels_are_drawn():
-    sensor = SENSORS[0]
-    scenes = np.random.default_rng(1).random((2, 12, 16))
-    first = sensor.expose(scenes[0], rng=5)
-    stack = sensor.expose(scenes, rng=5)
-    np.testing.assert_array_equal(stack[0].packed, first.packed)
-    fractions = []
-    color = sensor.expose(scenes, rng=5, channel_axis=0, progress=fractions.append)
-    assert color.shape == (6, 12, 16, 2)
-    np.testing.assert_array_equal(color.channels()[0].packed, first.packed)
-    assert fractions[-1] == 1
+def test_noise_is_independent_of_photons_frames_and_neighbors():
+    sensor = jl.Sensor(frames=2, gain=2e-17, bit_depth=8, dark_counts=100.0)
+    with pytest.warns(jl.JotlightWarning, match="read_noise"):
+        sensor = sensor.replace(read_noise=20.0)
+    values = sensor.expose(np.zeros((200, 200)), rng=1).to_array().astype(float)
+    values -= values.mean()
+    correlations = [
+        (values[0] * values[1]).mean(),
+        (values[:, :, 1:] * values[:, :, :-1]).mean(),
+        (values[:, 1:] * values[:, :-1]).mean(),
+    ]
+    # Standard deviations of correlations are 1/200 or less; 5.5 of them occur once in 10^7.
+    assert np.abs(correlations).max() < 5.5 / 200 * values.var()
 
 
-@pytest.mark.parametrize("threshold", [1, 2, 7])
-def test_probabilities_agree_with_mpmath(threshold):
-    gains = [1e-6, 0.3, 5.0, 40.0]
+def test_the_probability_of_noisy_bits_is_exact():
     sensor = jl.Sensor(
-        frames=8,
-        gain=gains * 2,
-        threshold=[threshold] * 4 + [threshold + 1] * 4,
-        efficiency=0.7,
-        dark_counts=0.01,
+        frames=2, gain=[0.5, 4.0], read_noise=0.3, dark_counts=0.1, mask=IMAGE > 0.95
     )
-    probability = sensor.probability(np.array([[0.25, 1.0]]))
-    assert probability.shape == (8, 1, 2)
-    for frame in range(8):
-        for column, intensity in enumerate((0.25, 1.0)):
-            rate = np.float32(0.7 * gains[frame % 4] * intensity + 0.01)
-            q = threshold + frame // 4
-            expected = mpmath.gammainc(q, 0, mpmath.mpf(float(rate)), regularized=True)
-            assert probability[frame, 0, column] == pytest.approx(float(expected), rel=3e-6)
+    own = sensor.probability(IMAGE)
+    for frame, light in enumerate((0.5, 4.0)):
+        expected = reading_probability(1, light * IMAGE + 0.1, read_noise=0.3)
+        expected[IMAGE > 0.95] = 0
+        np.testing.assert_allclose(own[frame], expected, rtol=1e-6)
 
 
-def test_rates_have_one_value_for_each_frame_only_if_gains_differ():
-    scene = image(SENSORS[0])
-    np.testing.assert_allclose(SENSORS[0].rate(scene)[1], 8 * SENSORS[0].rate(scene)[0])
-    plain = jl.Sensor(frames=6, gain=12.0)
-    thresholds = plain.replace(threshold=[1, 2, 3, 4, 5, 6])
-    np.testing.assert_array_equal(thresholds.rate(scene), plain.rate(scene))
-    assert thresholds.probability(scene).shape == (6, *scene.shape)
-    checkerboard = plain.replace(threshold=CHECKERBOARD)
-    np.testing.assert_array_equal(checkerboard.rate(scene), plain.rate(scene))
-    assert checkerboard.probability(scene).shape == scene.shape
+def test_the_readings_of_the_jots_of_a_pixel_are_added():
+    array = np.arange(48).reshape(2, 4, 6) % 16
+    readings = jl.Readings(array, jl.Sensor(frames=2, bit_depth=4))
+    fractions = []
+    pixels = readings.sum(2, progress=fractions.append)
+    expected = array.sum(axis=0).reshape(2, 2, 3, 2).sum(axis=(1, 3))
+    np.testing.assert_array_equal(pixels, expected)
+    assert fractions[-1] == 1
+    with pytest.raises(ValueError, match="oversampling: expected one that divides 4 x 6 jots"):
+        readings.sum(3)
 
 
-def test_the_sampler_passes_exact_binomial_tests():
-    sensor = jl.Sensor(frames=4, gain=[0.1, 1.0, 3.0, 3.0], threshold=[1, 1, 1, 3])
-    scene = np.full((300, 300), 0.8)
-    ones = sensor.expose(scene, rng=11).to_array().sum(axis=(1, 2))
-    probabilities = sensor.probability(scene[:1, :1])[:, 0, 0].astype(float)
-    for count, p in zip(ones, probabilities, strict=True):
-        # 4 tests: one run in 25,000 fails by chance.
-        assert stats.binomtest(int(count), scene.size, p).pvalue > 1e-5
+def test_readings_are_indexed_and_read_like_bits():
+    array = np.arange(24).reshape(4, 2, 3) % 16
+    readings = jl.Readings(array, jl.Sensor(frames=4, bit_depth=4))
+    assert len(readings) == 4
+    assert readings.shape == (4, 2, 3)
+    np.testing.assert_array_equal(readings[-1], array[3])
+    assert readings[1:3].sensor.frames == 2
+    np.testing.assert_array_equal(readings[1:3].to_array(), array[1:3])
+    np.testing.assert_array_equal(readings.sum(), array.sum(axis=0))
+    assert "<th>" in readings._repr_html_()
+    assert "4 bits" in repr(readings)
+    for wrong in ((..., 3), [0, 2], 1.0):
+        with pytest.raises(TypeError, match=r"readings: .* slice .* np\.asarray\(readings\)"):
+            readings[wrong]
+    with pytest.raises(IndexError, match="frame from 0 to 3"):
+        readings[4]
+    with pytest.raises(ValueError, match="no frames in 4:"):
+        readings[4:]
 
 
-def test_noisy_bits_of_a_bracket_and_a_map_of_thresholds_pass_binomial_tests():
-    checkerboard = np.where(np.indices((200, 200)).sum(axis=0) % 2, 3, 1)
-    sensor = jl.Sensor(frames=4, gain=[0.5, 2.0, 4.0, 2.0], threshold=checkerboard, read_noise=0.3)
-    scene = np.full((200, 200), 0.8)
-    bits, probability = sensor.expose(scene, rng=11).to_array(), sensor.probability(scene)
-    for own in (checkerboard == 1, checkerboard == 3):
-        for frame in range(4):
-            p = float(probability[frame][own][0])
-            ones = int(bits[frame][own].sum())
-            # 8 tests: one run in 12,500 fails by chance.
-            assert stats.binomtest(ones, int(own.sum()), p).pvalue > 1e-5
+SENSOR = jl.Sensor(frames=2, bit_depth=2)
 
 
-def test_groups_cover_each_reading_of_a_live_jot_once():
-    for sensor in SENSORS:
-        seen = np.zeros((6, 12, 16), int)
-        for group in sensor.groups():
-            assert not group.sensor.readings_differ
-            live = np.ones((12, 16), bool) if group.sensor.mask is None else ~group.sensor.mask
-            seen[group.frames] += live
-        dead = np.zeros((12, 16), bool) if sensor.mask is None else sensor.mask
-        assert (seen == ~dead).all()
-    assert len(group_readings(jl.Sensor(frames=5))) == 1
+@pytest.mark.parametrize(
+    ("array", "sensor", "error", "message"),
+    [
+        (np.full((2, 3, 3), 4), SENSOR, ValueError, "expected 0 to 3 for 2 bits, got 4 to 4"),
+        (np.full((2, 3, 3), -1), SENSOR, ValueError, "expected 0 to 3 for 2 bits"),
+        (np.ones((2, 3, 3)), SENSOR, TypeError, "expected whole numbers, got float64"),
+        (np.ones(3, int), SENSOR, ValueError, r"expected shape \(T, H, W\)"),
+        (np.ones((2, 3, 3, 9), int), SENSOR, ValueError, "at most 4 channels"),
+        (np.ones((3, 3, 3), int), SENSOR, ValueError, "expected the sensor's 2 frames, got 3"),
+        (np.ones((2, 3, 3), int), jl.Sensor(frames=2), ValueError, "expected single bits"),
+        (np.ones((2, 3, 3), int), 4, TypeError, r"expected a jotlight\.Sensor"),
+        (np.ma.ones((2, 3, 3), int), SENSOR, TypeError, "masked"),
+    ],
+)
+def test_bad_readings_are_refused(array, sensor, error, message):
+    with pytest.raises(error, match=message):
+        jl.Readings(array, sensor)
 
 
-def test_equal_values_are_one_number():
-    assert jl.Sensor(frames=3, gain=[2.0, 2.0, 2.0]) == jl.Sensor(frames=3, gain=6.0)
-    assert jl.Sensor(frames=2, threshold=[3, 3]).threshold == 3
-    assert jl.Sensor(threshold=np.full((4, 4), 2)).threshold == 2
-    assert jl.Sensor(gain=[2.5]).gain == 2.5
-
-
-@pytest.mark.parametrize("sensor", SENSORS, ids=repr)
-def test_sensors_are_compared_copied_and_stored(sensor, tmp_path):
-    assert sensor == sensor.replace() == pickle.loads(pickle.dumps(sensor))
-    assert hash(sensor) == hash(sensor.replace())
-    assert sensor != sensor.replace(frames=6, gain=6.0, threshold=1)
-    scalars = json.loads(json.dumps(sensor.scalars()))
-    assert jl.Sensor.from_parts(scalars, sensor.maps()) == sensor
-    assert "Sensor" in sensor._repr_html_()
-    bits = sensor.expose(image(sensor), rng=0)
-    for name in ("a.npy", "a.npy.gz", "a.h5", "a.zarr"):
-        jl.save(bits, tmp_path / name)
-        opened = jl.open(tmp_path / name)
-        assert opened.sensor == sensor
-        np.testing.assert_array_equal(np.asarray(opened.packed), bits.packed)
-    again = jl.open(tmp_path / "a.npy", frames=slice(0, 2), rotate=90)
-    assert again.sensor.frames == 2
-    assert again.shape == (2, 16, 12)
-
-
-def test_values_for_each_frame_are_read_only_copies():
-    gains = np.array(GAINS)
-    sensor = jl.Sensor(frames=6, gain=gains, threshold=[1, 2, 3, 1, 2, 3])
-    gains[:] = 5
-    assert sensor.gain.tolist() == GAINS
-    for values in (sensor.gain, sensor.threshold):
-        with pytest.raises(ValueError, match="read-only"):
-            values[0] = 1
-
-
-def test_parts_of_bits_keep_the_gain_of_each_frame():
-    bits = SENSORS[0].expose(image(SENSORS[0]), rng=0)
-    assert bits[1:4].sensor.gain.tolist() == [8.0, 64.0, 1.0]
-    assert bits[::3].sensor == jl.Sensor(frames=2, gain=2.0)
-    assert next(bits.windows(2)).sensor.gain.tolist() == [1.0, 8.0]
-    thresholds = jl.Sensor(frames=4, gain=8.0, threshold=[1, 2, 3, 4])
-    assert thresholds.select_frames(slice(0, 2)).gain == 4.0
-    assert jl.Sensor(frames=4, gain=8.0).select_frames(slice(0, 2)) == jl.Sensor(frames=2, gain=4.0)
-
-
-def test_replace_keeps_the_light_of_each_jot():
-    sensor = jl.Sensor(frames=2, gain=[1.0, 4.0])
-    assert sensor.replace(oversampling=2).gain.tolist() == [4.0, 16.0]
-    assert sensor.replace(frames=3, gain=[1, 2, 3]).frames == 3
-    assert sensor.replace(frames=3, gain=3.0) == jl.Sensor(frames=3)
-    with pytest.raises(ValueError, match=r"frames: expected 2.* a gain for each frame.*got 3"):
-        sensor.replace(frames=3)
-    with pytest.raises(ValueError, match=r"frames: expected 2.* a threshold for each"):
-        jl.Sensor(frames=2, threshold=[1, 2]).replace(frames=3)
-
-
-def test_the_text_states_the_number_and_the_range_of_values():
-    text = repr(jl.Sensor(frames=6, gain=GAINS, threshold=CHECKERBOARD))
-    assert text == "Sensor(frames=6, gain=<6 values, 1 to 64>, threshold=<12 x 16 map>)"
+def test_bits_of_a_sensor_with_several_bits_are_refused():
+    with pytest.raises(ValueError, match="expected readings of 2 bits, as the sensor states, got"):
+        jl.Bits.from_array(np.ones((2, 3, 3), bool), SENSOR)
 
 
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"frames": 3, "gain": [1, 2]}, r"gain: .*each of the 3 frames, got int64 of shape \(2,\)"),
-        ({"gain": [1, 2]}, r"gain: .*state the number of frames too, as in Sensor\(frames=2"),
-        ({"frames": 2, "gain": [[1, 2]]}, r"gain: .*shape \(1, 2\)"),
-        ({"frames": 2, "gain": [1, 0]}, "gain: expected a number from 1e-18 to 1e.18 for each"),
-        ({"frames": 2, "gain": [1, np.nan]}, "gain: expected a number from 1e-18"),
-        ({"frames": 2, "gain": [9e17, 2e17]}, "gain: expected a number from 1e-18"),
-        ({"frames": 2, "gain": ["a", "b"]}, "gain: expected a number, or one for each"),
-        ({"frames": 2, "threshold": [1, 70_000]}, "threshold: expected whole .* 1 to 65535, got"),
-        ({"frames": 2, "threshold": [1, 1.5]}, "threshold: expected whole numbers"),
-        ({"frames": 2, "threshold": [1, 2, 3]}, r"threshold: .*each of the 2 frames, or a map"),
-        ({"threshold": [[1, 70_000]]}, "threshold: .*in a map of the jots, got 1 to 70000"),
-        ({"threshold": [[0, 1]]}, "threshold: .*mark jots that never report 1 in the mask"),
-        ({"threshold": [[1.5, 2.0]]}, "threshold: expected whole numbers"),
-        ({"threshold": [[True, False]]}, "threshold: expected whole numbers"),
-        ({"threshold": [[1, 2]], "mask": [[False]]}, "threshold: expected the shape of the map"),
-        ({"threshold": np.ones((2, 2, 2), int)}, "threshold: expected"),
+        ({"bit_depth": 0}, "bit_depth: expected a whole number from 1 to 16"),
+        ({"bit_depth": 17}, "bit_depth: expected a whole number from 1 to 16"),
+        ({"bit_depth": 2.5}, "bit_depth: expected a whole number"),
+        ({"read_noise": -0.1}, "read_noise: expected a number from 0 to 100"),
+        ({"read_noise": math.nan}, "read_noise: expected a number from 0 to 100"),
+        ({"read_noise": 1e-200}, "read_noise: expected 0, or 0.001 photons or more, got 1e-200"),
+        ({"bit_depth": 2, "threshold": 2}, "readings of 2 bits state the number of photons"),
+        ({"bit_depth": 2, "frames": 2, "threshold": [1, 2]}, "threshold: expected 1, because"),
     ],
 )
-def test_bad_values_are_refused_and_named(parameters, message):
-    if "mask" in parameters:
-        parameters["mask"] = np.array(parameters["mask"])
-    with pytest.raises(ValueError, match=f"^{message}"):
+def test_bad_parameters_are_refused(parameters, message):
+    with pytest.raises(ValueError, match=message):
         jl.Sensor(**parameters)
 
 
-def test_a_map_of_another_size_than_the_image_is_refused():
-    with pytest.raises(ValueError, match=r"threshold: expected one value per jot, shape \(3, 3\)"):
-        jl.Sensor(threshold=CHECKERBOARD).expose(np.ones((3, 3)))
+def test_ambiguous_read_noise_is_stated():
+    wrong = 1 - (stats.norm.cdf(0.5 / 0.6) - stats.norm.cdf(-0.5 / 0.6))
+    with pytest.warns(jl.JotlightWarning, match=f"0.6 photons change {wrong:.0%} of the readings"):
+        sensor = jl.Sensor(read_noise=0.6)
+    assert sensor.replace(frames=2).read_noise == 0.6  # without another warning
 
 
-USES = {
-    "light_per_intensity": lambda sensor, bits: sensor.light_per_intensity,
-    "pixel_response": lambda sensor, bits: sensor.pixel_response(),
-    "engine_arguments": lambda sensor, bits: sensor.engine_arguments(),
-    "merged": lambda sensor, bits: jl.Merged([[1]], 6, sensor),
-    "plan": lambda sensor, bits: jl.plan(sensor, 1.0),
-    "admm": lambda sensor, bits: jl.admm_tv(bits),
-    "iterative": lambda sensor, bits: jl.mle_iterative(bits),
-    "noniterative": lambda sensor, bits: jl.noniterative(bits),
-    "network": lambda sensor, bits: jl.pretrained(sensor, "small").reconstruct(bits),
-    "initial": lambda sensor, bits: jl.Network.initial(sensor),
-    "hot jots": lambda sensor, bits: jl.calibration.find_hot_jots(bits),
-}
+def test_what_needs_single_bits_says_so():
+    readings = several_bits().expose(IMAGE, rng=0)
+    with pytest.raises(
+        ValueError, match=r"got readings of 3 bits; pass the data to jotlight\.reconstruct"
+    ):
+        jl.admm_tv(readings)
+    with pytest.raises(ValueError, match="reading_probability"):
+        several_bits().probability(IMAGE)
+    with pytest.raises(ValueError, match="out: expected none"):
+        several_bits().expose(IMAGE, out=np.zeros((5, 60, 5), np.uint8))
+    with pytest.raises(ValueError, match="a sum of frames does not say which"):
+        jl.mle(np.ones((30, 20), int), several_bits())
 
 
-OTHER_ADVICE = {
-    "plan": r"state one of each; jotlight\.plan_brackets",
-    "initial": r"reconstruct takes this sensor with the networks",
-}
+@pytest.mark.parametrize("method", [jl.reconstruct, jl.uncertainty, jl.mle, jl.noniterative])
+def test_a_sensor_with_another_number_of_bits_is_refused(method):
+    readings = jl.Sensor(frames=4, bit_depth=2).expose(np.full((8, 8), 0.5), rng=0)
+    for bit_depth, expected in ((1, "single bits"), (3, "readings of 3 bits")):
+        with pytest.raises(
+            ValueError, match=f"{expected}, as the sensor states, got readings of 2"
+        ):
+            method(readings, jl.Sensor(frames=4, bit_depth=bit_depth))
 
 
-@pytest.mark.parametrize("name", USES)
-def test_code_for_one_gain_and_threshold_refuses_others_and_says_what_to_do(name):
-    sensor = SENSORS[0]
-    bits = sensor.expose(image(sensor), rng=0)
-    advice = OTHER_ADVICE.get(name, r"pass the data to jotlight\.reconstruct")
-    message = f"sensor: expected .*one gain and (one )?threshold.*; {advice}"
-    with pytest.raises(ValueError, match=message):
-        USES[name](sensor, bits)
+def test_windows_are_readings_whose_sensor_has_as_many_frames():
+    sensor = jl.Sensor(frames=10, gain=5.0, bit_depth=3)
+    readings = sensor.expose(np.full((5, 9), 2.0), rng=0)
+    parts = list(readings.windows(4, 3))
+    assert [part.sensor for part in parts] == [sensor.replace(frames=4, gain=2.0)] * 3
+    for index, part in enumerate(parts):
+        np.testing.assert_array_equal(part.to_array(), readings[3 * index : 3 * index + 4])
+    with pytest.raises(ValueError, match="window: expected 1 to the capture's 10 frames"):
+        readings.windows(11)
 
 
-@pytest.mark.parametrize("frames", [[0, 1], 3, None])
-def test_frames_are_selected_by_a_slice(frames):
-    message = rf"frames: expected a slice, such as slice\(0, 16\), got {re.escape(repr(frames))}"
-    for sensor in (jl.Sensor(frames=4), jl.Sensor(frames=4, gain=[1.0, 2.0, 1.0, 2.0])):
-        with pytest.raises(TypeError, match=message):
-            sensor.select_frames(frames)
-
-
-def test_the_error_of_a_map_of_thresholds_for_several_bits_is_short():
-    with pytest.raises(ValueError, match=r"got an array of \w+ of shape \(64, 64\)") as caught:
-        jl.Sensor(bit_depth=4, threshold=1 + np.indices((64, 64)).sum(axis=0) % 2)
-    assert len(str(caught.value)) < 250
+def test_windows_of_a_bracket_keep_its_exposures():
+    sensor = jl.Sensor(frames=6, gain=[1.0, 8.0] * 3, bit_depth=3)
+    readings = sensor.expose(np.full((5, 9), 2.0), rng=0)
+    assert [part.sensor.gain.tolist() for part in readings.windows(2)] == [[1.0, 8.0]] * 3

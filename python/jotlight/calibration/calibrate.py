@@ -18,8 +18,8 @@ from jotlight.checks import Counts, as_counts, positive_number, real_number, sho
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.mosaic import Mosaic, Pattern
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 MAX_DARK = 0.1

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.readings import readings_differ
+from jotlight.sensing.reading_groups import readings_differ
 from jotlight.sensing.sensor import Sensor
 
 

@@ -11,7 +11,7 @@ from jotlight.layout import image_channels
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.counting import check_mask
-from jotlight.sensing.readings import require_plain_bits
+from jotlight.sensing.reading_groups import require_plain_bits
 from jotlight.sensing.response import detection_probability, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 

@@ -6,8 +6,8 @@ from jotlight.cli.console import progress
 from jotlight.cli.jot_checks import jot_remarks
 from jotlight.formats.capture import Capture
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import carried_sensor
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 

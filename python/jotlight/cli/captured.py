@@ -16,9 +16,9 @@ from jotlight.sensing.alike_frames import check_cycles, exposure_cycle, repeat_e
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.frames import read_frames
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.scaled_counts import scaled_counts_hint
 from jotlight.sensing.sensor import Sensor
 

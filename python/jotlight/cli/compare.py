@@ -15,14 +15,15 @@ from jotlight.cli.method_options import split_names
 from jotlight.cli.sensor_options import ExposureOptions
 from jotlight.evaluation.choice import network_name
 from jotlight.evaluation.compare import select_methods
-from jotlight.evaluation.comparison import COLUMNS, AnyMethod, Comparison, default_methods
+from jotlight.evaluation.comparison import COLUMNS, Comparison, default_methods
 from jotlight.evaluation.comparison import compare as compare_by_title
 from jotlight.evaluation.methods import METHODS
 from jotlight.evaluation.own_method import import_method
+from jotlight.evaluation.request import AnyMethod
 from jotlight.files import atomic_write, check_outputs
 from jotlight.images.io import read_image
 from jotlight.networks.architectures import QUALITIES
-from jotlight.networks.network import Network
+from jotlight.networks.loading import load_image_network
 from jotlight.sensing.sensor import Sensor
 
 
@@ -62,13 +63,13 @@ def compare(
     """Simulate the bits of a photograph, and compare its estimates by every method."""
     exposed = Sensor(**sensor.to_kwargs())
     names = [*split_names(method), *map(network_name, split_names(quality))]
-    selected: dict[str, AnyMethod] = _select(exposed, names)
+    selected: dict[str, AnyMethod | None] = _select(exposed, names)
     image = read_image(photo, white=white, gray=gray)
     selected = selected or {**default_methods(exposed, is_color=image.ndim == 3)}
     output = output or Path(f"{photo.stem}-compare.png")
     check_outputs([output], [photo, model, *sensor.map_files()])
     if model is not None:
-        network = Network.load(model)
+        network = load_image_network(model)
         network.check_sensor(exposed)
         selected[str(model)] = network
     run_comparison(image, exposed, output, selected, seed=seed, threads=threads)
@@ -76,9 +77,9 @@ def compare(
         _report_missing()
 
 
-def _select(sensor: Sensor, names: list[str]) -> dict[str, AnyMethod]:
+def _select(sensor: Sensor, names: list[str]) -> dict[str, AnyMethod | None]:
     """Return the methods of some names by their titles."""
-    selected: dict[str, AnyMethod] = {}
+    selected: dict[str, AnyMethod | None] = {}
     for name in names:
         if ":" in name:
             selected[name] = import_method(name)
@@ -92,7 +93,7 @@ def run_comparison(
     image: npt.NDArray[np.floating],
     sensor: Sensor,
     output: Path,
-    methods: Mapping[str, AnyMethod],
+    methods: Mapping[str, AnyMethod | None],
     *,
     seed: int = 0,
     threads: int | None = None,

@@ -49,7 +49,7 @@ class MotionOptions:
     def check(self) -> None:
         """Raise ValueError for options that do not belong together."""
         for field in dataclasses.fields(self):
-            if not self.motion and getattr(self, field.name) not in (None, False):
+            if not self.motion and getattr(self, field.name) != field.default:
                 name = field.name.replace("_", "-")
                 raise ValueError(f"{name}: is for the motion of the scene; add --motion")
         if self.model not in ("auto", *MODELS):

@@ -333,7 +333,7 @@ def _values_of_frames(
     """
     if name == "threshold" and is_map(text):
         return read_map(text)
-    text, repeats, _ = text.partition(_REPEATS)
+    repeats, text = text.endswith(_REPEATS), text.removesuffix(_REPEATS)
     try:
         values = [kind(part) for part in text.split(",")]
     except ValueError:

@@ -30,7 +30,7 @@ from jotlight.networks.mosaic_planes import plane_sensors
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained, pretrained_conditional
 from jotlight.sensing.pixel_counts import GrayImages
-from jotlight.sensing.readings import require_plain_bits, without_mosaic
+from jotlight.sensing.reading_groups import require_plain_bits, without_mosaic
 from jotlight.sensing.sensor import Sensor, require_any_sensor
 
 _ADVICE = (

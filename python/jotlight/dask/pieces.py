@@ -18,7 +18,7 @@ from jotlight.dask.chunk_counting import PART_BYTES, count_pieces, image_shape
 from jotlight.dask.spans import Spans
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.lazy import FrameSource, files_of, import_dask_array
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 
 if TYPE_CHECKING:
     import dask.array

@@ -24,7 +24,6 @@ _MIN_LIGHT = 1e-6
 """The light that replaces a light of 0 where a bit is 1, as a fraction of the maximum light."""
 
 
-# All but data and sensor are keyword-only and documented, so eleven parameters read well.
 @overload
 def admm_tv(
     data: Data | Problem,

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from jotlight.checks import to_array
 from jotlight.estimators.bracket_choice import Choice
 from jotlight.notebook import card, table_of
-from jotlight.sensing.readings import refuse_different_readings
+from jotlight.sensing.reading_groups import refuse_different_readings
 from jotlight.sensing.reference import reading_information, reference_jot
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor, require_sensor

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.errors import import_extra
+from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.sensing.mosaic import Mosaic, Pattern
 
 Values = npt.NDArray[np.float64]
@@ -182,7 +183,8 @@ def brightest_mean(values: npt.NDArray[np.floating], places: Pattern) -> Values:
 def local_mean(values: Values, known: npt.NDArray[np.bool_], spread: float) -> Values:
     """Return the mean of the known values around each pixel, with Gaussian weights.
 
-    Where no known pixel is near, the Gaussian is wider.
+    Where no known pixel is near, the Gaussian is wider, up to the size of the image. Pixels that
+    are still too far away have the value of the nearest pixel with a mean.
 
     Parameters
     ----------
@@ -204,10 +206,11 @@ def local_mean(values: Values, known: npt.NDArray[np.bool_], spread: float) -> V
     weights, weighted = known.astype(np.float64), np.where(known, values, 0.0)
     result = np.zeros(values.shape)
     missing, sigma = np.ones(values.shape, bool), spread / np.sqrt(known.mean())
-    while missing.any():
+    widest = max(sigma, *values.shape)
+    while missing.any() and sigma <= widest:
         weight = gaussian_filter(weights, sigma, mode="constant")
         near = missing & (weight > _MIN_WEIGHT)
         result[near] = gaussian_filter(weighted, sigma, mode="constant")[near] / weight[near]
         missing &= ~near
         sigma *= 2
-    return result
+    return fill_from_nearest(result, ~missing).astype(np.float64) if missing.any() else result

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import positive_number
+from jotlight.checks import number_in_range, positive_number
 from jotlight.errors import MissingExtraError
 from jotlight.estimators.vst import NOISE
 from jotlight.interrupts import interruptible
@@ -23,6 +23,9 @@ from jotlight.layout import Layout
 
 Float32Image = npt.NDArray[np.float32]
 """An image of float32."""
+
+_MAX_SIGMA = 1000.0
+"""Largest standard deviation of a Gaussian in pixels."""
 
 Denoiser = Callable[[Float32Image], npt.ArrayLike]
 """A function from an image (H, W) with white noise of standard deviation 1/2 to a denoised one."""
@@ -55,7 +58,7 @@ def gaussian(image: Float32Image, sigma: float = 1.5) -> Float32Image:
     image : array_like, shape (H, W) or (..., H, W)
         Stabilized counts, or other numbers.
     sigma : float
-        The standard deviation in pixels, at least 0.
+        The standard deviation in pixels, from 0 to 1000.
 
     Examples
     --------
@@ -64,6 +67,7 @@ def gaussian(image: Float32Image, sigma: float = 1.5) -> Float32Image:
     """
     from scipy.ndimage import gaussian_filter
 
+    sigma = number_in_range("sigma", sigma, 0, _MAX_SIGMA)
     return np.asarray(gaussian_filter(image, sigma, mode="reflect"), np.float32)
 
 

@@ -140,7 +140,7 @@ def is_saturated(joint: JointLikelihood) -> bool:
     Examples
     --------
     >>> from jotlight.sensing.joint_likelihood import joint_likelihood
-    >>> from jotlight.sensing.photon_readings import Readings
+    >>> from jotlight.sensing.readings import Readings
     >>> from jotlight.sensing.sensor import Sensor
     >>> sensor = Sensor(bit_depth=2)
     >>> for readings in ([3, 1, 3, 3], [3, 0, 0, 1, 1, 2, 0]):

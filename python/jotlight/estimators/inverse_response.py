@@ -126,8 +126,7 @@ def equivalent_fractions(
     """Return L/K that a reference jot would have in place of each pixel, of the counts' shape.
 
     Pixels without readings count as one reading that is 0. The caller must fill them, or give them
-    no weight. `pattern` is the filter of each pixel of a
-    mosaic.
+    no weight. `pattern` is the filter of each pixel of a mosaic.
 
     Examples
     --------

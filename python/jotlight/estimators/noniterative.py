@@ -24,7 +24,7 @@ from jotlight.sensing.pixel_counts import (
     gray_images,
     prepare_data,
 )
-from jotlight.sensing.readings import refuse_different_readings
+from jotlight.sensing.reading_groups import refuse_different_readings
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.stacks import each_image

@@ -14,7 +14,7 @@ from jotlight.estimators.planned_bits import PlannedBits
 from jotlight.estimators.planned_motion import MotionPlan, check_motion, plan_motion
 from jotlight.estimators.planned_readings import PlannedReadings
 from jotlight.notebook import card, table_of
-from jotlight.sensing.readings import refuse_different_readings
+from jotlight.sensing.reading_groups import refuse_different_readings
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor, require_sensor
 

@@ -14,7 +14,7 @@ from jotlight.estimators.convergence import IterationCallback, follow_slowest
 from jotlight.evaluation.methods import METHODS, Method, find_method
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 _SMALL_SIDE = 16

@@ -12,23 +12,20 @@ from jotlight.checks import as_image
 from jotlight.evaluation.choice import COLOR_NETWORK, TITLES, choose_method
 from jotlight.evaluation.compare import MethodResult, compare_methods, select_methods
 from jotlight.evaluation.methods import METHODS, Method, find_method
-from jotlight.evaluation.own_method import OwnMethod
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.request import AnyMethod
 from jotlight.layout import Layout
-from jotlight.networks.network import Network
+from jotlight.networks.color_network import AnyNetwork
 from jotlight.notebook import card, table_of, text_table
 from jotlight.parameter_names import takes_rng
 from jotlight.progress import Progress, equal_steps, shown_progress
 from jotlight.seeds import SeedLike
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor, require_sensor
 
 if TYPE_CHECKING:
     from jotlight.figures import Figure
-
-AnyMethod = str | Network | OwnMethod | None
-"""The name of a method, a network, a function of the caller, or None for the recommended method."""
 
 COLUMNS = "method", "PSNR", "SSIM", "time"
 """Titles of the columns of the table."""
@@ -84,7 +81,7 @@ class Comparison:
 
 @takes_rng
 def compare(
-    methods: Mapping[str, AnyMethod] | Sequence[AnyMethod] | AnyMethod | None,
+    methods: Mapping[str, AnyMethod | None] | Sequence[AnyMethod | None] | AnyMethod | None,
     image: npt.ArrayLike,
     sensor: Sensor,
     *,
@@ -206,17 +203,18 @@ def _describe(layout: Layout) -> str:
     return f"a stack {layout.shape}" if layout.is_stack else f"{layout.number} channels"
 
 
-def _as_method(title: str, method: AnyMethod, sensor: Sensor) -> Method:
+def _as_method(title: str, method: AnyMethod | None, sensor: Sensor) -> Method:
     """Return a method with a title."""
     if isinstance(method, str) and sensor.has_plain_bits and sensor.mosaic is None:
         return dataclasses.replace(find_method(method), title=title)
-    if not (method is None or isinstance(method, str) or callable(method)):
+    if not (method is None or isinstance(method, str | AnyNetwork) or callable(method)):
         raise TypeError(
             f"methods: expected the name of a method, a network, or a function for {title!r}, got "
             f"{method!r:.80}"
         )
     # A function of the caller may count its calls, or work for one size of images only.
-    return Method(title, partial(reconstruct, method=method), warms_up=not callable(method))
+    is_own = callable(method) and not isinstance(method, AnyNetwork)
+    return Method(title, partial(reconstruct, method=method), warms_up=not is_own)
 
 
 def _format_time(seconds: float) -> str:

@@ -21,7 +21,7 @@ from jotlight.networks.pretrained import CONDITIONAL_SIZE, pretrained_conditiona
 from jotlight.sensing.joint_likelihood import JointLikelihood, joint_likelihood
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import GrayImages
-from jotlight.sensing.readings import require_plain_bits
+from jotlight.sensing.reading_groups import require_plain_bits
 from jotlight.sensing.sensor import Sensor
 
 _ITERATIVE = "mle-iterative"

@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.networks.dim_scenes import combined_trials
+from jotlight.networks.dim_scenes import trials_per_combined
 from jotlight.sensing.response import Array
 from jotlight.sensing.subsampling import subsample_counts
 
@@ -179,7 +179,7 @@ def combine_dim(z: Array, trials: Array) -> tuple[Array, Array, float]:
     0.125 16 64
     """
     p = np.sin(z) ** 2
-    factor = combined_trials(p.astype(np.float32), trials.astype(np.float32))
+    factor = trials_per_combined(p.astype(np.float32), trials.astype(np.float32))
     if factor == 1:
         return z, trials, factor
     return np.arcsin(np.sqrt(np.minimum(factor * p, 1))), trials / factor, factor

@@ -21,8 +21,8 @@ from jotlight.networks.color_network import AnyNetwork
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import Data, GrayImages, PreparedData
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 OwnMethod = Callable[..., npt.ArrayLike]

@@ -13,8 +13,8 @@ from jotlight.formats.labels import read_counts_label, read_readings_label
 from jotlight.notebook import card, normalize
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.scaled_counts import scaled_counts_hint
 from jotlight.sensing.sensor import Sensor
 

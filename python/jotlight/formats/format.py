@@ -8,7 +8,7 @@ from jotlight.checks import Counts
 from jotlight.formats.capture import Capture
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Packed
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 
 
 @dataclasses.dataclass(frozen=True)

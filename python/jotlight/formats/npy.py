@@ -36,8 +36,8 @@ from jotlight.formats.stubs import remote_file
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.readings import Readings
 
 
 def open_npy(path: Path, options: OpenOptions) -> Capture:

@@ -25,8 +25,8 @@ from jotlight.formats.selection import select
 from jotlight.formats.with_mosaic import with_mosaic
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
-from jotlight.sensing.photon_readings import Readings
-from jotlight.sensing.readings import MAX_BIT_DEPTH
+from jotlight.sensing.reading_groups import MAX_BIT_DEPTH
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 Data = Bits | Readings | npt.NDArray[np.int32]

@@ -3,7 +3,7 @@
 from typing import TypeVar
 
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 AnyBits = TypeVar("AnyBits", Bits, Readings)

@@ -17,8 +17,8 @@ from jotlight.layout import MAX_CHANNELS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_frames
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 

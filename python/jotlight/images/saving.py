@@ -20,7 +20,7 @@ from jotlight.images.video import DEFAULT_FPS, is_floats, video_writer
 from jotlight.layout import looks_like_color
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 
 _ADVICE = {
     "Bits": "take one frame, bits[0], or bits.counts()",

@@ -3,12 +3,13 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.consistency import Consistent, find_consistent
+from jotlight.motion.consistency import MIN_ACCEPTED, Consistent, find_consistent
 from jotlight.motion.deformation import follow_tiles
 from jotlight.motion.disagreement import disagreement
 from jotlight.motion.expected_errors import is_displaced, may_hide_displacements
 from jotlight.motion.flags import find_flags
 from jotlight.motion.flicker import without_saturation
+from jotlight.motion.labels import choose
 from jotlight.motion.likelihood_gain import likelihood_gain
 from jotlight.motion.outlines import choose_labels
 from jotlight.motion.scoring import make_template
@@ -17,9 +18,6 @@ from jotlight.motion.tiles import mean_tiles
 from jotlight.motion.track import Paths, Track
 
 Array = npt.NDArray[np.float64]
-
-_MIN_ACCEPTED = 0.6
-"""Fraction of the bits of a pixel that must agree with the rest, for its motion to be known."""
 
 _MAX_UNKNOWN = 0.02
 """Fraction of pixels with unknown motion above which tiles are tried."""
@@ -54,7 +52,7 @@ def share_of_unknown(consistent: Consistent) -> float:
 
     Pixels without bits, such as those of dead jots, do not count.
     """
-    unknown = consistent.accepted[consistent.total.trials > 0] < _MIN_ACCEPTED
+    unknown = consistent.accepted[consistent.total.trials > 0] < MIN_ACCEPTED
     return float(unknown.sum() / max(unknown.size, 1))
 
 
@@ -138,4 +136,4 @@ def _starts(paths: Paths) -> list[Array]:
         [mean_tiles((paths.labels == index).astype(np.float32)) for index in range(len(nodes))]
     )
     largest = int(shares.sum(axis=(1, 2)).argmax())
-    return [np.asarray(np.choose(shares.argmax(axis=0), nodes)), nodes[largest]]
+    return [choose(shares.argmax(axis=0), nodes), nodes[largest]]

@@ -262,10 +262,13 @@ def template_and_agreement(track: Track, network: str = FAST) -> tuple[Template,
     return template, agreement(groups, template)
 
 
-def template_of(track: Track, network: str = FAST) -> Template:
-    """Return the template of the known blocks, denoised by a network."""
+def template_of(
+    track: Track, network: str = FAST, blocks: npt.NDArray[np.intp] | None = None
+) -> Template:
+    """Return the template of some blocks, all known ones by default, denoised by a network."""
     threads = track.blocks.threads
-    parts = (track.nearby_sums(int(block)) for block in np.flatnonzero(track.known))
+    blocks = np.flatnonzero(track.known) if blocks is None else blocks
+    parts = (track.nearby_sums(int(block)) for block in blocks)
     return make_template(Sums.total(parts, threads), threads, network)
 
 

@@ -27,9 +27,9 @@ from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.periodic_rates import warn_about_periods
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import carried_sensor
-from jotlight.sensing.readings import refuse_mosaic, without_mosaic
+from jotlight.sensing.reading_groups import refuse_mosaic, without_mosaic
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 _MIN_HOT_RATIO = 5.0
@@ -148,11 +148,12 @@ def _motion_of_counts(
 ) -> tuple[Motion, Consistent | None]:
     """Return the motion of readings that become counts of single bits, as :func:`find_motion`."""
     counts = converted.counts, converted.sensor
+    time = reference_time(at, converted.readings)
     motion, consistent = find_motion(*counts, None, model, threads, progress)
     motion = converted.in_frames(motion)
-    if at is None or reference_time(at, converted.readings) == motion.reference:
+    if at is None or time == motion.reference:
         return motion, consistent
-    return motion.seen_from(at), None
+    return motion.seen_from(time), None
 
 
 def _motion_of_squares(

@@ -12,7 +12,7 @@ from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.frames import Frames, read_frames
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 Planes = list[tuple[int, npt.NDArray[np.uint8]]]

@@ -41,6 +41,9 @@ CLEARLY_MORE = 0.003
 although the bits may be more likely along the other one. Likelihoods do not show whether outlines
 and tiles have the right places at the end of a burst."""
 
+MIN_ACCEPTED = 0.6
+"""Fraction of the bits of a pixel that must agree with the rest, for its motion to be known."""
+
 _BLOCKS_AT_ONCE = 16
 """Number of blocks that are tested together, and in memory together if their sums are not kept."""
 

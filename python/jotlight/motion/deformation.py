@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.motion.affine import against_others, agreement, sums_of_groups
+from jotlight.motion.affine import against_others, agreement, sums_of_groups, template_of
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.deformation_prior import (
     Measurement,
@@ -12,8 +12,7 @@ from jotlight.motion.deformation_prior import (
     solve_deviations,
     with_likely_sizes,
 )
-from jotlight.motion.scoring import FAST, PRECISE, Template, make_template, normal_equations
-from jotlight.motion.sums import Sums
+from jotlight.motion.scoring import FAST, PRECISE, Template, normal_equations
 from jotlight.motion.track import Track, from_center
 
 Array = npt.NDArray[np.float64]
@@ -54,12 +53,12 @@ def follow_tiles(blocks: Blocks, start: Array) -> Track:
     track.nodes = start.copy()
     estimate, order, number = _Estimate(track), from_center(track), 2
     while number < len(order):
-        template = _template(track, order[:number], FAST)
+        template = template_of(track, FAST, order[:number])
         number = min(len(order), max(number + 2, int(_GROWTH * number)))
         estimate.update(order[:number], template, _SIGMA)
     for sigma in _JOINT_SIGMAS:
         network = PRECISE if sigma <= _JOINT_SIGMAS[-1] else FAST
-        estimate.update_together(_template(track, order, network), sigma)
+        estimate.update_together(template_of(track, network, order), sigma)
     track.freedom = estimate.degrees_of_freedom()
     return track
 
@@ -128,10 +127,3 @@ class _Estimate:
         track = self._track
         step = self._expected + self._prior.displacements(self._coefficients) - track.nodes
         track.nodes = track.nodes + np.clip(step, -longest, longest)
-
-
-def _template(track: Track, blocks: npt.NDArray[np.intp], network: str) -> Template:
-    """Return the template of some blocks, denoised by a network."""
-    threads = track.blocks.threads
-    sums = (track.nearby_sums(int(block)) for block in blocks)
-    return make_template(Sums.total(sums, threads), threads, network)

@@ -5,6 +5,8 @@ show this. But displacements are smooth, so the bits of many tiles together show
 that are farthest from the reference time are displaced.
 """
 
+from typing import TypeVar
+
 import numpy as np
 import numpy.typing as npt
 
@@ -20,6 +22,7 @@ from jotlight.motion.flicker import at_brightness
 from jotlight.motion.scoring import Template, normal_equations
 
 Mask = npt.NDArray[np.bool_]
+Kind = TypeVar("Kind", np.float32, np.bool_)
 
 _SIGMA = 2.0
 """Width of the filter with which displacements are measured, in pixels."""
@@ -108,15 +111,18 @@ def steep_pixels(template: Template) -> Mask:
     error. Others are so smooth that a displacement hardly changes them.
     """
     slopes = np.square(np.gradient(template.probability)).sum(axis=0)
-    near = _largest_nearby(slopes, _REACH)
+    near = largest_nearby(slopes, _REACH)
     falling = np.sort(near, axis=None)[::-1]
     total = np.cumsum(falling, dtype=np.float64)
     smallest = falling[np.searchsorted(total, _SHARE * total[-1])]
     return np.asarray((near >= smallest) & (near > 0))
 
 
-def _largest_nearby(values: npt.NDArray[np.float32], distance: int) -> npt.NDArray[np.float32]:
-    """Return the largest value in the square neighborhood of each pixel."""
+def largest_nearby(values: npt.NDArray[Kind], distance: int) -> npt.NDArray[Kind]:
+    """Return the largest value in the square neighborhood of each pixel, (H, W).
+
+    For booleans, these are the pixels near one that is True.
+    """
     largest = values.copy()
     for image in (largest, largest.T):
         before = image.copy(order="K")

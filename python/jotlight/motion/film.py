@@ -18,7 +18,7 @@ from jotlight.motion.reading_counts import ReadingCounts, counts_for_motion
 from jotlight.sensing.alike_frames import check_cycles
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 

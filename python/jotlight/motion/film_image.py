@@ -14,7 +14,7 @@ from jotlight.motion.track import Paths, from_center
 from jotlight.networks.film_planes import NEIGHBORS
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 _PARTS = 4, 16

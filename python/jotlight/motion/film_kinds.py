@@ -14,13 +14,13 @@ from jotlight.motion.film_merging import FilmMerging
 from jotlight.motion.film_settings import FilmSettings
 from jotlight.motion.film_state import FilmState
 from jotlight.motion.jot_kinds import frames_of_kinds, join_kinds, sensors_of_kinds
-from jotlight.motion.merge import check_upsample, paths_at
+from jotlight.motion.merge import check_upsample, paths_along
 from jotlight.motion.mosaic_colors import check_mergeable
 from jotlight.motion.motion import Motion
 from jotlight.motion.squares import Counts, JotSquares, enlarge_motion, trials_of_frame
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.readings import without_mosaic
+from jotlight.sensing.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 
@@ -102,7 +102,7 @@ class FilmKinds:
         threads, found = self._settings.threads, []
         for kind, memory in self._of_kinds:
             burst, _ = prepare_burst(part, kind.sensor, may_repeat=True)
-            paths, _ = paths_at(burst, kind.sensor, None, motion, threads, edges)
+            paths = paths_along(burst, kind.sensor, motion, threads, edges)
             found.append(kind.merge(paths, motion, start, memory)[0])
         merged = join_kinds(found, self._sensor, threads)
         if is_lost:

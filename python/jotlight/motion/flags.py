@@ -11,6 +11,7 @@ from jotlight.motion.disagreement import Image
 from jotlight.motion.expected_errors import (
     is_dim,
     is_displaced,
+    largest_nearby,
     may_hide_displacements,
     steep_pixels,
 )
@@ -167,28 +168,14 @@ def _beyond(
     labels: npt.NDArray[np.uint8],
 ) -> Mask:
     """Return the pixels beyond limits, and those near them, and pixels without bits."""
-    few = consistent.accepted < limits.accepted
+    disagrees: Mask = disagreements > limits.disagreement
+    few: Mask = consistent.accepted < limits.accepted
     # Dead jots have no bits, which says nothing about their neighbors.
     dead: Mask = consistent.total.trials == 0
     outlines = np.zeros(labels.shape, bool)
     outlines[:, 1:] |= labels[:, 1:] != labels[:, :-1]
     outlines[1:] |= labels[1:] != labels[:-1]
-    return (
-        _grow(disagreements > limits.disagreement, limits.near_disagreement)
-        | _grow(few & ~dead, limits.near_few)
-        | dead
-        | _grow(outlines, limits.near_outline)
-    )
-
-
-def _grow(pixels: Mask, distance: int) -> Mask:
-    """Return the pixels whose square neighborhood contains one of some pixels."""
-    if not pixels.any():
-        return pixels
-    grown = pixels.copy()
-    for image in (grown, grown.T):
-        before = image.copy(order="K")
-        for shift in range(1, distance + 1):
-            image[shift:] |= before[:-shift]
-            image[:-shift] |= before[shift:]
-    return grown
+    near: Mask = largest_nearby(disagrees, limits.near_disagreement)
+    near |= largest_nearby(few & ~dead, limits.near_few)
+    near |= largest_nearby(outlines, limits.near_outline)
+    return near | dead

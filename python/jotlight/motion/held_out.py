@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from jotlight.motion.equivalent import clip_probability, equivalent_sums, expected_probability
 from jotlight.motion.frame_times import locate
+from jotlight.motion.labels import choose
 from jotlight.motion.scoring import template_network
 from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import interpolate
@@ -128,7 +129,7 @@ def _moved(image: Probability, paths: Paths, time: float) -> Probability:
         for track in paths.tracks
     ]
     fields = [interpolate(each, paths.blocks.size) for each in nodes]
-    displacement = np.choose(paths.labels, fields) if len(fields) > 1 else fields[0]
+    displacement = choose(paths.labels, fields)
     # The displacement of a pixel is nearly that of the scene point that it shows.
     rows, columns = (
         np.clip(np.rint(pixels - moved), 0, length - 1).astype(np.intp)

@@ -17,7 +17,7 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import carried_sensor
-from jotlight.sensing.readings import frames_differ, without_mosaic
+from jotlight.sensing.reading_groups import frames_differ, without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 

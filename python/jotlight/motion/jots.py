@@ -6,13 +6,13 @@ jots stands still, so it would draw an estimated motion toward 0 if it were take
 """
 
 import dataclasses
-import functools
 from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 import jotlight._engine as engine
+from jotlight.motion.lights import constant_light
 from jotlight.sensing.reference import Jot, reference_jot
 from jotlight.sensing.response import detection_density, detection_probability
 from jotlight.sensing.sensor import Sensor
@@ -25,9 +25,6 @@ _MIN_RATE = np.float32(1e-4)
 
 _MIN_COMPLEMENT = np.float32(1e-6)
 """Smallest probability that a jot reports 0."""
-
-_TABLE_SIZE = 4096
-"""Number of rates between which the response of jots that need several photons is inverted."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -203,13 +200,5 @@ def inverse_response(threshold: int, probability: Image) -> Image:
     """
     if threshold == 1:
         return np.asarray(np.maximum(-np.log(1 - probability), _MIN_RATE))
-    probabilities, rates = _table(threshold)
+    rates, probabilities, _ = constant_light(threshold)
     return np.asarray(np.interp(probability, probabilities, rates), np.float32)
-
-
-@functools.cache
-def _table(threshold: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return detection probabilities and their rates, in increasing order."""
-    largest = threshold + 10 * threshold**0.5 + 10
-    rates = np.linspace(float(_MIN_RATE) ** 0.5, largest**0.5, _TABLE_SIZE) ** 2
-    return detection_probability(threshold, rates), rates

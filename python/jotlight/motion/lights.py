@@ -55,7 +55,7 @@ class Lights:
     @kept_property
     def _table(self) -> tuple[Array, Array, Array]:
         """Rates in increasing order, their R, and its derivative."""
-        rates, ones, slope = _constant_light(self.threshold)
+        rates, ones, slope = constant_light(self.threshold)
         if self.factors == (1.0,):
             return rates, ones, slope
         light = rates / min(self.factors)
@@ -80,7 +80,7 @@ class Lights:
 
 
 @functools.cache
-def _constant_light(threshold: int) -> tuple[Array, Array, Array]:
+def constant_light(threshold: int) -> tuple[Array, Array, Array]:
     """Return rates, P(q, s) at each, and its derivative."""
     largest = threshold + 10 * threshold**0.5 + 10
     rates = np.linspace(_MIN_RATE**0.5, largest**0.5, _TABLE_SIZE) ** 2

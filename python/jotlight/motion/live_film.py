@@ -10,7 +10,7 @@ from jotlight.motion.film_image import FilmImage
 from jotlight.motion.film_settings import KEPT_WINDOWS, FilmSettings
 from jotlight.motion.jot_kinds import without_kinds
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.readings import require_plain_bits
+from jotlight.sensing.reading_groups import require_plain_bits
 from jotlight.sensing.sensor import Sensor, require_any_sensor
 
 _ADVICE = (
@@ -71,7 +71,7 @@ class LiveFilm:
     ) -> None:
         require_any_sensor(sensor)
         require_plain_bits(without_kinds(sensor), _ADVICE)
-        self._window = whole_number_in_range("window", window, 1, 2**31 - 1)
+        window = self._window = whole_number_in_range("window", window, 1, 2**31 - 1)
         self._step = whole_number_in_range("step", step, 1, window)
         settings = FilmSettings(
             window=self._window,

@@ -19,7 +19,7 @@ from jotlight.motion.align import (
 from jotlight.motion.block_edges import block_edges
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.burst import Burst
-from jotlight.motion.consistency import Consistent, find_consistent
+from jotlight.motion.consistency import MIN_ACCEPTED, Consistent, find_consistent
 from jotlight.motion.disagreement import disagreement
 from jotlight.motion.finer import count_fine, fine_paths
 from jotlight.motion.flags import find_flags, flags_of_image, is_unclear
@@ -37,19 +37,14 @@ from jotlight.motion.track import Paths, Track
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
-
-Map = npt.NDArray[np.float64]
 
 _ALIGNING = 0.8
 """Part of the time that aligning takes."""
 
 Recall = Callable[[list[Sums], npt.NDArray[np.bool_]], list[Sums]]
 """A function of the sums of each channel and of the pixels that are trusted, (H, W)."""
-
-_MIN_ACCEPTED = 0.6
-"""Fraction of the bits of a pixel that must agree with its motion, for it to be trusted."""
 
 _MAX_FLAGGED = 0.15
 """Fraction of flagged pixels above which the image is compared with sums without motion."""
@@ -161,7 +156,7 @@ def _merge(
     threads: int | None,
 ) -> Merged:
     """Return the counts along a motion. The sums along it are computed if they are not given."""
-    paths, motion = paths_at(burst, sensor, None, motion, threads)
+    paths = paths_along(burst, sensor, motion, threads)
     if motion.model == "none" and hot_jots(sensor) is not None:
         consistent = None
     return merge_along(paths, motion, sensor, consistent, upsample).merged
@@ -189,7 +184,7 @@ def _merge_kinds(
     """
     merged = []
     for burst, own in bursts:
-        paths, _ = paths_at(burst, own, None, motion, threads)
+        paths = paths_along(burst, own, motion, threads)
         merged.append(merge_along(paths, motion, own, may_stand_still=False).merged)
     joined = join_kinds(merged, sensor, threads)
     if motion.model == "none":
@@ -202,26 +197,22 @@ def _merge_kinds(
     return joined
 
 
-def paths_at(
+def paths_along(
     burst: Burst,
     sensor: Sensor,
-    at: float | None,
     motion: Motion,
     threads: int | None,
     edges: npt.NDArray[np.intp] | None = None,
-) -> tuple[Paths, Motion]:
-    """Return the paths of a motion over the blocks of a burst, as seen from a time, and the motion.
+) -> Paths:
+    """Return the paths of a motion over the blocks of a burst.
 
     `edges` are those of the blocks. Default: those of :func:`block_edges`.
     """
-    time = motion.reference if at is None else reference_time(at, burst)
-    if time != motion.reference:
-        motion = motion.seen_from(time)
     # If nothing moves, only a hot jot itself has seen its scene point. Otherwise others have, too.
     is_still = motion.model == "none"
     edges = block_edges(len(burst)) if edges is None else edges
     blocks = as_blocks(burst, edges, sensor, threads, with_hot_jots=is_still)
-    return as_paths(motion, blocks), motion
+    return as_paths(motion, blocks)
 
 
 def check_motion(motion: Motion, size: tuple[int, int], frames: int) -> None:
@@ -304,7 +295,7 @@ def merge_along(
             by_bits = find_flags(consistent, disagreements, motion.labels, is_unclear=True)
         sums = _count(of_channels, counted, upsample)
         if recall is not None:
-            trusted = ~by_bits & (consistent.accepted >= _MIN_ACCEPTED)
+            trusted = ~by_bits & (consistent.accepted >= MIN_ACCEPTED)
             sums = recall(sums, trusted | (consistent.total.trials == 0))
         flags = flags_of_image(consistent, disagreements, motion, threads, is_unclear=unclear)
     finish = as_fine if upsample > 1 else as_merged

@@ -1,5 +1,6 @@
 """Sums over jots along a motion as the merged counts of pixels."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -133,3 +134,9 @@ def _mean_of_pixels(values: npt.NDArray[np.float32], side: int) -> npt.NDArray[n
     height, width = values.shape
     jots = values.reshape(height // side, side, width // side, side)
     return np.asarray(jots.mean(axis=(1, 3), dtype=np.float64), np.float32)
+
+
+def mean_map(merged: Sequence[Merged], name: str) -> npt.NDArray[np.float64]:
+    """Return the mean of a map, or of a number for all pixels, over merged counts of one shape."""
+    maps = [np.broadcast_to(getattr(each, name), each.shape) for each in merged]
+    return np.asarray(np.mean(maps, axis=0, dtype=np.float64))

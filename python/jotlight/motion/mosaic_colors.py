@@ -1,15 +1,17 @@
 """Merged colors of the bits behind a mosaic."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.merge_readings import round_ones
+from jotlight.motion.merged_pixels import mean_map
 from jotlight.motion.squares import squares_side
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.readings import without_mosaic
+from jotlight.sensing.reading_groups import without_mosaic
 from jotlight.sensing.sensor import Sensor
 
 Map = npt.NDArray[np.float64]
@@ -100,12 +102,7 @@ def join_colors(merged: Sequence[Merged], sensor: Sensor) -> Merged:
     sensor : Sensor
         The sensor, with a mosaic.
     """
-    shape = merged[0].shape
-
-    def mean(name: str) -> Map:
-        maps = [np.broadcast_to(getattr(each, name), shape) for each in merged]
-        return np.asarray(np.mean(maps, axis=0, dtype=np.float64))
-
+    shape, mean = merged[0].shape, partial(mean_map, merged)
     side = squares_side(sensor) // sensor.oversampling
     counts = [
         _with_neighbors(each.ones, np.broadcast_to(each.trials, shape), side) for each in merged

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from jotlight.argument_types import as_path, as_tensors_path
 from jotlight.checks import real_number
 from jotlight.motion.figure import draw_change, draw_paths
+from jotlight.motion.labels import choose
 from jotlight.motion.reference_time import move_labels, move_nodes
 from jotlight.motion.tiles import interpolate, tile_counts
 from jotlight.notebook import card
@@ -157,8 +158,7 @@ class Motion:
 
     def at(self, time: float) -> npt.NDArray[np.float32]:
         """Return u of each jot at a time, (2, H, W): rows and columns in jots."""
-        fields = [interpolate(nodes, self.size) for nodes in self.nodes_at(time)]
-        return np.choose(self.labels, fields) if len(fields) > 1 else fields[0]
+        return choose(self.labels, [interpolate(nodes, self.size) for nodes in self.nodes_at(time)])
 
     def seen_from(self, time: float) -> "Motion":
         """Return the same motion as seen from another reference time.

@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.motion.labels import choose
 from jotlight.motion.motion import Motion
 from jotlight.motion.tiles import TILE
 
@@ -26,4 +27,4 @@ def posterior_error(motion: Motion) -> npt.NDArray[np.float32]:
     variance = np.where(variance < _MAX_ERROR**2, variance, _MAX_ERROR**2)
     error = np.sqrt(variance.mean(axis=1)).astype(np.float32)
     jots = error.repeat(TILE, axis=1).repeat(TILE, axis=2)[:, :height, :width]
-    return np.choose(motion.labels, list(jots)) if len(jots) > 1 else jots[0]
+    return choose(motion.labels, list(jots))

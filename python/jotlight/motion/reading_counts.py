@@ -30,10 +30,10 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
-from jotlight.sensing.readings import without_mosaic
+from jotlight.sensing.reading_groups import without_mosaic
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 

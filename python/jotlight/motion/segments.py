@@ -14,6 +14,7 @@ import numpy.typing as npt
 from jotlight.blur import blur
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.equivalent import equivalent_sums
+from jotlight.motion.labels import choose
 from jotlight.motion.regularize import fit_affine
 from jotlight.motion.scoring import make_blurred_template, normal_equations
 from jotlight.motion.shrinkage import shrink_field
@@ -185,7 +186,7 @@ def _refined(scene: _Scene, part: _Candidate, region: npt.NDArray[np.bool_]) -> 
 def _score(energies: list[Array], noise: float) -> float:
     """Return the energy of all tiles, without that by which a choice of velocities gains."""
     labels = _majority(energies)
-    chosen = np.choose(labels, energies).sum()
+    chosen = choose(labels, energies).sum()
     return float(chosen) - sum(
         _by_chance(int((labels == position).sum()), noise) for position in range(1, len(energies))
     )

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,7 @@ from jotlight.estimators.neighbors import average_fractions, toward_own
 from jotlight.estimators.reference_sensors import reference_sensor
 from jotlight.estimators.whole_counts import diffuse
 from jotlight.formats.capture import CountStack
+from jotlight.motion.merged_pixels import mean_map
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.merged import Merged
@@ -67,12 +69,7 @@ def join_thresholds(merged: Sequence[Merged], sensor: Sensor, threads: int | Non
     threads : int, optional
         Number of threads. Default: all.
     """
-    shape = merged[0].shape
-
-    def mean(name: str) -> Array:
-        maps = [np.broadcast_to(getattr(each, name), shape) for each in merged]
-        return np.asarray(np.mean(maps, axis=0, dtype=np.float64))
-
+    mean = partial(mean_map, merged)
     reference = reference_sensor(sensor)
     near = _average(merged)
     gradient, information = _likelihood(merged, near)

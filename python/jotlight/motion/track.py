@@ -9,6 +9,7 @@ import numpy.typing as npt
 import jotlight._engine as engine
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.kept_sums import Curve, KeptSums, keeps_sums
+from jotlight.motion.labels import choose
 from jotlight.motion.sums import Sums
 from jotlight.motion.tiles import interpolate, tile_counts
 
@@ -208,7 +209,7 @@ class Paths:
         Or only those of every second, third, or nth row and column.
         """
         fields = [track.displacements(block, step) for track in self.tracks]
-        return np.choose(self.labels[::step, ::step], fields) if len(fields) > 1 else fields[0]
+        return choose(self.labels[::step, ::step], fields)
 
 
 def from_center(paths: Counted) -> npt.NDArray[np.intp]:

@@ -89,7 +89,7 @@ def _count_blocks(
     number = min(MAX_BLOCKS, 2 * (middle // length))
     start = middle - number // 2 * length
     side = BIN if min(burst.size) > BIN else 1
-    height, width = (jots // side for jots in burst.size)
+    height, width = burst.size[0] // side, burst.size[1] // side
     counts = np.zeros((number, height, width), np.int32)
     row = slice(0, height * side), slice(0, -(-width * side // 8))
     valid = None if jots is None else np.packbits(jots.maps[2, *row[:1]] > 0, axis=1)[:, row[1]]

@@ -19,6 +19,8 @@ class ColorNetwork(PlanesNetwork):
         How the network was made, in values that JSON can hold.
     trials_range : (int, int)
         Smallest and largest K of the network.
+    rotations : {1, 4}
+        4 averages the output over the rotations of the planes by 90 degrees.
 
     Raises
     ------

@@ -46,7 +46,7 @@ _DIM = 1 / (_ROOM * _MIN_FACTOR)
 """Fraction of ones of the brightest pixels below which trials may be combined."""
 
 
-def combined_trials(fraction: Image, trials: LocalTrials, smallest: int = 1) -> float:
+def trials_per_combined(fraction: Image, trials: LocalTrials, smallest: int = 1) -> float:
     """Return c, the number of trials per combined trial, or 1 for scenes that are not dim.
 
     Parameters
@@ -61,8 +61,10 @@ def combined_trials(fraction: Image, trials: LocalTrials, smallest: int = 1) -> 
     Examples
     --------
     >>> dim = np.full((8, 8), 1 / 256, np.float32)
-    >>> combined_trials(dim, 256), combined_trials(32 * dim, 256), combined_trials(dim, 16)
-    (16.0, 2.0, 1.0)
+    >>> trials_per_combined(dim, 256), trials_per_combined(32 * dim, 256)
+    (16.0, 2.0)
+    >>> trials_per_combined(dim, 16)
+    1.0
     """
     bright = float(np.quantile(fraction, _NEARLY_ALL))
     typical = float(np.median(trials))
@@ -118,9 +120,9 @@ class Combined(NamedTuple):
 def combine(fraction: Image, trials: LocalTrials, smallest: int = 1) -> Combined | None:
     """Return the combined trials of an image, or None for a scene that is not dim.
 
-    The parameters are those of :func:`combined_trials`.
+    The parameters are those of :func:`trials_per_combined`.
     """
-    if (factor := combined_trials(fraction, trials, smallest)) == 1:
+    if (factor := trials_per_combined(fraction, trials, smallest)) == 1:
         return None
     number: LocalTrials
     if isinstance(trials, int):

@@ -1,6 +1,7 @@
 """The network of the engine behind a network of layers."""
 
 import copy
+import operator
 from typing import Any, ClassVar, Final, Self
 
 import jotlight._engine as engine
@@ -37,7 +38,7 @@ class EngineBacked:
     rotations: int
     history: dict[str, Any]
     precision: str = F32
-    """Precision of the products, which :meth:`with_precision` selects. A file does not store it."""
+    """Precision of the products, "f32" or "bf16". A file does not store it."""
     planes: ClassVar[int] = 0
     """Number of planes that the network reads, or 0 if it reads counts or bits."""
 
@@ -52,9 +53,9 @@ class EngineBacked:
         """
         # No lock: a process that is forked meanwhile would wait for it forever. Two threads may
         # both create the network.
-        source = self.layers, self.rotations
+        source = self._source()
         kept = self.__dict__.get(_KEPT)
-        if kept is None or kept[0][0] is not source[0] or kept[0][1] != source[1]:
+        if kept is None or not all(map(operator.is_, kept[0], source)):
             layers = [layer.to_engine(layer.filters, layer.coefficients) for layer in self.layers]
             model = sensor_model(self.sensor)
             network = engine.Network(
@@ -63,6 +64,10 @@ class EngineBacked:
             self.__dict__[_KEPT] = kept = source, network.with_precision(self.precision)
         found: engine.Network = kept[1]
         return found
+
+    def _source(self) -> tuple[object, ...]:
+        """Return what the network in the engine is made from."""
+        return self.layers, self.rotations, self.sensor, self.precision
 
     def with_precision(self, precision: str) -> Self:
         """Return the network with its products in a precision, "f32" or "bf16".
@@ -91,14 +96,14 @@ class EngineBacked:
             raise ValueError(f"{error}; {DEEP}") from None
         changed = copy.copy(self)
         changed.precision = precision
-        changed.__dict__[_KEPT] = (self.layers, self.rotations), network
+        changed.__dict__[_KEPT] = changed._source(), network
         return changed
 
     def sharing_engine(self) -> Self:
         """Return a copy with attributes of its own, and with the same network of the engine."""
         copied = copy.copy(self)
         copied.history = copy.deepcopy(self.history)
-        copied.__dict__[_KEPT] = (self.layers, self.rotations), self.engine_network
+        copied.__dict__[_KEPT] = self._source(), self.engine_network
         return copied
 
     @property

@@ -68,8 +68,12 @@ def _draw_splines(axes: "Axes", number: int, layer: Layer) -> None:
 
 
 def _draw_filters(axes: "Axes", number: int, layer: Layer) -> None:
-    """Draw the first filters of a layer side by side, for the first input channel only."""
-    filters = layer.filters[:, 0] if layer.filters.ndim == 4 else layer.filters[0, :, 0]
+    """Draw the first filters of a layer side by side, for the first input channel only.
+
+    If it has several parameter sets, draw the middle one.
+    """
+    of_k = layer.filters if layer.filters.ndim == 4 else layer.filters[len(layer.filters) // 2]
+    filters = of_k[:, 0]
     shown = filters[:_MAX_CURVES]
     columns = math.ceil(math.sqrt(len(shown)))
     rows = math.ceil(len(shown) / columns)

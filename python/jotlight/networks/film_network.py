@@ -20,6 +20,8 @@ class FilmNetwork(PlanesNetwork):
         How the network was made, in values that JSON can hold.
     trials_range : (int, int)
         Smallest and largest K of the network.
+    rotations : {1, 4}
+        4 averages the output over the rotations of the planes by 90 degrees.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from jotlight.estimators.inpaint import NO_VALID_BIT, warn_about_dead_pixels
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.mosaic import Mosaic, Pattern
 from jotlight.sensing.pixel_counts import PixelCounts
-from jotlight.sensing.readings import without_mosaic
+from jotlight.sensing.reading_groups import without_mosaic
 from jotlight.sensing.reference import reading_information
 from jotlight.sensing.sensor import Sensor
 

@@ -12,6 +12,7 @@ from jotlight.networks.description import repr_of
 from jotlight.networks.engine_backed import EngineBacked
 from jotlight.networks.graph import size_divisor
 from jotlight.networks.layer import Layer
+from jotlight.networks.layer_checks import check_rotations
 from jotlight.networks.network_files import read_network, write_network
 from jotlight.networks.planes_layers import build_correction
 from jotlight.parameter_names import takes_rng
@@ -31,6 +32,8 @@ class PlanesNetwork(EngineBacked):
         How the network was made, in values that JSON can hold.
     trials_range : (int, int)
         Smallest and largest K of the network.
+    rotations : {1, 4}
+        4 averages the output over the rotations of the planes by 90 degrees.
 
     Raises
     ------
@@ -51,16 +54,13 @@ class PlanesNetwork(EngineBacked):
         history: Mapping[str, Any] | None = None,
         *,
         trials_range: tuple[int, int],
+        rotations: int = 1,
     ) -> None:
         self.layers = tuple(layers)
         self.trials_range: tuple[int, int] = trials_range
         self.history = dict(history or {})
         self.sensor, self.tied = Sensor(), True
-        self.rotations = 1
-        """Number of rotations of the planes over which the output is averaged, 1 to 4.
-
-        A file does not store it.
-        """
+        self.rotations = check_rotations(rotations, tied=self.tied)
         self._check_layers()
         _ = self.engine_network  # It refuses layers whose values could overflow.
 
@@ -146,7 +146,7 @@ class PlanesNetwork(EngineBacked):
         def make(
             layers: Sequence[Layer], _: Sensor, history: Mapping[str, Any], **options: Any
         ) -> "PlanesNetwork":
-            return cls(layers, history, trials_range=options["trials_range"])
+            return cls(layers, history, **options)
 
         return cast(Self, read_network(path, make, planes=cls.planes))
 

@@ -6,8 +6,8 @@ In reading order:
   sensor, and the random bits of an image. ``maps`` and ``values`` check parameters that differ from
   jot to jot, ``parameters`` treats all of them as a whole, and ``intensity_scale`` and
   ``simulated_bits`` serve simulations;
-* ``readings``, ``multibit``, ``photon_readings``, ``draw_readings``: gains and thresholds that
-  differ, several bits, and read noise;
+* ``readings``, ``multibit``, and ``draw_readings``: several bits, and read noise;
+  ``reading_groups``: gains and thresholds that differ from frame to frame;
 * ``mosaic`` with ``mosaic_text`` and ``mosaic_checks``: color filters;
 * ``bits``, ``frames``, and ``provenance``: packed bits in memory or in files, and their origin.
   ``sensor_like`` is what bits need of a sensor, ``counting`` counts their ones, ``lazy`` makes lazy

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from jotlight.sensing.readings import (
+from jotlight.sensing.reading_groups import (
     GroupedSensor,
     S,
     frames_differ,

@@ -9,7 +9,7 @@ from jotlight.argument_types import refuse_path
 from jotlight.checks import refuse_masked
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 
 
 def list_of_data(data: object) -> list[Bits | Readings | Merged]:

@@ -14,7 +14,7 @@ from jotlight.sensing.draw_bits import draw_bits
 from jotlight.sensing.draw_readings import draw_readings, noisy_probability
 from jotlight.sensing.draws import Draw
 from jotlight.sensing.parameters import Parameters
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.simulate import (
     EnginePart,
     Window,

@@ -25,15 +25,15 @@ from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.maps import pixel_means
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.multibit import ReadingLikelihood
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import (
     GrayData,
     PixelCounts,
     count_pixels,
     describe_pixels,
 )
+from jotlight.sensing.reading_groups import ReadingGroup, frames_differ
 from jotlight.sensing.reading_samples import Sample, require_readings, sample_readings
-from jotlight.sensing.readings import ReadingGroup, frames_differ
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 

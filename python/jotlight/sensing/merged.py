@@ -12,7 +12,7 @@ from jotlight.layout import Layout
 from jotlight.notebook import card, normalize
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.maps import pixel_means
-from jotlight.sensing.readings import require_plain_bits
+from jotlight.sensing.reading_groups import require_plain_bits
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import checked_trials, numbers_from_zero
 

@@ -18,7 +18,7 @@ from jotlight.sensing.filter_hints import (
     means_of_filters,
     white_order,
 )
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 
 THRESHOLD = 6.0
 """Score, in standard deviations, above which rates are periodic.

@@ -18,8 +18,8 @@ from jotlight.sensing.data_lists import list_of_data
 from jotlight.sensing.maps import constant_or_map, mean_dark_counts, pixel_means, stack_maps
 from jotlight.sensing.merged import Merged, refuse_finer_grid
 from jotlight.sensing.periodic_rates import warn_about_periods
-from jotlight.sensing.photon_readings import Readings, image_of_readings
-from jotlight.sensing.readings import without_mosaic
+from jotlight.sensing.reading_groups import without_mosaic
+from jotlight.sensing.readings import Readings, image_of_readings
 from jotlight.sensing.scaled_counts import check_range, check_whole, warn_about_frames
 from jotlight.sensing.sensor import Sensor, require_sensor
 from jotlight.sensing.values import check_any_valid, checked_trials
@@ -71,8 +71,6 @@ class PixelCounts:
 
     def select(self, images: Sequence[int]) -> "PixelCounts":
         """Return the counts of some of N images."""
-        if len(images) == len(self.counts):
-            return self
         maps: dict[str, Any] = {
             name: value[images]
             for name in ("counts", *_PARAMETERS)

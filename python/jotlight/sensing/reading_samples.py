@@ -9,8 +9,8 @@ import numpy.typing as npt
 from jotlight.memory import check_memory
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.frames import read_in_chunks
-from jotlight.sensing.photon_readings import Readings
-from jotlight.sensing.readings import ReadingGroup
+from jotlight.sensing.reading_groups import ReadingGroup
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 

@@ -1,350 +1,249 @@
-"""Readings that differ: gains and thresholds with a value for each frame, and groups of frames."""
+"""Readings of several bits, which state how many photons each jot has seen."""
 
-import dataclasses
-import math
-from typing import Any, Generic, Protocol, TypeGuard, TypeVar
+from collections.abc import Callable, Iterator
+from typing import Any, Self, SupportsIndex, overload
 
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.checks import number_in_range, shown, to_array, whole_number_in_range
-from jotlight.errors import warn
-from jotlight.sensing.maps import LIMITS, MAX_THRESHOLD, checked_threshold_map
+from jotlight.checks import refuse_masked, to_array
+from jotlight.chunks import windows
+from jotlight.notebook import card, normalize
+from jotlight.sensing import preview
+from jotlight.sensing.array_hints import ArrayHints
+from jotlight.sensing.bits_checks import check_fits, refuse_many_channels
+from jotlight.sensing.channels import channel_views
+from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
+from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.sensor_like import SensorLike
 
-Gain = float | npt.NDArray[np.float64]
-"""α: a number, or the photons on a pixel of intensity 1 in each frame, (T,)."""
-
-Threshold = int | npt.NDArray[np.int64] | npt.NDArray[np.uint16]
-"""q: a number, one for each frame (T,), or a map with one for each jot (H·K̂, W·K̂)."""
-
-MAX_BIT_DEPTH = 16
-"""Maximum number of bits of a reading."""
-
-MIN_READ_NOISE, MAX_READ_NOISE = 1e-3, 100.0
-"""Limits of the standard deviation of read noise above 0, in photons. Less changes no reading."""
-
-AMBIGUOUS_NOISE = 0.5
-"""Read noise at which a third of the readings are not the number of photons."""
-
-S = TypeVar("S", bound="GroupedSensor")
+_SHOWN = 64
+"""Number of frames of which a preview shows the mean."""
 
 
-class GroupedSensor(Protocol):
-    """The part of :class:`jotlight.Sensor` that groups of readings use."""
+class Readings(ArrayHints):
+    """Readings of several bits: numbers from 0 to 2^b - 1, one for each jot and frame.
 
-    @property
-    def frames(self) -> int: ...  # noqa: D102
-    @property
-    def gain(self) -> Gain: ...  # noqa: D102
-    @property
-    def threshold(self) -> Threshold: ...  # noqa: D102
-    @property
-    def oversampling(self) -> int: ...  # noqa: D102
-    @property
-    def bit_depth(self) -> int: ...  # noqa: D102
-    @property
-    def read_noise(self) -> float: ...  # noqa: D102
-    @property
-    def mask(self) -> npt.NDArray[np.bool_] | None: ...  # noqa: D102
-    @property
-    def mosaic(self) -> Any: ...  # noqa: D102
-    def replace(self: S, **changes: Any) -> S: ...  # noqa: D102
-
-
-@dataclasses.dataclass(frozen=True)
-class ReadingGroup(Generic[S]):
-    """The readings of a sensor that have the same gain and the same threshold."""
-
-    frames: npt.NDArray[np.intp]
-    """The frames of the group, in ascending order."""
-    sensor: S
-    """A sensor with these frames, one gain, and one threshold. Its mask also marks the jots with
-    other thresholds."""
-
-
-def checked_gain(gain: npt.ArrayLike, frames: int) -> Gain:
-    """Return a gain as a number, or as a read-only array with one value for each frame.
-
-    Equal values become the number that is their sum.
+    Parameters
+    ----------
+    array : array_like of int or Frames, shape (T, H, W), (H, W), or (T, H, W, C)
+        The readings. :class:`jotlight.sensing.frames.Frames` are read from files when they are
+        needed.
+    sensor : Sensor
+        The sensor that recorded them. Its `bit_depth` is 2 or more.
+    provenance : jotlight.sensing.provenance.Provenance, optional
+        The file that the readings come from.
 
     Raises
     ------
-    ValueError
-        When a value is out of range, or the values do not match the frames.
+    TypeError, ValueError
+        When the array and the sensor do not fit together, or a reading is out of range.
 
     Examples
     --------
-    >>> checked_gain([1.0, 8.0], 2).tolist(), checked_gain([2.0, 2.0], 2)
-    ([1.0, 8.0], 4.0)
+    >>> from jotlight.sensing.sensor import Sensor
+    >>> readings = Readings([[[0, 3]], [[1, 2]]], Sensor(frames=2, bit_depth=2))
+    >>> readings
+    <Readings: 2 frames of 1 x 2 jots, 2 bits each, Sensor(frames=2, bit_depth=2)>
+    >>> readings.sum().tolist()
+    [[1, 5]]
     """
-    values = to_array("gain", gain)
-    if values.ndim == 0:
-        return number_in_range("gain", gain, *LIMITS)
-    _check_frames("gain", values, frames, "a number")
-    values = values.astype(np.float64)
-    low, high = values.min(), values.max()
-    if not LIMITS[0] <= low <= high <= LIMITS[1] or not values.sum() <= LIMITS[1]:
-        raise ValueError(
-            f"gain: expected a number from {LIMITS[0]:g} to {LIMITS[1]:g} for each frame, got "
-            f"{low:g} to {high:g}"
-        )
-    return float(low * frames) if low == high else _read_only(values)
 
-
-def checked_threshold(threshold: npt.ArrayLike, frames: int) -> Threshold:
-    """Return a threshold as a number, or as a read-only array over the frames or the jots.
-
-    Equal values become one number.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of range, or the array has another shape.
-
-    Examples
-    --------
-    >>> checked_threshold([1, 4], 2).tolist(), checked_threshold([[3, 3]], 2)
-    ([1, 4], 3)
-    """
-    values = to_array("threshold", threshold)
-    if values.ndim == 0:
-        return whole_number_in_range("threshold", threshold, 1, MAX_THRESHOLD)
-    if values.ndim == 2:
-        return checked_threshold_map(values)
-    _check_frames("threshold", values, frames, f"a whole number from 1 to {MAX_THRESHOLD}")
-    low, high = values.min(), values.max()
-    if not 1 <= low <= high <= MAX_THRESHOLD or (values != np.floor(values)).any():
-        raise ValueError(
-            f"threshold: expected whole numbers from 1 to {MAX_THRESHOLD}, got {low:g} to {high:g}"
-        )
-    return int(low) if low == high else _read_only(values.astype(np.int64))
-
-
-def checked_response(bit_depth: object, read_noise: object, threshold: Threshold) -> dict[str, Any]:
-    """Return the bits of a reading and the read noise by name.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of range, or a reading of several bits has a threshold.
-
-    Warns
-    -----
-    JotlightWarning
-        When the read noise hides how many photons a jot has seen.
-
-    Examples
-    --------
-    >>> checked_response(4, 0.3, 1)
-    {'bit_depth': 4, 'read_noise': 0.3}
-    """
-    depth = whole_number_in_range("bit_depth", bit_depth, 1, MAX_BIT_DEPTH)
-    noise = number_in_range("read_noise", read_noise, 0, MAX_READ_NOISE)
-    if 0 < noise < MIN_READ_NOISE:
-        raise ValueError(
-            f"read_noise: expected 0, or {MIN_READ_NOISE:g} photons or more, got {noise:g}, which "
-            "changes no reading; pass 0"
-        )
-    if depth > 1 and (isinstance(threshold, np.ndarray) or threshold != 1):
-        raise ValueError(
-            f"threshold: expected 1, because readings of {depth} bits state the number of photons, "
-            f"got {shown(threshold)}; a threshold is for readings of one bit, bit_depth=1"
-        )
-    if noise >= AMBIGUOUS_NOISE:
-        wrong = math.erfc(0.5 / noise / math.sqrt(2))
-        warn(
-            f"read_noise: {noise:g} photons change {wrong:.0%} of the readings, so a reading "
-            "does not tell a number of photons from the next one, nor a dark jot from one with "
-            "dark counts; estimates need many readings, and an exact value of the read noise "
-            f"and of the dark counts; photons can be counted below {AMBIGUOUS_NOISE:g}"
-        )
-    return {"bit_depth": depth, "read_noise": noise}
-
-
-def _check_frames(name: str, values: npt.NDArray[Any], frames: int, number: str) -> None:
-    if values.dtype.kind not in "iuf" or values.shape != (frames,):
-        some = ", or a map of the jots" if name == "threshold" else ""
-        raise ValueError(
-            f"{name}: expected {number}, or one for each of the {frames} "
-            f"frame{'s' * (frames > 1)}{some}, got {values.dtype} of shape {values.shape}; state "
-            f"the number of frames too, as in Sensor(frames={max(values.shape[0], 2)}, {name}=[…])"
-        )
-
-
-def _read_only(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    copy = np.array(values)
-    copy.flags.writeable = False
-    return copy
-
-
-def frames_differ(sensor: GroupedSensor) -> bool:
-    """Return whether the gain or the threshold has a value for each frame."""
-    return _is_per_frame(sensor.gain) or _is_per_frame(sensor.threshold)
-
-
-def _is_per_frame(value: Any) -> TypeGuard[npt.NDArray[Any]]:
-    return isinstance(value, np.ndarray) and value.ndim == 1
-
-
-def readings_differ(sensor: GroupedSensor) -> bool:
-    """Return whether the readings of a sensor differ in their gain or their threshold."""
-    return isinstance(sensor.gain, np.ndarray) or isinstance(sensor.threshold, np.ndarray)
-
-
-def group_readings(sensor: S) -> list[ReadingGroup[S]]:
-    """Return the groups of readings with the same gain and the same threshold.
-
-    Every reading of a live jot is in one group. The order is that of the gains, and then that of
-    the thresholds.
-    """
-    number, gain, threshold = sensor.frames, sensor.gain, sensor.threshold
-    length = number if frames_differ(sensor) else 1
-    gains = gain if isinstance(gain, np.ndarray) else np.full(length, gain / number)
-    of_frames = np.ones(length) if np.ndim(threshold) == 2 else np.broadcast_to(threshold, length)
-    pairs = np.stack([gains, np.asarray(of_frames, np.float64)])
-    unique, places = np.unique(pairs, axis=1, return_inverse=True)
-    groups: list[ReadingGroup[S]] = []
-    for index, (one_gain, one_threshold) in enumerate(unique.T.tolist()):
-        frames = np.flatnonzero(np.broadcast_to(places.reshape(-1) == index, number))
-        same = {"frames": len(frames), "gain": one_gain * len(frames)}
-        if np.ndim(threshold) == 2:
-            for value in np.unique(threshold):
-                mask = np.asarray(threshold != value)
-                mask = mask if sensor.mask is None else mask | sensor.mask
-                own = sensor.replace(**same, threshold=int(value), mask=mask)
-                groups.append(ReadingGroup(frames, own))
-        else:
-            own = sensor.replace(**same, threshold=int(one_threshold))
-            groups.append(ReadingGroup(frames, own))
-    return groups
-
-
-def select_frames(sensor: S, frames: slice) -> S:
-    """Return the sensor of some of the frames, each of which keeps its gain and threshold."""
-    if not isinstance(frames, slice):
-        raise TypeError(f"frames: expected a slice, such as slice(0, 16), got {shown(frames)}")
-    number = len(range(sensor.frames)[frames])
-    if not readings_differ(sensor):
-        return sensor.replace(frames=number)
-    gain, threshold = sensor.gain, sensor.threshold
-    return sensor.replace(
-        frames=number,
-        gain=gain[frames] if isinstance(gain, np.ndarray) else gain * number / sensor.frames,
-        threshold=threshold[frames] if _is_per_frame(threshold) else threshold,
-    )
-
-
-def replaced_gain(sensor: GroupedSensor, changes: dict[str, Any]) -> dict[str, Any]:
-    """Return changes of a sensor, which include its gain if it has a value for each frame.
-
-    The light of a jot and frame stays as it is, unless the changes contain the gain.
-
-    Raises
-    ------
-    ValueError
-        When the number of frames changes, but not the values for each frame.
-    """
-    frames = changes.get("frames", sensor.frames)
-    for name in ("gain", "threshold"):
-        if frames != sensor.frames and name not in changes and _is_per_frame(getattr(sensor, name)):
-            raise ValueError(
-                f"frames: expected {sensor.frames}, because the sensor has a {name} for each "
-                f"frame, got {frames!r}; pass {name} too, or take frames: bits[a:b], "
-                "sensor.select_frames(slice(a, b))"
+    def __init__(
+        self,
+        array: npt.ArrayLike | Frames,
+        sensor: SensorLike,
+        provenance: Provenance | None = None,
+    ) -> None:
+        if not hasattr(sensor, "bit_depth"):
+            raise TypeError(
+                "sensor: expected a jotlight.Sensor, such as Sensor(frames=16, bit_depth=4), got "
+                f"{type(sensor).__name__}"
             )
-    if "gain" in changes or not isinstance(sensor.gain, np.ndarray):
-        return changes
-    side = changes.get("oversampling", sensor.oversampling)
-    return {**changes, "gain": sensor.gain * (side / sensor.oversampling) ** 2}
+        refuse_masked("readings", array)
+        values: Any = array if isinstance(array, Frames) else to_array("readings", array)
+        if values.dtype.kind not in "iu":
+            raise TypeError(f"readings: expected whole numbers, got {values.dtype}")
+        if values.ndim == 2:
+            values = values[None]
+        if values.ndim not in (3, 4) or values.size == 0:
+            raise ValueError(
+                "readings: expected shape (T, H, W), (H, W), or (T, H, W, C), without a dimension "
+                f"of 0, got {values.shape}"
+            )
+        refuse_many_channels("readings", values.shape)
+        self.frames = values
+        self.sensor = sensor
+        self.provenance = provenance
+        check_fits(self.shape, sensor, bit_depth=max(2, sensor.bit_depth))
+        if isinstance(values, np.ndarray):
+            self._check_range(values)
+
+    @property
+    def bit_depth(self) -> int:
+        """Number of bits of a reading."""
+        return self.sensor.bit_depth
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(T, H, W) or (T, H, W, C), in jots."""
+        return tuple(self.frames.shape)
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return int(self.shape[0])
+
+    @overload
+    def __getitem__(self, frames: SupportsIndex) -> npt.NDArray[np.uint16]: ...
+    @overload
+    def __getitem__(self, frames: slice) -> Self: ...
+
+    def __getitem__(self, frames: SupportsIndex | slice) -> npt.NDArray[np.uint16] | Self:
+        """Return one frame as an array, or a view of several, whose sensor has as many frames."""
+        if isinstance(frames, slice):
+            refuse_no_frames("readings", frames, len(self))
+            return type(self)(
+                self.frames[frames], self.sensor.select_frames(frames), self.provenance
+            )
+        index = frame_index("readings", frames, len(self))
+        return np.asarray(self.read(index, index + 1)[0])
+
+    def windows(self, n: int, step: int | None = None) -> Iterator[Self]:
+        """Return an iterator over windows of `n` frames, which begin every `step` frames.
+
+        Parameters
+        ----------
+        n : int
+            Number of frames, from 1 to T.
+        step : int, optional
+            Frames from one window to the next. Default: the size of a window.
+
+        Raises
+        ------
+        ValueError
+            When a number is out of range.
+
+        Examples
+        --------
+        >>> from jotlight.sensing.sensor import Sensor
+        >>> readings = Readings(np.ones((10, 4, 4), int), Sensor(frames=10, bit_depth=3))
+        >>> [len(part) for part in readings.windows(4, 3)]
+        [4, 4, 4]
+        """
+        return (self[frames] for frames in windows(len(self), n, step))
+
+    def read(self, start: int, stop: int) -> npt.NDArray[np.uint16]:
+        """Return the readings of some frames as an array.
+
+        Raises
+        ------
+        ValueError
+            When the file holds a reading that the sensor cannot report.
+        """
+        part = np.asarray(self.frames[start:stop])
+        if isinstance(self.frames, Frames):
+            self._check_range(part)
+        return part.astype(np.uint16, copy=False)
+
+    def to_array(self) -> npt.NDArray[np.uint16]:
+        """Return all readings as an array, (T, H, W) or (T, H, W, C)."""
+        return self.read(0, len(self))
+
+    def __array__(
+        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
+    ) -> npt.NDArray[Any]:
+        """Return :meth:`to_array`, for ``numpy.asarray``."""
+        return np.array(self.to_array(), dtype, copy=copy)
+
+    def sum(
+        self, oversampling: int = 1, *, progress: Callable[[float], object] | None = None
+    ) -> npt.NDArray[np.int64]:
+        """Return the sum of all frames, (H, W) or (H, W, C), in the memory of a few frames.
+
+        Parameters
+        ----------
+        oversampling : int
+            K̂: the readings of each K̂ x K̂ jots are added. Default: each jot has its own sum.
+        progress : callable, optional
+            A function that is called repeatedly with the completed fraction, from 0 to 1.
+
+        Raises
+        ------
+        ValueError
+            When the jots do not form whole pixels.
+        """
+        total = np.zeros(self.shape[1:], np.int64)
+        for place, _ in read_in_chunks(self.frames):
+            total += self.read(place.start, place.stop).sum(axis=0, dtype=np.int64)
+            if progress:
+                progress(place.stop / len(self))
+        height, width, *channels = total.shape
+        if oversampling < 1 or height % oversampling or width % oversampling:
+            raise ValueError(
+                f"oversampling: expected one that divides {height} x {width} jots, got "
+                f"{oversampling}"
+            )
+        side = oversampling
+        pixels = total.reshape(height // side, side, width // side, side, *channels)
+        return np.asarray(pixels.sum(axis=(1, 3)))
+
+    def show(self, *, viewer: bool = False) -> None:
+        """Show the mean reading of each jot, with matplotlib. Only the first 64 frames are read.
+
+        Parameters
+        ----------
+        viewer : bool
+            Whether to open a viewer with a slider instead, as :meth:`jotlight.Bits.show` does.
+        """
+        if viewer:
+            preview.open_viewer(self)
+            return
+        part = self.read(0, min(len(self), _SHOWN))
+        preview.show_image(normalize(part.mean(axis=0)), "the mean reading of the first frames")
+
+    def channels(self) -> list["Readings"]:
+        """Return the readings of each channel, (T, H, W)."""
+        if len(self.shape) == 3:
+            return [self]
+        return [Readings(view, self.sensor) for view in channel_views(self.frames, 3)]
+
+    def _check_range(self, values: npt.NDArray[Any]) -> None:
+        highest = 2**self.sensor.bit_depth - 1
+        if values.min() < 0 or values.max() > highest:
+            raise ValueError(
+                f"readings: expected 0 to {highest} for {self.sensor.bit_depth} bits, got "
+                f"{values.min()} to {values.max()}; sensor.replace(bit_depth=...) (--bit-depth) "
+                "states another number of bits"
+            )
+
+    def _repr_html_(self) -> str:
+        frames, height, width, *_ = self.shape
+        facts: dict[str, object] = {
+            "frames": frames,
+            "jots": f"{height} x {width}",
+            "sensor": self.sensor,
+            "image": "the mean reading of the first frames",
+        }
+        part = self.read(0, min(frames, _SHOWN))
+        return card("Readings", facts, normalize(part.mean(axis=0)))
+
+    def __repr__(self) -> str:
+        frames, height, width, *channels = self.shape
+        color = f" x {channels[0]} channels" if channels else ""
+        return (
+            f"<Readings: {frames} frame{'s' * (frames != 1)} of {height} x {width} jots{color}, "
+            f"{self.sensor.bit_depth} bits each, {self.sensor!r}>"
+        )
 
 
-def has_plain_bits(sensor: GroupedSensor) -> bool:
-    """Return whether readings are bits with one gain and one threshold, without read noise."""
-    return not readings_differ(sensor) and sensor.bit_depth == 1 and sensor.read_noise == 0
-
-
-COUNTS_ADVICE = (
-    "pass the data to jotlight.reconstruct or jotlight.uncertainty, which take them with every "
-    "method, or to jotlight.mle"
-)
-"""What to do with readings that a method of counts does not take."""
-
-MOSAIC_ADVICE = "jotlight.reconstruct and jotlight.uncertainty take such readings behind a mosaic"
-"""The same for a sensor with a mosaic."""
-
-
-def require_plain_bits(sensor: GroupedSensor, advice: str = COUNTS_ADVICE) -> None:
-    """Raise ValueError unless the readings are bits with one gain and threshold, without noise.
-
-    The sensor must be gray, too.
-
-    Examples
-    --------
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> require_plain_bits(Sensor(frames=2, bit_depth=4))
-    Traceback (most recent call last):
-      ...
-    ValueError: sensor: expected single bits without noise, got readings of 4 bits; pass ...
-    """
-    refuse_mosaic(sensor)
-    if sensor.bit_depth == 1 and sensor.read_noise == 0:
-        refuse_different_readings(sensor, advice)
-        return
-    depth = f"readings of {sensor.bit_depth} bits" if sensor.bit_depth > 1 else "single bits"
-    noise = f" with read noise {sensor.read_noise:g}" if sensor.read_noise else ""
-    raise ValueError(f"sensor: expected single bits without noise, got {depth}{noise}; {advice}")
-
-
-def without_mosaic(sensor: S) -> S:
-    """Return a sensor that treats all pixels as gray.
-
-    Examples
-    --------
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> without_mosaic(Sensor(frames=4, gain=2.0, mosaic="RGGB"))
-    Sensor(frames=4, gain=2.0)
-    """
-    return sensor.replace(mosaic=None, gain=sensor.gain)
-
-
-def refuse_mosaic(sensor: GroupedSensor) -> None:
-    """Raise ValueError when a sensor has a color mosaic.
-
-    Examples
-    --------
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> refuse_mosaic(Sensor(mosaic="RGGB"))
-    Traceback (most recent call last):
-      ...
-    ValueError: sensor: expected a gray sensor, got one with the mosaic Mosaic('RGGB'); ...
-    """
-    if sensor.mosaic is not None:
+def image_of_readings(
+    data: Any, sensor: SensorLike, trials: object, channel_axis: int | None
+) -> Readings:
+    """Return an image (H, W) of a sensor with one frame as readings of several bits."""
+    if trials is not None or channel_axis is not None or sensor.trials > 1 or np.ndim(data) != 2:
         raise ValueError(
-            f"sensor: expected a gray sensor, got one with the mosaic {sensor.mosaic!r}; "
-            "jotlight.reconstruct estimates colors, by every method; sensor.replace(mosaic=None) "
-            "treats all pixels as gray"
+            f"data: expected jotlight.Readings, because the sensor has {sensor.bit_depth} bits per "
+            f"reading, got an array of shape {np.shape(data)}; a sum of frames does not say which "
+            "readings were the largest, so pass all frames: jotlight.Readings(frames, sensor)"
         )
-
-
-def refuse_different_readings(sensor: GroupedSensor, advice: str = COUNTS_ADVICE) -> None:
-    """Raise ValueError when the readings of a sensor differ in their gain or their threshold.
-
-    Examples
-    --------
-    >>> from jotlight.sensing.sensor import Sensor
-    >>> refuse_different_readings(Sensor(frames=2, gain=[1.0, 8.0]))
-    Traceback (most recent call last):
-      ...
-    ValueError: sensor: expected one gain and one threshold for all readings, got ...
-    """
-    names = [
-        name for name in ("gain", "threshold") if isinstance(getattr(sensor, name), np.ndarray)
-    ]
-    if names:
-        each = " and ".join(
-            f"a {name} for each {'frame' if np.ndim(getattr(sensor, name)) == 1 else 'jot'}"
-            for name in names
-        )
-        raise ValueError(
-            f"sensor: expected one gain and one threshold for all readings, got {each}; {advice}"
-        )
+    return Readings(data, sensor)

@@ -8,11 +8,11 @@ import numpy.typing as npt
 
 from jotlight.checks import number_in_range, refuse_masked, shown, whole_number_in_range
 from jotlight.parameter_names import require_names
-from jotlight.sensing import readings
+from jotlight.sensing import reading_groups
 from jotlight.sensing.exposure import Exposure
 from jotlight.sensing.maps import LIMITS, MAPS, checked_maps
 from jotlight.sensing.mosaic import Mosaic
-from jotlight.sensing.readings import ReadingGroup
+from jotlight.sensing.reading_groups import ReadingGroup
 from jotlight.sensing.response import JotResponse, PixelResponse
 from jotlight.sensing.simulate import EnginePart
 
@@ -123,12 +123,14 @@ class Sensor(Exposure):
             raise ValueError(f"kernel: expected one of {', '.join(KERNELS)}, got {self.kernel!r}")
         gain: float | None = self.gain
         checked: dict[str, Any] = {
-            "gain": readings.checked_gain(self.trials if gain is None else gain, self.frames),
-            "threshold": readings.checked_threshold(self.threshold, self.frames),
+            "gain": reading_groups.checked_gain(self.trials if gain is None else gain, self.frames),
+            "threshold": reading_groups.checked_threshold(self.threshold, self.frames),
         }
         for name in ("max_intensity", *(["exposure_time"] * (self.exposure_time is not None))):
             checked[name] = number_in_range(name, getattr(self, name), *LIMITS)
-        checked |= readings.checked_response(self.bit_depth, self.read_noise, checked["threshold"])
+        checked |= reading_groups.checked_response(
+            self.bit_depth, self.read_noise, checked["threshold"]
+        )
         checked |= checked_maps(self.dark_counts, self.efficiency, self.mask, checked["threshold"])
         if self.mosaic is not None:
             checked["mosaic"] = Mosaic.of(self.mosaic)
@@ -152,13 +154,13 @@ class Sensor(Exposure):
         If each frame has its own gain, there is no such number, and this raises ValueError.
         """
         if isinstance(cast(Any, self.gain), np.ndarray):
-            readings.refuse_different_readings(self)
+            reading_groups.refuse_different_readings(self)
         return self.gain / self.trials
 
     @property
     def readings_differ(self) -> bool:
         """Whether the gain or the threshold has a value for each frame, or for each jot."""
-        return readings.readings_differ(self)
+        return reading_groups.readings_differ(self)
 
     @property
     def max_reading(self) -> int:
@@ -171,7 +173,7 @@ class Sensor(Exposure):
 
         The count of the ones of a pixel then has all information of its bits.
         """
-        return readings.has_plain_bits(self)
+        return reading_groups.has_plain_bits(self)
 
     def groups(self) -> list[ReadingGroup[Self]]:
         """Return the readings with equal gain and threshold: their frames and their sensor.
@@ -182,7 +184,7 @@ class Sensor(Exposure):
         >>> [(group.frames.tolist(), group.sensor) for group in groups]
         [([0, 2], Sensor(frames=2)), ([1], Sensor(gain=8.0))]
         """
-        return readings.group_readings(self)
+        return reading_groups.group_readings(self)
 
     def select_frames(self, frames: slice) -> Self:
         """Return the sensor of some of the frames.
@@ -192,7 +194,7 @@ class Sensor(Exposure):
         >>> Sensor(frames=4, gain=[1.0, 8.0, 1.0, 8.0]).select_frames(slice(None, None, 2))
         Sensor(frames=2)
         """
-        return readings.select_frames(self, frames)
+        return reading_groups.select_frames(self, frames)
 
     def replace(self, **changes: Any) -> Self:
         """Return a sensor with some parameters changed. Unless `gain` is changed, α/K is kept.
@@ -204,7 +206,7 @@ class Sensor(Exposure):
         >>> Sensor(oversampling=2, gain=2.0).replace(frames=3).gain
         6.0
         """
-        changes = readings.replaced_gain(self, changes)
+        changes = reading_groups.replaced_gain(self, changes)
         # Read noise that does not change is not warned about again.
         same = {} if "read_noise" in changes else {"read_noise": 0.0}
         new = dataclasses.replace(self, **{"gain": None, **same, **changes})
@@ -217,7 +219,7 @@ class Sensor(Exposure):
 
     def engine_arguments(self) -> dict[str, Any]:
         """Return the sensor as the engine's simulation expects it."""
-        readings.refuse_different_readings(self)
+        reading_groups.refuse_different_readings(self)
         return {
             "response": self.jot_response(),
             "oversampling": self.oversampling,
@@ -233,7 +235,7 @@ class Sensor(Exposure):
         """Return the groups of equal readings as the engine's simulation expects them."""
         if not self.readings_differ:
             return [EnginePart(None, self.engine_arguments())]
-        by_frame = readings.frames_differ(self)
+        by_frame = reading_groups.frames_differ(self)
         return [
             EnginePart(group.frames if by_frame else None, group.sensor.engine_arguments())
             for group in self.groups()
@@ -241,12 +243,12 @@ class Sensor(Exposure):
 
     def jot_response(self) -> JotResponse:
         """Return how a jot turns photons into a reading."""
-        readings.refuse_different_readings(self)
+        reading_groups.refuse_different_readings(self)
         return JotResponse(self.max_reading, self.read_noise, self.threshold)
 
     def pixel_response(self) -> PixelResponse:
         """Return the response of a pixel with the box kernel."""
-        readings.require_plain_bits(self)
+        reading_groups.require_plain_bits(self)
         return PixelResponse(self.threshold, self.light_per_intensity, self.max_intensity)
 
 
@@ -298,9 +300,9 @@ def require_sensor(
     """
     require_any_sensor(sensor)
     assert isinstance(sensor, Sensor)
-    advice = readings.COUNTS_ADVICE if sensor.mosaic is None else readings.MOSAIC_ADVICE
+    advice = reading_groups.COUNTS_ADVICE if sensor.mosaic is None else reading_groups.MOSAIC_ADVICE
     if takes_mosaics:
-        sensor = readings.without_mosaic(sensor)
-    readings.refuse_mosaic(sensor)
+        sensor = reading_groups.without_mosaic(sensor)
+    reading_groups.refuse_mosaic(sensor)
     if not may_differ:
-        readings.require_plain_bits(sensor, advice)
+        reading_groups.require_plain_bits(sensor, advice)

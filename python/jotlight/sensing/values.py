@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import MAX_SHOWN, refuse_masked, shown, whole_numbers
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 
 
 def flatten(value: Any) -> Any:

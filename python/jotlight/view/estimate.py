@@ -23,9 +23,9 @@ from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.multibit import ReadingLikelihood
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import Data
-from jotlight.sensing.readings import without_mosaic
+from jotlight.sensing.reading_groups import without_mosaic
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 from jotlight.view.counted import EQUIVALENT, ONES, Counted, counted_by
 from jotlight.view.state import COUNTS

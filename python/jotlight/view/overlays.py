@@ -13,7 +13,7 @@ from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.channels import last_channel_axis
 from jotlight.sensing.merged import Merged
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 from jotlight.view.counted import EQUIVALENT
 from jotlight.view.estimate import DEMOSAICING, Estimate
 from jotlight.view.state import COUNTS

@@ -11,9 +11,9 @@ from jotlight.formats.capture import Capture, CountStack
 from jotlight.kept import kept_property
 from jotlight.sensing.alike_frames import exposure_cycle, repeat_exposures
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.photon_readings import Readings
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 
 MAX_BRIEF_BYTES = 1 << 23

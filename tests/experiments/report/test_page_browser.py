@@ -174,7 +174,9 @@ def test_enlarged_areas_show_what_the_frame_shows(opened):
     tab = opened()
     scene = tab.locator(".scene").nth(2)
     frame, stage = (scene.locator(name).bounding_box() for name in (".frame", ".stage"))
-    for crop in scene.locator(".crop").all():
+    crops = scene.locator(".crop").all()
+    assert crops
+    for crop in crops:
         window, image = (crop.locator(name).bounding_box() for name in (".window", "img"))
         assert crop.locator("img").evaluate("it => it.complete && it.naturalWidth > 0")
         for axis, length in (("x", "width"), ("y", "height")):
@@ -185,7 +187,9 @@ def test_enlarged_areas_show_what_the_frame_shows(opened):
 
 def test_images_fit_on_the_screen(opened):
     tab = opened(viewport={"width": 1280, "height": 700})
-    for compare in tab.locator(".compare").all():
+    shown = tab.locator(".compare").all()
+    assert shown
+    for compare in shown:
         assert compare.bounding_box()["height"] <= 700
         assert compare.bounding_box()["width"] <= 1280
 

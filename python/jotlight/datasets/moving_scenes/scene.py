@@ -19,7 +19,7 @@ from jotlight.parameter_names import takes_rng
 from jotlight.seeds import SeedLike
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.intensity_scale import MEANING, warn_about_scale
-from jotlight.sensing.photon_readings import Readings
+from jotlight.sensing.readings import Readings
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.simulated_bits import simulated_bits
 
