@@ -1,4 +1,4 @@
-"""A flat capture that is none is reported, and one of even light is not."""
+"""A flat capture that is none is reported, and one of even light is not; so are dark ones."""
 
 import warnings
 
@@ -107,3 +107,34 @@ def test_a_stated_mosaic_is_not_reported():
     with warnings.catch_warnings():
         warnings.simplefilter("error", jl.JotlightWarning)
         calibrate(passed * response((16, 16)), mosaic="RGGB")
+
+
+@pytest.mark.parametrize("frames", [100, pytest.param(4000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("light", [0.02, 0.3])
+def test_a_photograph_is_no_dark_capture(frames, light):
+    image = jl.datasets.photograph("coins", gray=True)[:256, :256]
+    rates = -np.expm1(-light * image / image.mean())
+    counts = np.random.default_rng(0).binomial(frames, rates)
+    with pytest.warns(jl.JotlightWarning, match=r"dark: expected a capture without .* Cover the"):
+        jl.calibrate(counts, frames=frames)
+
+
+# A corner that the electronics heat, a slow slope, and jots that differ by themselves.
+@pytest.mark.parametrize("frames", [100, pytest.param(4000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "usual",
+    [
+        lambda y, x: 1 + 3 * np.exp(-((x - 1) ** 2 + (y - 1) ** 2) / 0.1),
+        lambda y, x: np.exp(x / 2),
+        lambda y, x: 1 + 0 * y,
+    ],
+)
+def test_a_dark_capture_may_be_uneven(usual, frames):
+    rng = np.random.default_rng(1)
+    y, x = np.mgrid[-1:1:160j, -1:1:200j]
+    dark = rng.gamma(2, 0.005, x.shape) * usual(y, x)
+    dark[rng.random(x.shape) < 0.01] = 0.5
+    counts = rng.binomial(frames, -np.expm1(-dark))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        jl.calibrate(counts, frames=frames)

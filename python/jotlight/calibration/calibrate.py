@@ -9,11 +9,12 @@ import numpy.typing as npt
 from jotlight.argument_types import refuse_path
 from jotlight.calibration.bulk import fit_bulk
 from jotlight.calibration.captured_sensor import captured_threshold
+from jotlight.calibration.evenness import warn_about_scene
 from jotlight.calibration.flat import measure_response
 from jotlight.calibration.hot_jots import check_false_positive_rate
 from jotlight.calibration.jot_counts import JotCounts
 from jotlight.calibration.result import Calibration, check_same_orientation
-from jotlight.calibration.steadiness import Steadiness, steadiness
+from jotlight.calibration.steadiness import Steadiness, steadiness, warn_about_frames
 from jotlight.checks import Counts, as_counts, positive_number, real_number, shown
 from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
@@ -94,9 +95,9 @@ def calibrate(
     -----
     JotlightWarning
         If frames are correlated, if the rates change over time, if there are too few frames to
-        distinguish hot jots from ordinary ones at the false-positive rate, if the light of the
-        flat capture is not even, and if most hot jots do not have their dark counts in the flat
-        capture.
+        distinguish hot jots from ordinary ones at the false-positive rate, if the dark capture
+        shows a scene, if the light of the flat capture is not even, and if most hot jots do not
+        have their dark counts in the flat capture.
     PeriodicRatesWarning
         If the rates of the flat capture repeat, as under color filters, and no `mosaic` is stated.
 
@@ -238,7 +239,8 @@ def calibrate_sums(
             f"the rate of {false_positive_rate:.2g}; record more frames, or frames with fewer dark "
             "counts"
         )
-    _warn_about_frames("dark", dark.steadiness, false_positive_rate)
+    warn_about_frames("dark", dark.steadiness, false_positive_rate)
+    warn_about_scene(ones / number, hot)
     return found if flat is None else _with_flat(found, flat)
 
 
@@ -257,7 +259,7 @@ def _with_flat(found: Calibration, flat: JotSums) -> Calibration:
         false_positive_rate=found.false_positive_rate,
         filters=flat.filters,
     )
-    _warn_about_frames("flat", flat.steadiness, found.false_positive_rate)
+    warn_about_frames("flat", flat.steadiness, found.false_positive_rate)
     efficiency = np.minimum(measured.relative / measured.relative.max(), 1).astype(np.float32)
     mask = found.mask | measured.dead
     return dataclasses.replace(
@@ -329,22 +331,3 @@ def _provenance(**data: object) -> dict[str, Provenance]:
         for name, part in data.items()
         if isinstance(part, Bits) and part.provenance is not None
     }
-
-
-def _warn_about_frames(name: str, steady: Steadiness | None, rate: float) -> None:
-    """Warn about correlation, and change over time, with a p-value below the rate."""
-    from scipy.stats import norm
-
-    if steady is None:
-        return
-    if abs(steady.correlation_z) > norm.isf(rate / 2):
-        warn(
-            f"{name}: successive frames are correlated, {steady.correlation:.2g} "
-            f"(z = {steady.correlation_z:.1f}), for example by afterpulsing; the likelihood "
-            "assumes independent frames"
-        )
-    if steady.homogeneity_z > norm.isf(rate):
-        warn(
-            f"{name}: counts change over time (z = {steady.homogeneity_z:.1f}), for example by "
-            "motion, flicker, or temperature; the calibration assumes constant rates"
-        )

@@ -1,4 +1,4 @@
-"""Tests of a flat capture: whether its light is even, and its sensor gray."""
+"""Tests of captures: whether a flat one has even light, and a dark one none."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.calibration.jot_counts import Rates
-from jotlight.calibration.light import LocalLight
+from jotlight.calibration.light import LocalLight, window_mean, window_sum
 from jotlight.errors import PeriodicRatesWarning, warn
 from jotlight.sensing.periodic_rates import THRESHOLD, PeriodicRates, largest_period
 
@@ -55,6 +55,28 @@ def warn_about_light(found: LocalLight, relative: Rates, known: Flags, gray: boo
             f"flat: expected even light, got differences of {structure:.0%} that no slow change "
             "explains, as in the image of a scene; the response may contain the scene. Record a "
             "white wall out of focus, or an integrating sphere"
+        )
+
+
+def warn_about_scene(rates: Rates, hot: Flags) -> None:
+    """Warn if a dark capture shows the image of a scene.
+
+    Parameters
+    ----------
+    rates : ndarray of float64, shape (H, W)
+        The fraction of ones of each jot.
+    hot : ndarray of bool, shape (H, W)
+        The hot jots, which are not compared.
+    """
+    mean = window_mean(rates, ~hot)
+    variance = np.maximum(window_mean(rates**2, ~hot) - mean**2, 0)
+    error = np.sqrt(variance / np.maximum(window_sum((~hot).astype(np.float64)), 1))
+    structure = light_structure(mean, error)
+    if structure > MIN_STRUCTURE:
+        warn(
+            f"dark: expected a capture without light, got differences of {structure:.0%} between "
+            "groups of jots that no slow change explains, as in the image of a scene; the dark "
+            "counts may contain its light. Cover the sensor, and record again"
         )
 
 

@@ -91,20 +91,20 @@ def mean_light(
         passed = _passed(light, excess, slope, used, filters)
         # P is nearly linear in the light of a window, so this is a step of Newton's method.
         shown = light / passed
-        total = _window_sum(weight * slope / shown)
+        total = window_sum(weight * slope / shown)
         known = total > _MIN_SLOPE
-        shown[known] = _window_sum(weight * (excess + slope))[known] / total[known]
+        shown[known] = window_sum(weight * (excess + slope))[known] / total[known]
         light = np.maximum(passed * shown, lowest)
     excess, slope = excess_and_slope(flat, dark, light)
-    total = np.maximum(_window_sum(weight * slope), _MIN_SLOPE)
-    error = light * np.sqrt(np.maximum(_window_sum(weight * excess**2), 0)) / total
-    return LocalLight(light, light / passed, error, excess, slope, np.rint(_window_sum(weight)))
+    total = np.maximum(window_sum(weight * slope), _MIN_SLOPE)
+    error = light * np.sqrt(np.maximum(window_sum(weight * excess**2), 0)) / total
+    return LocalLight(light, light / passed, error, excess, slope, np.rint(window_sum(weight)))
 
 
 def window_mean(values: Rates, used: Flags) -> Rates:
     """Return the mean over the used jots of the window around each jot, or 0 without any."""
-    number = np.rint(_window_sum(used.astype(np.float64)))
-    return np.where(number > 0, _window_sum(values * used) / np.maximum(number, 1), 0.0)
+    number = np.rint(window_sum(used.astype(np.float64)))
+    return np.where(number > 0, window_sum(values * used) / np.maximum(number, 1), 0.0)
 
 
 def excess_and_slope(flat: JotCounts, dark: Rates, light: Rates) -> tuple[Rates, Rates]:
@@ -127,7 +127,7 @@ def _passed(
     return passed
 
 
-def _window_sum(values: Rates) -> Rates:
+def window_sum(values: Rates) -> Rates:
     """Return the sum over the window around each jot, which ends at the edge of the sensor."""
     from scipy.ndimage import uniform_filter
 

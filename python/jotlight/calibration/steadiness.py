@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import warn
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.counting import check_mask
 from jotlight.sensing.frames import Frames, read_frames
@@ -227,3 +228,32 @@ def _homogeneity(
     columns = (blocks - 1) * (n - blocks) / (n - 1)
     variance = np.where(varies, 2 * n / (n - 3) * rows * columns, 0)
     return np.where(varies, chi2 - mean, 0), np.sqrt(np.maximum(variance, 0))
+
+
+def warn_about_frames(name: str, steady: Steadiness | None, rate: float) -> None:
+    """Warn about correlation, and change over time, with a p-value below the rate.
+
+    Parameters
+    ----------
+    name : str
+        Name of the capture.
+    steady : Steadiness or None
+        Results of the tests, or None if the frames are not known.
+    rate : float
+        The largest p-value.
+    """
+    from scipy.stats import norm
+
+    if steady is None:
+        return
+    if abs(steady.correlation_z) > norm.isf(rate / 2):
+        warn(
+            f"{name}: successive frames are correlated, {steady.correlation:.2g} "
+            f"(z = {steady.correlation_z:.1f}), for example by afterpulsing; the likelihood "
+            "assumes independent frames"
+        )
+    if steady.homogeneity_z > norm.isf(rate):
+        warn(
+            f"{name}: counts change over time (z = {steady.homogeneity_z:.1f}), for example by "
+            "motion, flicker, or temperature; the calibration assumes constant rates"
+        )

@@ -34,6 +34,7 @@ from jotlight.evaluation.color_data import (
     takes_mosaic,
     uses_color_network,
 )
+from jotlight.evaluation.dark_counts import warn_about_dark_counts
 from jotlight.evaluation.different_readings import takes_readings, with_one_response
 from jotlight.evaluation.held_out import blend
 from jotlight.evaluation.info import Info
@@ -225,8 +226,10 @@ def reconstruct(
         estimate, info = _by_function(method, request, data, sensor, out)
     else:
         with without_warnings_of_colors(data):
-            estimate, info = _by_method(request, gray_images(data), sensor, out)
+            images = gray_images(data)
+            estimate, info = _by_method(request, images, sensor, out)
         warn_about_clipping(estimate, sensor)
+        warn_about_dark_counts(images, sensor, threads)
     if scale != 1:
         # A function of the caller may return an array that it still needs.
         is_own = out is not None or isinstance(method, str | AnyNetwork | None)
