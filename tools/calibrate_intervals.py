@@ -32,7 +32,8 @@ from jotlight.evaluation.error_scale import (
     log_ones,
 )
 from jotlight.evaluation.interval_pixels import Pixels
-from jotlight.evaluation.intervals import TYPICAL_DEVIATION, estimate_halves
+from jotlight.evaluation.intervals import estimate_halves
+from jotlight.evaluation.known_errors import TYPICAL_DEVIATION
 from jotlight.sensing.pixel_counts import count_pixels
 
 TRIALS = 1, 2, 3, 4, 6, 9, 16, 25, 36, 64, 100, 256, 1024, 4096
@@ -185,7 +186,8 @@ def error_ratios(images: list[NDArray[np.float32]], rng: np.random.Generator) ->
         halves = divide_bits(pixels.ones, pixels.trials)
         [of_halves] = estimate_halves(network(pixels.sensor), [pixels], [halves], 1)
         errors = pixels.errors(halves, of_halves)
-        z, scale = pixels.stabilize(values), pixels.scale(values, errors, error_model())
+        z = pixels.stabilize(values)
+        scale = pixels.known_errors(values, errors, error_model()).scale
         of_pixels = (
             (pixels.stabilize(image) - z) / scale,
             log_ones(z, pixels.trials),

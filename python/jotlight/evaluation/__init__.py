@@ -13,7 +13,8 @@ In reading order:
   ``weights``: the files of the networks behind a result.
 - ``uncertainty``: an interval for each pixel. ``intervals``, ``interval_pixels``, and
   ``error_scale`` are for gray images, ``color_intervals`` is for mosaics, and ``channel_intervals``
-  for three channels. ``known_estimate`` checks an estimate of the caller.
+  for three channels. ``known_errors``: the errors behind an interval. ``known_estimate`` checks an
+  estimate of the caller.
 - ``evaluate``: one method on many images.
 - ``compare``, ``comparison``: many methods on one image.
 """

@@ -62,9 +62,8 @@ def find_channel_intervals(
         for index, (one, own) in enumerate(zip(each, halves, strict=True)):
             known = estimates[start + index]
             errors = one.errors(own, [colors[index] for colors in of_halves])
-            scale = one.scale(known, errors, model)
-            about = known, known, scale, errors, confidence_level, model
-            results.append(one.uncertainty(*about, one.unbounded))
+            of_network = one.known_errors(known, errors, model)
+            results.append(one.uncertainty(known, of_network, confidence_level))
     return Uncertainty.arrange(results, images.layout)
 
 

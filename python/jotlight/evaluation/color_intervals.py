@@ -24,7 +24,8 @@ from jotlight.evaluation.error_scale import (
     error_model,
 )
 from jotlight.evaluation.interval_pixels import Pixels, intensity_of, stabilize
-from jotlight.evaluation.intervals import MIN_TRIALS, widen
+from jotlight.evaluation.intervals import MIN_TRIALS
+from jotlight.evaluation.known_errors import KnownErrors
 from jotlight.evaluation.known_estimate import read_estimate
 from jotlight.evaluation.methods import LARGE_TRIALS
 from jotlight.evaluation.mosaics import count_image
@@ -250,11 +251,12 @@ def find_color_intervals(
     for color, scale in enumerate(scales):
         gray = pixels.colors_of(color)
         own = np.ascontiguousarray(colors[..., color])
+        of_network = KnownErrors(known[..., color], scale, errors, model)
         if not is_own:
             difference = gray.stabilize(own) - gray.stabilize(known[..., color])
-            scale = widen(scale, difference)
-        about = own, known[..., color], scale, errors, confidence_level, model
-        found = gray.uncertainty(*about, pixels.behind_filters.unbounded)
+            of_network = of_network.widened(difference)
+        unbounded = pixels.behind_filters.unbounded
+        found = gray.uncertainty(own, of_network, confidence_level, unbounded)
         is_saturated = saturated & (pixels.shares[color] > 0)
         results.append(dataclasses.replace(found, saturated=is_saturated[None], dead=dead[None]))
     return results

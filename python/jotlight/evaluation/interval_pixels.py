@@ -19,6 +19,7 @@ from jotlight.evaluation.error_scale import (
     gray_scale,
     is_unlikely,
 )
+from jotlight.evaluation.known_errors import KnownErrors
 from jotlight.kept import kept_property
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.pixel_counts import Estimate, PixelCounts
@@ -267,37 +268,37 @@ class Pixels:
             )
         return found
 
-    def scale(self, known: Estimate, errors: list[HalfErrors], model: ErrorModel) -> Array:
-        """Return the scale of the errors of a network's estimate, with those from the halves."""
-        z, trials = (
-            self.stabilize(known),
-            self.local_trials(self.trials, self.relative_slope(known)),
-        )
-        scale = gray_scale(model, z, trials)
-        if not errors:
-            return scale
-        return scale * correction(errors, [expected_squares(model, half) for half in errors], z)
+    def known_errors(
+        self, estimate: Estimate, halves: list[HalfErrors], model: ErrorModel
+    ) -> KnownErrors:
+        """Return the errors of a network's estimate, with those from the halves."""
+        pixel = self._pixel_of(estimate)
+        scale = gray_scale(model, *pixel)
+        if halves:
+            expected = [expected_squares(model, half) for half in halves]
+            scale = scale * correction(halves, expected, pixel[0])
+        return KnownErrors(estimate, scale, halves, model)
+
+    def _pixel_of(self, estimate: Estimate) -> tuple[Array, Array]:
+        """Return z of a network's estimate, and the local trials."""
+        slope = self.relative_slope(estimate)
+        return self.stabilize(estimate), self.local_trials(self.trials, slope)
 
     def uncertainty(
         self,
         estimate: Estimate,
-        known: Estimate,
-        scale: Array,
-        errors: list[HalfErrors],
+        known: KnownErrors,
         confidence_level: float,
-        model: ErrorModel,
-        unbounded: npt.NDArray[np.bool_],
+        unbounded: npt.NDArray[np.bool_] | None = None,
     ) -> Uncertainty:
-        """Return the uncertainty (1, H, W) of an estimate whose errors have a scale.
+        """Return the uncertainty (1, H, W) of an estimate.
 
-        The network's estimate `known` states the class of each pixel. Where it is `unbounded`,
-        intervals end at S.
+        The estimate of the network behind the `known` errors states the class of each pixel. Where
+        the light is `unbounded`, by default as in :attr:`unbounded`, intervals end at S.
         """
-        z = self.stabilize(estimate)
-        pixel = (
-            self.stabilize(known),
-            self.local_trials(self.trials, self.relative_slope(known)),
-        )
+        scale, errors, model = known.scale, known.halves, known.model
+        z, pixel = self.stabilize(estimate), self._pixel_of(known.estimate)
+        unbounded = self.unbounded if unbounded is None else unbounded
 
         from scipy.special import ndtri
 

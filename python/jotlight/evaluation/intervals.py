@@ -12,17 +12,10 @@ from jotlight.evaluation.interval_pixels import Pixels
 from jotlight.layout import Layout
 from jotlight.networks.network import Network
 from jotlight.sensing.pixel_counts import Estimate, GrayImages
-from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import Sensor
 
 MIN_TRIALS = 4
 """Minimum number of trials whose halves show errors; see `MIN_HELD_OUT`."""
-
-TYPICAL_DEVIATION = 1.4
-"""Root mean square of error/scale on photographs."""
-
-_WINDOW = 7
-"""Side of the window in which two estimates are compared, in pixels."""
 
 
 def find_intervals(
@@ -64,12 +57,11 @@ def find_intervals(
         known = own if is_own else _quietly(network, part, sensor, threads)
         for place, one in enumerate(each):
             errors = one.errors(halves[place], of_halves[place])
-            scale = one.scale(known[place], errors, error_model())
+            of_network = one.known_errors(known[place], errors, error_model())
             if not is_own:
                 difference = one.stabilize(own[place]) - one.stabilize(known[place])
-                scale = widen(scale, difference)
-            about = own[place], known[place], scale, errors, confidence_level, error_model()
-            results.append(one.uncertainty(*about, one.unbounded))
+                of_network = of_network.widened(difference)
+            results.append(one.uncertainty(own[place], of_network, confidence_level))
     return Uncertainty.arrange(results, images.layout)
 
 
@@ -100,15 +92,3 @@ def _quietly(network: Network, images: GrayImages, sensor: Sensor, threads: int 
     images = dataclasses.replace(images, layout=Layout((len(images),)))
     with hide_warnings():
         return network.reconstruct(images, sensor, threads=threads)
-
-
-def widen(scale: Array, difference: Array) -> Array:
-    """Return the scale of a method's errors from that of the network, and their difference.
-
-    The error of a network that minimizes the squared error is nearly orthogonal to every function
-    of the data, and so to the difference. So the squares add up.
-    """
-    from scipy.ndimage import uniform_filter
-
-    squared = uniform_filter(difference**2, _WINDOW, mode="mirror")
-    return np.asarray(np.sqrt(scale**2 + squared / TYPICAL_DEVIATION**2))
