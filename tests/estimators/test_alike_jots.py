@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.estimators.alike_jots import JotCounts, alike_fractions
+from jotlight.estimators.alike_jots import DifferentJots, alike_fractions
 from jotlight.metrics import psnr
 from jotlight.sensing.response import detection_probability
 
@@ -43,7 +43,7 @@ def test_fractions_have_the_mean_and_the_variance_of_the_reference_jot(threshold
     p = detection_probability(threshold, reference[0] * light + reference[1])
     ones = rng.binomial(trials, own)
     number = np.full(ones.shape, float(trials))
-    found = alike_fractions(JotCounts(ones, number, efficiency, dark, threshold), reference)
+    found = alike_fractions(DifferentJots(ones, number, efficiency, dark, threshold), reference)
     assert found.min() >= 0
     assert found.max() <= 1
     noise = np.sqrt(p * (1 - p) / trials)

@@ -3,7 +3,7 @@
 import numpy as np
 
 import jotlight as jl
-from jotlight.estimators.bracket_choice import Choice, _moves, divide_frames
+from jotlight.estimators.bracket_choice import FrameDivision, _moves, divide_frames
 from jotlight.estimators.bracketing import snr_bound
 from jotlight.estimators.planned_estimates import PlannedEstimates
 
@@ -22,14 +22,14 @@ def test_all_frames_are_divided_so_that_the_lowest_sum_is_high():
 def test_the_bound_is_that_of_a_sensor_with_these_frames():
     sensor = jl.Sensor(frames=10, oversampling=2, efficiency=0.6, dark_counts=0.03)
     numbers = np.array([4, 3, 2, 1])
-    choice = Choice(sensor, SETTINGS, LEVELS)
+    choice = FrameDivision(sensor, SETTINGS, LEVELS)
     exposures, thresholds = np.repeat(SETTINGS, numbers, axis=0).T
     own = sensor.replace(gain=4 * exposures, threshold=thresholds.astype(int))
     np.testing.assert_allclose(choice.bound(numbers), snr_bound(own, LEVELS))
 
 
 def test_no_single_move_of_a_frame_improves_a_choice():
-    choice = Choice(jl.Sensor(frames=12), SETTINGS, LEVELS)
+    choice = FrameDivision(jl.Sensor(frames=12), SETTINGS, LEVELS)
     best = choice.best(12)
     lowest = np.minimum(choice.snr(best), choice.bound(best)).min()
     for source in np.flatnonzero(best):
@@ -42,7 +42,7 @@ def test_no_single_move_of_a_frame_improves_a_choice():
 
 
 def test_the_best_single_setting_is_the_best():
-    choice = Choice(jl.Sensor(frames=12), SETTINGS, LEVELS)
+    choice = FrameDivision(jl.Sensor(frames=12), SETTINGS, LEVELS)
     single = choice.best_single(12)
     lowest = []
     for index in range(len(SETTINGS)):
@@ -54,7 +54,7 @@ def test_the_best_single_setting_is_the_best():
 
 def test_the_first_move_is_the_best_of_all_and_needs_few_levels(monkeypatch):
     start, levels = np.array([4, 4, 2, 2]), np.geomspace(0.1, 50.0, 49)
-    choice = Choice(jl.Sensor(frames=12), SETTINGS, levels)
+    choice = FrameDivision(jl.Sensor(frames=12), SETTINGS, levels)
     computed = []
     monkeypatch.setattr(
         PlannedEstimates, "bias_and_mse", counted(PlannedEstimates.bias_and_mse, computed)

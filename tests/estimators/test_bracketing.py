@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 import jotlight as jl
-from jotlight.estimators.bracket_choice import Choice
+from jotlight.estimators.bracket_choice import FrameDivision
 from jotlight.estimators.bracketing import best_threshold, intensity_range, snr_bound
 from jotlight.estimators.joint_mle import maximize
 from jotlight.sensing.joint_likelihood import joint_likelihood
@@ -115,7 +115,7 @@ def test_no_other_division_of_the_frames_is_much_better():
     sensor = jl.Sensor(frames=6)
     plan = jl.plan_brackets(sensor, light, exposures=exposures)
     # The lowest quality at a part of the levels is at least that at all of them.
-    choice = Choice(sensor, [(exposure, 1) for exposure in exposures], plan.light[::4])
+    choice = FrameDivision(sensor, [(exposure, 1) for exposure in exposures], plan.light[::4])
     qualities = [
         np.minimum(choice.snr(numbers), choice.bound(numbers)).min()
         for first, second in itertools.product(range(7), repeat=2)

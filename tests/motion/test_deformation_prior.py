@@ -9,8 +9,8 @@ from jotlight.motion.deformation_prior import (
     _BENDING,
     _DEVIATION,
     _OFFSET,
+    DeformationPrior,
     Measurement,
-    Prior,
     degrees_of_freedom,
     gain_of_deviations,
     solve_deviations,
@@ -22,7 +22,7 @@ from moving import blocks_of, record
 
 def prior_of(frames=16, shape=(48, 64)):
     _, bits = record("static", frames, shape=shape)
-    return Prior.of_track(Track.still(blocks_of(bits)))
+    return DeformationPrior.of_track(Track.still(blocks_of(bits)))
 
 
 def matrix_of(prior):
@@ -133,7 +133,7 @@ def test_the_bits_decide_how_much_a_scene_deforms(size):
 
 
 def test_independent_fields_have_the_stated_deviation():
-    prior = Prior.of_fields(2, (5, 6), 3.0)
+    prior = DeformationPrior.of_fields(2, (5, 6), 3.0)
     matrix = matrix_of(prior)
     covariance = matrix @ matrix.T
     assert np.diag(covariance).mean() == pytest.approx(9)
@@ -144,7 +144,7 @@ def test_independent_fields_have_the_stated_deviation():
 
 
 def test_deviations_gain_what_dense_matrices_state_and_noise_gains_the_degrees_of_freedom():
-    rng, prior = np.random.default_rng(0), Prior.of_fields(2, (6, 8), 2.0)
+    rng, prior = np.random.default_rng(0), DeformationPrior.of_fields(2, (6, 8), 2.0)
     matrix, gains = matrix_of(prior), []
     for number in range(20):
         measurement, dense = measured(np.zeros((2, 2, 6, 8)), rng, 0.3)

@@ -12,7 +12,7 @@ from jotlight.estimators.convergence import (
     IterationCallback,
     check_stopping_rule,
 )
-from jotlight.estimators.image_solver import Inputs, solve_images
+from jotlight.estimators.image_solver import SolverInputs, solve_images
 from jotlight.estimators.tv import automatic_weight, check_map, check_norm, total_variations
 from jotlight.sensing.pixel_counts import Data, Estimate
 from jotlight.sensing.problem import Problem
@@ -168,7 +168,7 @@ def admm_tv(
         own = automatic_weight(problem, norm=norm) if weight is None else _weights(weight, problem)
         return _minimize(problem, own, norm, start, monitor, threads)
 
-    inputs = Inputs(data, sensor, trials, channel_axis, start, out, threads)
+    inputs = SolverInputs(data, sensor, trials, channel_axis, start, out, threads)
     estimate, history = solve_images(solve, monitor, inputs)
     return (estimate, history) if return_history else estimate
 

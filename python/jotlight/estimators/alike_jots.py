@@ -41,7 +41,7 @@ A jot whose bits contradict its efficiency or its dark counts would change the r
 
 
 @dataclasses.dataclass(frozen=True)
-class JotCounts:
+class DifferentJots:
     """Counts of pixels whose jots differ. Each map has the shape (N, H, W)."""
 
     ones: npt.NDArray[np.number]
@@ -59,7 +59,7 @@ class JotCounts:
         none = np.zeros(self.ones.shape)
         return np.asarray(np.divide(self.ones, self.trials, out=none, where=self.trials > 0))
 
-    def __getitem__(self, images: npt.NDArray[np.bool_]) -> "JotCounts":
+    def __getitem__(self, images: npt.NDArray[np.bool_]) -> "DifferentJots":
         """Return the counts of some of the N images."""
         return dataclasses.replace(
             self,
@@ -81,7 +81,7 @@ class JotCounts:
 
 
 def alike_fractions(
-    counts: JotCounts,
+    counts: DifferentJots,
     reference: Jot,
     pattern: npt.NDArray[np.integer] | None = None,
     threads: int | None = None,
@@ -100,7 +100,7 @@ def alike_fractions(
 
     Parameters
     ----------
-    counts : JotCounts
+    counts : DifferentJots
         The counts. Pixels of 0 trials get the fractions of their neighbors.
     reference : (float, float)
         η and d of the reference jot.
@@ -115,7 +115,7 @@ def alike_fractions(
     >>> dark = np.where(np.arange(64) % 2, 0.05, 0.2) * np.ones((1, 64, 1))
     >>> p = 1 - np.exp(-0.1 - dark)
     >>> ones = np.random.default_rng(0).binomial(4, p)
-    >>> counts = JotCounts(ones, np.full(p.shape, 4.0), np.ones(p.shape), dark, threshold=1)
+    >>> counts = DifferentJots(ones, np.full(p.shape, 4.0), np.ones(p.shape), dark, threshold=1)
     >>> found = alike_fractions(counts, reference=(1.0, 0.1))
     >>> bool(abs(found.mean() - (1 - np.exp(-0.2))) < 0.01)
     True
@@ -139,7 +139,7 @@ def alike_fractions(
 
 
 def _fractions_of_filter(
-    counts: JotCounts,
+    counts: DifferentJots,
     reference: Jot,
     own: npt.NDArray[np.bool_],
     sigma: float,
@@ -169,12 +169,14 @@ def _fractions_of_filter(
     return np.where(known, paid, p)
 
 
-def _common_light(counts: JotCounts, weights: Array, sums: Callable[..., Sequence[Array]]) -> Array:
+def _common_light(
+    counts: DifferentJots, weights: Array, sums: Callable[..., Sequence[Array]]
+) -> Array:
     """Return the most likely light of neighborhoods of pixels.
 
     Parameters
     ----------
-    counts : JotCounts
+    counts : DifferentJots
         The counts.
     weights : ndarray of shape (N, H, W)
         The weights of the pixels.
@@ -203,7 +205,7 @@ def _common_light(counts: JotCounts, weights: Array, sums: Callable[..., Sequenc
     return fisher_scoring(start, derivatives, least)
 
 
-def _typical_information(counts: JotCounts) -> Array:
+def _typical_information(counts: DifferentJots) -> Array:
     """Return the mean information of a pixel about the logarithm of its light, (N,).
 
     The light is the most likely one of a whole image.
@@ -217,7 +219,7 @@ def _typical_information(counts: JotCounts) -> Array:
     return np.asarray(light**2 * information)[:, 0, 0]
 
 
-def _information(counts: JotCounts, light: Array) -> Array:
+def _information(counts: DifferentJots, light: Array) -> Array:
     """Return the Fisher information of each pixel about its light, (N, H, W)."""
     rate = counts.rate(light)
     _, variance = _bit(rate, counts.threshold)
@@ -225,7 +227,7 @@ def _information(counts: JotCounts, light: Array) -> Array:
     return counts.trials * slope**2 / variance
 
 
-def _toward_own(counts: JotCounts, light: Array) -> Array:
+def _toward_own(counts: DifferentJots, light: Array) -> Array:
     """Return light between that of neighborhoods and the most likely one of each pixel."""
     efficiency, trials, threshold = counts.efficiency, counts.trials, counts.threshold
     # A saturated pixel has no most likely light.

@@ -33,7 +33,7 @@ _PRECISION = 2.0**-24
 """Smallest relative error of an estimate, which is a float32."""
 
 
-class Choice:
+class FrameDivision:
     """Frames with some settings, and the SNR of `jotlight.mle` at some levels of light.
 
     Parameters

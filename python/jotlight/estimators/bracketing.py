@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import to_array
-from jotlight.estimators.bracket_choice import Choice
+from jotlight.estimators.bracket_choice import FrameDivision
 from jotlight.notebook import card, table_of
 from jotlight.sensing.reading_groups import refuse_different_readings
 from jotlight.sensing.reference import reading_information, reference_jot
@@ -155,7 +155,7 @@ def plan_brackets(
         raise ValueError("thresholds: expected at least one, got none")
     qs = [sensor.replace(threshold=q).threshold for q in thresholds]
     settings = [(float(fraction), q) for fraction in fractions for q in sorted(set(qs))]
-    choice = Choice(sensor, settings, levels)
+    choice = FrameDivision(sensor, settings, levels)
     numbers, single = choice.best(sensor.frames), choice.best_single(sensor.frames)
     used = np.flatnonzero(numbers)
     own, frames = [settings[i] for i in used], numbers[used]

@@ -30,7 +30,7 @@ several. More do not fit into the caches."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Inputs:
+class SolverInputs:
     """What an iterative method gets from its caller."""
 
     data: Data | Problem
@@ -50,7 +50,7 @@ class Inputs:
 
 
 def solve_images(
-    solve: Solver, monitor: ConvergenceMonitor, inputs: Inputs
+    solve: Solver, monitor: ConvergenceMonitor, inputs: SolverInputs
 ) -> tuple[Estimate, ConvergenceHistories]:
     """Return the solution and the history of a problem, or of each gray image of the data.
 
@@ -60,7 +60,7 @@ def solve_images(
         The iterative method, which solves the problems of several images at once.
     monitor : ConvergenceMonitor
         The monitor to which the method reports.
-    inputs : Inputs
+    inputs : SolverInputs
         The data, and how to read and to return them.
 
     Raises
@@ -106,7 +106,7 @@ def _max_pixels(sensor: Sensor) -> int:
     return _MAX_CELLS // (sensor.oversampling**2 if uses_jots else 1)
 
 
-def _refuse_options(inputs: Inputs) -> None:
+def _refuse_options(inputs: SolverInputs) -> None:
     """Raise TypeError for options of data that a problem does not have."""
     if inputs.sensor is not None:
         raise TypeError("sensor: expected none, since a Problem has its own operator")

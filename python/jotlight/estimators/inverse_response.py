@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.errors import warn
-from jotlight.estimators.alike_jots import JotCounts, alike_fractions
+from jotlight.estimators.alike_jots import DifferentJots, alike_fractions
 from jotlight.estimators.inpaint import inpaint_dead_pixels
 from jotlight.estimators.trial_levels import fill_from_nearest
 from jotlight.sensing.maps import constant_or_map
@@ -99,7 +99,7 @@ def _counts_of_alike_jots(
         np.broadcast_to(np.asarray(each), pixels.counts.shape).reshape(stack)
         for each in (pixels.counts, pixels.trials, pixels.efficiency, pixels.dark_counts)
     )
-    of_jots = JotCounts(counts, own, efficiency, dark_counts, pixels.sensor.threshold)
+    of_jots = DifferentJots(counts, own, efficiency, dark_counts, pixels.sensor.threshold)
     fractions = alike_fractions(of_jots, reference, pattern, threads)
     readings = np.broadcast_to(trials, len(fractions)).reshape(-1, 1, 1)
     return np.asarray(readings * fractions, np.float32).reshape(pixels.counts.shape)

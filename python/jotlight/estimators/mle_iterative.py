@@ -13,7 +13,7 @@ from jotlight.estimators.convergence import (
     check_stopping_rule,
 )
 from jotlight.estimators.descent import SOLVERS, Direction, Mask, QuadraticModel, gradient_direction
-from jotlight.estimators.image_solver import Inputs, solve_images
+from jotlight.estimators.image_solver import SolverInputs, solve_images
 from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
 from jotlight.sensing.pixel_counts import Data, Estimate
 from jotlight.sensing.problem import Problem
@@ -177,7 +177,7 @@ def mle_iterative(
         dead.append(~_pixels_with(problem, _trials(problem) > 0))
         return fill_dead_pixels(image, dead[-1])
 
-    inputs = Inputs(data, sensor, trials, channel_axis, start, out, threads)
+    inputs = SolverInputs(data, sensor, trials, channel_axis, start, out, threads)
     estimate, history = solve_images(solve, monitor, inputs)
     warn_about_dead_pixels(np.concatenate(dead))
     return (estimate, history) if return_history else estimate

@@ -6,8 +6,8 @@ import numpy.typing as npt
 from jotlight.motion.affine import against_others, agreement, sums_of_groups, template_of
 from jotlight.motion.blocks import Blocks
 from jotlight.motion.deformation_prior import (
+    DeformationPrior,
     Measurement,
-    Prior,
     degrees_of_freedom,
     solve_deviations,
     with_likely_sizes,
@@ -74,7 +74,7 @@ class _Estimate:
 
     def __init__(self, track: Track) -> None:
         self._track, self._expected = track, track.nodes.copy()
-        self._prior = Prior.of_track(track)
+        self._prior = DeformationPrior.of_track(track)
         self._coefficients = np.zeros(self._prior.shape)
         self._measurement = Measurement(track.information, np.zeros_like(track.nodes))
 

@@ -61,7 +61,7 @@ _TOLERANCE, _COARSE_TOLERANCE = 1e-3, 1e-2
 
 
 @dataclasses.dataclass(frozen=True)
-class Prior:
+class DeformationPrior:
     """The modes of the deviations of all tiles in all blocks.
 
     Coefficients have unit variance, and their shape is (m, 2, rows, columns).
@@ -136,14 +136,14 @@ class Measurement:
         return np.stack([of_rows * rows + mixed * columns, mixed * rows + of_columns * columns], 1)
 
 
-def solve_deviations(prior: Prior, measurement: Measurement, start: Array) -> Array:
+def solve_deviations(prior: DeformationPrior, measurement: Measurement, start: Array) -> Array:
     """Return the most probable coefficients. The search begins at others."""
     return _solve(prior, measurement, measurement.right, start, _TOLERANCE)
 
 
 def with_likely_sizes(
-    prior: Prior, measurement: Measurement, coefficients: Array
-) -> tuple[Prior, Array]:
+    prior: DeformationPrior, measurement: Measurement, coefficients: Array
+) -> tuple[DeformationPrior, Array]:
     """Return the prior under which a measurement is most probable, and the coefficients then.
 
     Modes have the same factor if their cosines have similar wavelengths, and if they have the same
@@ -152,7 +152,7 @@ def with_likely_sizes(
 
     Parameters
     ----------
-    prior : Prior
+    prior : DeformationPrior
         A prior with larger or smaller modes.
     measurement : Measurement
         The measurement.
@@ -175,7 +175,7 @@ def with_likely_sizes(
     return prior, coefficients
 
 
-def degrees_of_freedom(prior: Prior, measurement: Measurement) -> float:
+def degrees_of_freedom(prior: DeformationPrior, measurement: Measurement) -> float:
     """Return how many coefficients the bits determine, rather than the prior.
 
     It is the trace of B (B + 1)⁻¹, with the information B about the coefficients.
@@ -183,7 +183,7 @@ def degrees_of_freedom(prior: Prior, measurement: Measurement) -> float:
     return float(_freedom_of_modes(prior, measurement).sum())
 
 
-def gain_of_deviations(prior: Prior, measurement: Measurement) -> float:
+def gain_of_deviations(prior: DeformationPrior, measurement: Measurement) -> float:
     """Return by how much deviations explain the bits better, as twice the log-likelihood in nats.
 
     The most probable ones are shrunk, so noise alone gains their degrees of freedom on average.
@@ -192,7 +192,7 @@ def gain_of_deviations(prior: Prior, measurement: Measurement) -> float:
     return float((prior.pull_back(measurement.right) * coefficients).sum())
 
 
-def _freedom_of_modes(prior: Prior, measurement: Measurement) -> Array:
+def _freedom_of_modes(prior: DeformationPrior, measurement: Measurement) -> Array:
     """Return estimated degrees of freedom of all coefficients, whose sums are about right.
 
     With a vector s of random signs, the expected value of s B (B + 1)⁻¹ s is the trace.
@@ -214,11 +214,12 @@ def _ratios(squares: Array, freedom: Array) -> Array:
 
 
 def _solve(
-    prior: Prior, measurement: Measurement, right: Array, start: Array, tolerance: float
+    prior: DeformationPrior, measurement: Measurement, right: Array, start: Array, tolerance: float
 ) -> Array:
     """Return the coefficients z that solve (B + 1) z = Mᵀ b, for other right sides b.
 
-    M is the matrix of :meth:`Prior.deviations`, and B = Mᵀ A M. Conjugate gradients find them.
+    M is the matrix of :meth:`DeformationPrior.deviations`, and B = Mᵀ A M. Conjugate gradients find
+    them.
     """
 
     def multiply(coefficients: Array) -> Array:

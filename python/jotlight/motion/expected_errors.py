@@ -13,8 +13,8 @@ import numpy.typing as npt
 from jotlight.motion.affine import against_others
 from jotlight.motion.consistency import Consistent
 from jotlight.motion.deformation_prior import (
+    DeformationPrior,
     Measurement,
-    Prior,
     degrees_of_freedom,
     gain_of_deviations,
 )
@@ -98,7 +98,7 @@ def is_displaced(consistent: Consistent, template: Template) -> bool:
             right.append(-equations.right)
     measurement = Measurement(np.stack(information), np.stack(right))
     number, _, rows, columns = measurement.right.shape
-    prior = Prior.of_fields(number, (rows, columns), _DEVIATION)
+    prior = DeformationPrior.of_fields(number, (rows, columns), _DEVIATION)
     freedom = max(degrees_of_freedom(prior, measurement), 0.0)
     excess = gain_of_deviations(prior, measurement) - freedom
     return excess > _CLEAR * float(np.sqrt(2 * freedom + 1))
