@@ -191,6 +191,9 @@ def test_many_trials_have_another_default():
         ({"method": jl.mle, "quality": "small"}, ValueError, "quality: selects a shipped network"),
         ({"method": "mle", "weight": 1.0}, ValueError, "weight: is an option of admm-tv"),
         ({"weigth": 1.0}, TypeError, "weigth: without a method, expected one of the options"),
+        ({"qualty": "small"}, TypeError, "qualty: without a method, .*; did you mean quality?"),
+        ({"method": "mle", "treads": 1}, TypeError, "mle has no options; did you mean threads?"),
+        ({"method": jl.pretrained(SENSOR), "treads": 1}, ValueError, "network; did you mean thr"),
         (
             {"method": "admm-tv", "wieght": 1.0},
             TypeError,

@@ -15,6 +15,7 @@ from jotlight.evaluation.methods import (
     OPTION_DEFAULTS,
     check_options,
     find_method,
+    option_advice,
     unknown_option,
 )
 from jotlight.networks.color_network import AnyNetwork
@@ -249,7 +250,8 @@ def check_extras(quality: str | None, options: dict[str, Any], *, fallback: bool
     """
     extras = [*["quality"] * (quality is not None), *options, *["fallback"] * fallback]
     if extras:
-        raise ValueError(f"{extras[0]}: is not an option of a network; leave it out")
+        name = extras[0]
+        raise ValueError(f"{name}: is not an option of a network; {option_advice(name)}")
 
 
 def named_method(method: object, quality: str | None, options: dict[str, Any]) -> str | None:
