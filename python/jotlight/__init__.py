@@ -19,6 +19,12 @@ import lazy_loader
 from jotlight._engine import __version__
 
 _OTHER_NAMES = {
+    "Mosaic": "sensing.mosaic.Mosaic, or Sensor(mosaic=...) with its letters",
+    "convert": "save(jotlight.open(path), other_path)",
+    "fine_tune": "torch.fine_tune(network, bits)",
+    "info": "open(path), whose repr states the size and the sensor, or run `jotlight info`",
+    "simulate": "Sensor(frames=16).expose(image)",
+    "view": "open(path).show(viewer=True), or run `jotlight view` for a capture",
     "find_hot_jots": "calibration.find_hot_jots",
     "imread": "read_image",
     "imsave": "save_image",

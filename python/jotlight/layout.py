@@ -26,6 +26,17 @@ def looks_like_color(shape: tuple[int, ...]) -> bool:
     return len(shape) > 2 and shape[-1] <= MAX_CHANNELS < min(shape[-3:-1])
 
 
+def is_single_image(shape: tuple[int, ...]) -> bool:
+    """Return whether a shape is that of one image, (H, W) or (H, W, C) with at most 4 channels.
+
+    Examples
+    --------
+    >>> is_single_image((480, 640, 3)), is_single_image((100, 480, 640))
+    (True, False)
+    """
+    return len(shape) == 2 or (len(shape) == 3 and shape[2] <= MAX_CHANNELS)
+
+
 def _likelier_axis(shape: tuple[int, ...], axis: int) -> int | None:
     """Return the first or the last axis if it looks like colors, but the other one is stated.
 

@@ -43,6 +43,13 @@ def test_the_threshold_of_the_bits_is_taken(calibrate, options):
 
 
 @pytest.mark.parametrize("calibrate", [jl.calibrate, lazy])
+@pytest.mark.parametrize("frames", [4096, np.int64(4096)])
+def test_a_number_in_place_of_the_flat_capture_is_one_of_frames(calibrate, frames):
+    with pytest.raises(TypeError, match=r"^flat: expected .*, got the number 4096; .*frames=4096$"):
+        calibrate(np.full((16, 16), 3), frames)
+
+
+@pytest.mark.parametrize("calibrate", [jl.calibrate, lazy])
 def test_other_thresholds_are_refused(calibrate):
     dark, flat = (
         jl.Sensor(frames=64, threshold=q, dark_counts=0.1).expose(DARK, rng=0) for q in (2, 3)

@@ -1,6 +1,8 @@
 """Calls as newcomers type them: each works the first time, or says what to write instead."""
 
+import importlib
 import pickle
+import re
 import warnings
 
 import matplotlib as mpl
@@ -248,6 +250,31 @@ def test_calls_that_cannot_work_say_what_to_write():
 def test_habits_of_other_libraries_lead_to_the_call(call, error, message):
     with pytest.raises(error, match=message):
         call()
+
+
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("simulate", "Sensor(frames=16).expose"),
+        ("fine_tune", "torch.fine_tune"),
+        ("convert", "save(jotlight.open(path)"),
+        ("view", "open(path).show(viewer=True)"),
+        ("info", "open(path)"),
+        ("Mosaic", "sensing.mosaic.Mosaic"),
+        ("load", "open(path)"),
+        ("film", "save_film(path"),
+        ("psnr", "metrics.psnr"),
+        ("show", "save_image(path"),
+    ],
+)
+def test_names_of_commands_and_of_other_libraries_lead_to_a_call_that_exists(name, call):
+    with pytest.raises(AttributeError, match=re.escape(f"{name!r}; write jotlight.{call}")):
+        jl.__getattr__(name)  # another test may have imported jotlight.view
+    if call.startswith("torch."):
+        pytest.importorskip("torch")
+    names = re.match(r"[\w.]+", call)[0].split(".")
+    module = importlib.import_module(".".join(["jotlight", *names[:-1]]))
+    assert callable(getattr(module, names[-1]))
 
 
 @pytest.mark.parametrize("make", [jl.operators.spread, jl.operators.differences])

@@ -217,3 +217,9 @@ def test_a_largest_intensity_far_above_the_scene_changes_no_interval_of_unequal_
     assert expected.high.max() < 9
     np.testing.assert_allclose(found.low, expected.low, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(found.high, expected.high, rtol=1e-5)
+
+
+def test_an_uncertainty_is_no_single_array():
+    result = jl.uncertainty(np.ones((2, 3), int), jl.Sensor(frames=4))
+    with pytest.raises(TypeError, match=r"got Uncertainty; .* such as uncertainty\.standard_error"):
+        np.asarray(result)

@@ -73,6 +73,7 @@ def test_all_methods_are_the_default():
     ("methods", "error", "message"),
     [
         (IMAGE, TypeError, "expected the name of a method, a network, or a function"),
+        (jl.FilmNetwork.initial(), TypeError, "for 'FilmNetwork', got a film network; jotlight"),
         ([mine, mine], ValueError, "different titles, got mine, mine; pass a mapping"),
         ({1: "mle", "1": mine}, ValueError, "methods: expected different titles"),
         (["best"], ValueError, "method: there is no 'best'"),

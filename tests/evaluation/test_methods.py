@@ -1,6 +1,7 @@
 """The contract that every method in `METHODS` must keep, including new ones."""
 
 import functools
+import inspect
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.special import gammainc
 from scipy.stats import poisson
 
 import jotlight as jl
-from jotlight.evaluation.methods import METHODS
+from jotlight.evaluation.methods import METHODS, option_advice
 
 SENSOR = jl.Sensor(oversampling=2, frames=4)
 SIZE = 12
@@ -243,3 +244,11 @@ def test_images_of_one_pixel_with_a_map_are_estimated_as_alone(method, changes):
     assert color.shape == (1, 1, 2)
     bits = [jl.Bits.from_array(np.arange(4)[:, None, None] < one, sensor) for one in stack]
     np.testing.assert_array_equal(jl.reconstruct(bits, method=method), alone)
+
+
+def test_every_misspelled_argument_of_reconstruct_gets_its_name():
+    names = list(inspect.signature(jl.reconstruct).parameters)
+    assert names[-1] == "options"
+    for name in names[:-1]:
+        assert option_advice(f"{name}s") == f"did you mean {name}?"
+        assert option_advice(name) == "leave it out"

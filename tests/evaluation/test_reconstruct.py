@@ -1,6 +1,7 @@
 """One call for all methods: what it chooses, and what it refuses."""
 
 import functools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -187,10 +188,20 @@ def test_many_trials_have_another_default():
         ({"quality": "huge"}, ValueError, "quality: expected one of two-layer"),
         ({"method": "best"}, ValueError, "method: there is no 'best'; expected one of mle"),
         ({"method": 3}, TypeError, "method: expected the name of a method, a network, or a func"),
+        ({"method": "n.safetensors"}, TypeError, r"got a path; pass jotlight\.Network\.load\('n"),
+        ({"method": Path("n.safetensors")}, TypeError, r"got a path; pass jotlight\.Network\.load"),
+        (
+            {"method": jl.FilmNetwork.initial()},
+            TypeError,
+            r"film network; .*FilmEstimates\(network",
+        ),
         ({"method": "mle", "quality": "small"}, ValueError, "quality: selects a shipped network"),
         ({"method": jl.mle, "quality": "small"}, ValueError, "quality: selects a shipped network"),
         ({"method": "mle", "weight": 1.0}, ValueError, "weight: is an option of admm-tv"),
         ({"weigth": 1.0}, TypeError, "weigth: without a method, expected one of the options"),
+        ({"qualty": "small"}, TypeError, "qualty: without a method, .*; did you mean quality?"),
+        ({"method": "mle", "treads": 1}, TypeError, "mle has no options; did you mean threads?"),
+        ({"method": jl.pretrained(SENSOR), "treads": 1}, ValueError, "network; did you mean thr"),
         (
             {"method": "admm-tv", "wieght": 1.0},
             TypeError,

@@ -1,11 +1,13 @@
-"""The state of the files of a capture."""
+"""The state of the files of a capture, and the captures that a pattern matches."""
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import jotlight as jl
-from jotlight.formats.locations import files_state
+from jotlight.dask.names import find_captures
+from jotlight.formats.locations import expand, files_state
 
 
 def test_links_to_nothing_in_a_folder_do_not_count(tmp_path):
@@ -31,3 +33,26 @@ def test_a_pattern_where_one_file_is_expected_has_advice(tmp_path):
 def test_a_url_as_a_path_has_advice():
     with pytest.raises(FileNotFoundError, match=r"jotlight\.open with a text take a URL$"):
         jl.open(Path("s3://bucket/a.npy"))
+
+
+@pytest.mark.parametrize("ending", ["npy", "npy.gz"])
+def test_patterns_leave_out_the_files_that_belong_to_a_match(tmp_path, ending):
+    mask = np.zeros((4, 8), bool)
+    mask[1, 2] = True
+    sensor = jl.Sensor(frames=3, dark_counts=np.full((4, 8), 0.01, np.float32), mask=mask)
+    bits = sensor.expose(np.ones((4, 8)), rng=0)
+    jl.save(bits, tmp_path / f"a.{ending}")
+    np.save(tmp_path / "b.mask.npy", bits.packed)
+    opened = jl.open(f"{tmp_path}/*")
+    assert [capture.shape for capture in opened] == [(3, 4, 8)] * 2
+    assert opened[0].sensor == sensor
+    names = sorted(map(str, tmp_path.iterdir()))
+    assert len(names) == 5
+    expected = [str(tmp_path / f"a.{ending}"), str(tmp_path / "b.mask.npy")]
+    assert find_captures(names) == find_captures([f"{tmp_path}/*"]) == expected
+
+
+def test_a_map_that_alone_matches_is_kept(tmp_path):
+    mask = np.zeros((4, 8), bool)
+    jl.save(jl.Sensor(mask=mask).expose(np.ones((4, 8)), rng=0), tmp_path / "a.npy")
+    assert expand(f"{tmp_path}/*.mask.npy") == [str(tmp_path / "a.mask.npy")]

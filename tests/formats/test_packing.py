@@ -2,6 +2,7 @@
 
 import gzip
 
+import h5py
 import numpy as np
 import pytest
 import tifffile
@@ -9,6 +10,7 @@ import tifffile
 import jotlight as jl
 from examples.arrays import random_frames
 from examples.encodings import npy_bytes
+from jotlight.formats.reading import open_capture
 
 
 @pytest.mark.parametrize("white", [1, 255])
@@ -98,6 +100,26 @@ def test_frames_along_the_last_axis_are_reported(tmp_path, options):
     np.save(tmp_path / "hwt.npy", array if not options else array.astype(np.uint8))
     with pytest.warns(jl.JotlightWarning, match=r"hwt.npy: read as 128 frames of 100 x 8 jots"):
         jl.open(tmp_path / "hwt.npy", **options)
+
+
+@pytest.mark.parametrize("ending", ["npy", "h5", "tif"])
+def test_counts_along_the_last_axis_are_reported_unless_the_file_states_them(tmp_path, ending):
+    counts = np.random.default_rng(0).binomial(300, 0.2, (128, 100, 8)).astype(np.uint16)
+    path = tmp_path / f"hwt.{ending}"
+    if ending == "npy":
+        np.save(path, counts)
+    elif ending == "h5":
+        with h5py.File(path, "w") as file:
+            file["x"] = counts
+    else:
+        tifffile.imwrite(path, counts)
+    message = r"hwt\.\w+: read as 128 frames of 100 x 8 jots; if these are 8 frames of 128 x 100"
+    with pytest.warns(jl.JotlightWarning, match=message):
+        assert open_capture(path).images.shape == counts.shape
+    sensor = jl.Sensor(frames=128, bit_depth=9)
+    if ending != "h5":
+        jl.save(jl.Readings(counts, sensor), tmp_path / f"own.{ending}")
+        assert jl.open(tmp_path / f"own.{ending}").shape == counts.shape
 
 
 @pytest.mark.parametrize("white", [1, 255])

@@ -3,6 +3,7 @@ import pytest
 import tifffile
 from PIL import Image
 
+import jotlight
 from jotlight.errors import JotlightWarning
 from jotlight.images.io import read_image
 from jotlight.images.sets import ENDINGS, read_image_set
@@ -131,6 +132,33 @@ def test_other_whole_numbers_need_the_white_level(tmp_path, kind):
         read_image_set(path)
     images = read_image_set(path, white=23)[1]
     np.testing.assert_allclose(images, stack / 23, rtol=1e-6)
+
+
+@pytest.mark.parametrize("largest", [1, 15])
+@pytest.mark.parametrize("ending", [".npy", ".npz"])
+def test_bits_and_small_readings_of_8_bits_need_the_white_level(tmp_path, largest, ending):
+    path = save_as(tmp_path / f"a{ending}", np.full((2, 3, 4), largest, np.uint8))
+    message = rf"uint8 with values up to {largest} is unknown; .*white= .*jotlight\.open reads it"
+    with pytest.raises(ValueError, match=message):
+        read_image_set(path)
+    np.testing.assert_array_equal(read_image_set(path, white=largest)[1], np.ones((2, 3, 4)))
+
+
+@pytest.mark.parametrize("bit_depth", [1, 4, 8])
+def test_a_capture_of_jotlight_is_no_set_of_images(tmp_path, bit_depth):
+    sensor = jotlight.Sensor(frames=4, gain=4 * 2**bit_depth, bit_depth=bit_depth)
+    capture = sensor.expose(np.full((8, 16), 0.9), rng=0)
+    jotlight.save(capture, tmp_path / "a.npy")
+    kind = "bits" if bit_depth == 1 else "readings"
+    for white in (None, 255):
+        with pytest.raises(ValueError, match=rf"a\.npy: .* got jotlight {kind}, according to a"):
+            read_image_set(tmp_path / "a.npy", white=white)
+
+
+def test_counts_of_jotlight_are_no_set_of_images(tmp_path):
+    jotlight.save(np.full((8, 16), 200, np.uint8), tmp_path / "a.npy")
+    with pytest.raises(ValueError, match=r"a\.npy: .* got jotlight counts, according to a\.json"):
+        read_image_set(tmp_path / "a.npy")
 
 
 def test_white_scales_images_and_floats_too(tmp_path):

@@ -51,3 +51,11 @@ def test_copies_and_numpy_functions_do_not_need_the_attributes(data):
     for same in (copy.copy(data), copy.deepcopy(data), pickle.loads(pickle.dumps(data))):
         np.testing.assert_array_equal(np.asarray(same), np.asarray(data))
     assert np.mean(BITS) == 0.25
+
+
+def test_dask_is_referred_to_the_lazy_array_of_bits():
+    array = pytest.importorskip("dask.array")
+    bits = jl.Bits.from_array(np.ones((4, 2, 9), bool))
+    with pytest.raises(AttributeError, match=r"'dtype'; .*, and bits\.to_dask\(\) is a lazy array"):
+        array.from_array(bits)
+    np.testing.assert_array_equal(bits.to_dask().compute(), bits.packed)

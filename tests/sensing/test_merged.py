@@ -141,3 +141,10 @@ def test_masked_pixels_have_no_trials(channel_axis):
         prepare_data(counts, single_jots, 4, channel_axis)
     with pytest.raises(ValueError, match="mask: expected one value per jot"):
         prepare_data(counts, SENSOR.replace(mask=mask[:1]), 4, channel_axis)
+
+
+def test_merged_counts_are_no_single_array():
+    merged = jl.Merged(np.ones((2, 3), int), 4.0, jl.Sensor(frames=4))
+    for convert in (np.asarray, np.array, lambda data: np.asarray(data, np.float32)):
+        with pytest.raises(TypeError, match=r"got Merged; merged\.ones and merged\.trials are its"):
+            convert(merged)

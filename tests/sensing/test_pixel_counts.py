@@ -117,6 +117,19 @@ def test_data_that_do_not_fit_are_refused(data, options, error, message):
         prepare_data(data, SENSOR, **options)
 
 
+@pytest.mark.parametrize("data", [None, jl.Sensor(), {}])
+@pytest.mark.parametrize("sensor", [None, jl.Sensor()])
+def test_the_type_of_the_data_is_checked_before_the_sensor(data, sensor):
+    with pytest.raises(TypeError, match=f"^data: expected .* counts .*, got {type(data).__name__}"):
+        jl.reconstruct(data, sensor)
+
+
+def test_lists_of_bits_without_a_sensor_are_called_bits():
+    bits = jl.Bits.from_array(np.ones((2, 4, 5), bool))
+    with pytest.raises(TypeError, match=r"^sensor: .* because these bits carry none"):
+        jl.mle([bits, bits])
+
+
 def test_images_of_different_sizes_and_sensors_are_refused():
     small, large = (SENSOR.expose(np.full((side, side), 0.5), rng=0) for side in (4, 6))
     with pytest.raises(ValueError, match="images of the same size"):

@@ -1,5 +1,7 @@
 """The check that the bits of a calibration are those that it assumes."""
 
+import numbers
+
 import numpy as np
 
 from jotlight.sensing.bits import Bits
@@ -15,6 +17,8 @@ def captured_threshold(threshold: int | None, **captures: object) -> int:
 
     Raises
     ------
+    TypeError
+        When a capture is a number, probably that of its frames.
     ValueError
         When the bits of a capture are of another kind.
 
@@ -47,6 +51,11 @@ def captured_threshold(threshold: int | None, **captures: object) -> int:
 
 def _threshold_of(name: str, data: object) -> int | None:
     """Return the threshold of the sensor that bits carry, or None if nothing is known."""
+    if isinstance(data, numbers.Real):
+        raise TypeError(
+            f"{name}: expected jotlight.Bits or counts (H, W), got the number {data}; for a number "
+            f"of frames, pass frames={data}"
+        )
     sensor = data.sensor if isinstance(data, Bits) else None
     if not isinstance(sensor, Sensor):
         return None

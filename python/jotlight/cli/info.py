@@ -22,13 +22,14 @@ from jotlight.files import check_outputs
 from jotlight.formats import open_capture
 from jotlight.formats.archives import describe_npz_arrays, read_npz_label
 from jotlight.formats.arrays import open_npy_array
-from jotlight.formats.capture import Capture, CountStack, is_single_image
+from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.detect import PHOTOGRAPH_EXTENSIONS, detect_format
 from jotlight.formats.images.tiff_directories import open_checked_tiff, shape_of
 from jotlight.formats.labels import COUNTS, parse_label
 from jotlight.formats.locations import is_url
 from jotlight.formats.verification import verify_capture
 from jotlight.images.io import read_image
+from jotlight.layout import is_single_image
 from jotlight.motion.motion import FORMAT as MOTION
 from jotlight.motion.motion import Motion
 from jotlight.networks.color_network import ColorNetwork

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from jotlight.formats.locations import expand, is_url
+from jotlight.formats.locations import expand, is_url, without_companions
 
 _PLACE = "{name}"
 
@@ -117,6 +117,8 @@ def find_captures(
 ) -> list[str]:
     """Return the captures that paths, URLs, and globs name, without repetition.
 
+    Descriptions and maps that belong to a named capture are left out. A shell may have named them.
+
     `storage_options` are those of the file systems of URLs.
 
     Raises
@@ -124,9 +126,8 @@ def find_captures(
     FileNotFoundError
         When a pattern matches nothing.
     """
-    return list(
-        dict.fromkeys(each for pattern in patterns for each in expand(pattern, storage_options))
-    )
+    found = dict.fromkeys(each for pattern in patterns for each in expand(pattern, storage_options))
+    return without_companions(list(found))
 
 
 def name_captures(captures: Sequence[str]) -> list[str]:

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -80,6 +80,13 @@ class Uncertainty:
     dead: npt.NDArray[np.bool_]
     unlikely: npt.NDArray[np.bool_]
     confidence_level: float
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> NoReturn:
+        """Raise TypeError, because there are several maps."""
+        raise TypeError(
+            "expected an array, got Uncertainty; take one of its maps, such as "
+            "uncertainty.standard_error, uncertainty.low, or uncertainty.high"
+        )
 
     def flags(self) -> npt.NDArray[np.uint8]:
         """Return a sum for each pixel: 1 if it is unlit, 2 saturated, 4 dead, and 8 unlikely."""

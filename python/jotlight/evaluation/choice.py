@@ -15,9 +15,11 @@ from jotlight.evaluation.methods import (
     OPTION_DEFAULTS,
     check_options,
     find_method,
+    option_advice,
     unknown_option,
 )
 from jotlight.networks.color_network import AnyNetwork
+from jotlight.networks.loading import wrong_network
 from jotlight.networks.network import Network
 from jotlight.networks.precision import DEEP, F32, check_precision
 from jotlight.networks.pretrained import check_quality, uses_conditional
@@ -249,7 +251,8 @@ def check_extras(quality: str | None, options: dict[str, Any], *, fallback: bool
     """
     extras = [*["quality"] * (quality is not None), *options, *["fallback"] * fallback]
     if extras:
-        raise ValueError(f"{extras[0]}: is not an option of a network; leave it out")
+        name = extras[0]
+        raise ValueError(f"{name}: is not an option of a network; {option_advice(name)}")
 
 
 def named_method(method: object, quality: str | None, options: dict[str, Any]) -> str | None:
@@ -260,9 +263,11 @@ def named_method(method: object, quality: str | None, options: dict[str, Any]) -
     >>> named_method(None, "small", {})
     'network-small'
     """
-    if method is not None and not isinstance(method, str):
+    wrong = wrong_network(method)
+    if wrong is not None or not isinstance(method, str | None):
         raise TypeError(
-            f"method: expected the name of a method, a network, or a function, got {method!r}"
+            "method: expected the name of a method, a network, or a function, got "
+            f"{wrong or repr(method)}"
         )
     if quality is None:
         known = list(OPTION_DEFAULTS)

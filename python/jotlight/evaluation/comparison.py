@@ -16,6 +16,7 @@ from jotlight.evaluation.reconstruct import reconstruct
 from jotlight.evaluation.request import AnyMethod
 from jotlight.layout import Layout
 from jotlight.networks.color_network import AnyNetwork
+from jotlight.networks.loading import wrong_network
 from jotlight.notebook import card, table_of, text_table
 from jotlight.parameter_names import takes_rng
 from jotlight.progress import Progress, equal_steps, shown_progress
@@ -210,7 +211,7 @@ def _as_method(title: str, method: AnyMethod | None, sensor: Sensor) -> Method:
     if not (method is None or isinstance(method, str | AnyNetwork) or callable(method)):
         raise TypeError(
             f"methods: expected the name of a method, a network, or a function for {title!r}, got "
-            f"{method!r:.80}"
+            f"{wrong_network(method) or repr(method)[:80]}"
         )
     # A function of the caller may count its calls, or work for one size of images only.
     is_own = callable(method) and not isinstance(method, AnyNetwork)

@@ -192,6 +192,12 @@ OPTION_DEFAULTS = {
 If several are set, the first one in this order selects.
 """
 
+_ARGUMENTS = (
+    *("data", "sensor", "method", "quality", "trials", "channel_axis", "units", "demosaicing"),
+    *("precision", "out", "threads", "fallback", "return_info"),
+)
+"""Arguments of :func:`jotlight.reconstruct`, which a misspelled option may mean."""
+
 
 def find_method(name: str) -> Method:
     """Return a method by its name.
@@ -262,8 +268,18 @@ def unknown_option(option: str, known: Iterable[str], expected: str) -> TypeErro
     TypeError('motion: mle has no options; for a moving scene, pass jotlight.merge(bits)')
     """
     if option == "motion":
-        advice = "for a moving scene, pass jotlight.merge(bits)"
-    else:
-        close = get_close_matches(option, list(known), 1)
-        advice = f"did you mean {close[0]}?" if close else "leave it out"
-    return TypeError(f"{option}: {expected}; {advice}")
+        return TypeError(f"motion: {expected}; for a moving scene, pass jotlight.merge(bits)")
+    return TypeError(f"{option}: {expected}; {option_advice(option, known)}")
+
+
+def option_advice(option: str, known: Iterable[str] = ()) -> str:
+    """Return the nearest known option or argument of :func:`jotlight.reconstruct`, as a question.
+
+    Examples
+    --------
+    >>> option_advice("qualty"), option_advice("wieght", ["weight"]), option_advice("color")
+    ('did you mean quality?', 'did you mean weight?', 'leave it out')
+    """
+    # Other functions with options do not have all of the arguments.
+    close = [] if option in _ARGUMENTS else get_close_matches(option, [*known, *_ARGUMENTS], 1)
+    return f"did you mean {close[0]}?" if close else "leave it out"

@@ -10,8 +10,10 @@ import numpy.typing as npt
 from jotlight.checks import Counts
 from jotlight.errors import warn
 from jotlight.formats.labels import read_counts_label, read_readings_label
+from jotlight.layout import is_single_image
 from jotlight.notebook import card, normalize
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import warn_about_axes
 from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.readings import Readings
@@ -257,17 +259,6 @@ def jot_shape(data: Bits | CountStack) -> tuple[int, ...]:
     return tuple(data.shape if isinstance(data, Bits) else data.images.shape)
 
 
-def is_single_image(shape: tuple[int, ...]) -> bool:
-    """Return whether a shape is that of one image, (H, W) or (H, W, C) with C <= 4.
-
-    Examples
-    --------
-    >>> is_single_image((480, 640, 3)), is_single_image((100, 480, 640))
-    (True, False)
-    """
-    return len(shape) == 2 or (len(shape) == 3 and shape[2] <= 4)
-
-
 def as_count_stack(
     images: npt.NDArray[Any] | Frames,
     provenance: Provenance,
@@ -326,6 +317,8 @@ def as_count_stack(
         provenance = provenance.with_notes(f"counts out of {trials}, as the file states")
     if not is_stack and is_single_image(shape):
         images = np.asarray(images)[None]
+    elif not is_stack and trials is None:
+        warn_about_axes(provenance.name, shape)
     return CountStack(images, provenance, trials)
 
 

@@ -12,7 +12,7 @@ from jotlight.formats.format import OpenOptions
 from jotlight.formats.labels import AS_STATED, BITS, make_bits_label, parse_label
 from jotlight.formats.packing import check_packed, pack_lazily
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import refuse_many_channels
+from jotlight.sensing.bits_checks import refuse_many_channels, warn_about_axes
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.maps import MAPS
 from jotlight.sensing.provenance import Provenance
@@ -77,6 +77,7 @@ def open_stored_array(
             raise ValueError(f"expected frames (T, H, W) or (T, H, W, C), got {frames.shape}")
         refuse_many_channels(name, frames.shape)
         if frames.dtype.kind == "b":
+            warn_about_axes(name, frames.shape)
             return Bits(pack_lazily(frames, name), frames.shape[2], provenance=provenance)
         if not options.packed:
             check_packed(frames, name)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from jotlight.argument_types import complete_path, pattern_advice, was_url
+from jotlight.formats.description import companion_files
 from jotlight.formats.file_systems import expand_url, url_state
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+(::[A-Za-z0-9+.\-/]+)*://")
@@ -76,6 +77,8 @@ def is_glob(path: str) -> bool:
 def expand(path: str, storage_options: dict[str, Any] | None = None) -> list[str]:
     """Return the paths or URLs that a pattern matches, sorted; or else the path itself.
 
+    Files are left out if they belong to another one that matches (:func:`without_companions`).
+
     Raises
     ------
     FileNotFoundError
@@ -86,10 +89,26 @@ def expand(path: str, storage_options: dict[str, Any] | None = None) -> list[str
     if is_url(path):
         found = expand_url(path, storage_options)
     else:
-        found = sorted(glob.glob(complete_path(path), recursive=True))  # noqa: PTH207
+        found = glob.glob(complete_path(path), recursive=True)  # noqa: PTH207
+        found = without_companions(sorted(found))
     if not found:
         raise FileNotFoundError(f"there is no file {path}: the pattern matches nothing")
     return found
+
+
+def without_companions(paths: list[str]) -> list[str]:
+    """Return paths without the descriptions and maps that belong to another one of them.
+
+    URLs are all kept, because their descriptions would have to be fetched.
+
+    Examples
+    --------
+    >>> without_companions(["a.npy", "a.json", "b.npy"])
+    ['a.npy', 'b.npy']
+    """
+    cubes = [Path(path) for path in paths if not is_url(path)]
+    companions = set[Path]().union(*map(companion_files, cubes))
+    return [path for path in paths if is_url(path) or Path(path) not in companions]
 
 
 def file_state(path: str, storage_options: dict[str, Any] | None = None) -> tuple[int, int]:

@@ -35,6 +35,7 @@ from jotlight.formats.raw import EXTENSIONS as RAW_EXTENSIONS
 from jotlight.formats.stubs import remote_file
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import warn_about_axes
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.readings import Readings
@@ -95,6 +96,7 @@ def _open_array(
             )
     if array.dtype == np.bool_ and dimensions in (3, 4) and not counts and 0 not in array.shape:
         provenance = Provenance(name, path.name, ("frames of bool, one bit each",))
+        warn_about_axes(path.name, array.shape)
         return Bits(pack_lazily(array, path.name), array.shape[2], provenance=provenance)
     if counts is False and not is_cube:
         raise ValueError(

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.bits_checks import refuse_many_channels, warn_about_axes
+from jotlight.sensing.bits_checks import refuse_many_channels
 from jotlight.sensing.frames import Frames, read_in_chunks
 
 _INSPECTED_BYTES = 1 << 20
@@ -48,7 +48,6 @@ def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
     [[[128], [64], [32]]]
     """
     refuse_many_channels(name, frames.shape)
-    warn_about_axes(name, frames.shape)
     count, height, width, *channels = frames.shape
 
     def read(start: int, stop: int) -> npt.NDArray[np.uint8]:

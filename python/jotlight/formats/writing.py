@@ -89,7 +89,9 @@ def _advice(data: object) -> str:
 def _checked_counts(data: object) -> Counts:
     """Return an image of counts after a check."""
     # Lists of bits, and other objects, would become arrays that are no counts.
-    is_array = hasattr(data, "__array__") or isinstance(data, list | tuple)
+    is_array = isinstance(data, list | tuple) or (
+        hasattr(data, "__array__") and not isinstance(data, Merged)
+    )
     counts = to_array("data", data) if is_array else np.array(None)
     if counts.dtype.kind not in "iu":
         kind = getattr(data, "dtype", type(data).__name__)

@@ -4,6 +4,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,14 +13,19 @@ from jotlight.argument_types import as_path, pattern_advice
 from jotlight.checks import as_image, positive_number
 from jotlight.formats.archives import read_npz
 from jotlight.formats.arrays import open_npy_array
+from jotlight.formats.description import find_description
 from jotlight.formats.file_systems import explained, find_files, open_file_system
 from jotlight.formats.locations import is_url
 from jotlight.formats.safe_paths import check_inside
 from jotlight.images.io import read_image
+from jotlight.sensing.frames import Frames
 from jotlight.sensing.intensity_scale import warn_about_scale
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm", ".npy")
 """Endings of the file names in a folder that are read as images."""
+
+_MAX_READING = 15
+"""Largest level of 8-bit images that more likely are bits, or readings of up to 4 bits."""
 
 
 def read_image_set(
@@ -42,7 +48,8 @@ def read_image_set(
         The name of the array in a `.npz`.
     white : float, optional
         The level that becomes intensity 1. Default: the full scale of 8-bit images and of 16-bit
-        PNG, and 1 for floats.
+        PNG, and 1 for floats. An array of other integers, or of 8 bits with levels of at most 15,
+        requires it.
     first : int, optional
         Read only the first `first` images. Default: all.
     max_intensity : float
@@ -54,7 +61,8 @@ def read_image_set(
     Raises
     ------
     OSError, ValueError
-        If there are no images, or one cannot be read; the message names it.
+        If there are no images, one cannot be read, or the array is a capture that jotlight wrote;
+        the message names it.
     """
     check_first(first)
     if is_url(source):
@@ -135,6 +143,8 @@ def _read_stack(
         raise ValueError(f"{source}: expected a folder of images, a .npy, or a .npz")
     if suffix == ".npy" and key is not None:
         raise ValueError(f"key: names an array in a .npz, but {source} is a .npy")
+    if suffix == ".npy":
+        _refuse_capture(source)
     array = read_npz(source, key) if suffix == ".npz" else open_npy_array(source)
     require_gray_stack(str(source), array.shape)
     if array.size == 0 or array.dtype.kind not in "uif":
@@ -144,11 +154,7 @@ def _read_stack(
         )
     array = array[:first]
     if white is None:
-        if array.dtype.kind != "f" and array.dtype != np.uint8:
-            raise ValueError(
-                f"{source}: the scale of {array.dtype} is unknown; state the level of "
-                "intensity 1 with white= (--white)"
-            )
+        _require_scale(source, array)
         white = 255.0 if array.dtype == np.uint8 else 1.0
     else:
         white = positive_number("white", white)
@@ -157,6 +163,34 @@ def _read_stack(
     digits = len(str(len(array) - 1))
     names = [f"{number:0{digits}d}" for number in range(len(array))]
     return names, list(stack)
+
+
+def _refuse_capture(source: Path) -> None:
+    """Raise ValueError if the description beside an array states that it is a capture."""
+    description = find_description(source)
+    if description is not None:
+        raise ValueError(
+            f"{source}: expected gray images (N, H, W), got {description.format}, according to "
+            f"{description.path.name}; jotlight.open reads them in Python, and `jotlight "
+            "reconstruct` estimates their image"
+        )
+
+
+def _require_scale(source: Path, array: npt.NDArray[Any] | Frames) -> None:
+    """Raise ValueError unless the type and the values of an array show the level of white."""
+    if array.dtype.kind == "f":
+        return
+    levels = ""
+    if array.dtype == np.uint8:
+        largest = int(np.max(np.asarray(array)))
+        if largest > _MAX_READING:
+            return
+        levels = f" with values up to {largest}"
+    raise ValueError(
+        f"{source}: the scale of {array.dtype}{levels} is unknown; state the level of intensity 1 "
+        "with white= (--white); if it is a capture, jotlight.open reads it in Python, and "
+        "`jotlight reconstruct` estimates its image"
+    )
 
 
 def _fetch_images(url: str, folder: Path) -> None:

@@ -37,13 +37,31 @@ def require_network(name: str, network: object, kinds: Any, call: str) -> None:
     """
     if isinstance(network, kinds):
         return
-    got = repr(network) if isinstance(network, str) else type(network).__name__
-    if isinstance(network, str | os.PathLike) and os.fspath(network).endswith(".safetensors"):
-        got = f"a path; pass jotlight.Network.load({os.fspath(network)!r})"
-    if callable(getattr(network, "to_network", None)):
-        got = "a module of jotlight.torch; pass module.to_network()"
+    got = wrong_network(network)
+    if got is None:
+        got = repr(network) if isinstance(network, str) else type(network).__name__
     names = " or ".join(f"jotlight.{kind.__name__}" for kind in get_args(kinds) or [kinds])
     raise TypeError(f"{name}: expected {names}, as in {call}, got {got}")
+
+
+def wrong_network(network: object) -> str | None:
+    """Return what was passed in place of a network, and what to pass; None if that is unknown.
+
+    Examples
+    --------
+    >>> wrong_network("own.safetensors"), wrong_network("small")
+    ("a path; pass jotlight.Network.load('own.safetensors')", None)
+    """
+    if isinstance(network, str | os.PathLike) and os.fspath(network).endswith(".safetensors"):
+        return f"a path; pass jotlight.Network.load({os.fspath(network)!r})"
+    if isinstance(network, FilmNetwork):
+        return (
+            "a film network; jotlight.motion.film_estimates.FilmEstimates(network) estimates the "
+            "images of a film with it"
+        )
+    if callable(getattr(network, "to_network", None)):
+        return "a module of jotlight.torch; pass module.to_network()"
+    return None
 
 
 def load_image_network(path: str | os.PathLike[str]) -> AnyNetwork:

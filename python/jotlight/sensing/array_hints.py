@@ -9,6 +9,8 @@ _HINTS = {
         "sum": "bits.counts(1) is the sum of the frames, computed without unpacking them",
         "mean": "bits.counts(1) / len(bits) is the mean of the frames, computed without unpacking "
         "them",
+        "dtype": "np.asarray(bits).dtype is that of an array of them, and bits.to_dask() is a lazy "
+        "array of the packed bits for dask",
     },
     "readings": {
         "counts": "readings.sum() is the sum of the frames",

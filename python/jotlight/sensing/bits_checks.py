@@ -7,36 +7,53 @@ from jotlight.sensing.sensor_like import SensorLike
 MOVE_FRAMES = "move their axis to the front: np.moveaxis(array, 2, 0)"
 """What to do with frames (H, W, T)."""
 
+_MOVE_FRAMES_LAST = (
+    "move their axis to the end: permute(array, [2 3 1]) in MATLAB, or np.moveaxis(array, 0, 2)"
+)
+"""What to do with frames (T, H, W) in a format of frames (H, W, T)."""
+
 _MIN_SIDE = 64
-"""Minimum size of the first two axes at which a short last axis looks like that of the frames."""
+"""Minimum size of two axes at which a short third axis looks like that of the frames."""
 
 _MIN_RATIO = 4
-"""Minimum ratio of these sizes and the size of the last axis."""
+"""Minimum ratio of these sizes and the size of the third axis."""
 
 _MIN_EQUAL, _MAX_ASPECT = 32, 8
-"""If the first two axes are equal and have at least this size, and the last axis is more than this
-many times as long, the last axis is probably that of the frames.
+"""If two axes are equal and have at least this size, and the third axis is more than this many
+times as long, the third axis is probably that of the frames.
 
 As many frames as a frame has rows are rare, and so are jots in such long strips. Sensors with 8
 times as many columns as rows exist.
 """
 
 
-def warn_about_axes(name: str, shape: tuple[int, ...]) -> None:
-    """Warn about frames of a shape that looks like (H, W, T).
+def warn_about_axes(name: str, shape: tuple[int, ...], *, frames_last: bool = False) -> None:
+    """Warn about frames whose axes were probably stored in another order.
+
+    Parameters
+    ----------
+    name : str
+        What is named in the message.
+    shape : tuple of int
+        The shape as it was read, (T, H, W) or (T, H, W, C).
+    frames_last : bool
+        Whether the format stores frames as (H, W, T), so that they may have been stored as
+        (T, H, W), and not the reverse.
 
     Examples
     --------
     >>> warn_about_axes("bits", (16, 64, 64))  # no warning
     """
     frames, height, width = shape[:3]
-    side = min(frames, height)
-    is_last_short = side >= _MIN_SIDE and side >= _MIN_RATIO * width
-    is_last_long = frames == height >= _MIN_EQUAL and width > _MAX_ASPECT * side
-    if is_last_short or is_last_long:
+    number, *sides = (height, width, frames) if frames_last else (width, frames, height)
+    side = min(sides)
+    is_short = side >= _MIN_SIDE and side >= _MIN_RATIO * number
+    is_long = sides[0] == sides[1] >= _MIN_EQUAL and number > _MAX_ASPECT * side
+    if is_short or is_long:
         warn(
-            f"{name}: read as {frames} frames of {height} x {width} jots; if these are {width} "
-            f"frames of {frames} x {height} jots, {MOVE_FRAMES}"
+            f"{name}: read as {frames} frames of {height} x {width} jots; if these are {number} "
+            f"frames of {sides[0]} x {sides[1]} jots, "
+            f"{_MOVE_FRAMES_LAST if frames_last else MOVE_FRAMES}"
         )
 
 

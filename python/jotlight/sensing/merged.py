@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -125,6 +125,13 @@ class Merged:
     def shape(self) -> tuple[int, ...]:
         """(H, W), or (H, W, C) for color."""
         return self.ones.shape
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> NoReturn:
+        """Raise TypeError, because the counts and the trials are two arrays."""
+        raise TypeError(
+            "expected an array, got Merged; merged.ones and merged.trials are its arrays, and "
+            "jotlight.reconstruct(merged) returns an image"
+        )
 
     def channels(self) -> Iterator["Merged"]:
         """Yield the gray counts of each channel."""

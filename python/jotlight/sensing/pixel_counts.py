@@ -216,12 +216,13 @@ def prepare_data(
     sensor = carried_sensor(data) if sensor is None else sensor
     if sensor is None:
         refuse_frames(data)
-        is_array = isinstance(data, np.ndarray | list | tuple)
-        other = "counts" if is_array else f"data of type {type(data).__name__}"
-        name = "these bits" if isinstance(data, Bits) else other
+        are_bits = isinstance(data, Bits) or bool(list_of_data(data))
+        if not are_bits:
+            as_counts(cast(npt.ArrayLike, data))  # an error for anything else
         raise TypeError(
-            f"sensor: expected a jotlight.Sensor, because {name} carry none; pass the sensor that "
-            "recorded them, such as Sensor(frames=16) for 16 trials per pixel"
+            f"sensor: expected a jotlight.Sensor, because {'these bits' if are_bits else 'counts'} "
+            "carry none; pass the sensor that recorded them, such as Sensor(frames=16) for 16 "
+            "trials per pixel"
         )
     if has_mosaic := takes_mosaics and sensor.mosaic is not None:
         sensor = without_mosaic(sensor)

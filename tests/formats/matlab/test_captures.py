@@ -11,7 +11,9 @@ import pytest
 import jotlight as jl
 from examples import read_or_refused
 from examples.arrays import random_bits, random_frames
+from jotlight.formats.capture import jot_shape
 from jotlight.formats.matlab.files import open_mat
+from jotlight.formats.reading import open_capture
 from jotlight.formats.verification import verify_capture
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
@@ -75,6 +77,30 @@ def test_threads_that_share_a_capture_load_it_one_at_a_time(tmp_path, monkeypatc
         for (start, stop), part in zip(parts, read, strict=True):
             np.testing.assert_array_equal(part, array[start:stop])
     assert most == 1
+
+
+@pytest.mark.parametrize("options", [{}, {"counts": True}])
+@pytest.mark.parametrize("shape", [(16, 64, 96), (300, 32, 32)])
+def test_frames_along_the_first_axis_are_reported(tmp_path, shape, options):
+    from scipy.io import savemat
+
+    array = random_frames(shape).astype(np.uint8)
+    savemat(tmp_path / "thw.mat", {"x": array})
+    frames, height, width = shape
+    message = (
+        rf"thw\.mat: read as {width} frames of {frames} x {height} jots; if these are {frames} "
+        rf"frames of {height} x {width} jots, move .* np\.moveaxis\(array, 0, 2\)"
+    )
+    with pytest.warns(jl.JotlightWarning, match=message):
+        open_capture(tmp_path / "thw.mat", **options)
+    savemat(tmp_path / "hwt.mat", {"x": np.moveaxis(array, 0, 2)})
+    assert jot_shape(open_capture(tmp_path / "hwt.mat", **options)) == shape
+
+
+def test_frames_of_parts_by_jotlight_are_not_suspected(tmp_path):
+    bits = jl.Bits.from_array(random_frames((300, 16, 300)))
+    jl.save(bits, tmp_path / "parts", format="matlab")
+    np.testing.assert_array_equal(jl.open(tmp_path / "parts").to_array(), bits.to_array())
 
 
 def test_version_7_3_is_hdf5_with_reversed_dimensions(tmp_path):

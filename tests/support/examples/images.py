@@ -85,7 +85,7 @@ IMAGES = {
     "image-set-npz": Reader(
         "a.npz",
         read_image_set,
-        (functools.partial(np.savez, a=np.ones((2, 5, 9), np.uint8)),),
+        (functools.partial(np.savez, a=np.full((2, 5, 9), 200, np.uint8)),),
         **INSIDE_NPZ,
     ),
     "cifar-pickle": Reader("a", _read_cifar, (_cifar_pickle,), file="a/test_batch"),

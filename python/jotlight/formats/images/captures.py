@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from jotlight.formats.capture import Capture, as_count_stack, is_single_image
+from jotlight.formats.capture import Capture, as_count_stack
 from jotlight.formats.checksums import check_appended, check_opened, missing_error
 from jotlight.formats.file_lists import list_files
 from jotlight.formats.file_reader import FileReader
@@ -38,7 +38,9 @@ from jotlight.formats.magic import has_type
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.safe_paths import MAX_SEARCHED, list_below
 from jotlight.formats.stubs import open_binary, raise_failure, remote_file
+from jotlight.layout import is_single_image
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import warn_about_axes
 from jotlight.sensing.frames import Frames, concatenate
 from jotlight.sensing.provenance import Provenance
 
@@ -139,6 +141,8 @@ def read_tiff(path: Path) -> tuple[Frames, str | None, str | None]:
             f"{path}: expected counts, (H, W) or (T, H, W), got {dtype} of shape {shape}"
         )
     stack_shape = (1, *shape) if single else shape
+    if not is_own:
+        warn_about_axes(path.name, stack_shape)
     source = TiffSource(path)
 
     def read(start: int, stop: int) -> npt.NDArray[Any]:

@@ -21,6 +21,7 @@ from jotlight.formats.safe_paths import check_inside
 from jotlight.interrupts import interruptible
 from jotlight.output_files import open_output
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.bits_checks import warn_about_axes
 from jotlight.sensing.frames import concatenate
 from jotlight.sensing.provenance import Provenance
 
@@ -68,6 +69,8 @@ def open_matlab(path: Path, options: OpenOptions) -> Capture:
         frames = frames[: info.frames]
     if 0 in frames.shape:
         raise ValueError(f"{path}: expected frames without a dimension of 0, got {frames.shape}")
+    if not checksums:
+        warn_about_axes(path.name, parts[0].shape, frames_last=True)
     provenance = Provenance("matlab", path.name, tuple(notes))
     if options.counts:
         return as_count_stack(frames, provenance, floats=options.floats, is_stack=True)
