@@ -7,10 +7,11 @@
 The network that comes with jotlight was trained in several runs, while scenes were added. Its card
 lists them, and decision 48 states how its scenes differ from those of these commands.
 
-Without `--from`, the inner layers start at the parameters of the gray network "medium", whose
-estimate the network improves. The last image that the network reads is its own: each round begins
-with the images that the network of the round before makes of all scenes. Network and card go to
-``python/jotlight/networks/weights``. A run needs the extra `torch`.
+The network improves the estimates of the gray network "large". Without `--from`, its inner layers
+start at the parameters of "medium", which has the same layers. The last image that the network
+reads is its own: each round begins with the images that the network of the round before makes of
+all scenes. Network and card go to ``python/jotlight/networks/weights``. A run needs the extra
+`torch`.
 """
 
 import argparse
@@ -40,6 +41,9 @@ from jotlight.training.film_patches import FilmExample, FilmPatches
 
 BATCH, PATCH = 16, 64
 
+INNER = "medium"
+"""Size of the gray network at whose inner layers training starts."""
+
 FIRST_GRAY = 3
 """Number of the first layer of the U-Net of the gray network. Here, it has the number 2."""
 
@@ -50,8 +54,8 @@ Image = npt.NDArray[np.float32]
 
 def start_from_gray() -> FilmNetwork:
     """Return a film network whose inner layers are those of the gray network."""
-    network = FilmNetwork.initial("medium", rng=0)
-    gray = jl.Network.load(FOLDER / f"{FILM_START}.safetensors")
+    network = FilmNetwork.initial(INNER, rng=0)
+    gray = jl.Network.load(FOLDER / f"{INNER}.safetensors")
     layers = [*network.layers[:2]]
     for layer, of_gray in zip(network.layers[2:], gray.layers[FIRST_GRAY:], strict=True):
         layers.append(_of_gray(layer, of_gray, gray.trials_range, network.trials_range))
@@ -165,7 +169,7 @@ def examples(scenes: list[Scene], network: FilmNetwork) -> list[FilmExample]:
 
 
 def scores(scenes: list[Scene], network: FilmNetwork) -> tuple[float, float]:
-    """Return the mean PSNR of the gray network medium for merged counts, and of a film network."""
+    """Return the mean PSNR of the gray network for merged counts, and of a film network."""
     rows = []
     for scene in scenes:
         for number, (_, _, found) in enumerate(scene.planes(network)):
@@ -197,7 +201,7 @@ def main() -> None:
         [Scene(path) for path in sorted(folder.glob("*.npz"))]
         for folder in (options.scenes, options.validation)
     )
-    print(f"{len(scenes)} scenes; PSNR of medium, and before: {scores(validation, network)}")
+    print(f"{len(scenes)} scenes; PSNR of {FILM_START}, and before: {scores(validation, network)}")
     stages = list(network.history.get("stages", []))
 
     def report(record: jl.training.Record) -> None:

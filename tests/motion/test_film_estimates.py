@@ -120,7 +120,7 @@ def test_each_image_reads_the_one_before(shaken):
     assert 0.5 < shown.mean() < 1
     estimate = planes[8] + np.pi / 4
     np.testing.assert_allclose(planes[6][shown], (seen - estimate)[shown], atol=1e-4)
-    gray = jl.reconstruct(images[1].merged, quality="medium")
+    gray = jl.reconstruct(images[1].merged, quality="large")
     expected = np.arcsin(np.sqrt(1 - np.exp(-gray * bits.sensor.light_per_intensity)))
     np.testing.assert_allclose(estimate, expected, atol=1e-5)
     assert trials == pytest.approx(np.median(images[1].merged.trials), rel=1e-6)
@@ -154,7 +154,7 @@ def test_jots_that_differ_and_larger_pixels_are_read():
     found = list(estimate_film(images, INITIAL))
     assert [each.shape for each in found] == [(48, 64)] * 3
     # An untrained network returns what the gray network makes of the same counts.
-    np.testing.assert_allclose(found[0], jl.reconstruct(images[0].data), atol=1e-5)
+    np.testing.assert_allclose(found[0], jl.reconstruct(images[0].data, quality="large"), atol=1e-5)
     planes, trials = FilmEstimates(INITIAL).planes_of(images[0])
     for index, part in enumerate((images[0].merged, *images[0].nearest)):
         with hide_warnings("no valid bit"):  # at the borders of short parts
@@ -185,7 +185,7 @@ def test_the_estimate_of_a_scene_that_stands_still_is_that_of_the_gray_network()
     _, bits = burst("static")
     for image in film(bits, window=64, step=16, model="none", causal=True):
         found = FilmEstimates(RANDOM).add(image)
-        np.testing.assert_allclose(found, jl.reconstruct(image.data), atol=1e-4)
+        np.testing.assert_allclose(found, jl.reconstruct(image.data, quality="large"), atol=1e-4)
 
 
 @pytest.mark.slow

@@ -38,7 +38,7 @@ _MANY, _FEW = 0.9, 0.1
 class FilmEstimates:
     """The images of one film by a film network, one after the other.
 
-    The network corrects the estimates of the gray network "medium" where a scene moves, unless some
+    The network corrects the estimates of the gray network "large" where a scene moves, unless some
     pixels have far more trials than others, as in brackets with a wide range of light. It reads the
     counts of a window, those of the quarter and the sixteenth of its frames that are nearest to the
     time of the image, those of the four sixteenths that come next, and its own last image. It reads

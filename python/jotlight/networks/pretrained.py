@@ -50,7 +50,7 @@ MOSAIC_ROTATIONS = 4
 """Number of rotations of the mosaic over which its color network is averaged. Decision 47 states
 what this gains."""
 
-FILM_START = "medium"
+FILM_START = "large"
 """Size of the gray network whose estimates the film network improves."""
 
 COLOR_START = "large"
