@@ -86,8 +86,8 @@ class SensorOptions:
     mask: Annotated[
         Path | None,
         Parameter(
-            help="Dead jots: a .npy of bool that is True for dead jots, or a PNG or TIFF that is "
-            "black for live jots. Default: all jots are live."
+            help="Dead jots: a .npy of bool or whole numbers, a .png, or a .tif, where 0 (black) "
+            "is a live jot. Default: all jots are live."
         ),
     ] = None
     max_intensity: Annotated[float | None, Parameter(help=f"{_MAX_INTENSITY} Default: 1.")] = None
