@@ -196,4 +196,18 @@ def test_a_run_over_captures_says_which_one_has_no_bits(run, captures, kind):
     code, out = run("reconstruct", "captures/other.npy", captures[0], "-o", "{name}.tif", "-t", 64)
     assert code == 1
     assert f"other.npy: expected bits in a run over captures or windows, got {kind}; run" in out
+    assert "--window" not in out
     assert run("reconstruct", "captures/other.npy", "-o", "o.tif", "-t", 64)[0] == 0
+
+
+@pytest.mark.parametrize(("gain", "is_film"), [("64,8,1", False), ("64,8,1,...", True)])
+def test_a_film_is_proposed_only_for_a_bracket_that_repeats(run, captures, photo, gain, is_film):
+    run("simulate", photo, "-o", "captures/bracket.npy", "-k", 1, "-t", 48, "--gain", gain)
+    code, out = run("reconstruct", "captures/bracket.npy", captures[0], "-o", "{name}.tif")
+    assert code == 1
+    assert "`jotlight reconstruct` of this capture by itself" in out
+    assert "--window" not in out
+    assert ("`jotlight film`" in out) == is_film
+    film = run("film", "captures/bracket.npy", "--window", 12, "-o", "film.npy", "-m", "mle")
+    assert (film[0] == 0) == is_film
+    assert run("reconstruct", "captures/bracket.npy", "-o", "a.tif")[0] == 0

@@ -124,7 +124,7 @@ def _open(path: str, options: _HashableOptions, _state: tuple[int, int]) -> Bits
         kind = "counts" if capture.sensor is None else "readings of several bits"
         raise ValueError(
             f"{path}: expected bits in a run over captures or windows, got {kind}; run this "
-            "capture by itself, without --window"
+            "capture by itself, as a whole"
         )
     return capture
 
