@@ -48,8 +48,6 @@ def detect_format(path: Path) -> str:
     'spad512s'
     """
     check_exists(path)
-    if path.is_file() and path.stat().st_size == 0:
-        raise ValueError(f"{path}: expected a capture, got an empty file")
     # Raw formats match by a trailer, so formats with a header come first.
     for format_ in sorted(FORMATS.values(), key=lambda format_: format_.is_raw):
         if format_.matches is not None and format_.matches(path):

@@ -308,9 +308,10 @@ def _open_once(
     except ValueError as error:
         if str(path) in str(error):
             raise
+        text = f"{path}: {str(error).removeprefix(f'{path.name}: ')}"
         if isinstance(error, SeveralArraysError):
-            raise SeveralArraysError(f"{path}: {error}", error.names) from error
-        raise ValueError(f"{path}: {error}") from error
+            raise SeveralArraysError(text, error.names) from error
+        raise ValueError(text) from error
     if not unpacked and counts is not None and counts == isinstance(capture, Bits):
         content = (
             "bits" if counts else "counts; unpacked=True (--unpacked) reads each number as a bit"
