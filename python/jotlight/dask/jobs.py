@@ -309,7 +309,8 @@ def conversion_text(run: Record, size: int, checksum: int, content: str = "packe
 
 def _is_complete(output: Path, record: Path, run: Record) -> bool:
     if record.exists():
-        check_same_run(record, read_json(record).get("run"), run)
+        stored = read_json(record).get("run")
+        check_same_run(record if stored is None else output, stored, run, record)
         return output.exists()
     if output.exists():
         check_same_run(output, None, run)
