@@ -1,4 +1,4 @@
-"""Names of parameters in other libraries."""
+"""Names of parameters in other libraries, and values that are names in a list."""
 
 import importlib
 import inspect
@@ -8,6 +8,10 @@ import pytest
 
 import jotlight as jl
 from jotlight.datasets.scenes import uniform_scene
+from jotlight.evaluation.methods import METHODS
+from jotlight.formats import FORMATS
+from jotlight.networks.pretrained import QUALITIES
+from jotlight.parameter_names import check_choice, nearest_names
 
 IMAGE = np.full((4, 6), 0.5)
 SENSOR = jl.Sensor(frames=2)
@@ -47,3 +51,38 @@ def test_signatures_and_other_errors_stay():
     assert list(inspect.signature(jl.Sensor.expose).parameters)[:3] == ["self", "image", "rng"]
     with pytest.raises(TypeError, match="unexpected keyword argument 'tiles'"):
         SENSOR.expose(IMAGE, tiles=3)
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "nearest"),
+    [
+        ("swisspad2", FORMATS, ["swissspad2"]),
+        ("tif", FORMATS, ["tiff"]),
+        ("Large", QUALITIES, ["large"]),
+        ("network-mediun", METHODS, ["network-medium"]),
+        ("tv", METHODS, ["noniterative-tv", "admm-tv"]),
+        ("all", METHODS, []),
+        ("", METHODS, []),
+        ("gig", ["GIF"], ["GIF"]),
+    ],
+)
+def test_the_nearest_names_are_proposed(name, known, nearest):
+    assert nearest_names(name, known) == nearest
+
+
+@pytest.mark.parametrize("value", [None, 3, ["png"], "PNG "])
+def test_other_values_are_refused(value):
+    with pytest.raises(ValueError, match=r"x: expected one of png, tiff or a function, got"):
+        check_choice("x", value, ["png", "tiff"], " or a function")
+
+
+def test_arguments_of_the_package_have_proposals(tmp_path):
+    path = tmp_path / "a.npy"
+    for call, name in (
+        (lambda: jl.open(path, format="swisspad2"), "swissspad2"),
+        (lambda: jl.save(jl.Bits.from_array([[1]]), path, format="tif"), "tiff"),
+        (lambda: jl.pretrained(jl.Sensor(frames=4), "Large"), "large"),
+        (lambda: jl.Sensor(kernel="boxes"), "box"),
+    ):
+        with pytest.raises(ValueError, match=rf"expected one of .*; did you mean {name}\?"):
+            call()

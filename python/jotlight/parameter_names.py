@@ -1,8 +1,8 @@
-"""Names of parameters: calls that must state them, the nearest known name, and other names."""
+"""Names of parameters and of their values: checks, the nearest known name, and other names."""
 
 import functools
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
 from difflib import get_close_matches
 from typing import ParamSpec, TypeVar
 
@@ -13,16 +13,65 @@ _SEEDS = "seed", "random_state"
 """Names of the parameter `rng` in other libraries."""
 
 
-def unknown_names(unknown: list[str], known: list[str]) -> str:
-    """Return unknown names, with the nearest known name.
+def nearest_names(name: str, known: Iterable[str]) -> list[str]:
+    """Return the known names that an unknown one probably means, at most three.
+
+    One is the name in other case; or else some contain it as a word; or else one has nearly the
+    same letters.
 
     Examples
     --------
-    >>> unknown_names(["gains"], ["gain", "frames"])
-    'gains; did you mean gain?'
+    >>> nearest_names("tv", ["admm-tv", "mle"]), nearest_names("MEL", ["admm-tv", "mle"])
+    (['admm-tv'], ['mle'])
+    >>> nearest_names("all", ["network-small", "mle"])
+    []
     """
-    close = [each for name in unknown for each in get_close_matches(name, known, 1)]
-    return ", ".join(unknown) + (f"; did you mean {close[0]}?" if close else "")
+    lower, by_lower = name.lower(), {each.lower(): each for each in known}
+    if lower in by_lower:
+        return [by_lower[lower]]
+    found = [each for each in by_lower if lower in each.split("-")]
+    return [by_lower[each] for each in (found or get_close_matches(lower, by_lower, 1))[:3]]
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return a question that proposes the nearest known names, or an empty text.
+
+    Examples
+    --------
+    >>> did_you_mean("gains", ["gain", "frames"]), did_you_mean("x", ["gain", "frames"])
+    ('; did you mean gain?', '')
+    """
+    close = nearest_names(name, known)
+    return f"; did you mean {' or '.join(close)}?" if close else ""
+
+
+def check_choice(name: str, value: object, choices: Collection[str], alternative: str = "") -> None:
+    """Raise ValueError unless the value of a parameter is one of the choices.
+
+    Parameters
+    ----------
+    name : str
+        The parameter.
+    value : object
+        Its value.
+    choices : collection of str
+        The names that it may have.
+    alternative : str
+        What else is accepted, for the message.
+
+    Examples
+    --------
+    >>> check_choice("format", "tif", ["png", "tiff"])
+    Traceback (most recent call last):
+      ...
+    ValueError: format: expected one of png, tiff, got 'tif'; did you mean tiff?
+    """
+    if isinstance(value, str) and value in choices:
+        return
+    advice = did_you_mean(value, choices) if isinstance(value, str) else ""
+    raise ValueError(
+        f"{name}: expected one of {', '.join(choices)}{alternative}, got {value!r}{advice}"
+    )
 
 
 def require_names(example: str) -> Callable[[type[T]], type[T]]:
@@ -49,7 +98,8 @@ def require_names(example: str) -> Callable[[type[T]], type[T]]:
             if unnamed:
                 text = f"parameters with names as in {example}, got {unnamed[0]!r}"
             elif unknown := sorted(set(parameters) - set(known)):
-                text = f"some of {', '.join(known)}, got {unknown_names(unknown, known)}"
+                advice = did_you_mean(unknown[0], known)
+                text = f"some of {', '.join(known)}, got {', '.join(unknown)}{advice}"
             if text:
                 raise TypeError(f"{cls.__name__}: expected {text}")
             initialize(self, **parameters)

@@ -18,10 +18,19 @@ from jotlight.cli.examples import EXAMPLES
     ("arguments", "message", "help_command"),
     [
         (["recontruct"], 'Unknown command "recontruct"', "jotlight --help"),
-        (["info"], "parameter FILE requires an argument", "jotlight info --help"),
-        (["info", "a.npy", "b.npy"], "Unused Tokens: ['b.npy']", "jotlight info --help"),
+        (["info"], "FILE is required, as in `jotlight info capture.npy`.", "jotlight info --help"),
+        (
+            ["info", "a.npy", "b.npy"],
+            "`jotlight info` takes 1 argument; leave out b.npy.",
+            "jotlight info --help",
+        ),
         (["info", "a.npy", "--nope"], "Unknown option: --nope", "jotlight info --help"),
-        (["train", "photos"], "parameter --output requires an argument", "jotlight train --help"),
+        (
+            ["train", "photos"],
+            "--output is required, as in `jotlight train",
+            "jotlight train --help",
+        ),
+        (["film", "a.npy", "-o", "b"], "--window is required, as in", "jotlight film --help"),
         (["plan", "1", "--frames", "x"], 'unable to convert "x" into int', "jotlight plan --help"),
         (
             ["reconstruct", "-", "-o", "a.tif"],

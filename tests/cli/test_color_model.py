@@ -49,4 +49,4 @@ def test_runs_over_windows_refuse_a_color_network(run, tmp_path, network):
     arguments = ["colors.npy", "-o", "v.zarr", "--window", 16, "--model", "color.safetensors"]
     status, output = run("reconstruct", *arguments, *options)
     assert status == 1
-    assert "a color network runs on one capture at a time" in output
+    assert "a color network reconstructs each capture by itself" in output

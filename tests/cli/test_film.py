@@ -256,7 +256,7 @@ def test_bad_input_gets_one_clear_line_and_leaves_no_files(
 def test_the_window_is_required(run, capture):
     status, output = run("film", "known.npy", "-o", "a.npy")
     assert status == 2
-    assert "--window requires an argument" in output
+    assert "--window is required, as in `jotlight film" in output
 
 
 @pytest.mark.slow

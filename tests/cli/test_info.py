@@ -236,3 +236,10 @@ def test_a_film_for_display_is_described_by_the_record_beside_it(run, tmp_path, 
     (tmp_path / "film.mp4.json").unlink()
     missing = "origin unknown: there is no film.mp4.json beside it"
     assert lines_of(run, name) == ["kind film", missing]
+
+
+@pytest.mark.parametrize("ending", [".npy", ".npz", ".tif", ".png", ".h5", ".exr"])
+def test_an_empty_file_of_any_format_is_called_empty(run, tmp_path, ending):
+    (tmp_path / f"a{ending}").touch()
+    status, output = run("info", f"a{ending}")
+    assert (status, output) == (1, f"error: a{ending}: expected a capture, got an empty file\n")

@@ -106,7 +106,7 @@ def test_a_stated_mosaic_with_color_differences(run, captures):
     other = ("--mosaic", "RGGB", *options[2:])
     code, out = run("reconstruct", "raw.npy", "-o", "v.zarr", *WINDOW, *other)
     assert code == 1
-    assert "v.zarr: belongs to another run: its sensor mosaic pattern is" in out
+    assert "v.zarr: belongs to another run: its sensor mosaic pattern was" in out
 
 
 def test_a_requested_method_estimates_planes(run, captures):

@@ -61,11 +61,11 @@ def test_results_of_another_run_are_refused(run, captures):
     assert run(*base, 16)[0] == 0
     code, err = run(*base, 32)
     assert code == 1
-    differing = "its step is 16, not 32, and its window is 16, not 32; delete it, or"
+    differing = "its step was 16, and is 32 now, and its window was 16, and is 32 now;"
     assert f"v.zarr: belongs to another run: {differing}" in err
     code, err = run(*base, 16, "--efficiency", 0.5)
     assert code == 1
-    assert "v.zarr: belongs to another run: its sensor efficiency is 1.0, not 0.5; delete it" in err
+    assert "v.zarr: belongs to another run: its sensor efficiency was 1.0, and is 0.5 now;" in err
 
 
 def test_a_capture_that_changed_is_another_run(run, captures):
@@ -74,7 +74,18 @@ def test_a_capture_that_changed_is_another_run(run, captures):
     jl.save(jl.Bits.from_array(np.ones((64, 16, 24), bool), jl.Sensor(frames=64)), captures[0])
     code, err = run(*base)
     assert code == 1
-    assert "v.zarr: belongs to another run: its" in err
+    changed = "belongs to another run: the capture has changed since; delete it"
+    assert f"v.zarr: {changed}, or choose" in err
+    base = ("reconstruct", *captures[1:], "-o", "{name}.tif", "-m")
+    assert run(*base, "mle")[0] == 0
+    code, err = run(*base, "network-small")
+    assert code == 1
+    differing = 'its method was "mle", and is "network-small" now; delete it and 2.tif.json'
+    assert f"a/2.tif: belongs to another run: {differing}" in err
+    captures[1].touch()
+    code, err = run(*base, "mle")
+    assert code == 1
+    assert f"a/2.tif: {changed} and 2.tif.json, or choose" in err
 
 
 @pytest.mark.parametrize(
@@ -196,4 +207,18 @@ def test_a_run_over_captures_says_which_one_has_no_bits(run, captures, kind):
     code, out = run("reconstruct", "captures/other.npy", captures[0], "-o", "{name}.tif", "-t", 64)
     assert code == 1
     assert f"other.npy: expected bits in a run over captures or windows, got {kind}; run" in out
+    assert "--window" not in out
     assert run("reconstruct", "captures/other.npy", "-o", "o.tif", "-t", 64)[0] == 0
+
+
+@pytest.mark.parametrize(("gain", "is_film"), [("64,8,1", False), ("64,8,1,...", True)])
+def test_a_film_is_proposed_only_for_a_bracket_that_repeats(run, captures, photo, gain, is_film):
+    run("simulate", photo, "-o", "captures/bracket.npy", "-k", 1, "-t", 48, "--gain", gain)
+    code, out = run("reconstruct", "captures/bracket.npy", captures[0], "-o", "{name}.tif")
+    assert code == 1
+    assert "`jotlight reconstruct` of this capture by itself" in out
+    assert "--window" not in out
+    assert ("`jotlight film`" in out) == is_film
+    film = run("film", "captures/bracket.npy", "--window", 12, "-o", "film.npy", "-m", "mle")
+    assert (film[0] == 0) == is_film
+    assert run("reconstruct", "captures/bracket.npy", "-o", "a.tif")[0] == 0

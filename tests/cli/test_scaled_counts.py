@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 import jotlight as jl
@@ -61,6 +62,26 @@ def test_a_black_and_white_image_is_proposed_as_bits(run, tmp_path):
     options = ("--unpacked", "--method", "mle", "--max-intensity", "5")
     assert run("reconstruct", "frame.png", *options, "-o", "a.npy")[0] == 0
     np.testing.assert_array_equal(np.load("a.npy") > 0, frame)
+
+
+def save_hdf5(path, array):
+    with pytest.importorskip("h5py").File(path, "w") as file:
+        file["bits"] = array
+
+
+@pytest.mark.parametrize(
+    ("name", "save"), [("a.npy", np.save), ("a.tif", tifffile.imwrite), ("a.h5", save_hdf5)]
+)
+def test_a_stack_of_0_and_1_is_proposed_as_bits(run, name, save):
+    frames = random_frames((16, 24, 32))
+    save(name, frames.astype(np.uint8))
+    options = ("--method", "mle", "-o", "image.npy")
+    status, output = run("reconstruct", name, *options)
+    assert status == 1
+    assert "--unpacked" in output
+    status, output = run("reconstruct", name, "--unpacked", *options)
+    assert status == 0
+    assert "Sensor(frames=16" in output
 
 
 def test_the_proposal_for_a_folder_of_means_works(run, tmp_path):

@@ -168,5 +168,7 @@ def test_only_methods_with_a_known_halo_are_tiled():
 @pytest.mark.parametrize("changes", [{"gain": [1.0, 8.0] * 4}, {"read_noise": 0.3}])
 def test_readings_whose_counts_are_not_enough_are_sent_to_other_commands(changes):
     bits = jl.Sensor(frames=8, **changes).expose(np.full((8, 8), 0.5), rng=0)
-    with pytest.raises(ValueError, match=r"sensor: expected .*single bits .*`jotlight film` makes"):
+    with pytest.raises(
+        ValueError, match=r"sensor: expected .*single bits .*`jotlight film` a film"
+    ):
         jl.dask.reconstruct(bits, window=4)

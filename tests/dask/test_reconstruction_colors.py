@@ -172,5 +172,5 @@ def test_bits_with_channels_have_no_mosaic():
 
 def test_readings_of_several_gains_behind_a_mosaic_are_refused():
     sensor = jl.Sensor(frames=4, gain=[1.0, 8.0, 1.0, 8.0], mosaic="RGGB")
-    with pytest.raises(ValueError, match=r"one gain and one threshold.*`jotlight film` makes"):
+    with pytest.raises(ValueError, match=r"one gain and one threshold.*`jotlight film` a film"):
         jl.dask.reconstruct(jl.Bits.from_array(np.zeros((4, 6, 8), bool)), sensor)

@@ -151,11 +151,11 @@ def test_another_run_is_refused_finished_or_not(tmp_path):
     store = store_at(tmp_path / "v.zarr")
     other = store_at(tmp_path / "v.zarr", {**RUN, "method": "network-small"})
     store.create()
-    with pytest.raises(AnotherRunError, match='its method is "mle", not "network-small"'):
+    with pytest.raises(AnotherRunError, match='its method was "mle", and is "network-small" now'):
         other.create()
     fill(store)
     store.finish()
-    with pytest.raises(AnotherRunError, match='its method is "mle", not "network-small"'):
+    with pytest.raises(AnotherRunError, match='its method was "mle", and is "network-small" now'):
         other.create()
 
 

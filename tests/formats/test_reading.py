@@ -75,8 +75,9 @@ def test_frames_that_are_not_a_slice_are_refused(tmp_path, kind, frames):
 @pytest.mark.parametrize("name", ["a.npy", "a.tif", "a.bin", "a.npy.gz", "a"])
 def test_an_empty_file_is_called_empty(tmp_path, name):
     (tmp_path / name).touch()
-    with pytest.raises(ValueError, match=f"{name}: expected a capture, got an empty file$"):
-        jl.open(tmp_path / name)
+    for options in ({}, {"format": "npy"}, {"format": "tiff"}, {"format": "swissspad2"}):
+        with pytest.raises(ValueError, match=f"{name}: expected a capture, got an empty file$"):
+            jl.open(tmp_path / name, **options)
 
 
 @pytest.mark.parametrize("extension", [".npz", ".mat", ".h5"])
@@ -92,10 +93,9 @@ def test_the_error_of_a_missing_key_has_the_names_of_the_arrays(tmp_path, extens
     with pytest.raises(SeveralArraysError) as raised:
         jl.open(path)
     assert raised.value.names == ("dark", "flat")
-    assert str(path) in str(raised.value)
     kind = "variables" if extension == ".mat" else "arrays"
-    expected = f"expected key= (--key) to name one of its {kind}: dark, flat"
-    assert str(raised.value).endswith(expected)
+    expected = f"{path}: expected key= (--key) to name one of its {kind}: dark, flat"
+    assert str(raised.value) == expected
     with pytest.raises(SeveralArraysError, match=r"dark, flat; got 'bright'$"):
         jl.open(path, key="bright")
     assert pickle.loads(pickle.dumps(raised.value)).names == ("dark", "flat")

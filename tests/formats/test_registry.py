@@ -1,7 +1,10 @@
 """The list of formats: every entry is complete, detected, and has examples."""
 
+import re
+
 import numpy as np
 import pytest
+from PIL import Image
 
 import jotlight as jl
 from examples import READERS
@@ -65,6 +68,30 @@ def test_files_beside_captures_are_named(tmp_path, name):
         jl.open(tmp_path / name)
     assert all(hasattr(getattr(jl, kind), "load") for kind in ("Network", "Calibration", "Motion"))
     assert "format=" not in str(error.value)
+
+
+def test_a_folder_of_photographs_is_named(tmp_path):
+    for index in range(3):
+        Image.new("L", (20, 20)).save(tmp_path / f"{index}.jpg")
+    (tmp_path / "notes.txt").write_text("text")
+    with pytest.raises(ValueError, match=r"holds 3 \.jpg photographs, .*`jotlight simulate`"):
+        jl.open(tmp_path)
+
+
+def test_a_folder_of_captures_gets_a_pattern_that_opens_them(tmp_path):
+    for name in "ab":
+        jl.save(jl.Sensor(frames=4).expose(np.full((8, 8), 0.5), rng=0), tmp_path / f"{name}.npy")
+    with pytest.raises(ValueError, match=r"holds 2 \.npy files; name one") as error:
+        jl.open(tmp_path)
+    [pattern] = re.findall("'(.*)'", str(error.value))
+    assert [len(bits) for bits in jl.open(pattern)] == [4, 4]
+
+
+def test_a_folder_of_raw_files_may_be_one_capture(tmp_path):
+    for name in ("a.bin", "b.bin"):
+        (tmp_path / name).write_bytes(bytes(100))
+    with pytest.raises(ValueError, match=r"pass format= \(--format\).*swissspad2"):
+        jl.open(tmp_path)
 
 
 def test_an_empty_text_opens_nothing(tmp_path, monkeypatch):

@@ -1,12 +1,22 @@
 """All commands, and the translation of errors into exit codes."""
 
+import inspect
 import sys
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from cyclopts import App, CycloptsError, Group, Parameter, Token, UnknownOptionError
+from cyclopts import (
+    App,
+    CycloptsError,
+    Group,
+    MissingArgumentError,
+    Parameter,
+    Token,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
 from cyclopts import convert as convert_tokens
 
 from jotlight._engine import __version__
@@ -17,7 +27,7 @@ from jotlight.cli.console import err, error, out, show_warning
 from jotlight.cli.convert import convert
 from jotlight.cli.demo import demo
 from jotlight.cli.evaluate import evaluate
-from jotlight.cli.examples import USAGES, help_epilogue, overview_epilogue
+from jotlight.cli.examples import EXAMPLES, USAGES, help_epilogue, overview_epilogue
 from jotlight.cli.film import film
 from jotlight.cli.fine_tune import fine_tune
 from jotlight.cli.gather import gather
@@ -35,7 +45,7 @@ from jotlight.cli.signals import (
 from jotlight.cli.simulate import simulate
 from jotlight.cli.train import train
 from jotlight.cli.view import view
-from jotlight.errors import error_message
+from jotlight.errors import counted, error_message
 from jotlight.formats.locations import STANDARD_INPUT
 
 COMMANDS: tuple[Callable[..., None], ...] = (
@@ -159,6 +169,15 @@ def _explain(reason: CycloptsError) -> str:
             f"{STANDARD_INPUT}: standard input is for `jotlight view {STANDARD_INPUT} --follow`; "
             "elsewhere, write it to a file first."
         )
+    command = (reason.command_chain or ("",))[0]
+    if isinstance(reason, MissingArgumentError) and reason.keyword is None:  # not only its value
+        assert reason.argument is not None, "the missing one"
+        return f"{reason.argument.name} is required, as in `{EXAMPLES[command][0]}`."
+    if isinstance(reason, UnusedCliTokensError) and reason.target is not None:
+        kinds = [each.kind for each in inspect.signature(reason.target).parameters.values()]
+        number = sum(kind is not inspect.Parameter.KEYWORD_ONLY for kind in kinds)
+        more = " ".join(reason.unused_tokens or ())
+        return f"`jotlight {command}` takes {counted(number, 'argument')}; leave out {more}."
     return str(reason)
 
 

@@ -157,7 +157,7 @@ def _estimator(job: Reconstruction, inputs: Inputs, sensors: dict[Sensor, Sensor
     if sensor.kernel != "box" and job.choice.quality is None and network is None:
         raise ValueError(
             f"kernel: expected box in a run over windows or captures, got {sensor.kernel}, for "
-            "which counts are not enough; reconstruct one capture at a time without --window"
+            "which counts are not enough; reconstruct each capture by itself, as a whole"
         )
     choice = job.choice
     settings = dict(job.settings)
@@ -172,8 +172,8 @@ def _own_network(job: Reconstruction, inputs: Inputs) -> Network | None:
     """Return the network of the user, or None."""
     if isinstance(job.method, ColorNetwork):
         raise ValueError(
-            f"{inputs.method.model}: a color network runs on one capture at a time, without "
-            "--window; leave out --model for the shipped one"
+            f"{inputs.method.model}: a color network reconstructs each capture by itself, as "
+            "a whole; leave out --model for the shipped one"
         )
     return None if inputs.method.model is None or isinstance(job.method, str) else job.method
 

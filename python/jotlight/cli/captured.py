@@ -163,6 +163,8 @@ def _with_stated_frames(
     if trials is None:
         values = read_frames(capture.images, 0, 1)
         hint = scaled_counts_hint(values)
+        if hint is None and values.min() >= 0 and values.max() == 1:
+            hint = "the values are only 0 and 1; if each number is one bit, add --unpacked"
         raise ValueError(
             f"{path}: holds counts of an unknown number of trials; set --frames, or "
             "--oversampling where a pixel covers many jots; "

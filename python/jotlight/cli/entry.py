@@ -1,7 +1,9 @@
 """The entry point of the command, which Ctrl-C also ends while jotlight is still being imported."""
 
+import io
 import os
 import signal
+import sys
 
 
 def main() -> None:
@@ -10,6 +12,10 @@ def main() -> None:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         # An exception would print a traceback, or some import would take it for a missing package.
         signal.signal(signal.SIGINT, _end)
+    # Printing must not fail where the encoding lacks a character, such as α in cp1252. The standard
+    # error never does so.
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
     from jotlight.cli.app import main as run
 
     if signal.getsignal(signal.SIGINT) is _end:

@@ -26,7 +26,7 @@ from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.detect import PHOTOGRAPH_EXTENSIONS, detect_format
 from jotlight.formats.images.tiff_directories import open_checked_tiff, shape_of
 from jotlight.formats.labels import COUNTS, parse_label
-from jotlight.formats.locations import is_url
+from jotlight.formats.locations import check_exists, is_url
 from jotlight.formats.verification import verify_capture
 from jotlight.images.io import read_image
 from jotlight.layout import is_single_image
@@ -159,6 +159,7 @@ def _has_capture_options(capture: CaptureOptions) -> bool:
 
 def _content_facts(file: Path, capture: CaptureOptions) -> list[tuple[str, str]]:
     """Return the rows about the content of a capture or an image."""
+    check_exists(file)
     ending = file.suffix.lower()
     if not _has_capture_options(capture) and file.is_file():
         if ending == ".npz" and read_npz_label(file) is None:

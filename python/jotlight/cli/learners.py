@@ -10,6 +10,7 @@ import jotlight.training as training
 from jotlight.networks.architectures import ARCHITECTURES, SIZES, TWO_LAYER
 from jotlight.networks.graph import is_sequential
 from jotlight.networks.network import Network
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import OPTIMIZERS, History
 
@@ -40,8 +41,8 @@ def is_deep(quality: str | None, start: Network | None) -> bool:
         if quality is not None:
             raise ValueError("start: this network has its own layers; leave out --quality")
         return not is_sequential(start.layers)
-    if quality not in (None, *SIZES):
-        raise ValueError(f"quality: expected one of {', '.join(SIZES)}, got {quality!r}")
+    if quality is not None:
+        check_choice("quality", quality, SIZES)
     return quality not in (None, TWO_LAYER)
 
 
@@ -65,8 +66,7 @@ def two_layer_learner(
             f"command without torchrun, or pass --quality {' or '.join(ARCHITECTURES)}"
         )
     name = name or DEFAULT_OPTIMIZER
-    if name not in OPTIMIZERS:
-        raise ValueError(f"optimizer: expected one of {', '.join(OPTIMIZERS)}, got {name!r}")
+    check_choice("optimizer", name, OPTIMIZERS)
     if name == "gauss-newton" and learning_rate is not None:
         raise ValueError("learning-rate: is for adam and projected-gradient, not for gauss-newton")
     if name != "gauss-newton" and damping is not None:
@@ -104,8 +104,8 @@ def deep_learner(learning_rate: float | None, device: str | None) -> Learner:
 
 def check_device(device: str | None) -> None:
     """Raise ValueError for an unknown device."""
-    if device not in (None, *DEVICES):
-        raise ValueError(f"device: expected one of {', '.join(DEVICES)}, got {device!r}")
+    if device is not None:
+        check_choice("device", device, DEVICES)
 
 
 def initial_network(

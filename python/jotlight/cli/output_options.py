@@ -18,6 +18,7 @@ from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.saving import find_white
 from jotlight.images.tone import CURVES, Tone, check_curve
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
 
@@ -80,8 +81,7 @@ class OutputOptions:
 
     def check(self) -> None:
         """Raise ValueError for options that do not belong together."""
-        if self.units not in UNITS:
-            raise ValueError(f"units: expected one of {', '.join(UNITS)}, got {self.units!r}")
+        check_choice("units", self.units, UNITS)
         if self.curve is not None:
             check_curve(self.curve)
         if self.white is not None and not 0 < self.white < np.inf:

@@ -12,6 +12,7 @@ from jotlight.cli.common_options import OWN, Threads
 from jotlight.cli.console import err, out, progress, report
 from jotlight.cli.method_options import split_names
 from jotlight.evaluation.own_method import import_method
+from jotlight.parameter_names import check_choice
 
 if TYPE_CHECKING:
     from jotlight.experiments import runner, tables
@@ -74,10 +75,8 @@ def reproduce(
     from jotlight.experiments.experiment import Data
     from jotlight.experiments.report.report import write_report
 
-    if name != _ALL and name not in EXPERIMENTS:
-        raise ValueError(
-            f"reproduce: expected one of {', '.join(EXPERIMENTS)}, or {_ALL}, got {name!r}"
-        )
+    if name != _ALL:
+        check_choice("reproduce", name, EXPERIMENTS, f", or {_ALL}")
     experiments = list(EXPERIMENTS.values()) if name == _ALL else [EXPERIMENTS[name]]
     own = _own_methods(method, experiments)
     folder = runner.Folder(output or Path("reproduction-quick" if quick else "reproduction"))

@@ -86,8 +86,8 @@ class SensorOptions:
     mask: Annotated[
         Path | None,
         Parameter(
-            help="Dead jots: a .npy of bool that is True for dead jots, or a PNG or TIFF that is "
-            "black for live jots. Default: all jots are live."
+            help="Dead jots: a .npy of bool or whole numbers, a .png, or a .tif, where 0 (black) "
+            "is a live jot. Default: all jots are live."
         ),
     ] = None
     max_intensity: Annotated[float | None, Parameter(help=f"{_MAX_INTENSITY} Default: 1.")] = None
@@ -152,11 +152,8 @@ class SensorOptions:
         values = self._set()
         maps = [Path(values[name]) for name in _MAPS if name in values]
         threshold, mosaic = (str(values.get(name, "")) for name in ("threshold", "mosaic"))
-        if is_map(threshold):
-            maps.append(Path(threshold))
-        if mosaic.endswith(".json"):
-            maps.append(Path(mosaic))
-        return maps
+        others = [threshold] * is_map(threshold) + [mosaic] * mosaic.endswith(".json")
+        return [*maps, *map(Path, others)]
 
     def to_argv(self) -> list[str]:
         """Return the options as words of a command line."""

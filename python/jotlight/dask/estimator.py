@@ -29,16 +29,10 @@ from jotlight.networks.graph import size_divisor
 from jotlight.networks.mosaic_planes import plane_sensors
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained, pretrained_conditional
+from jotlight.sensing.alike_frames import find_cycle
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.reading_groups import require_plain_bits, without_mosaic
 from jotlight.sensing.sensor import Sensor, require_any_sensor
-
-_ADVICE = (
-    "the images of windows are estimated from counts of single bits of one exposure; `jotlight "
-    "film` makes a film of this capture, and jotlight.reconstruct(bits[a:b]) (`jotlight "
-    "reconstruct` without --window) an image"
-)
-"""What to do with readings whose counts are not enough."""
 
 _KEPT = 8
 """Number of networks that a process keeps."""
@@ -284,7 +278,13 @@ def checked(estimator: Estimator) -> Estimator:
 def check_countable(sensor: Sensor) -> None:
     """Raise ValueError if the counts of pixels are not enough for the data of a sensor."""
     require_any_sensor(sensor)
-    require_plain_bits(without_mosaic(sensor), _ADVICE)
+    film = ", and `jotlight film` a film" if find_cycle(sensor) is not None else ""
+    advice = (
+        "runs over windows or captures estimate images from counts of single bits of one exposure; "
+        "jotlight.reconstruct(bits) (`jotlight reconstruct` of this capture by itself, as a whole) "
+        f"makes an image{film}"
+    )
+    require_plain_bits(without_mosaic(sensor), advice)
     if sensor.oversampling > 1 and sensor.maps():
         raise ValueError(
             "sensor: expected one without maps of its jots, because counts of pixels of "

@@ -124,7 +124,7 @@ def _open(path: str, options: _HashableOptions, _state: tuple[int, int]) -> Bits
         kind = "counts" if capture.sensor is None else "readings of several bits"
         raise ValueError(
             f"{path}: expected bits in a run over captures or windows, got {kind}; run this "
-            "capture by itself, without --window"
+            "capture by itself, as a whole"
         )
     return capture
 
@@ -309,7 +309,8 @@ def conversion_text(run: Record, size: int, checksum: int, content: str = "packe
 
 def _is_complete(output: Path, record: Path, run: Record) -> bool:
     if record.exists():
-        check_same_run(record, read_json(record).get("run"), run)
+        stored = read_json(record).get("run")
+        check_same_run(record if stored is None else output, stored, run, record)
         return output.exists()
     if output.exists():
         check_same_run(output, None, run)

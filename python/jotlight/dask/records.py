@@ -9,6 +9,12 @@ ATTRIBUTE = "jotlight"
 
 _MAX_JSON_BYTES = 1 << 22
 
+_STATE = "bytes", "modified"
+"""Values of a run that differ if its capture has changed."""
+
+_SHA256 = "_sha256"
+"""End of the names of checksums in a run."""
+
 Record = dict[str, Any]
 """What an array was made of, and how, as JSON."""
 
@@ -30,17 +36,25 @@ def read_record(path: Path) -> Record:
     return record if isinstance(record, dict) else {}
 
 
-def check_same_run(path: Path, stored: Any, expected: Record) -> None:
-    """Raise AnotherRunError unless the stored run is the expected one."""
+def check_same_run(path: Path, stored: Any, expected: Record, record: Path | None = None) -> None:
+    """Raise AnotherRunError unless the stored run of a result is the expected one.
+
+    `record` is the file of the stored run, if it lies beside the result.
+    """
     if stored == expected:
         return
     if not isinstance(stored, dict):
         raise AnotherRunError(
             f"{path}: exists already, and is not the result of such a run; choose another name"
         )
+    if any(stored.get(name) != expected.get(name) for name in _STATE):
+        reason = "the capture has changed since"
+    else:
+        reason = ", and ".join(_differences(stored, expected))
+    files = "it" if record is None else f"it and {record.name}"
     raise AnotherRunError(
-        f"{path}: belongs to another run: its {', and its '.join(_differences(stored, expected))}; "
-        "delete it, or choose another name for the output"
+        f"{path}: belongs to another run: {reason}; delete {files}, or choose another name for the "
+        "output"
     )
 
 
@@ -48,26 +62,29 @@ def _differences(stored: Any, expected: Any, of: str = "") -> list[str]:
     """Return the values of two objects of JSON that differ, as texts.
 
     If some are plain, they are all that is stated. Those of the parts of a run, such as the sensor,
-    follow from them.
+    follow from them, and so do most checksums.
     """
     differing = sorted(
         name for name in stored.keys() | expected.keys() if stored.get(name) != expected.get(name)
     )
     pairs = {f"{of}{name}": (stored.get(name), expected.get(name)) for name in differing}
     plain = [
-        f"{name} is {_short(found)}, not {_short(wanted)}"
+        f"its {name} was {_short(found)}, and is {_short(wanted)} now"
         for name, (found, wanted) in pairs.items()
-        if not (isinstance(found, dict) and isinstance(wanted, dict))
+        if not (isinstance(found, dict) and isinstance(wanted, dict)) and _SHA256 not in name
     ]
-    return plain or [
+    parts = [
         text
         for name, (found, wanted) in pairs.items()
+        if isinstance(found, dict) and isinstance(wanted, dict)
         for text in _differences(found, wanted, f"{name} ")
     ]
+    checksums = [f"its {name.replace(_SHA256, '')} changed" for name in pairs if _SHA256 in name]
+    return plain or parts or checksums
 
 
 def _short(value: Any) -> str:
-    text = json.dumps(value)
+    text = "none" if value is None else json.dumps(value)
     return text if len(text) <= 100 else f"{text[:100]}…"
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.images.color import luma
-from jotlight.parameter_names import takes_rng
+from jotlight.parameter_names import check_choice, takes_rng
 
 PHOTOGRAPHS = ("camera", "coins", "moon", "astronaut", "coffee", "chelsea", "rocket")
 """Names of photographs of scikit-image: three in gray, then four in color."""
@@ -32,8 +32,7 @@ def photograph(name: str = "camera", *, gray: bool = False) -> npt.NDArray[np.fl
     >>> photograph().shape, photograph("coffee", gray=True).shape
     ((512, 512), (400, 600))
     """
-    if name not in PHOTOGRAPHS:
-        raise ValueError(f"photograph: expected one of {', '.join(PHOTOGRAPHS)}, got {name!r}")
+    check_choice("photograph", name, PHOTOGRAPHS)
     photo = np.asarray(_levels(name), np.float32) / np.float32(255)
     return luma(photo).astype(np.float32) if gray and photo.ndim == 3 else photo
 

@@ -7,6 +7,7 @@ import numpy as np
 import jotlight._engine as engine
 from jotlight.estimators.denoise import gaussian
 from jotlight.estimators.noniterative import noniterative
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.pixel_counts import Data
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor, require_trainable
@@ -65,8 +66,7 @@ def unit_scale(sensor: Sensor, units: str) -> float:
     >>> unit_scale(sensor, "photons"), round(unit_scale(sensor, "photons-per-second"))
     (2.0, 200000)
     """
-    if units not in UNITS:
-        raise ValueError(f"units: expected one of {', '.join(UNITS)}, got {units!r}")
+    check_choice("units", units, UNITS)
     if units == "intensity":
         return 1.0
     if np.ndim(sensor.gain):

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from jotlight.errors import import_extra
 from jotlight.estimators.trial_levels import fill_from_nearest
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.mosaic import Mosaic, Pattern
 
 Values = npt.NDArray[np.float64]
@@ -51,8 +52,7 @@ def choose_demosaicing(mosaic: Mosaic, method: str | None) -> str:
     """
     if method is None:
         return "menon" if mosaic.bayer else "differences"
-    if method not in TITLES:
-        raise ValueError(f"demosaicing: expected one of {', '.join(TITLES)}, got {method!r}")
+    check_choice("demosaicing", method, TITLES)
     if method == "menon" and mosaic.bayer is None:
         raise ValueError(
             f"demosaicing: menon is for RGGB, BGGR, GRBG, and GBRG, got {mosaic!r}; "

@@ -20,6 +20,7 @@ from jotlight.errors import MissingExtraError
 from jotlight.estimators.vst import NOISE
 from jotlight.interrupts import interruptible
 from jotlight.layout import Layout
+from jotlight.parameter_names import check_choice
 
 Float32Image = npt.NDArray[np.float32]
 """An image of float32."""
@@ -191,10 +192,7 @@ def resolve_denoiser(denoiser: str | Denoiser) -> Denoiser:
     True
     """
     if isinstance(denoiser, str):
-        if denoiser not in DENOISERS:
-            raise ValueError(
-                f"denoiser: expected one of {', '.join(DENOISERS)} or a callable, got {denoiser!r}"
-            )
+        check_choice("denoiser", denoiser, DENOISERS, " or a callable")
         return DENOISERS[denoiser]
     if not callable(denoiser):
         raise TypeError(f"denoiser: expected a name or a callable, got {denoiser!r}")

@@ -15,6 +15,7 @@ from jotlight.estimators.convergence import (
 from jotlight.estimators.descent import SOLVERS, Direction, Mask, QuadraticModel, gradient_direction
 from jotlight.estimators.image_solver import SolverInputs, solve_images
 from jotlight.estimators.inpaint import fill_dead_pixels, warn_about_dead_pixels
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.pixel_counts import Data, Estimate
 from jotlight.sensing.problem import Problem
 from jotlight.sensing.response import Array
@@ -165,8 +166,7 @@ def mle_iterative(
     >>> history.converged, bool(abs(estimate - image).mean() < 0.1)
     (True, True)
     """
-    if solver not in SOLVERS:
-        raise ValueError(f"solver: expected one of {', '.join(SOLVERS)}, got {solver!r}")
+    check_choice("solver", solver, SOLVERS)
     check_stopping_rule(max_iter, tol)
 
     monitor = ConvergenceMonitor("mle_iterative", max_iter, tol, callback)

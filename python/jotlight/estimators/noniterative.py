@@ -15,6 +15,7 @@ from jotlight.estimators.inverse_response import (
 )
 from jotlight.estimators.merge_near import Merging, merge_different_jots
 from jotlight.estimators.trial_levels import count_local_trials, interpolate_levels
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.joint_likelihood import joint_likelihood
 from jotlight.sensing.pixel_counts import (
@@ -109,8 +110,7 @@ def noniterative(
     np.float32(0.693)
     """
     resolve_denoiser(denoiser)  # check it first
-    if inverse not in vst.INVERSES:
-        raise ValueError(f"inverse: expected one of {', '.join(vst.INVERSES)}, got {inverse!r}")
+    check_choice("inverse", inverse, vst.INVERSES)
 
     data, sensor = prepare_data(data, sensor, trials, channel_axis, may_differ=True)
     warn_about_smooth_kernel(sensor)

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.interrupts import interruptible
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.operators import differences
 from jotlight.sensing.problem import Problem
@@ -333,6 +334,5 @@ def check_norm(norm: str) -> str:
     >>> check_norm("isotropic")
     'isotropic'
     """
-    if norm not in NORMS:
-        raise ValueError(f"norm: expected one of {', '.join(NORMS)}, got {norm!r}")
+    check_choice("norm", norm, NORMS)
     return norm

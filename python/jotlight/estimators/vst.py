@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import check_threads
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.values import flatten, number_or_map, numbers_from_zero
 
 NOISE = 0.5
@@ -110,8 +111,7 @@ def inverse_anscombe(
     >>> inverse_anscombe(anscombe([0, 8, 16], 16), 16, inverse="algebraic").round(3).tolist()
     [0.0, 8.0, 16.0]
     """
-    if inverse not in INVERSES:
-        raise ValueError(f"inverse: expected one of {', '.join(INVERSES)}, got {inverse!r}")
+    check_choice("inverse", inverse, INVERSES)
     values = np.asarray(z, np.float32)
     if np.isnan(values).any():
         raise ValueError("z: expected numbers, got NaN")

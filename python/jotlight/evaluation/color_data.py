@@ -12,6 +12,7 @@ import numpy.typing as npt
 from jotlight.estimators.demosaicing import COLORS, TITLES
 from jotlight.estimators.typical_trials import typical_trials
 from jotlight.evaluation.methods import LARGE_TRIALS
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.merged import Merged, is_finer
 from jotlight.sensing.pixel_counts import GrayImages
 from jotlight.sensing.sensor import Sensor
@@ -125,8 +126,8 @@ def check_demosaicing(demosaicing: str | None, sensor: Sensor | None = None) -> 
     ValueError: demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')
     """
     names = BY_COLOR_NETWORK, *TITLES
-    if demosaicing not in (None, *names):
-        raise ValueError(f"demosaicing: expected one of {', '.join(names)}, got {demosaicing!r}")
+    if demosaicing is not None:
+        check_choice("demosaicing", demosaicing, names)
     if demosaicing is not None and sensor is not None and sensor.mosaic is None:
         raise ValueError(
             "demosaicing: is for a sensor with a mosaic, such as Sensor(mosaic='RGGB')"

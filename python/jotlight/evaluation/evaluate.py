@@ -19,7 +19,7 @@ from jotlight.files import write_file
 from jotlight.layout import looks_like_color
 from jotlight.networks.network import Network
 from jotlight.notebook import card, table_of, text_table
-from jotlight.parameter_names import takes_rng
+from jotlight.parameter_names import check_choice, takes_rng
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.sensor import Sensor, require_any_sensor
 
@@ -50,8 +50,7 @@ class Evaluation:
 
     def values(self, metric: str) -> npt.NDArray[np.float64]:
         """Return "psnr", "snr", or "ssim" of each image, NaN where it is None."""
-        if metric not in METRICS:
-            raise ValueError(f"metric: expected one of {', '.join(METRICS)}, got {metric!r}")
+        check_choice("metric", metric, METRICS)
         return np.array([getattr(score, metric) for score in self.scores], np.float64)
 
     def mean(self, metric: str) -> float:

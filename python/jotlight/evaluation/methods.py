@@ -7,7 +7,6 @@ The command line, the viewer, the experiments, and the contract tests take the m
 import dataclasses
 import inspect
 from collections.abc import Callable, Iterable
-from difflib import get_close_matches
 from functools import partial
 from importlib.util import find_spec
 from typing import Any
@@ -22,6 +21,7 @@ from jotlight.estimators.noniterative import noniterative
 from jotlight.evaluation.held_out import held_out, smooth_kernel_reason
 from jotlight.networks.network import Network
 from jotlight.networks.pretrained import pretrained
+from jotlight.parameter_names import did_you_mean
 from jotlight.sensing.pixel_counts import Data, gray_images, prepare_data
 from jotlight.sensing.sensor import Sensor
 
@@ -222,22 +222,19 @@ def find_method(name: str) -> Method:
     """
     if name in METHODS:
         return METHODS[name]
-    lower = name.lower()
-    close = [each for each in METHODS if lower and lower in each]
-    close = close or get_close_matches(lower, METHODS, 1)
+    advice = did_you_mean(name, METHODS)
     if ":" in name:
         advice = (
-            "the commands compare, evaluate, and reproduce run MODULE:FUNCTION, and in Python pass "
-            "the function itself"
+            "; the commands compare, evaluate, and reproduce run MODULE:FUNCTION, and in Python "
+            "pass the function itself"
         )
-    elif close:
-        advice = f"did you mean {' or '.join(close[:3])}?"
-    else:
+    elif not advice:
         advice = (
-            f"expected one of {', '.join(METHODS)}; for a function of your own, pass the function "
-            "itself in Python, and MODULE:FUNCTION to the commands compare, evaluate, and reproduce"
+            f"; expected one of {', '.join(METHODS)}; for a function of your own, pass the "
+            "function itself in Python, and MODULE:FUNCTION to the commands compare, evaluate, and "
+            "reproduce"
         )
-    raise ValueError(f"method: there is no {name!r}; {advice}")
+    raise ValueError(f"method: there is no {name!r}{advice}")
 
 
 def check_options(method: str, options: Iterable[str]) -> None:
@@ -281,5 +278,5 @@ def option_advice(option: str, known: Iterable[str] = ()) -> str:
     ('did you mean quality?', 'did you mean weight?', 'leave it out')
     """
     # Other functions with options do not have all of the arguments.
-    close = [] if option in _ARGUMENTS else get_close_matches(option, [*known, *_ARGUMENTS], 1)
-    return f"did you mean {close[0]}?" if close else "leave it out"
+    names = [] if option in _ARGUMENTS else [*known, *_ARGUMENTS]
+    return did_you_mean(option, names).removeprefix("; ") or "leave it out"

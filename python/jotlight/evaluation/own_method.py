@@ -9,7 +9,6 @@ import re
 import sys
 import traceback
 from collections.abc import Callable
-from difflib import get_close_matches
 from types import ModuleType
 from typing import Any
 
@@ -18,6 +17,7 @@ import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.networks.color_network import AnyNetwork
+from jotlight.parameter_names import nearest_names
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import check_fits
 from jotlight.sensing.merged import Merged
@@ -64,7 +64,7 @@ def import_method(reference: str, folder: str | os.PathLike[str] | None = None) 
         )
     module = _import_module(reference, os.path.abspath(folder or os.curdir))  # noqa: PTH100
     if not hasattr(module, attribute):
-        close = get_close_matches(attribute, dir(module), 1)
+        close = nearest_names(attribute, dir(module))
         advice = f"; did you mean {name}:{close[0]}?" if close else ""
         raise ValueError(f"method: the module {name} has no function {attribute}{advice}")
     function = getattr(module, attribute)

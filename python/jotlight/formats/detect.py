@@ -1,7 +1,9 @@
 """Detection of the format of a file or folder from its content."""
 
+from collections import Counter
 from pathlib import Path
 
+from jotlight.errors import counted
 from jotlight.formats.locations import check_exists
 from jotlight.formats.magic import file_type
 from jotlight.formats.registry import FORMATS
@@ -46,8 +48,6 @@ def detect_format(path: Path) -> str:
     'spad512s'
     """
     check_exists(path)
-    if path.is_file() and path.stat().st_size == 0:
-        raise ValueError(f"{path}: expected a capture, got an empty file")
     # Raw formats match by a trailer, so formats with a header come first.
     for format_ in sorted(FORMATS.values(), key=lambda format_: format_.is_raw):
         if format_.matches is not None and format_.matches(path):
@@ -68,11 +68,33 @@ def detect_format(path: Path) -> str:
         )
     if extension in _OTHERS:
         raise ValueError(f"{path}: expected a capture, got a {extension}, {_OTHERS[extension]}")
-    if path.is_dir() and not any(path.iterdir()):
-        raise ValueError(f"{path}: expected a capture, got an empty folder")
+    if path.is_dir():
+        _explain_folder(path)
     raw = ", ".join(name for name, format_ in FORMATS.items() if format_.is_raw)
     others = ", ".join(name for name, format_ in FORMATS.items() if not format_.is_raw)
     raise ValueError(
         f"{path}: its content does not identify its format; pass format= (--format): "
         f"{raw} for raw frames, or else one of {others}"
     )
+
+
+def _explain_folder(folder: Path) -> None:
+    """Raise ValueError for a folder without files, with photographs, or with many captures."""
+    endings = Counter(each.suffix.lower() for each in sorted(folder.iterdir()))
+    if not endings:
+        raise ValueError(f"{folder}: expected a capture, got an empty folder")
+    # A folder of raw files may be one capture.
+    known = [format_ for format_ in FORMATS.values() if not format_.is_raw]
+    captures = {ending for format_ in known for ending in format_.extensions}
+    for ending, number in sorted(endings.items(), key=lambda each: -each[1]):
+        if ending in PHOTOGRAPH_EXTENSIONS:
+            raise ValueError(
+                f"{folder}: holds {counted(number, f'{ending} photograph')}, not bits or counts; "
+                "`jotlight simulate` (sensor.expose(image)) makes a capture of a photograph"
+            )
+        if ending in captures:
+            raise ValueError(
+                f"{folder}: holds {counted(number, f'{ending} file')}; name one of them, or pass "
+                f"the pattern '{folder / f'*{ending}'}' to `jotlight reconstruct`, `jotlight "
+                "convert`, or jotlight.open"
+            )

@@ -32,14 +32,14 @@ def is_url(path: object) -> bool:
 
 
 def check_exists(path: Path) -> None:
-    """Raise an error unless a path is a file or a folder.
+    """Raise an error unless a path is a folder, or a file that is not empty.
 
     Raises
     ------
     FileNotFoundError
         When there is no such file.
     ValueError
-        When it is a stream, such as standard input.
+        When it is an empty file, or a stream, such as standard input.
 
     Examples
     --------
@@ -49,6 +49,8 @@ def check_exists(path: Path) -> None:
     ValueError: -: is a stream; write it to a file first, or show it by `jotlight view - --follow`
     """
     if path.is_file() or path.is_dir():
+        if path.is_file() and path.stat().st_size == 0:
+            raise ValueError(f"{path}: expected a capture, got an empty file")
         return
     if path == STANDARD_INPUT or path.exists():
         raise ValueError(

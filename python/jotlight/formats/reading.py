@@ -23,6 +23,7 @@ from jotlight.formats.remote import LocalCopy
 from jotlight.formats.scaled import unscale
 from jotlight.formats.selection import select
 from jotlight.formats.with_mosaic import with_mosaic
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.reading_groups import MAX_BIT_DEPTH
@@ -285,8 +286,8 @@ def _open_once(
     readings: bool = False,
 ) -> Capture:
     """Return a capture whose copies hold its content."""
-    if format is not None and format not in FORMATS:
-        raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {format!r}")
+    if format is not None:
+        check_choice("format", format, FORMATS)
     check_exists(path)
     entry = FORMATS[format or detect_format(path)]
     width = None if width is None else whole_number("width", width, 1)
@@ -308,9 +309,10 @@ def _open_once(
     except ValueError as error:
         if str(path) in str(error):
             raise
+        text = f"{path}: {str(error).removeprefix(f'{path.name}: ')}"
         if isinstance(error, SeveralArraysError):
-            raise SeveralArraysError(f"{path}: {error}", error.names) from error
-        raise ValueError(f"{path}: {error}") from error
+            raise SeveralArraysError(text, error.names) from error
+        raise ValueError(text) from error
     if not unpacked and counts is not None and counts == isinstance(capture, Bits):
         content = (
             "bits" if counts else "counts; unpacked=True (--unpacked) reads each number as a bit"

@@ -14,6 +14,7 @@ from jotlight.files import refuse_folder
 from jotlight.formats.labels import make_counts_label
 from jotlight.formats.registry import WRITERS
 from jotlight.layout import MAX_CHANNELS
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.frames import Frames, read_frames
 from jotlight.sensing.merged import Merged
@@ -37,8 +38,8 @@ def choose_output_format(path: Path, name: str | None = None) -> str:
     >>> choose_output_format(Path("a.npy.gz")), choose_output_format(Path("a.bin"), "swissspad2")
     ('npy.gz', 'swissspad2')
     """
-    if name is not None and name not in WRITERS:
-        raise ValueError(f"format= (--to): expected one of {', '.join(WRITERS)}, got {name!r}")
+    if name is not None:
+        check_choice("format= (--to)", name, WRITERS)
     extension = ".npy.gz" if path.name.lower().endswith(".npy.gz") else path.suffix.lower()
     candidates = [
         each

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.images.color import FloatImage
+from jotlight.parameter_names import check_choice
 
 PERCENTILE = 99.5
 """Default percentile of the pixels that becomes white."""
@@ -126,5 +127,4 @@ class Tone:
 
 def check_curve(name: str) -> None:
     """Raise ValueError if the curve is unknown."""
-    if name not in CURVES:
-        raise ValueError(f"curve: expected one of {', '.join(CURVES)}, got {name!r}")
+    check_choice("curve", name, CURVES)

@@ -226,6 +226,8 @@ def check_motion(motion: Motion, size: tuple[int, int], frames: int) -> None:
     margin = float(np.diff(motion.times).max())
     # The motion of a single frame has two times, too.
     if first < 0 or first > margin or end > max(last, 1) or end < last - margin:
+        if 0 <= first <= margin:  # the center of the first block, and the last is as long
+            first, end = 0.0, end + first
         raise ValueError(
             f"motion: expected that of frames 0 to {last}, got that of frames {first:g} to {end:g};"
             " leave out motion= (--motion-file) to align these frames"

@@ -15,6 +15,7 @@ from jotlight.motion.labels import choose
 from jotlight.motion.reference_time import move_labels, move_nodes
 from jotlight.motion.tiles import interpolate, tile_counts
 from jotlight.notebook import card
+from jotlight.parameter_names import check_choice
 from jotlight.tensors import read_tensors, write_tensors
 
 if TYPE_CHECKING:
@@ -130,8 +131,7 @@ class Motion:
             )
         if not np.isfinite(self.reference):
             raise ValueError(f"reference: expected a finite time, got {self.reference}")
-        if self.model not in MODELS:
-            raise ValueError(f"model: expected one of {', '.join(MODELS)}, got {self.model!r}")
+        check_choice("model", self.model, MODELS)
 
     @property
     def size(self) -> tuple[int, int]:

@@ -12,6 +12,7 @@ from jotlight.estimators import vst
 from jotlight.estimators.inverse_response import intensity_from_probability
 from jotlight.networks.layer import Layer
 from jotlight.networks.splines import Spline, fit_spline, identity_spline, relu_spline
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.sensor import Sensor, require_trainable
 
 
@@ -75,13 +76,8 @@ def find_architecture(name: str) -> Architecture:
     ValueError
         For an unknown name.
     """
-    _check_name(name, tuple(ARCHITECTURES))
+    check_choice("architecture", name, ARCHITECTURES)
     return ARCHITECTURES[name]
-
-
-def _check_name(name: str, names: tuple[str, ...]) -> None:
-    if name not in names:
-        raise ValueError(f"architecture: expected one of {', '.join(names)}, got {name!r}")
 
 
 def build_two_layer(
@@ -188,7 +184,7 @@ def build_conditional(name: str, rng: np.random.Generator) -> list[Layer]:
     ValueError
         For an unknown name.
     """
-    _check_name(name, SIZES)
+    check_choice("architecture", name, SIZES)
     # Fewer bits need wider filters.
     sigmas = np.geomspace(_WIDEST_SIGMA, _NARROWEST_SIGMA, _SETS)
     smooth = np.stack([gaussian_filter(float(sigma), _CONDITIONAL_TAPS) for sigma in sigmas])

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.kept import kept_property
+from jotlight.parameter_names import check_choice
 
 TRAINABLE = "all", "filters", "nothing"
 """Values of `Layer.trainable`: the parameters that training with PyTorch changes."""
@@ -89,10 +90,7 @@ class Layer:
             number = operator.index(getattr(self, name))
             if not 1 <= number <= _MAX_STRIDE:
                 raise ValueError(f"{name}: expected 1 to {_MAX_STRIDE}, got {number}")
-        if self.trainable not in TRAINABLE:
-            raise ValueError(
-                f"trainable: expected one of {', '.join(TRAINABLE)}, got {self.trainable!r}"
-            )
+        check_choice("trainable", self.trainable, TRAINABLE)
         self._check_shapes()
         float32 = np.finfo(np.float32)
         smallest, largest = float(float32.tiny), float(float32.max)

@@ -2,6 +2,8 @@
 
 from typing import Final
 
+from jotlight.parameter_names import check_choice
+
 F32: Final = "f32"
 """Numbers of 32 bits, the default."""
 
@@ -20,10 +22,9 @@ def check_precision(precision: str) -> None:
 
     Examples
     --------
-    >>> check_precision("f16")
+    >>> check_precision("double")
     Traceback (most recent call last):
       ...
-    ValueError: precision: expected one of f32, bf16, got 'f16'
+    ValueError: precision: expected one of f32, bf16, got 'double'
     """
-    if precision not in PRECISIONS:
-        raise ValueError(f"precision: expected one of {', '.join(PRECISIONS)}, got {precision!r}")
+    check_choice("precision", precision, PRECISIONS)

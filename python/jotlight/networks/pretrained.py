@@ -7,6 +7,7 @@ from jotlight.networks.architectures import EXTRA_LARGE, QUALITIES
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.film_network import FilmNetwork
 from jotlight.networks.network import Network
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.sensor import Sensor
 
@@ -218,5 +219,4 @@ def uses_conditional(sensor: Sensor, quality: str) -> bool:
 
 def check_quality(quality: str) -> None:
     """Raise ValueError for an unknown size."""
-    if quality not in QUALITIES:
-        raise ValueError(f"quality: expected one of {', '.join(QUALITIES)}, got {quality!r}")
+    check_choice("quality", quality, QUALITIES)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 import jotlight._engine as engine
 from jotlight.checks import check_threads, positive_number, shown, whole_number_in_range
-from jotlight.parameter_names import takes_rng
+from jotlight.parameter_names import check_choice, takes_rng
 from jotlight.seeds import SeedLike
 from jotlight.sensing.response import Array
 from jotlight.sensing.sensor import KERNELS
@@ -161,8 +161,7 @@ def spread(
     """
     shape = _checked_shape(shape)
     oversampling = whole_number_in_range("oversampling", oversampling, 1, 4096)
-    if kernel not in KERNELS:
-        raise ValueError(f"kernel: expected one of {', '.join(KERNELS)}, got {kernel!r}")
+    check_choice("kernel", kernel, KERNELS)
     gain = positive_number("gain", gain)
     check_threads(threads)
     horizontal = (KERNELS.index(kernel), oversampling)

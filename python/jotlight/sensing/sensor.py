@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.checks import number_in_range, refuse_masked, shown, whole_number_in_range
-from jotlight.parameter_names import require_names
+from jotlight.parameter_names import check_choice, require_names
 from jotlight.sensing import reading_groups
 from jotlight.sensing.exposure import Exposure
 from jotlight.sensing.maps import LIMITS, MAPS, checked_maps
@@ -119,8 +119,7 @@ class Sensor(Exposure):
                 f"oversampling**2 * frames: expected fewer than 2**31 trials per pixel, "
                 f"got {self.trials}"
             )
-        if self.kernel not in KERNELS:
-            raise ValueError(f"kernel: expected one of {', '.join(KERNELS)}, got {self.kernel!r}")
+        check_choice("kernel", self.kernel, KERNELS)
         gain: float | None = self.gain
         checked: dict[str, Any] = {
             "gain": reading_groups.checked_gain(self.trials if gain is None else gain, self.frames),

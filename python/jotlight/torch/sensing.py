@@ -5,6 +5,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 import jotlight._engine as engine
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.sensor import KERNELS, Sensor, require_sensor
 from jotlight.torch.data_checks import check_intensities, shape_advice, warn_about_levels
 from jotlight.torch.padding import mirror_pad
@@ -58,8 +59,7 @@ class Sensing(nn.Module):
             ("output", output, OUTPUTS),
             ("gradient", gradient, GRADIENTS),
         ):
-            if value not in choices:
-                raise ValueError(f"{name}: expected one of {', '.join(choices)}, got {value!r}")
+            check_choice(name, value, choices)
         require_sensor(sensor)
         self.sensor, self.output, self.gradient = sensor, output, gradient
         self._degree = KERNELS.index(sensor.kernel)

@@ -14,7 +14,7 @@ from jotlight.networks.loading import require_network
 from jotlight.networks.network import Network
 from jotlight.networks.planes_network import PlanesNetwork
 from jotlight.networks.precision import F32
-from jotlight.parameter_names import takes_rng
+from jotlight.parameter_names import check_choice, takes_rng
 from jotlight.progress import Progress
 from jotlight.sensing.intensity_scale import warn_about_scale
 from jotlight.sensing.sensor import Sensor
@@ -177,8 +177,7 @@ def train(
     batch = whole_number("batch", BATCH if batch is None else batch, 1)
     positive_number("learning_rate", learning_rate)
     filter_dtype = filter_dtype_of(precision)
-    if optimizer not in OPTIMIZERS:
-        raise ValueError(f"optimizer: expected one of {', '.join(OPTIMIZERS)}, got {optimizer!r}")
+    check_choice("optimizer", optimizer, OPTIMIZERS)
     seconds = None if seconds is None else positive_number("seconds", seconds)
     source = as_patch_source(images)
     if isinstance(source, ImagePatches):

@@ -8,6 +8,7 @@ import numpy as np
 
 from jotlight.checks import positive_number
 from jotlight.networks.network import Network
+from jotlight.parameter_names import check_choice
 from jotlight.training.cost import Cost
 from jotlight.training.gauss_newton import GaussNewton
 from jotlight.training.optimizer import Optimizer, State, Step
@@ -125,10 +126,7 @@ def find_optimizer(optimizer: str | Optimizer) -> Optimizer:
     Adam(learning_rate=0.01, betas=(0.9, 0.999))
     """
     if isinstance(optimizer, str):
-        if optimizer not in OPTIMIZERS:
-            raise ValueError(
-                f"optimizer: expected one of {', '.join(OPTIMIZERS)}, got {optimizer!r}"
-            )
+        check_choice("optimizer", optimizer, OPTIMIZERS)
         return OPTIMIZERS[optimizer]()
     if isinstance(optimizer, type) or not hasattr(optimizer, "take_step"):
         raise TypeError(

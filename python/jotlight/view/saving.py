@@ -10,6 +10,7 @@ from jotlight._engine import __version__
 from jotlight.estimators.brightness import UNITS
 from jotlight.images.exr import check_exr
 from jotlight.images.io import image_writer
+from jotlight.parameter_names import check_choice
 from jotlight.view.display import display_difference, displayable, fit_white, tone_of
 from jotlight.view.estimate import Estimate, estimate, merge_window
 from jotlight.view.running_counts import RunningCounts
@@ -52,8 +53,7 @@ def save_view(viewed: Viewable, state: ViewState, ending: str) -> bytes:
     >>> save_view(viewed, ViewState(window=4), "png")[1:4]
     b'PNG'
     """
-    if ending not in ENDINGS:
-        raise ValueError(f"format: expected one of {', '.join(ENDINGS)}, got {ending!r}")
+    check_choice("format", ending, ENDINGS)
     if ending == "exr":
         check_exr()
     if state.within(viewed.frames, viewed.cycle).span != state.span:

@@ -18,11 +18,22 @@ def test_masks_are_read_from_arrays_and_images(tmp_path):
     Image.fromarray(mask).save(tmp_path / "one.png")
     Image.fromarray(mask.astype(np.uint8) * 255).save(tmp_path / "eight.png")
     tifffile.imwrite(tmp_path / "eight.tif", mask.astype(np.uint8) * 255)
-    for name in ("a.npy", "one.png", "eight.png", "eight.tif"):
+    np.save(tmp_path / "ones.npy", mask.astype(np.int64))
+    np.save(tmp_path / "eight.npy", mask.astype(np.uint8) * 255)
+    for name in ("a.npy", "ones.npy", "eight.npy", "one.png", "eight.png", "eight.tif"):
         np.testing.assert_array_equal(read_mask(tmp_path / name), mask)
     Image.fromarray(~mask).save(tmp_path / "one.png")
     with pytest.warns(jl.JotlightWarning, match="invert it"):
         read_mask(tmp_path / "one.png")
+
+
+@pytest.mark.parametrize("name", ["mask.mat", "mask.h5", "mask"])
+def test_other_files_are_no_masks(tmp_path, name):
+    (tmp_path / name).write_bytes(b"a file")
+    with pytest.raises(
+        ValueError, match=r"expected a mask in a \.npy, \.png, \.tif, or \.tiff file"
+    ):
+        read_mask(tmp_path / name)
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64, np.uint16])

@@ -46,8 +46,8 @@ def test_variables_are_chosen_by_name(tmp_path):
     assert jl.open(tmp_path / "a.mat", key="y").shape == (1, 2, 3)
     with pytest.raises(ValueError, match=r"key= \(--key\) to name one of its variables: x, y$"):
         jl.open(tmp_path / "a.mat")
-    with pytest.raises(ValueError, match="0 and 1 only"):
-        jl.open(tmp_path / "a.mat", key="x").counts()
+    with pytest.raises(ValueError, match=r"0 and 1 only, got .*; counts=True \(--counts\) reads"):
+        jl.open(tmp_path / "a.mat", key="x")  # before anyone compares the number of frames
     (tmp_path / "a.mat").write_bytes((tmp_path / "a.mat").read_bytes()[:150])
     with pytest.raises(ValueError, match=r"a\.mat"):
         jl.open(tmp_path / "a.mat", key="x").counts()

@@ -15,7 +15,7 @@ from jotlight.datasets.moving_scenes.planes import Plane
 from jotlight.datasets.moving_scenes.textures import Texture
 from jotlight.datasets.scenes import photograph as scikit_image_photograph
 from jotlight.errors import hide_warnings
-from jotlight.parameter_names import takes_rng
+from jotlight.parameter_names import check_choice, takes_rng
 from jotlight.seeds import SeedLike
 from jotlight.sensing.frames import Frames
 from jotlight.sensing.intensity_scale import MEANING, warn_about_scale
@@ -322,10 +322,7 @@ def moving(
     generator = rng if isinstance(rng, np.random.Generator) else np.random.default_rng(rng)
     if isinstance(motion, str):
         sensor = Sensor(frames=256) if sensor is None else sensor
-        if motion not in MOTIONS:
-            raise ValueError(
-                f"motion: expected one of {', '.join(MOTIONS)}, or an array, got {motion!r}"
-            )
+        check_choice("motion", motion, MOTIONS, ", or an array")
         planes = MOTIONS[motion](back, front_texture, sensor.frames, generator)
     else:
         path = Path.from_table(motion)

@@ -60,13 +60,13 @@ def read_mask(path: Path) -> npt.NDArray[np.bool_]:
     Parameters
     ----------
     path : path
-        A `.npy` file of booleans, or a grayscale PNG or TIFF where every level above 0 marks a dead
-        jot.
+        A `.npy` file of booleans or whole numbers, or a grayscale PNG or TIFF. Every level above 0
+        marks a dead jot.
 
     Raises
     ------
     OSError, ValueError
-        When the file cannot be read.
+        When the file cannot be read, or has another ending.
 
     Examples
     --------
@@ -76,13 +76,15 @@ def read_mask(path: Path) -> npt.NDArray[np.bool_]:
     >>> read_mask(path).astype(int).tolist()
     [[1, 0, 0], [0, 1, 0]]
     """
-    if path.suffix.lower() == ".npy":
-        mask = read_npy(path)
-    elif is_map(path.name):
-        mask = read_map(path) != 0
-    else:
+    if is_map(path.name):
+        mask = read_map(path)
+    elif path.suffix.lower() == ".png":
         _require_file(path)
-        mask = read_png(path)[0].read(0, 1)[0] != 0
+        mask = read_png(path)[0].read(0, 1)[0]
+    else:
+        raise ValueError(f"{path}: expected a mask in a .npy, .png, .tif, or .tiff file")
+    if mask.dtype.kind in "iu" or path.suffix.lower() != ".npy":
+        mask = mask != 0
     if mask.dtype == np.bool_ and mask.size and mask.mean() > 0.5:
         warn(
             f"{path}: marks {mask.mean():.0%} of the jots as dead; if it marks the live ones, "

@@ -75,7 +75,10 @@ def open_matlab(path: Path, options: OpenOptions) -> Capture:
     if options.counts:
         return as_count_stack(frames, provenance, floats=options.floats, is_stack=True)
     provenance = provenance.with_notes("each number is one bit, (H, W, T)")
-    return Bits(pack_lazily(frames, path.name), frames.shape[2], provenance=provenance)
+    packed = pack_lazily(frames, path.name)
+    if len(packed) == 1:  # a matrix may hold counts, which any number of frames would not fit
+        packed.read(0, 1)
+    return Bits(packed, frames.shape[2], provenance=provenance)
 
 
 def _part_files(folder: Path) -> list[Path]:

@@ -16,6 +16,7 @@ from jotlight.formats.format import FrameLayout
 from jotlight.formats.locations import STANDARD_INPUT
 from jotlight.formats.reading import open_capture
 from jotlight.formats.registry import FORMATS
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.frames import Packed
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor import Sensor
@@ -71,8 +72,7 @@ class LiveOptions:
             return _parse_shape(self.shape), "raw"
         if self.format is None:
             return None
-        if self.format not in FORMATS:
-            raise ValueError(f"format: expected one of {', '.join(FORMATS)}, got {self.format!r}")
+        check_choice("format", self.format, FORMATS)
         layout = FORMATS[self.format].layout
         return None if layout is None else (layout, self.format)
 

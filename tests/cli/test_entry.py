@@ -1,0 +1,35 @@
+"""The entry point: output that the encoding of the standard output cannot represent."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import jotlight as jl
+
+
+def run_encoded(encoding, *arguments):
+    """Return what a command prints to a standard output of an encoding, which is no terminal."""
+    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    command = [sys.executable, "-m", "jotlight", *arguments]
+    done = subprocess.run(command, env=environment, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.decode(encoding)
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+def test_help_is_complete_where_the_encoding_lacks_characters(encoding):
+    whole = run_encoded("utf-8", "simulate", "--help")
+    output = run_encoded(encoding, "simulate", "--help")
+    assert "K̂: each pixel" in whole
+    assert "K?: each pixel" in output
+    assert whole.splitlines()[-2].strip("│ ") == output.splitlines()[-2].strip("| ")
+
+
+def test_a_name_that_the_encoding_lacks_is_no_failure(tmp_path):
+    path = tmp_path / "a.npy"
+    jl.save(jl.Bits.from_array(np.eye(8, dtype=bool)[None]), path)
+    assert "?2.h5" in run_encoded("cp1252", "convert", path, "-o", tmp_path / "日2.h5")
+    assert (tmp_path / "日2.h5").exists()
