@@ -28,6 +28,15 @@ def test_help_is_complete_where_the_encoding_lacks_characters(encoding):
     assert whole.splitlines()[-2].strip("│ ") == output.splitlines()[-2].strip("| ")
 
 
+def test_names_that_are_no_text_keep_their_bytes(tmp_path):
+    jl.save(jl.Bits.from_array(np.eye(8, dtype=bool)[None]), tmp_path / "a.npy")
+    name = os.fsencode(tmp_path) + b"/p\xe9.h5"
+    command = [sys.executable, "-m", "jotlight", "convert", str(tmp_path / "a.npy"), "-o", name]
+    environment = {**os.environ, "PYTHONIOENCODING": "utf-8:surrogateescape"}
+    done = subprocess.run(command, env=environment, capture_output=True, check=True)
+    assert b"p\xe9.h5" in done.stdout
+
+
 def test_a_name_that_the_encoding_lacks_is_no_failure(tmp_path):
     path = tmp_path / "a.npy"
     jl.save(jl.Bits.from_array(np.eye(8, dtype=bool)[None]), path)

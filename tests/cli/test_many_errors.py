@@ -68,6 +68,15 @@ def test_results_of_another_run_are_refused(run, captures):
     assert "v.zarr: belongs to another run: its sensor efficiency was 1.0, and is 0.5 now;" in err
 
 
+def test_another_capture_is_named(run, captures):
+    base = ("-o", "v.zarr", "--window", 16)
+    assert run("convert", captures[0], *base)[0] == 0
+    code, err = run("convert", captures[1], *base)
+    assert code == 1
+    assert "changed since" not in err
+    assert f'{captures[0].name}", and is ' in err
+
+
 def test_a_capture_that_changed_is_another_run(run, captures):
     base = ("convert", captures[0], "-o", "v.zarr", "--window", 16)
     assert run(*base)[0] == 0

@@ -90,6 +90,6 @@ def test_several_captures_need_a_place_for_their_names():
 
 def test_the_options_of_file_systems_reach_globs(monkeypatch):
     found = []
-    monkeypatch.setattr(names, "expand", lambda *arguments: found.append(arguments) or ["a"])
+    monkeypatch.setattr(names, "find_matches", lambda *arguments: found.append(arguments) or ["a"])
     assert names.find_captures(["s3://b/*.npy"], {"anon": True}) == ["a"]
     assert found == [("s3://b/*.npy", {"anon": True})]

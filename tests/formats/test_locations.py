@@ -7,7 +7,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.dask.names import find_captures
-from jotlight.formats.locations import expand, files_state
+from jotlight.formats.locations import expand, files_state, without_companions
 
 
 def test_links_to_nothing_in_a_folder_do_not_count(tmp_path):
@@ -52,7 +52,10 @@ def test_patterns_leave_out_the_files_that_belong_to_a_match(tmp_path, ending):
     assert find_captures(names) == find_captures([f"{tmp_path}/*"]) == expected
 
 
-def test_a_map_that_alone_matches_is_kept(tmp_path):
+def test_a_map_that_alone_matches_is_kept(tmp_path, monkeypatch):
     mask = np.zeros((4, 8), bool)
     jl.save(jl.Sensor(mask=mask).expose(np.ones((4, 8)), rng=0), tmp_path / "a.npy")
     assert expand(f"{tmp_path}/*.mask.npy") == [str(tmp_path / "a.mask.npy")]
+    monkeypatch.chdir(tmp_path)
+    named = ["a.npy", str(tmp_path / "a.mask.npy")]
+    assert without_companions(named) == ["a.npy"]

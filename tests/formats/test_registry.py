@@ -78,17 +78,21 @@ def test_a_folder_of_photographs_is_named(tmp_path):
         jl.open(tmp_path)
 
 
-def test_a_folder_of_captures_gets_a_pattern_that_opens_them(tmp_path):
+@pytest.mark.parametrize("folder", ["a", "[a]"])
+def test_a_folder_of_captures_gets_a_pattern_that_opens_them(tmp_path, folder):
+    (tmp_path / folder / "c.npy").mkdir(parents=True)
     for name in "ab":
-        jl.save(jl.Sensor(frames=4).expose(np.full((8, 8), 0.5), rng=0), tmp_path / f"{name}.npy")
+        bits = jl.Sensor(frames=4).expose(np.full((8, 8), 0.5), rng=0)
+        jl.save(bits, tmp_path / folder / f"{name}.npy")
     with pytest.raises(ValueError, match=r"holds 2 \.npy files; name one") as error:
-        jl.open(tmp_path)
+        jl.open(tmp_path / folder)
+    (tmp_path / folder / "c.npy").rmdir()
     [pattern] = re.findall("'(.*)'", str(error.value))
     assert [len(bits) for bits in jl.open(pattern)] == [4, 4]
 
 
 def test_a_folder_of_raw_files_may_be_one_capture(tmp_path):
-    for name in ("a.bin", "b.bin"):
+    for name in ("a.bin", "b.bin", "settings.mat", "preview.jpg"):
         (tmp_path / name).write_bytes(bytes(100))
     with pytest.raises(ValueError, match=r"pass format= \(--format\).*swissspad2"):
         jl.open(tmp_path)

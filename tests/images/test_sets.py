@@ -144,6 +144,14 @@ def test_bits_and_small_readings_of_8_bits_need_the_white_level(tmp_path, larges
     np.testing.assert_array_equal(read_image_set(path, white=largest)[1], np.ones((2, 3, 4)))
 
 
+def test_a_black_image_and_a_description_by_another_program_are_no_capture(tmp_path):
+    images = np.zeros((2, 3, 4), np.uint8)
+    images[1] = 200
+    np.save(tmp_path / "a.npy", images)
+    (tmp_path / "a.json").write_text('{"camera": "mine"}')
+    assert [image.max() for image in read_image_set(tmp_path / "a.npy", first=1)[1]] == [0]
+
+
 @pytest.mark.parametrize("bit_depth", [1, 4, 8])
 def test_a_capture_of_jotlight_is_no_set_of_images(tmp_path, bit_depth):
     sensor = jotlight.Sensor(frames=4, gain=4 * 2**bit_depth, bit_depth=bit_depth)

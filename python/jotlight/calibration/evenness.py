@@ -75,8 +75,9 @@ def warn_about_scene(rates: Rates, hot: Flags) -> None:
     if structure > MIN_STRUCTURE:
         warn(
             f"dark: expected a capture without light, got differences of {structure:.0%} between "
-            "groups of jots that no slow change explains, as in the image of a scene; the dark "
-            "counts may contain its light. Cover the sensor, and record again"
+            "groups of jots that no slow change explains, as in the image of a scene, or where a "
+            "part of the sensor is dead or glows; if light reached the sensor, cover it, and "
+            "record again"
         )
 
 

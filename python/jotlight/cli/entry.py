@@ -12,9 +12,9 @@ def main() -> None:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         # An exception would print a traceback, or some import would take it for a missing package.
         signal.signal(signal.SIGINT, _end)
-    # Printing must not fail where the encoding lacks a character, such as α in cp1252. The standard
-    # error never does so.
-    if isinstance(sys.stdout, io.TextIOWrapper):
+    # Printing must not fail where the encoding lacks a character, such as α in cp1252. It never
+    # fails on the standard error.
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
         sys.stdout.reconfigure(errors="replace")
     from jotlight.cli.app import main as run
 

@@ -17,6 +17,7 @@ from jotlight.images.image_stack import stack_writer
 from jotlight.motion.align import align
 from jotlight.motion.merge import check_upsample, merge
 from jotlight.motion.motion import MODELS, Motion
+from jotlight.parameter_names import check_choice
 from jotlight.sensing.merged import Merged
 
 _ALIGNING = 0.8
@@ -52,11 +53,7 @@ class MotionOptions:
             if not self.motion and getattr(self, field.name) != field.default:
                 name = field.name.replace("_", "-")
                 raise ValueError(f"{name}: is for the motion of the scene; add --motion")
-        if self.model not in ("auto", *MODELS):
-            raise ValueError(
-                f"motion-model: expected auto or one of {', '.join(MODELS)}, got {self.model!r}"
-            )
-
+        check_choice("motion-model", self.model, ("auto", *MODELS))
         if self.upsample not in (None, 1, 2):
             raise ValueError(f"upsample: expected 1 or 2, got {self.upsample}")
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from jotlight.formats.locations import expand, is_url, without_companions
+from jotlight.formats.locations import find_matches, is_url, without_companions
 
 _PLACE = "{name}"
 
@@ -126,7 +126,9 @@ def find_captures(
     FileNotFoundError
         When a pattern matches nothing.
     """
-    found = dict.fromkeys(each for pattern in patterns for each in expand(pattern, storage_options))
+    found = dict.fromkeys(
+        each for pattern in patterns for each in find_matches(pattern, storage_options)
+    )
     return without_companions(list(found))
 
 

@@ -47,15 +47,26 @@ def check_same_run(path: Path, stored: Any, expected: Record, record: Path | Non
         raise AnotherRunError(
             f"{path}: exists already, and is not the result of such a run; choose another name"
         )
-    if any(stored.get(name) != expected.get(name) for name in _STATE):
-        reason = "the capture has changed since"
+    # Checksums follow from the rest, and another capture has another state.
+    names = set(_differing(stored, expected))
+    has_changed = bool(names & set(_STATE))
+    rest = {name for name in names - set(_STATE) if not (has_changed and _SHA256 in name)}
+    if rest:
+        was, now = ({name: run[name] for name in rest & run.keys()} for run in (stored, expected))
+        reason = ", and ".join(_differences(was, now))
     else:
-        reason = ", and ".join(_differences(stored, expected))
+        reason = "the capture has changed since"
     files = "it" if record is None else f"it and {record.name}"
     raise AnotherRunError(
         f"{path}: belongs to another run: {reason}; delete {files}, or choose another name for the "
         "output"
     )
+
+
+def _differing(stored: Record, expected: Record) -> list[str]:
+    """Return the names of the values that differ, sorted."""
+    names = sorted(stored.keys() | expected.keys())
+    return [name for name in names if stored.get(name) != expected.get(name)]
 
 
 def _differences(stored: Any, expected: Any, of: str = "") -> list[str]:
@@ -64,10 +75,8 @@ def _differences(stored: Any, expected: Any, of: str = "") -> list[str]:
     If some are plain, they are all that is stated. Those of the parts of a run, such as the sensor,
     follow from them, and so do most checksums.
     """
-    differing = sorted(
-        name for name in stored.keys() | expected.keys() if stored.get(name) != expected.get(name)
-    )
-    pairs = {f"{of}{name}": (stored.get(name), expected.get(name)) for name in differing}
+    names = _differing(stored, expected)
+    pairs = {f"{of}{name}": (stored.get(name), expected.get(name)) for name in names}
     plain = [
         f"its {name} was {_short(found)}, and is {_short(wanted)} now"
         for name, (found, wanted) in pairs.items()

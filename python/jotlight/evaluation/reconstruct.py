@@ -187,7 +187,8 @@ def reconstruct(
     Warns
     -----
     JotlightWarning
-        When the largest intensity S clips most of the estimate.
+        When the largest intensity S clips most of the estimate, and when the data have fewer ones
+        than the dark counts of the sensor cause without light.
     PeriodicRatesWarning
         When the rates of jots repeat, as under a color filter mosaic. All methods warn about it.
 

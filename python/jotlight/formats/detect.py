@@ -1,5 +1,7 @@
 """Detection of the format of a file or folder from its content."""
 
+import glob
+import shlex
 from collections import Counter
 from pathlib import Path
 
@@ -80,21 +82,27 @@ def detect_format(path: Path) -> str:
 
 def _explain_folder(folder: Path) -> None:
     """Raise ValueError for a folder without files, with photographs, or with many captures."""
-    endings = Counter(each.suffix.lower() for each in sorted(folder.iterdir()))
-    if not endings:
+    if not any(folder.iterdir()):
         raise ValueError(f"{folder}: expected a capture, got an empty folder")
+    endings = Counter(each.suffix for each in sorted(folder.iterdir()) if each.is_file())
+    raw, captures = (
+        {ending for each in FORMATS.values() if each.is_raw == is_raw for ending in each.extensions}
+        for is_raw in (True, False)
+    )
     # A folder of raw files may be one capture.
-    known = [format_ for format_ in FORMATS.values() if not format_.is_raw]
-    captures = {ending for format_ in known for ending in format_.extensions}
-    for ending, number in sorted(endings.items(), key=lambda each: -each[1]):
-        if ending in PHOTOGRAPH_EXTENSIONS:
+    if any(ending.lower() in raw for ending in endings):
+        return
+    endings.pop(".json", None)  # descriptions
+    for ending, number in endings.most_common(1):
+        if ending.lower() in PHOTOGRAPH_EXTENSIONS:
             raise ValueError(
                 f"{folder}: holds {counted(number, f'{ending} photograph')}, not bits or counts; "
                 "`jotlight simulate` (sensor.expose(image)) makes a capture of a photograph"
             )
-        if ending in captures:
+        if ending.lower() in captures:
+            pattern = shlex.quote(f"{glob.escape(str(folder))}/*{ending}")
             raise ValueError(
                 f"{folder}: holds {counted(number, f'{ending} file')}; name one of them, or pass "
-                f"the pattern '{folder / f'*{ending}'}' to `jotlight reconstruct`, `jotlight "
-                "convert`, or jotlight.open"
+                f"the pattern {pattern} to `jotlight reconstruct`, `jotlight convert`, or "
+                "jotlight.open"
             )

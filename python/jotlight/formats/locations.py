@@ -77,9 +77,16 @@ def is_glob(path: str) -> bool:
 
 
 def expand(path: str, storage_options: dict[str, Any] | None = None) -> list[str]:
-    """Return the paths or URLs that a pattern matches, sorted; or else the path itself.
+    """Return what a pattern matches, as :func:`find_matches`, without descriptions and maps.
 
-    Files are left out if they belong to another one that matches (:func:`without_companions`).
+    They are left out if they belong to another file that matches (:func:`without_companions`).
+    """
+    found = find_matches(path, storage_options)
+    return without_companions(found) if len(found) > 1 else found
+
+
+def find_matches(path: str, storage_options: dict[str, Any] | None = None) -> list[str]:
+    """Return the paths or URLs that a pattern matches, sorted; or else the path itself.
 
     Raises
     ------
@@ -91,8 +98,7 @@ def expand(path: str, storage_options: dict[str, Any] | None = None) -> list[str
     if is_url(path):
         found = expand_url(path, storage_options)
     else:
-        found = glob.glob(complete_path(path), recursive=True)  # noqa: PTH207
-        found = without_companions(sorted(found))
+        found = sorted(glob.glob(complete_path(path), recursive=True))  # noqa: PTH207
     if not found:
         raise FileNotFoundError(f"there is no file {path}: the pattern matches nothing")
     return found
@@ -108,9 +114,9 @@ def without_companions(paths: list[str]) -> list[str]:
     >>> without_companions(["a.npy", "a.json", "b.npy"])
     ['a.npy', 'b.npy']
     """
-    cubes = [Path(path) for path in paths if not is_url(path)]
+    cubes = [Path(path).absolute() for path in paths if not is_url(path)]
     companions = set[Path]().union(*map(companion_files, cubes))
-    return [path for path in paths if is_url(path) or Path(path) not in companions]
+    return [path for path in paths if is_url(path) or Path(path).absolute() not in companions]
 
 
 def file_state(path: str, storage_options: dict[str, Any] | None = None) -> tuple[int, int]:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from jotlight.argument_types import as_path, pattern_advice
 from jotlight.checks import as_image, positive_number
+from jotlight.errors import hide_warnings
 from jotlight.formats.archives import read_npz
 from jotlight.formats.arrays import open_npy_array
 from jotlight.formats.description import find_description
@@ -167,7 +168,8 @@ def _read_stack(
 
 def _refuse_capture(source: Path) -> None:
     """Raise ValueError if the description beside an array states that it is a capture."""
-    description = find_description(source)
+    with hide_warnings():  # another program may have described the images
+        description = find_description(source)
     if description is not None:
         raise ValueError(
             f"{source}: expected gray images (N, H, W), got {description.format}, according to "
@@ -183,7 +185,7 @@ def _require_scale(source: Path, array: npt.NDArray[Any] | Frames) -> None:
     levels = ""
     if array.dtype == np.uint8:
         largest = int(np.max(np.asarray(array)))
-        if largest > _MAX_READING:
+        if largest > _MAX_READING or largest == 0:
             return
         levels = f" with values up to {largest}"
     raise ValueError(

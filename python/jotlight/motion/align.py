@@ -22,6 +22,7 @@ from jotlight.motion.reading_counts import ReadingCounts, ReadingStack, counts_f
 from jotlight.motion.squares import enlarge_motion, in_squares, squares_side
 from jotlight.motion.tiles import TILE, tile_counts
 from jotlight.motion.track import Paths
+from jotlight.parameter_names import check_choice
 from jotlight.progress import Progress, shown_progress
 from jotlight.sensing.alike_frames import require_alike_frames
 from jotlight.sensing.bits import Bits
@@ -120,8 +121,7 @@ def find_motion(
     if (of_kinds := frames_of_kinds(data, sensor)) is not None:
         return _motion_of_squares(*of_kinds, at, model, threads, progress), None
     burst, sensor = prepare_burst(data, sensor)
-    if model != "auto" and model not in MODELS:
-        raise ValueError(f"model: expected auto or one of {', '.join(MODELS)}, got {model!r}")
+    check_choice("model", model, ("auto", *MODELS))
     time = reference_time(at, burst)
     blocks = as_blocks(burst, block_edges(len(burst)), sensor, threads)
     if (reason := _unusable(blocks)) is not None:

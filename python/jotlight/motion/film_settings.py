@@ -4,6 +4,7 @@ import dataclasses
 
 from jotlight.motion.memory import Memory, remembers
 from jotlight.motion.motion import MODELS
+from jotlight.parameter_names import check_choice
 
 KEPT_WINDOWS = 4
 """Number of windows whose frames together show the motion of a scene if one is not enough."""
@@ -22,9 +23,7 @@ class FilmSettings:
     threads: int | None
 
     def __post_init__(self) -> None:
-        if self.model != "auto" and self.model not in MODELS:
-            names = ", ".join(MODELS)
-            raise ValueError(f"model: expected auto or one of {names}, got {self.model!r}")
+        check_choice("model", self.model, ("auto", *MODELS))
 
     def new_memory(self) -> Memory | None:
         """Return an empty memory, or None if the film has none."""

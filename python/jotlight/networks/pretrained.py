@@ -48,8 +48,8 @@ CHANNELS_FILE = FOLDER / "color-channels.safetensors"
 """The color network for images with three counts per pixel."""
 
 MOSAIC_ROTATIONS = 4
-"""Number of rotations of the mosaic over which its color network is averaged. Decision 47 states
-what this gains."""
+"""Number of rotations of the mosaic over which its color network is averaged. Its file states 1,
+with which it is trained further. Decision 47 states what the others gain."""
 
 FILM_START = "large"
 """Size of the gray network whose estimates the film network improves."""

@@ -27,6 +27,11 @@ times as many columns as rows exist.
 """
 
 
+_MIN_ROWS, _MAX_FRAME_ASPECT = 8, 2
+"""Smallest number of rows that may be frames, and largest aspect of the frames that would follow,
+in formats that store frames as (H, W, T)."""
+
+
 def warn_about_axes(name: str, shape: tuple[int, ...], *, frames_last: bool = False) -> None:
     """Warn about frames whose axes were probably stored in another order.
 
@@ -48,6 +53,9 @@ def warn_about_axes(name: str, shape: tuple[int, ...], *, frames_last: bool = Fa
     number, *sides = (height, width, frames) if frames_last else (width, frames, height)
     side = min(sides)
     is_short = side >= _MIN_SIDE and side >= _MIN_RATIO * number
+    if frames_last:
+        # Sensors with few rows exist, also with a single one.
+        is_short &= number >= _MIN_ROWS and max(sides) <= _MAX_FRAME_ASPECT * side
     is_long = sides[0] == sides[1] >= _MIN_EQUAL and number > _MAX_ASPECT * side
     if is_short or is_long:
         warn(

@@ -97,6 +97,15 @@ def test_frames_along_the_first_axis_are_reported(tmp_path, shape, options):
     assert jot_shape(open_capture(tmp_path / "hwt.mat", **options)) == shape
 
 
+@pytest.mark.parametrize("shape", [(1, 256, 1000), (4, 256, 300), (16, 256, 1000)])
+def test_sensors_with_few_rows_are_not_suspected(tmp_path, shape):
+    from scipy.io import savemat
+
+    savemat(tmp_path / "a.mat", {"x": random_frames(shape).astype(np.uint8)})
+    height, width, frames = shape
+    assert jot_shape(open_capture(tmp_path / "a.mat")) == (frames, height, width)
+
+
 def test_frames_of_parts_by_jotlight_are_not_suspected(tmp_path):
     bits = jl.Bits.from_array(random_frames((300, 16, 300)))
     jl.save(bits, tmp_path / "parts", format="matlab")
