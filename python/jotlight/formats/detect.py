@@ -93,16 +93,19 @@ def _explain_folder(folder: Path) -> None:
     if any(ending.lower() in raw for ending in endings):
         return
     endings.pop(".json", None)  # descriptions
-    for ending, number in endings.most_common(1):
-        if ending.lower() in PHOTOGRAPH_EXTENSIONS:
-            raise ValueError(
-                f"{folder}: holds {counted(number, f'{ending} photograph')}, not bits or counts; "
-                "`jotlight simulate` (sensor.expose(image)) makes a capture of a photograph"
-            )
-        if ending.lower() in captures:
-            pattern = shlex.quote(f"{glob.escape(str(folder))}/*{ending}")
-            raise ValueError(
-                f"{folder}: holds {counted(number, f'{ending} file')}; name one of them, or pass "
-                f"the pattern {pattern} to `jotlight reconstruct`, `jotlight convert`, or "
-                "jotlight.open"
-            )
+    if not endings:
+        return
+    ending = max(endings, key=endings.__getitem__)
+    number = endings[ending]
+    if ending.lower() in PHOTOGRAPH_EXTENSIONS:
+        raise ValueError(
+            f"{folder}: holds {counted(number, f'{ending} photograph')}, not bits or counts; "
+            "`jotlight simulate` (sensor.expose(image)) makes a capture of a photograph"
+        )
+    if ending.lower() in captures:
+        pattern = shlex.quote(f"{glob.escape(str(folder))}/*{ending}")
+        raise ValueError(
+            f"{folder}: holds {counted(number, f'{ending} file')}; name one of them, or pass "
+            f"the pattern {pattern} to `jotlight reconstruct`, `jotlight convert`, or "
+            "jotlight.open"
+        )
