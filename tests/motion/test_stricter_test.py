@@ -12,7 +12,7 @@ from jotlight.motion.align import as_motion
 from jotlight.motion.consistency import find_consistent
 from jotlight.motion.film_merging import FilmMerging
 from jotlight.motion.memory import Memory
-from jotlight.motion.merge import as_paths, merge_along
+from jotlight.motion.merge import as_paths
 from jotlight.motion.stricter_test import select_bits
 from jotlight.motion.track import Paths, Track
 from moving import blocks_of
@@ -186,21 +186,3 @@ def test_nothing_moves_by_itself_in_a_clear_scene_with_one_motion():
     # A stricter test would reject some bits at steep edges.
     counted = select_bits(as_paths(motion, blocks_of(scene.bits)), consistent)
     assert counted.total.trials.sum() < consistent.total.trials.sum()
-
-
-@pytest.mark.parametrize("moves", [False, True])
-def test_segments_that_explain_nearly_all_bits_are_clear(moves):
-    bits, _ = crossing(12)
-    if not moves:  # nothing crosses in most of the frames
-        rates = np.where(np.arange(SIZE[0]) % 4 == 0, 0.3, 0.1)[:, None]
-        bits[:-8] = np.random.default_rng(13).random(bits[:-8].shape) < rates
-    track = still_track(bits)
-    paths = Paths([track, track], np.zeros(SIZE, np.uint8))
-    consistent = find_consistent(paths)
-    found = merge_along(paths, as_motion(paths, "segments"), jl.Sensor(frames=FRAMES), consistent)
-    rejected = 1 - consistent.accepted.mean()
-    assert (rejected > 0.014) == moves
-    selected = select_bits(paths, consistent).total.trials.sum()
-    assert selected < consistent.total.trials.sum()
-    expected = selected if moves else consistent.total.trials.sum()
-    assert found.merged.trials.sum() == expected

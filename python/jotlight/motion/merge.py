@@ -46,9 +46,6 @@ _ALIGNING = 0.8
 Recall = Callable[[list[Sums], npt.NDArray[np.bool_]], list[Sums]]
 """A function of the sums of each channel and of the pixels that are trusted, (H, W)."""
 
-_MAX_REJECTED = 0.014
-"""Fraction of rejected bits above which something moves that segments do not explain."""
-
 _MAX_FLAGGED = 0.15
 """Fraction of flagged pixels above which the image is compared with sums without motion."""
 
@@ -279,9 +276,8 @@ def merge_along(
     # Few bits show that a dim scene moves, if its motion was not found.
     is_doubtful = unclear and motion.model == "none"
     by_bits = find_flags(consistent, disagreements, motion.labels, is_unclear=is_doubtful)
-    # In a clear scene with one motion, nothing moves by itself. Segments may explain all objects.
-    rejected = 1 - float(consistent.accepted.mean())
-    has_objects = unclear or (motion.model == "segments" and rejected > _MAX_REJECTED)
+    # In a clear scene with one motion, nothing moves by itself.
+    has_objects = unclear or motion.model == "segments"
     counted = select_bits(paths, consistent) if has_objects else consistent
     accepted, agreeing = counted.accepted, float(consistent.accepted.mean())
     of_channels = each_channel(paths)
