@@ -225,7 +225,7 @@ def test_windows_without_overlap_remember_nothing(run, moving):
         (["-o", "a.gif", "--window", 4, "--fps", 60], "up to 50 images per second"),
         (["-o", "a", "--window", 4, "--depth", 12], "expected 8"),
         (["-o", "a", "--window", 4, "--motion-model", "affine"], "add --motion"),
-        (["-o", "a", "--window", 4, "--motion", "--motion-model", "rigid"], "expected auto or"),
+        (["-o", "a", "--window", 4, "--motion", "--motion-model", "rigid"], "expected one of auto"),
         (["-o", "a", "--window", 4, "--causal"], "causal: is for the motion of the scene; add"),
         (["-o", "a", "--window", 4, "--memory"], "memory: is for the motion of the scene; add"),
         (["-o", "a", "--window", 4, "--recurrent"], "recurrent: is for the motion of the scene"),

@@ -181,7 +181,7 @@ def test_uncertainty_is_that_of_the_merged_bits(run, moving, tmp_path):
         (["--at", 3], "at: is for the motion of the scene; add --motion"),
         (["--motion-model", "affine"], "motion-model: is for the motion of the scene; add"),
         (["--maps", "m.npz"], "maps: is for the motion of the scene; add --motion"),
-        (["--motion", "--motion-model", "rigid"], "motion-model: expected auto or one of none"),
+        (["--motion", "--motion-model", "rigid"], "motion-model: expected one of auto, none"),
         (["--motion", "--at", 48], "at: expected a time from 0 to 47 in frames, got 48"),
         (["--motion", "--maps", "m.png"], "ends in .npz, .npy, .tif"),
         (["--motion", "--save-motion", "m.npz"], "save-motion: expected a name that ends in .saf"),

@@ -187,8 +187,8 @@ def test_images_of_any_size_are_merged(size):
         ({"at": np.nan}, ValueError, "at: expected a time from 0 to 47 in frames, got nan"),
         ({"at": "middle"}, ValueError, "at: expected a time .* got 'middle'"),
         ({"at": [1, 2]}, ValueError, "at: expected a time"),
-        ({"model": "flow"}, ValueError, "model: expected auto or one of none, .* got 'flow'"),
-        ({"model": None}, ValueError, "model: expected auto or one of none, .* got None"),
+        ({"model": "flow"}, ValueError, "model: expected one of auto, none, .* got 'flow'"),
+        ({"model": None}, ValueError, "model: expected one of auto, none, .* got None"),
         ({"sensor": "sensor"}, TypeError, r"sensor: expected a jotlight\.Sensor, got str"),
         ({"sensor": jl.Sensor(frames=9)}, ValueError, r"9 frames, got 48; .*sensor\.replace"),
         (

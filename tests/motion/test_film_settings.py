@@ -26,5 +26,5 @@ def test_more_frames_are_those_of_four_windows(causal, stop, expected):
 
 def test_the_model_is_known():
     options = dataclasses.asdict(film_settings(32))
-    with pytest.raises(ValueError, match="model: expected auto or one of none, affine"):
+    with pytest.raises(ValueError, match="model: expected one of auto, none, affine"):
         FilmSettings(**{**options, "model": "rigid"})
