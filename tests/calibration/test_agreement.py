@@ -29,13 +29,14 @@ def calibrate(dark, flat, frames=1000, flat_frames=1000, **options):
     return jl.calibrate(dark, flat, frames=frames, flat_frames=flat_frames, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("light", "flat_frames"),
     [
-        pytest.param(0.7, 2, marks=pytest.mark.slow),
-        pytest.param(0.7, 10, marks=pytest.mark.slow),
-        pytest.param(2.0, 10, marks=pytest.mark.slow),
-        pytest.param(0.05, 1000, marks=pytest.mark.slow),
+        (0.7, 2),
+        (0.7, 10),
+        (2.0, 10),
+        (0.05, 1000),
         (2.0, 1000),
     ],
 )

@@ -27,6 +27,7 @@ def test_a_narrow_distribution_has_the_tail_of_the_binomial_one(frames, mean, ra
     assert bulk.tail_probability(0) == pytest.approx(1, abs=2e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mean", "spread"), [(1e-4, 1e-2), (0.01, 0.1), (0.3, 10.0), (0.99, 3.0), (0.5, 1e-2)]
 )

@@ -27,8 +27,9 @@ def response(shape, spread=0.05, seed=1):
     return 1 + spread * rng.standard_normal(shape)
 
 
-@pytest.mark.parametrize("frames", [1000, pytest.param(16, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", [pytest.param("camera", marks=pytest.mark.slow), "coins"])
+@pytest.mark.slow
+@pytest.mark.parametrize("frames", [1000, 16])
+@pytest.mark.parametrize("name", ["camera", "coins"])
 def test_a_photograph_is_no_flat_capture(name, frames):
     image = jl.datasets.photograph(name, gray=True)[:256, :256]
     with pytest.warns(jl.JotlightWarning, match=r"flat: expected even light, got .*white wall"):
@@ -58,7 +59,8 @@ def lights(shape):
     }
 
 
-@pytest.mark.parametrize("frames", [1000, pytest.param(16, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("frames", [1000, 16])
 @pytest.mark.parametrize(
     "name",
     [

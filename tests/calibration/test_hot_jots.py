@@ -33,9 +33,10 @@ def test_the_smallest_hot_count_follows_from_the_binomial_distribution():
             assert found.sum() == found[4, 4]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frames", "threshold"),
-    [(200, 1), (200, 3), (2000, 1), pytest.param(2000, 3, marks=pytest.mark.slow)],
+    [(200, 1), (200, 3), (2000, 1), (2000, 3)],
 )
 def test_hot_jots_of_a_photograph_are_found_and_nothing_else(frames, threshold):
     rng = np.random.default_rng(0)
@@ -52,7 +53,8 @@ def test_hot_jots_of_a_photograph_are_found_and_nothing_else(frames, threshold):
     assert not find_hot_jots(clean, threshold=threshold).any()
 
 
-@pytest.mark.parametrize("sigma", [0.65, pytest.param(0.8, marks=pytest.mark.slow), 1.5])
+@pytest.mark.slow
+@pytest.mark.parametrize("sigma", [0.65, 0.8, 1.5])
 def test_stars_are_not_hot(sigma):
     rng = np.random.default_rng(0)
     rows, columns = np.indices((200, 200))

@@ -82,6 +82,7 @@ def test_the_spread_of_bright_counts_becomes_that_of_the_response(response, ligh
     assert _from_counts(spread, usual, 0.0, 1) == pytest.approx(response, rel=0.02)
 
 
+@pytest.mark.slow
 def test_spreads_that_no_response_explains_are_limited():
     for light in np.geomspace(0.01, 60, 12):
         for spread in (1e-6, 0.1, 0.4, 0.99):

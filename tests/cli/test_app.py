@@ -200,9 +200,8 @@ def test_a_name_that_begins_with_a_hyphen_follows_two_hyphens(run):
     assert jl.open("a.npy").shape == (1, 24, 32)
 
 
-@pytest.mark.parametrize(
-    "shell", ["bash", *(pytest.param(each, marks=pytest.mark.slow) for each in ("zsh", "fish"))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_each_shell_has_a_completion_script(shell):
     script = app.generate_completion(shell=shell)
     for text in ("reconstruct", "fine-tune", "frame-range"):

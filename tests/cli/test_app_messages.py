@@ -81,6 +81,7 @@ def test_a_whole_number_is_not_rounded(run, tmp_path, value):
     assert len(jl.open(tmp_path / "a.npy")) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_a_full_disk_behind_the_standard_output_is_named(tmp_path):
     np.save(tmp_path / "a.npy", np.full((8, 8), 0.5))

@@ -19,6 +19,7 @@ def run_encoded(encoding, *arguments):
     return done.stdout.decode(encoding)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
 def test_help_is_complete_where_the_encoding_lacks_characters(encoding):
     whole = run_encoded("utf-8", "simulate", "--help")
@@ -28,6 +29,7 @@ def test_help_is_complete_where_the_encoding_lacks_characters(encoding):
     assert whole.splitlines()[-2].strip("│ ") == output.splitlines()[-2].strip("| ")
 
 
+@pytest.mark.slow
 def test_names_that_are_no_text_keep_their_bytes(tmp_path):
     jl.save(jl.Bits.from_array(np.eye(8, dtype=bool)[None]), tmp_path / "a.npy")
     name = os.fsencode(tmp_path) + b"/p\xe9.h5"
@@ -37,6 +39,7 @@ def test_names_that_are_no_text_keep_their_bytes(tmp_path):
     assert b"p\xe9.h5" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_name_that_the_encoding_lacks_is_no_failure(tmp_path):
     path = tmp_path / "a.npy"
     jl.save(jl.Bits.from_array(np.eye(8, dtype=bool)[None]), path)

@@ -115,6 +115,7 @@ CALLS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
 def test_a_mosaic_of_a_camera_is_reported_once(mosaic, call):
     captured = jl.Bits.from_array(mosaic.to_array(), SENSOR)

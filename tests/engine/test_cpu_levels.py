@@ -71,7 +71,8 @@ def test_bits_and_counts_are_equal(level, side):
     assert_same_as_scalar(level, lambda threads=1: bits.counts(threads=threads), 0)
 
 
-@pytest.mark.parametrize("side", [1, pytest.param(3, marks=pytest.mark.slow), 4])
+@pytest.mark.slow
+@pytest.mark.parametrize("side", [1, 3, 4])
 @pytest.mark.parametrize("threshold", [1, 2])
 def test_bits_of_jots_with_their_own_rates_are_equal(level, side, threshold):
     maps = np.random.default_rng(0).random((45 * side, 83 * side))

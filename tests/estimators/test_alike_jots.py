@@ -31,6 +31,7 @@ def large_maps():
     return rng.uniform(0.3, 1, (1, 256, 256)), rng.gamma(1, 0.1, (1, 256, 256))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("threshold", "light"), [(1, 0.05), (1, 0.6), (1, 2.0), (3, 0.6), (3, 2.0), (3, 6.0)]
 )

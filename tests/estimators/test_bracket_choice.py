@@ -1,6 +1,7 @@
 """The choice of the numbers of frames of each exposure and threshold."""
 
 import numpy as np
+import pytest
 
 import jotlight as jl
 from jotlight.estimators.bracket_choice import FrameDivision, _moves, divide_frames
@@ -52,6 +53,7 @@ def test_the_best_single_setting_is_the_best():
     assert single[np.argmax(lowest)] == 12
 
 
+@pytest.mark.slow
 def test_the_first_move_is_the_best_of_all_and_needs_few_levels(monkeypatch):
     start, levels = np.array([4, 4, 2, 2]), np.geomspace(0.1, 50.0, 49)
     choice = FrameDivision(jl.Sensor(frames=12), SETTINGS, levels)

@@ -110,6 +110,7 @@ def test_a_plan_uses_all_frames_and_is_better_than_one_setting():
     assert "threshold" in plan._repr_html_()
 
 
+@pytest.mark.slow
 def test_no_other_division_of_the_frames_is_much_better():
     exposures, light = [1.0, 1 / 8, 1 / 64], (0.1, 60.0)
     sensor = jl.Sensor(frames=6)
@@ -151,6 +152,7 @@ def plan_of_few_frames():
     return jl.plan_brackets(jl.Sensor(frames=8), (0.1, 60.0), exposures=[1.0, 1 / 32])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("light", [0.1, 3.0, 12.0])
 def test_the_snr_of_few_frames_is_that_of_simulated_captures(plan_of_few_frames, light):
     plan = plan_of_few_frames
@@ -169,6 +171,7 @@ def test_the_sensor_of_a_plan_does_not_clip_the_range():
     assert own.sensor.max_intensity == 150
 
 
+@pytest.mark.slow
 def test_thresholds_serve_a_range_without_other_exposures():
     plan = jl.plan_brackets(
         jl.Sensor(frames=48), (0.3, 40.0), exposures=[1.0], thresholds=[1, 2, 4, 8, 16, 32]
@@ -218,6 +221,7 @@ def test_the_range_of_intensities_moves_with_the_efficiency(efficiency):
     np.testing.assert_allclose(found, np.divide(expected, efficiency), rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frames", [10**4, 2 * 10**7])
 def test_with_more_frames_an_snr_is_reached_with_less_light(frames):
     # Few of the bits are ones, so the SNR is the root of the number of photons.
@@ -225,6 +229,7 @@ def test_with_more_frames_an_snr_is_reached_with_less_light(frames):
     assert low * frames == pytest.approx(10**0.9, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_shortest_exposure_of_several_bits_is_near_saturation():
     plan = jl.plan_brackets(jl.Sensor(frames=4, bit_depth=8), (1.0, 2000.0))
     assert plan.exposures.min() > 1 / 64  # 1.6 detections would take 1/2048

@@ -78,6 +78,7 @@ def test_pixels_far_from_known_ones_have_a_wider_mean():
     assert local_mean(np.full((200, 200), 3.0), known, 0.1)[-1, -1] == pytest.approx(3)
 
 
+@pytest.mark.slow
 def test_pixels_too_far_from_the_only_known_one_have_its_value():
     known = np.zeros((1, 6000), bool)
     known[0, 0] = True

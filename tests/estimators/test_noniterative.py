@@ -92,6 +92,7 @@ def test_jots_and_frames_are_interchangeable(counts, oversampling, frames):
     np.testing.assert_array_equal(estimate, expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("denoiser", [name for name in DENOISERS if name != "bm3d"])
 def test_the_exact_inverse_has_a_smaller_error_on_a_real_capture(data, denoiser):
     capture = np.load(data / "real/swissspad2_bird/counts.npz")

@@ -39,6 +39,7 @@ def kinds_and_parts():
             yield pytest.param(*kind, part, marks=marks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "frames", "tolerance", "part"), list(kinds_and_parts()), ids=str
 )
@@ -50,6 +51,7 @@ def test_the_error_is_that_of_simulated_captures(options, frames, tolerance, par
     assert abs(20 * np.log10(plan.rmse[0, 0] / error)) < tolerance
 
 
+@pytest.mark.slow
 def test_clipping_does_not_depend_on_the_number_of_frames():
     sensor = jl.Sensor(bit_depth=12)
     plan = jl.plan(sensor, (50, 100), frames=[16, 31, 33, 64, 10**7], max_intensity=60.0)

@@ -43,6 +43,7 @@ def test_a_network_reconstructs_the_whole_range_of_a_bracket(captured):
     assert error(estimate[:, 112:], truth[:, 112:]) < 0.5 * error(of_one[:, 112:], truth[:, 112:])
 
 
+@pytest.mark.slow
 def test_networks_get_better_counts_than_those_of_merge_readings(captured):
     truth, bits = captured
     direct = jl.reconstruct(bits, quality="small")
@@ -84,14 +85,13 @@ def test_the_default_has_no_bias_for_a_few_readings(sensor):
     assert jl.metrics.psnr(estimate, truth) > jl.metrics.psnr(classical, truth) + 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sensor", "method"),
     [
         (jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0]), "noniterative-tv"),
         (jl.Sensor(frames=2, gain=3.0, threshold=[1, 2]), "noniterative-gaussian"),
-        pytest.param(
-            jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0]), "admm-tv", marks=pytest.mark.slow
-        ),
+        (jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0]), "admm-tv"),
     ],
     ids=repr,
 )
@@ -217,6 +217,7 @@ def test_a_few_readings_behind_a_mosaic_have_little_bias(sensor, bias):
     assert estimate.mean() == pytest.approx(truth.mean(), rel=bias)
 
 
+@pytest.mark.slow
 def test_three_channels_of_a_few_readings_have_no_bias():
     truth = photograph("astronaut", gray=False)[100:228, 100:228].astype(np.float64)
     sensor = jl.Sensor(frames=4, gain=[1.0, 2.0, 3.0, 4.0])

@@ -165,6 +165,7 @@ def test_a_largest_intensity_far_above_the_scene_changes_no_interval(largest):
     np.testing.assert_allclose(found.high, expected.high, rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(1, 2), (2, 2), (3, 3), (4, 4)])
 def test_intervals_of_tiny_images_contain_most_intensities(shape):
     """Without a least width, 95 % intervals contained 73 % in images of 4 × 4 pixels."""

@@ -201,13 +201,14 @@ def test_the_color_network_takes_no_method(options):
         jl.reconstruct(bits, demosaicing="network", **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "mosaic",
     [
         "RGGB",
         RANDOM,
-        pytest.param("RGB", marks=pytest.mark.slow),
-        pytest.param("RRGG/RRGG/GGBB/GGBB", marks=pytest.mark.slow),
+        "RGB",
+        "RRGG/RRGG/GGBB/GGBB",
     ],
     ids=repr,
 )

@@ -77,9 +77,8 @@ def test_bits_that_are_all_equal_stand_still(value, frames):
     assert (merged.ones == frames * value).all()
 
 
-@pytest.mark.parametrize(
-    "density", [0.5, *(pytest.param(each, marks=pytest.mark.slow) for each in (0.001, 0.01))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("density", [0.5, 0.001, 0.01])
 def test_noise_stands_still(density):
     bits = jl.Bits.from_array(RNG.random((32, 48, 64)) < density)
     assert jl.align(bits).model == "none"
@@ -105,7 +104,8 @@ def test_a_scene_that_leaves_the_view_is_reported():
     merge(bits, motion=motion)
 
 
-@pytest.mark.parametrize("speed", [8, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("speed", [8, 40])
 def test_motions_that_are_too_fast_give_a_usable_result(speed):
     times = np.arange(64) - 32
     _, bits = moved(np.outer(times, (0, speed)), shape=(64, 64), photons=0.5, rng=0)

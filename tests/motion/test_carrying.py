@@ -50,6 +50,7 @@ def test_the_end_of_a_window_moves_as_its_own_bits_show():
     assert quality(enlarge_motion(found.image.motion, 2, bits.shape[1:])) > alone - 0.3
 
 
+@pytest.mark.slow
 def test_new_motions_of_a_window_are_compared_in_the_same_blocks():
     """In longer blocks, more bits of a wrong motion agree."""
     bits = in_memory(photographed("shake", 64, sensor=jl.Sensor(frames=512), photons=0.5, rng=0))

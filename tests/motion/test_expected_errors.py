@@ -34,6 +34,7 @@ def scene_of(distance, rng, trials=16):
     return consistent, make_template(consistent.total, None)
 
 
+@pytest.mark.slow
 def test_displacements_are_noticed_and_noise_is_not():
     rng = np.random.default_rng(0)
     for distance in (0, 2):

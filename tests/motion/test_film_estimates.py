@@ -88,6 +88,7 @@ def test_the_nearest_counts_are_those_of_the_nearest_frames(causal, quarter, six
             np.testing.assert_array_equal(part.trials, np.full(part.shape, float(length)))
 
 
+@pytest.mark.slow
 def test_where_the_motion_is_rejected_counts_and_last_image_stand_still(shaken):
     bits, images = shaken
     window, motion = bits[16:80], images[1].motion
@@ -172,6 +173,7 @@ def test_jots_that_differ_and_larger_pixels_are_read():
             np.testing.assert_allclose(planes[2 * index + 1], share, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_another_film_does_not_read_the_last_image_of_the_first(shaken):
     _, images = shaken
     estimates = FilmEstimates(RANDOM)
@@ -197,6 +199,7 @@ def test_stacks_of_counts_have_films():
     assert [each.shape for each in estimate_film(images, RANDOM)] == [(48, 64)] * 3
 
 
+@pytest.mark.slow
 def test_images_of_a_single_channel_are_those_of_gray_films_with_its_axis(shaken):
     bits, images = shaken
     channel = jl.Bits.from_array(bits.to_array()[..., None], bits.sensor)

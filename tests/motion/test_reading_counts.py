@@ -152,6 +152,7 @@ def test_hot_jots_make_no_bias_in_brackets(read_noise, error):
     assert np.mean(found[1::2]) == pytest.approx(0.3, rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sensor",
     [pytest.param(each, marks=marks(each), id=repr(each)) for each in [*SENSORS, *BRACKETS]],

@@ -28,6 +28,7 @@ def test_a_wrong_motion_is_worse_than_a_window():
     assert (counted.trials == len(window)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("motion", "photons", "has_window"),
     [("shake", 0.3, True), ("static", 0.3, False), ("shake", 0.03, False)],

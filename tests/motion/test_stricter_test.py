@@ -176,6 +176,7 @@ def test_a_film_remembers_the_selected_bits(monkeypatch):
     np.testing.assert_array_equal(remembered[0], counted.masks)
 
 
+@pytest.mark.slow
 def test_nothing_moves_by_itself_in_a_clear_scene_with_one_motion():
     sensor = jl.Sensor(frames=64)
     scene = jl.datasets.moving(motion="shake", sensor=sensor, shape=(96, 128), photons=1.0, rng=0)

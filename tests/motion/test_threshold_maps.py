@@ -51,9 +51,8 @@ def quality(data, truth):
     return psnr(jl.reconstruct(data)[inner], truth[inner], data_range=1.0)
 
 
-@pytest.mark.parametrize(
-    ("oversampling", "loss"), [(1, 1.0), pytest.param(2, 3.5, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("oversampling", "loss"), [(1, 1.0), (2, 3.5)])
 def test_a_moving_scene_is_about_as_good_as_one_that_stands_still(oversampling, loss):
     """With an oversampling of 2, scenes with one threshold lose as much."""
     scene, bits, motion = aligned(oversampling=oversampling)
@@ -77,7 +76,8 @@ def test_other_motions_and_light_are_served(motion, gain):
     assert quality(jl.merge(bits), truth) > quality(bits, truth) + 3
 
 
-@pytest.mark.parametrize("motion", ["shake", pytest.param("static", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", ["shake", "static"])
 def test_merging_alone_is_merging_along_what_align_returns(motion):
     _, bits, found = aligned(motion)
     merged, expected = jl.merge(bits), jl.merge(bits, motion=found)

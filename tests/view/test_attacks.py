@@ -128,6 +128,7 @@ def test_bad_requests_to_save_are_refused(server, query):
     assert get(server, f"/save?{query}", **cookie(server))[0].status == 400
 
 
+@pytest.mark.slow
 def test_broken_http_does_not_end_the_server(server):
     for data in (
         b"\0" * 1000,

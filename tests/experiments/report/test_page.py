@@ -102,6 +102,7 @@ def test_every_element_is_closed_and_every_id_is_unique(full):
     assert referred <= set(ids)
 
 
+@pytest.mark.slow
 def test_the_page_fetches_nothing(full):
     assert not re.findall(r"(?:https?:)?//\w+\.\w+", re.sub(r"base64,[^\"]+", "", full))
     sources = Reader(full).values("src")

@@ -122,16 +122,13 @@ def test_every_array_has_checksums_that_reading_compares(tmp_path):
         jl.open(tmp_path / "a.h5")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("library", [Hdf5Library(), IsolatedLibrary()], ids=["here", "isolated"])
 @pytest.mark.parametrize(
     ("options", "expected"),
     [
         ({"chunks": (5, 1024, 2048), "compression": "gzip"}, [(0, 5), (5, 6)]),
-        pytest.param(
-            {"chunks": (5, 256, 512), "fletcher32": True},
-            [(0, 5), (5, 6)],
-            marks=pytest.mark.slow,
-        ),
+        ({"chunks": (5, 256, 512), "fletcher32": True}, [(0, 5), (5, 6)]),
         # Of these, the library reads a part without the rest, or caches the rest.
         ({"chunks": (5, 1024, 2048)}, [(frame, frame + 1) for frame in range(6)]),
         ({"chunks": (2, 8, 2048), "fletcher32": True}, [(frame, frame + 1) for frame in range(6)]),
