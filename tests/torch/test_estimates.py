@@ -116,10 +116,12 @@ def test_dim_scenes_are_estimated_in_every_mode_without_gradients():
     assert mapped.shape == (1, *expected.shape)
 
 
-@pytest.mark.parametrize(("frames", "photons"), [(1, 0.5), (64, 0.002)])
-def test_images_of_few_photons_are_those_of_the_engine(frames, photons):
+@pytest.mark.parametrize(
+    ("frames", "photons", "threshold"), [(1, 0.5, 1), (64, 0.002, 1), (64, 2.0, 3), (30, 5.0, 8)]
+)
+def test_images_of_few_photons_are_those_of_the_engine(frames, photons, threshold):
     image = jl.datasets.photograph("camera")[60:125, 160:223].astype(float)
-    sensor = jl.Sensor(frames=frames, gain=frames * photons)
+    sensor = jl.Sensor(frames=frames, gain=frames * photons, threshold=threshold)
     counts = sensor.expose(np.stack([image, image[::-1]]), rng=0)
     counts = np.stack([each.counts() for each in counts])
     own = jl.pretrained(sensor)

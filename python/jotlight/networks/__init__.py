@@ -8,10 +8,10 @@ In reading order: `layer` (one layer), `graph` (how layers are connected), `spli
 their initial parameters), `network` (the class that users meet), `engine_backed` (its counterpart
 in the engine), `layer_checks` (that its layers fit), `served_sensors` (whose data it serves),
 `inference` (how the engine gets the data), `conditional_inference` and `trials_map` (smooth kernels
-and maps of trials), `dim_scenes` (several trials as one), `coarse_scales` (squares of pixels),
-`finer_grid` (the same on a grid of half pixels), `network_files` (its file format), `onnx_export`
-(a network as an ONNX model), and `pretrained` (the trained networks in `weights/`, each with a
-model card).
+and maps of trials), `dim_scenes` (several trials as one), `dark_regions` (their mean),
+`coarse_scales` (squares of pixels), `finer_grid` (the same on a grid of half pixels),
+`network_files` (its file format), `onnx_export` (a network as an ONNX model), and `pretrained` (the
+trained networks in `weights/`, each with a model card).
 
 Color: `color_network` (a network that improves classical colors),
 `color_starts` (the classical colors) with `mosaic_planes`, `color_planes` (what the network reads),

@@ -74,8 +74,13 @@ def has_few_photons(image: Image, sensor: Sensor, trials: float) -> bool:
     (True, False)
     """
     efficiency, _ = reference_jot(sensor)
-    light = efficiency * sensor.light_per_intensity * float(image.mean(dtype=np.float64))
-    return min(image.shape) >= _MIN_SIDE and light * trials < _FEW
+    mean = float(image.mean(dtype=np.float64))
+    light = efficiency * sensor.light_per_intensity * mean
+    photons = light * trials
+    # With fewer photons than its threshold, a jot hardly reports them.
+    if light < sensor.threshold > 1:
+        photons = min(photons, float(log_information(mean, sensor, trials)))
+    return min(image.shape) >= _MIN_SIDE and photons < _FEW
 
 
 def sensor_of_squares(sensor: Sensor) -> Sensor:

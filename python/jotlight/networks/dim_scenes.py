@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.estimators.trial_levels import LocalTrials
+from jotlight.networks.dark_regions import match_dark_regions
 from jotlight.networks.trials_map import ConditionalNetwork, denoise_fractions
 from jotlight.sensing.reference import reference_jot
 from jotlight.sensing.response import detection_probability
@@ -20,7 +21,7 @@ from jotlight.sensing.sensor import Sensor
 
 Image = npt.NDArray[np.float32]
 
-_MIN_TRIALS = 16
+_MIN_TRIALS = 4
 """Smallest number of trials that remains."""
 
 _ROOM = 4.0
@@ -169,5 +170,9 @@ def denoise_dim(
     if not dim:
         return [None] * len(each)
     scaled = np.stack([part.fraction for part in dim])
-    found = iter(denoise_fractions(network, scaled, [part.trials for part in dim], threads=threads))
-    return [None if part is None else (next(found) / part.factor, ~part.full) for part in each]
+    found = denoise_fractions(network, scaled, [part.trials for part in dim], threads=threads)
+    matched = iter(
+        match_dark_regions(image, part.fraction, part.trials, threads) / part.factor
+        for image, part in zip(found, dim, strict=True)
+    )
+    return [None if part is None else (next(matched), ~part.full) for part in each]

@@ -21,6 +21,7 @@ from jotlight.estimators.merge_near import merge_different_jots
 from jotlight.estimators.trial_levels import LocalTrials, count_local_trials
 from jotlight.layout import Layout
 from jotlight.networks.coarse_scales import add_coarse, counts_of_squares, has_few_photons
+from jotlight.networks.dark_regions import match_dark_regions, may_have_dark_regions
 from jotlight.networks.dim_scenes import denoise_dim, may_be_dim
 from jotlight.networks.engine_backed import sensor_model
 from jotlight.networks.layer import Layer
@@ -30,7 +31,7 @@ from jotlight.sensing.gray_outputs import output_of
 from jotlight.sensing.merged import Merged
 from jotlight.sensing.output_images import OutputImages
 from jotlight.sensing.pixel_counts import MAX_PIXELS, GrayImages, PixelCounts
-from jotlight.sensing.reference import Jot, reference_jot, typical_jot
+from jotlight.sensing.reference import Jot, reference_jot, response_of, typical_jot
 from jotlight.sensing.sensor import Sensor
 from jotlight.sensing.values import check_any_valid
 
@@ -182,25 +183,40 @@ class Inference:
             )
 
     def _improve_dim(self) -> None:
-        """Replace the intensities of dim scenes by those of combined trials."""
+        """Replace the intensities of dim scenes by those of combined trials.
+
+        In other scenes, correct those of dark regions.
+        """
         data, sensor, threads = self.images.data, self.sensor, self.threads
         number = math.inf if isinstance(data[0], Merged) else sensor.trials
         found = self.output.images
-        dim = [index for index, each in enumerate(found) if may_be_dim(each, sensor, number)]
-        if not dim:
+        chosen = [
+            index
+            for index, each in enumerate(found)
+            if may_be_dim(each, sensor, number) or may_have_dark_regions(each, sensor)
+        ]
+        if not chosen:
             return
-        part = GrayImages([data[index] for index in dim], Layout((len(dim),)))
+        part = GrayImages([data[index] for index in chosen], Layout((len(chosen),)))
         pixels = _with_typical_sensor(part.count(sensor, threads))
         with hide_warnings():  # the first estimate has warned
             fractions = equivalent_counts(pixels, reference_jot(pixels.sensor), 1, threads)
         trials = count_local_trials(pixels, threads)
         smallest, _ = cast(tuple[int, int], self.network.trials_range)
         better = denoise_dim(self.network, fractions, trials, smallest, threads=threads)
-        for index, result in zip(dim, better, strict=True):
+        for index, result, fraction, each in zip(chosen, better, fractions, trials, strict=True):
+            image = found[index]
             if result is not None:
-                probability, holds = np.clip(result[0], 0, 1), result[1]
-                intensity = intensity_from_probability(probability, pixels.sensor, threads)
-                np.copyto(found[index], intensity, where=holds)
+                probability, holds = result
+            elif may_have_dark_regions(image, sensor):
+                probability = response_of(pixels.sensor)(image).astype(np.float32)
+                probability = match_dark_regions(probability, fraction, each, threads)
+                holds = probability < 0.5  # other pixels stay exactly as they are
+            else:
+                continue
+            probability = np.clip(probability, 0, 1)
+            intensity = intensity_from_probability(probability, pixels.sensor, threads)
+            np.copyto(image, intensity, where=holds)
 
     def _improve_coarse(self) -> None:
         """Correct the coarse structure of images with few photons by squares of pixels."""

@@ -15,8 +15,9 @@ from jotlight.networks.coarse_scales import (
     has_few_photons,
     sensor_of_squares,
 )
+from jotlight.networks.dark_regions import match_dark_regions, may_have_dark_regions
 from jotlight.networks.dim_scenes import combine, may_be_dim
-from jotlight.sensing.reference import reference_jot
+from jotlight.sensing.reference import reference_jot, response_of
 from jotlight.sensing.response import detection_density, inverse_detection_probability
 from jotlight.sensing.sensor import Sensor
 from jotlight.squares import sum_squares
@@ -191,7 +192,8 @@ def improve_dim(
 ) -> Tensor:
     """Return the intensities (N, 1, H, W) with those of combined trials for dim scenes.
 
-    They are those of :func:`jotlight.networks.dim_scenes.denoise_dim`.
+    They are those of :func:`jotlight.networks.dim_scenes.denoise_dim`. In other scenes, dark
+    regions are those of :func:`jotlight.networks.dark_regions.match_dark_regions`.
 
     Parameters
     ----------
@@ -210,17 +212,24 @@ def improve_dim(
         return intensity
     images = list(intensity)
     for index, (image, (fraction,)) in enumerate(zip(estimates, fractions, strict=True)):
-        if not may_be_dim(image, sensor, sensor.trials):
+        found, is_dark = None, may_have_dark_regions(image[0], sensor)
+        if may_be_dim(image, sensor, sensor.trials):
+            found = combine(fraction, sensor.trials, trials_range[0])
+        if found is not None:
+            trials, factor, stays = cast(int, found.trials), found.factor, found.full
+            scaled = torch.from_numpy(found.fraction * np.float32(trials)).to(intensity)[None, None]
+            (probability,) = _values(probability_of(network, scaled, trials, trials_range)[0])
+            matched = match_dark_regions(probability, found.fraction, trials) / factor
+        elif is_dark:
+            probability = response_of(sensor)(image[0]).astype(np.float32)
+            matched = match_dark_regions(probability, fraction, sensor.trials)
+            stays = probability >= 0.5
+        else:
             continue
-        found = combine(fraction, sensor.trials, trials_range[0])
-        if found is None:
-            continue
-        trials = cast(int, found.trials)
-        scaled = torch.from_numpy(found.fraction * np.float32(trials)).to(intensity)[None, None]
-        probability = probability_of(network, scaled, trials, trials_range)[0]
-        dim = intensity_from_probability(probability / float(found.factor), sensor)
-        full = torch.from_numpy(found.full).to(intensity.device)
-        images[index] = torch.where(full, images[index], dim.to(intensity))
+        better = intensity_from_probability(torch.from_numpy(matched), sensor).to(intensity)
+        images[index] = torch.where(
+            torch.from_numpy(stays).to(intensity.device), images[index], better
+        )
     return torch.stack(images) if images else intensity
 
 

@@ -1,0 +1,90 @@
+"""Dark regions: the mean of an estimate is that of the bits.
+
+Networks were trained for scenes in which ones are frequent. Where nearly no bit is 1, they return
+probabilities of about 1e-3, which may be far too large. With a threshold q, the intensity is about
+p^(1/q) there, so dark regions looked bright. Yet the bits of a neighborhood show its mean well. So
+the probability p of a one becomes::
+
+    p (1 + m (r - 1)),    r = (1/2 + sum of g m N) / (1/2 + sum of g m K p),
+
+where m = 1 / (1 + (p / p0)²) selects dark pixels, g is a Gaussian window, and N is the number of
+ones of K bits. A window holds r near 1 without ones, where even K p is below 1/2.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from jotlight.blur import blur
+from jotlight.estimators.trial_levels import LocalTrials
+from jotlight.sensing.reference import response_of
+from jotlight.sensing.sensor import Sensor
+
+Image = npt.NDArray[np.float32]
+
+_DARK = 5e-3
+"""p0: a pixel is dark if its probability of a one is below about this value."""
+
+_SIGMA = 8.0
+"""Standard deviation of the window in pixels."""
+
+_PRIOR = 0.5
+"""Number of ones, as expected, that are added to those of a window."""
+
+
+def may_have_dark_regions(image: Image, sensor: Sensor) -> bool:
+    """Return whether an estimate has dark pixels whose brightness would be wrong.
+
+    For a threshold of 1, a wrong small p is a wrong small intensity, which matters little.
+
+    Parameters
+    ----------
+    image : ndarray of float32, shape (H, W)
+        The estimate.
+    sensor : Sensor
+        The sensor.
+
+    Examples
+    --------
+    >>> image = np.full((4, 4), 0.1, np.float32)
+    >>> several = Sensor(frames=16, gain=16.0, threshold=3)
+    >>> may_have_dark_regions(image, several), may_have_dark_regions(image, Sensor(frames=16))
+    (True, False)
+    """
+    if sensor.threshold == 1:
+        return False
+    return float(response_of(sensor)(np.array(image.min(), np.float64))) < _DARK
+
+
+def match_dark_regions(
+    probability: Image, fraction: Image, trials: LocalTrials, threads: int | None = None
+) -> Image:
+    """Return probabilities of a one whose means in dark regions are those of the bits, (H, W).
+
+    Parameters
+    ----------
+    probability : ndarray of float32, shape (H, W)
+        Probabilities by a network.
+    fraction : ndarray of float32, shape (H, W)
+        Fractions of ones.
+    trials : int or ndarray of float32, shape (H, W)
+        The local number of trials.
+    threads : int, optional
+        Number of threads. Default: all.
+
+    Examples
+    --------
+    >>> wrong, zeros = np.full((8, 8), 1e-3, np.float32), np.zeros((8, 8), np.float32)
+    >>> float(match_dark_regions(wrong, zeros, 64)[0, 0].round(6))
+    2.2e-05
+    """
+    p = np.maximum(probability, 0)
+    if float(p.min()) >= _DARK:
+        return probability
+    dark = 1 / (1 + (p / _DARK) ** 2)
+    bits = dark * trials
+    pixels = 4 * math.pi * _SIGMA**2  # pixels that a Gaussian window weighs like a uniform one
+    ones, expected = blur(np.stack([bits * fraction, bits * p]), _SIGMA, threads)
+    ratio = (_PRIOR + pixels * ones) / (_PRIOR + pixels * expected)
+    return np.asarray(p * (1 + dark * (ratio - 1)), np.float32)

@@ -1,0 +1,77 @@
+"""Dark regions: a twin in SciPy, the mean of the bits, and the true image are the oracles."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from scipy.special import gammaincinv
+
+import jotlight as jl
+from jotlight.metrics import psnr
+from jotlight.networks.dark_regions import match_dark_regions, may_have_dark_regions
+
+
+def photograph():
+    return jl.datasets.photograph("camera")[60:252:2, 160:352:2].astype(float)
+
+
+@pytest.mark.parametrize("trials", [30, np.geomspace(4, 64, 48 * 40).reshape(48, 40)])
+def test_probabilities_are_those_of_the_twin(trials):
+    rng = np.random.default_rng(0)
+    p = rng.choice([1e-4, 1e-3, 1e-2, 0.2], (48, 40))
+    fraction = rng.poisson(0.3 * trials * p) / trials
+    dark = 1 / (1 + (p / 5e-3) ** 2)
+
+    def count(values):
+        window = gaussian_filter(dark * trials * values, 8.0, mode="reflect", truncate=4)
+        return 0.5 + 4 * np.pi * 64 * window
+
+    expected = p * (1 + dark * (count(fraction) / count(p) - 1))
+    given = (np.float32(each) for each in (p, fraction))
+    number = trials if isinstance(trials, int) else np.float32(trials)
+    found = match_dark_regions(*given, number)
+    np.testing.assert_allclose(found, expected, rtol=0.05)
+
+
+def test_bright_probabilities_stay_as_they_are():
+    p = np.random.default_rng(0).uniform(5e-3, 1, (16, 16)).astype(np.float32)
+    assert match_dark_regions(p, p, 16) is p
+
+
+@pytest.mark.parametrize(("threshold", "gain"), [(2, 9.0), (3, 15.0), (5, 30.0), (8, 150.0)])
+def test_without_ones_an_image_is_dark(threshold, gain):
+    sensor = jl.Sensor(frames=30, gain=gain, threshold=threshold)
+    bits = jl.Bits.from_array(np.zeros((30, 64, 64), bool), sensor)
+    found = jl.reconstruct(bits)
+    # With more light than this everywhere, all bits would be 0 with a probability below 1 %.
+    p = 1 - 0.01 ** (1 / np.asarray(bits).size)
+    assert found.max() < gammaincinv(threshold, p) * 30 / gain
+    assert jl.uncertainty(bits).low.max() == 0
+
+
+@pytest.mark.parametrize(
+    ("threshold", "photons", "frames"),
+    [(3, 1.0, 30), pytest.param(5, 2.0, 30, marks=pytest.mark.slow)]
+    + [pytest.param(*each, marks=pytest.mark.slow) for each in ((8, 5.0, 30), (5, 2.0, 256))],
+)
+@pytest.mark.parametrize("quality", ["small", pytest.param("medium", marks=pytest.mark.slow)])
+def test_dark_regions_behind_high_thresholds_are_dark(threshold, photons, frames, quality):
+    image = photograph()
+    sensor = jl.Sensor(frames=frames, gain=frames * photons, threshold=threshold)
+    bits = sensor.expose(image, rng=1)
+    found = jl.reconstruct(bits, quality=quality)
+    assert psnr(found, image) > psnr(jl.reconstruct(bits, method="admm-tv"), image) + 0.1
+    limits = jl.uncertainty(bits, quality=quality, confidence_level=0.9)
+    assert np.mean((limits.low <= image) & (image <= limits.high)) > 0.88
+
+
+def test_pixels_that_are_not_dark_keep_their_intensity(monkeypatch):
+    sensor = jl.Sensor(frames=16, gain=48.0, threshold=3)
+    image = np.tile(np.linspace(0.01, 1, 64), (64, 1))
+    bits = sensor.expose(image, rng=0)
+    found = jl.reconstruct(bits)
+    assert may_have_dark_regions(found, sensor)
+    monkeypatch.setattr("jotlight.networks.inference.may_have_dark_regions", lambda *_: False)
+    before = jl.reconstruct(bits)
+    bright = image > 0.98
+    np.testing.assert_array_equal(found[bright], before[bright])
+    assert not np.array_equal(found, before)
