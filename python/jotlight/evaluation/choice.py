@@ -279,7 +279,9 @@ def named_method(method: object, quality: str | None, options: dict[str, Any]) -
             check_options(name, options)
         return name
     if method is not None:
-        raise ValueError(f"quality: selects a shipped network, but method is {method!r}; leave out one of them")
+        raise ValueError(
+            f"quality: selects a shipped network, but method is {method!r}; leave out one of them"
+        )
     name = network_name(quality)
     check_options(name, options)
     return name
