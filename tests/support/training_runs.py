@@ -33,6 +33,16 @@ def assert_same(one, other):
     assert history.to_json() == history_again.to_json()
 
 
+def end_after(step):
+    """Return a callback that ends a run after a step. The record of the result ends nothing."""
+
+    def callback(record):
+        if record.step >= step:
+            raise StopIteration
+
+    return callback
+
+
 def assert_same_networks(first, second):
     """Check that two files hold networks with the same parameters."""
     one, two = (parameter_vector(jl.Network.load(path)) for path in (first, second))

@@ -16,6 +16,7 @@ from jotlight.torch.bit_splitting import BitSplitter  # noqa: E402
 from jotlight.torch.fine_tuning import random_generator  # noqa: E402
 from jotlight.torch.network import Network as TorchNetwork  # noqa: E402
 from jotlight.training import History  # noqa: E402
+from training_runs import end_after  # noqa: E402
 
 SCENE = np.kron([[0.1, 0.7, 0.3], [0.9, 0.2, 0.5], [0.4, 0.8, 0.1]], np.ones((16, 16)))
 SENSOR = jl.Sensor(frames=8)
@@ -158,6 +159,18 @@ def test_a_resumed_run_equals_an_uninterrupted_one(tmp_path, step, learning_rate
     assert resumed_history.records == history.records
     assert resumed.history == whole.history
     np.testing.assert_array_equal(parameters(resumed), parameters(whole))
+
+
+def test_a_callback_ends_the_run_and_a_resumed_run_continues(tmp_path):
+    whole, path = tune(), tmp_path / "run"
+    ended, history = tune(checkpoint=path, callback=end_after(1))
+    assert history.steps.tolist() == [0, 1, 2]
+    assert ended.history["fine tuning"]["records"]["step"] == [0, 1, 2]
+    assert history.records[:2] == whole[1].records[:2]
+    assert history.held_out[-1] == np.nanmin(history.held_out)
+    resumed, records = tune(checkpoint=path, resume=True)
+    assert records.to_json() == whole[1].to_json()
+    np.testing.assert_array_equal(parameters(resumed), parameters(whole[0]))
 
 
 def test_without_a_seed_a_resumed_run_has_the_seed_of_its_checkpoint(tmp_path):

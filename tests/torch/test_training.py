@@ -12,6 +12,7 @@ from jotlight.torch.muon import MIN_CHANNELS  # noqa: E402
 from jotlight.torch.trainer import flatten  # noqa: E402
 from jotlight.training import ColorPatches, parameter_vector  # noqa: E402
 from jotlight.training.checkpoint import CheckpointWriter  # noqa: E402
+from training_runs import end_after  # noqa: E402
 
 SENSOR = jl.Sensor(oversampling=3)
 IMAGES = np.random.default_rng(0).random((5, 20, 24), np.float32)
@@ -105,6 +106,17 @@ def test_a_resumed_run_equals_an_uninterrupted_one(tmp_path, step):
     resumed = train_small(**options, checkpoint=path, resume=True, callback=records.append)
     assert [record.step for record in records] == list(range(step + 1, STEPS + 1))
     assert_same(whole, resumed)
+
+
+def test_a_callback_ends_the_run_and_a_resumed_run_continues(tmp_path):
+    options = {"test": list(IMAGES[:2]), "checkpoint": tmp_path / "run"}
+    whole = train_small(test=list(IMAGES[:2]))
+    ended, history = train_small(**options, callback=end_after(2))
+    assert history.steps.tolist() == ended.history["records"]["step"] == [0, 1, 2, 3]
+    assert history.records[:3] == whole[1].records[:3]
+    scores = [jl.metrics.psnr(ended.reconstruct(SENSOR.expose(x, rng=0)), x) for x in IMAGES[:2]]
+    assert history.test_psnr[-1] == pytest.approx(np.mean(scores), abs=1)
+    assert_same(train_small(**options, resume=True), whole)
 
 
 def test_the_first_step_writes_a_checkpoint(tmp_path):

@@ -5,7 +5,17 @@ import pytest
 
 import jotlight as jl
 from jotlight.training import parameter_vector
-from training_runs import IMAGES, OPTIMIZERS, SENSOR, START, STEPS, assert_same, scenes, train
+from training_runs import (
+    IMAGES,
+    OPTIMIZERS,
+    SENSOR,
+    START,
+    STEPS,
+    assert_same,
+    end_after,
+    scenes,
+    train,
+)
 
 
 @pytest.mark.slow
@@ -55,6 +65,20 @@ def test_a_history_has_one_record_more_than_steps():
     same, again = train(trained, steps=0, test=IMAGES[:2])
     assert again.test_psnr == pytest.approx(history.test_psnr[-1:], abs=1e-3)
     np.testing.assert_allclose(parameter_vector(same), parameter_vector(trained), atol=1e-6)
+
+
+def test_a_callback_ends_the_run_and_a_resumed_run_continues(tmp_path):
+    options = {"test": IMAGES[:2], "checkpoint": tmp_path / "run"}
+    whole = train(test=IMAGES[:2])
+    ended, history = train(**options, callback=end_after(2))
+    assert history.steps.tolist() == ended.history["records"]["step"] == [0, 1, 2, 3]
+    assert history.records[:3] == whole[1].records[:3]
+    assert history.test_psnr[-1] == whole[1].test_psnr[3]  # both are those of the same parameters
+    # The checkpoint holds the three steps. Resumed, it takes one and returns the network again.
+    _, longer = train(**options, resume=True, callback=end_after(0))
+    assert longer.records[:4] == whole[1].records[:4]
+    assert len(longer) == 5
+    assert_same(train(**options, resume=True), whole)
 
 
 def test_a_trained_network_and_its_file_record_the_run(tmp_path):

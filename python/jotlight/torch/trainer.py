@@ -13,9 +13,10 @@ from jotlight.torch.distributed import ProcessGroup
 from jotlight.torch.muon import OPTIMIZERS
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
-from jotlight.training.history import History, Record, RecordCallback
+from jotlight.training.history import History, Record
 from jotlight.training.optimizer import State
 from jotlight.training.parameters import Vector
+from jotlight.training.reporting import StepReport
 
 _MAX_GRADIENT_NORM = 0.1
 """Norm to which larger gradients are clipped."""
@@ -94,10 +95,10 @@ class Trainer:
         self,
         steps: int,
         checkpoint: str | os.PathLike[str] | None,
-        callback: RecordCallback | None,
+        report: StepReport,
         seconds: float | None = None,
     ) -> None:
-        """Take the remaining steps, until the time is up.
+        """Take the remaining steps, until the time is up or `report` ends the run.
 
         Parameters
         ----------
@@ -106,25 +107,28 @@ class Trainer:
         checkpoint : path, optional
             File that the main process writes after the first step, every 20 seconds, and when the
             run ends or stops.
-        callback : callable, optional
-            Function that gets the :class:`Record` of each step, in the main process.
+        report : callable
+            Function that gets the :class:`Record` of each step, in the main process, and returns
+            whether the run goes on.
         seconds : float, optional
             Time limit. Default: none.
         """
         # The first checkpoint shows a full disk before hours of work.
         begun, saved = time.monotonic(), -math.inf
         path = checkpoint if self.group.is_main else None
+        is_stopped = False
         try:
             while len(self.history) < steps:
                 now = time.monotonic()
-                if self._is_late(seconds is not None and now - begun > seconds):
+                is_late = seconds is not None and now - begun > seconds
+                if self._is_over(is_late or is_stopped):
                     break
                 record = self.step(len(self.history), steps)
                 if path is not None and now - saved > CheckpointWriter.INTERVAL:
                     self._save(path)
                     saved = now
-                if self.group.is_main and callback is not None:
-                    callback(record)
+                if self.group.is_main:
+                    is_stopped = not report(record)
         finally:
             # Also after Ctrl-C or an error.
             if path is not None:
@@ -217,9 +221,9 @@ class Trainer:
         if not self._is_updating and len(self.history):
             self.checkpoint().save(path)
 
-    def _is_late(self, is_late: bool) -> bool:
-        """Return whether the main process is out of time."""
-        flag = torch.tensor(float(is_late))
+    def _is_over(self, is_over: bool) -> bool:
+        """Return whether the main process ends the run."""
+        flag = torch.tensor(float(is_over))
         self.group.broadcast(flag)
         return bool(flag)
 

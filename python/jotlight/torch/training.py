@@ -117,7 +117,8 @@ def train(
     resume : bool
         Whether to continue from the checkpoint.
     callback : callable, optional
-        Function that gets the :class:`Record` of each step.
+        Function that gets the :class:`Record` of each step. By raising StopIteration it ends the
+        run, which then returns the network so far.
     progress : bool or callable, optional
         Whether to show a progress bar, or a function that is called with the completed fraction.
         Default: a bar in notebooks.
@@ -132,7 +133,7 @@ def train(
         The trained network. Its `history` holds the settings and about 500 of the records.
     history : History
         Cost ε, gradient norm, and test PSNR of each step. The last record belongs to the result,
-        so there is one more record than steps.
+        so there is one more record than steps. Its `step` is the number of steps that were taken.
 
     Raises
     ------

@@ -45,7 +45,9 @@ class Record:
 
 
 RecordCallback = Callable[[Record], object]
-"""A function that is called with the record of every step."""
+"""A function that is called with the record of every step.
+
+By raising StopIteration it ends the run."""
 
 _COLUMNS = tuple(field.name for field in dataclasses.fields(Record))
 

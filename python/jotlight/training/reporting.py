@@ -1,10 +1,13 @@
 """The progress of a training run, step by step."""
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from jotlight.progress import Progress, shown_progress
 from jotlight.training.history import Record, RecordCallback
+
+StepReport = Callable[[Record], bool]
+"""A function that takes the record of a step, and returns whether the run goes on."""
 
 
 class StepDescriber:
@@ -37,8 +40,8 @@ class StepDescriber:
 @contextlib.contextmanager
 def shown_steps(
     progress: Progress, steps: int, callback: RecordCallback | None
-) -> Iterator[RecordCallback]:
-    """Show the progress of a run while the block runs, and yield the callback of its steps.
+) -> Iterator[StepReport]:
+    """Show the progress of a run while the block runs, and yield the function to call each step.
 
     Parameters
     ----------
@@ -47,14 +50,19 @@ def shown_steps(
     steps : int
         Number of steps.
     callback : callable, optional
-        The callback of the caller, which is called with the record of each step.
+        The callback of the caller, which is called with the record of each step. By raising
+        StopIteration it ends the run.
     """
     describe = StepDescriber(steps)
     with shown_progress(progress, "training") as update:
 
-        def report(record: Record) -> None:
+        def report(record: Record) -> bool:
             update(record.step / max(1, steps), describe(record))
-            if callback is not None:
-                callback(record)
+            try:
+                if callback is not None:
+                    callback(record)
+            except StopIteration:
+                return False
+            return True
 
         yield report

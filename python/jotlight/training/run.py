@@ -12,7 +12,7 @@ from jotlight.sensing.sensor import Sensor
 from jotlight.training.admissible import AdmissibleSet
 from jotlight.training.checkpoint import Checkpoint, CheckpointWriter
 from jotlight.training.cost import Cost, mean_psnr
-from jotlight.training.history import History, Record, RecordCallback
+from jotlight.training.history import History, Record
 from jotlight.training.images import fingerprint_images
 from jotlight.training.optimizer import Optimizer, Step
 from jotlight.training.parameters import (
@@ -21,6 +21,7 @@ from jotlight.training.parameters import (
     with_parameters,
 )
 from jotlight.training.patches import PatchSampler
+from jotlight.training.reporting import StepReport
 
 FilePath = str | os.PathLike[str]
 
@@ -90,9 +91,12 @@ class Run:
         checkpoint: FilePath | None,
         resume: bool,
         seconds: float | None,
-        callback: RecordCallback | None,
+        report: StepReport,
     ) -> Checkpoint:
-        """Return the state after the last step, or after the last one within the time limit."""
+        """Return the state after the last step.
+
+        The time limit, and the function that gets the record of each step, can end the run earlier.
+        """
         resumed_steps = len(state.history)
         writer = CheckpointWriter(checkpoint, resumed_steps)
         begun, longest = time.monotonic(), 0.0
@@ -104,8 +108,8 @@ class Run:
                     break
                 is_first_resumed = resume and len(state.history) == resumed_steps
                 state = self._take_step(start, state, checkpoint if is_first_resumed else None)
-                if callback is not None:
-                    callback(state.history.records[-1])
+                if not report(state.history.records[-1]):
+                    break
                 writer.update(state)
                 longest = max(longest, time.monotonic() - now)
         finally:
@@ -165,15 +169,14 @@ class Run:
             )
 
     def finish(
-        self, state: Checkpoint, sensor: Sensor, callback: RecordCallback | None
+        self, state: Checkpoint, sensor: Sensor, report: StepReport
     ) -> tuple[Network, History]:
         """Return the trained network for a sensor, and the history with a record of the result."""
         taken = len(state.history)
         loss, gradient = self._cost(taken).gradient(state.vector)
         psnr = self._test_psnr(state.vector)
         record = Record(taken, loss, float(np.linalg.norm(gradient)), psnr)
-        if callback is not None:
-            callback(record)
+        report(record)
         history = History([*state.history.records, record])
         metadata = {**self.network.history, "run": state.run, "records": history.to_json()}
         layers = with_parameters(self.network, state.vector).layers

@@ -90,7 +90,8 @@ def train(
     resume : bool
         Whether to continue from the checkpoint. The result equals that of an uninterrupted run.
     callback : callable, optional
-        Called with the :class:`Record` of each step, and of the result.
+        Called with the :class:`Record` of each step, and of the result. By raising StopIteration
+        it ends the run, which then returns the network so far.
     progress : bool or callable, optional
         Whether to show a progress bar, or a function that is called with the completed fraction.
         Default: a bar in notebooks.
@@ -103,7 +104,7 @@ def train(
         The trained network. Its `history` holds settings and records of the run.
     history : History
         Cost, gradient norm, and test PSNR of each step. The last record belongs to the result, so
-        there is one more record than steps.
+        there is one more record than steps. Its `step` is the number of steps that were taken.
 
     Raises
     ------
