@@ -53,10 +53,7 @@ def read_tensors(path: Path, format_: str, version: str) -> tuple[Tensors, dict[
     if kind != format_:
         got = f"a {kind}" if kind.startswith("jotlight") else "a safetensors file of another kind"
         if kind.endswith("checkpoint"):
-            got += (
-                "; the run that wrote it continues with resume=True (--resume), and returns its "
-                "network if the callback raises StopIteration"
-            )
+            got += "; the run that wrote it continues with resume=True (--resume) to a network"
         raise ValueError(f"{path}: expected a {format_}, got {got}")
     if metadata.get("version") != version:
         raise ValueError(

@@ -28,7 +28,7 @@ def lines_of(run, *arguments):
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["--quality", "small", "--optimizer", "adam"], f"optimizer: is for {TWO_LAYER}, not for"),
+        (["--precision", "bf16"], f"precision: is for {DEEP}, not for {TWO_LAYER}"),
         (["--quality", "medium", "--damping", 1], f"damping: is for {TWO_LAYER}"),
         (["--quality", "large", "--sigma", 1], f"sigma: is for {TWO_LAYER}"),
         (["--quality", "small", "--untied"], f"untied: is for {TWO_LAYER}"),

@@ -61,6 +61,19 @@ def test_a_folder_of_images_trains_the_same_network_as_python(run, photo_folder,
     assert "3 steps of Muon(learning_rate=0.002)" in run("info", NETWORK)[1]
 
 
+def test_the_optimizer_and_the_precision_are_those_of_python(run, photo_folder):
+    arguments = [*SMALL, "--optimizer", "adam", "--precision", "bf16", "--seed", 7, "-t", 2]
+    assert run("train", photo_folder, "-o", NETWORK, *arguments)[0] == 0
+    sensor = jl.Sensor(oversampling=4, frames=2)
+    trained, _ = jl.torch.train(
+        jl.Network.residual(sensor, "small", rng=7), read_image_set(photo_folder)[1], sensor,
+        optimizer="adam", precision="bf16", steps=3, batch=2, rng=7, device="cpu", threads=1,
+    )  # fmt: skip
+    network = jl.Network.load(NETWORK)
+    np.testing.assert_array_equal(parameter_vector(network), parameter_vector(trained))
+    assert network.history["run"] == trained.history["run"]
+
+
 def test_a_conditional_network_is_trained_and_improved(run, photo_folder, tmp_path):
     arguments = [*SMALL, "--bits-per-pixel", "2:64", "--learning-rate", 1e-3]
     arguments += ["--test", photo_folder, "--plot", "run.png"]
@@ -152,6 +165,8 @@ def test_a_run_out_of_time_reports_its_steps(run, photo_folder):
     ("arguments", "expected"),
     [
         (["--learning-rate", 0], "learning_rate: expected a finite number above 0"),
+        (["--optimizer", "gauss-newton"], "optimizer: expected one of muon, adam, got 'gauss-"),
+        (["--precision", "f16"], "precision: expected one of f32, bf16, got 'f16'"),
         (["--device", "tpu"], "device: expected one of cpu, cuda, got 'tpu'"),
         (["--steps", 0], "steps: expected at least 1"),
         (["--patch", 25], "got 25. The smallest image, number 0, is 24 x 24"),

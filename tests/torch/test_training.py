@@ -166,6 +166,15 @@ def test_the_fastest_precision_is_measured(start):
     train_small(start, precision=name, steps=1)
 
 
+@pytest.mark.parametrize(
+    "start", [STARTS["jots"], jl.Network.initial(SENSOR), jl.Network.conditional("two-layer")]
+)
+def test_bfloat16_is_refused_for_a_network_without_such_products(start):
+    assert fastest_precision(start, device="cpu") == "f32"
+    with pytest.raises(ValueError, match="precision: expected f32, because no layer of this netw"):
+        train_small(start, precision="bf16", steps=1)
+
+
 def test_a_run_stops_at_its_time_limit():
     _, history = train_small(steps=10**6, seconds=1e-9)
     assert len(history.records) <= 2

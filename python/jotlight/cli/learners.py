@@ -10,6 +10,7 @@ import jotlight.training as training
 from jotlight.networks.architectures import ARCHITECTURES, SIZES, TWO_LAYER
 from jotlight.networks.graph import is_sequential
 from jotlight.networks.network import Network
+from jotlight.networks.precision import PRECISIONS
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.sensor import Sensor
 from jotlight.training import OPTIMIZERS, History
@@ -17,7 +18,7 @@ from jotlight.training import OPTIMIZERS, History
 DEVICES = "cpu", "cuda"
 DEFAULT_OPTIMIZER = "gauss-newton"
 
-_DEEP_ONLY = "device", "range"
+_DEEP_ONLY = "device", "range", "precision"
 """Options of deep networks. Other options that not all networks share are of two-layer ones."""
 
 
@@ -80,23 +81,36 @@ def two_layer_learner(
     return Learner(training.train, optimizer.steps, {"optimizer": optimizer}, remedy)
 
 
-def deep_learner(learning_rate: float | None, device: str | None) -> Learner:
-    """Return the learner of deep networks.
+def deep_learner(
+    name: str | None, learning_rate: float | None, precision: str | None, device: str | None
+) -> Learner:
+    """Return the learner of deep networks with an optimizer.
 
     Raises
     ------
     MissingExtraError
         When PyTorch is not installed.
     """
-    from jotlight.torch import distributed
+    from jotlight.torch import distributed, muon
     from jotlight.torch import training as deep_training
 
     check_device(device)
-    rate = deep_training.LEARNING_RATE if learning_rate is None else learning_rate
+    settings = {
+        "optimizer": name,
+        "learning_rate": learning_rate,
+        "precision": precision,
+        "device": device,
+    }
+    for option, value, choices in (
+        ("optimizer", name, tuple(muon.OPTIMIZERS)),
+        ("precision", precision, PRECISIONS),
+    ):
+        if value is not None:
+            check_choice(option, value, choices)
     return Learner(
         deep_training.train,
         deep_training.STEPS,
-        {"device": device, "learning_rate": rate},
+        {key: value for key, value in settings.items() if value is not None},
         "--learning-rate",
         distributed.rank() == 0,
     )

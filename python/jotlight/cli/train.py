@@ -212,7 +212,7 @@ def _learner(training: TrainingOptions, network: NetworkOptions, start: Network 
     deep = is_deep(network.quality, start)
     refuse_options_of_others(
         deep,
-        optimizer=network.optimizer,
+        precision=network.precision,
         damping=network.damping,
         sigma=network.sigma,
         untied=network.untied,
@@ -220,7 +220,9 @@ def _learner(training: TrainingOptions, network: NetworkOptions, start: Network 
         range=network.trials_range,
     )
     if deep:
-        return deep_learner(training.learning_rate, training.device)
+        return deep_learner(
+            network.optimizer, training.learning_rate, network.precision, training.device
+        )
     return two_layer_learner(network.optimizer, training.learning_rate, network.damping)
 
 

@@ -16,6 +16,7 @@ from jotlight.cli.common_options import (
 )
 from jotlight.cli.learners import DEFAULT_OPTIMIZER, DEVICES, parse_bits_per_pixel
 from jotlight.networks.architectures import SIZES, TWO_LAYER
+from jotlight.networks.precision import F32, PRECISIONS
 from jotlight.training import OPTIMIZERS
 
 TRAINING_SECONDS = 45.0
@@ -38,13 +39,13 @@ class TrainingOptions:
     ] = None
     steps: Annotated[
         int | None,
-        Parameter(help=f"Number of steps. Default: {_STEPS}, 20000 for deep networks."),
+        Parameter(help=f"Number of steps. Default: {_STEPS}; 20000 for deep networks."),
     ] = None
     learning_rate: Annotated[
         float | None,
         Parameter(
             help="Learning rate of the optimizer. Default: 0.01 for adam, 5e-6 for "
-            "projected-gradient, 0.003 for deep networks."
+            "projected-gradient; 0.003 for deep networks, also for adam."
         ),
     ] = None
     batch: Annotated[
@@ -129,7 +130,14 @@ class NetworkOptions:
         str | None,
         Parameter(
             help=f"Optimizer of the two-layer network: one of {', '.join(OPTIMIZERS)}. Default: "
-            f"{DEFAULT_OPTIMIZER}. Deep networks use Muon."
+            f"{DEFAULT_OPTIMIZER}. Deep networks take muon, their default, or adam."
+        ),
+    ] = None
+    precision: Annotated[
+        str | None,
+        Parameter(
+            help="Precision of the products in the training of deep networks: "
+            f"{' or '.join(PRECISIONS)}. Some processors compute bf16 faster. Default: {F32}."
         ),
     ] = None
     damping: Annotated[

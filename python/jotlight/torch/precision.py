@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from jotlight.networks.network import Network
-from jotlight.networks.precision import BF16, F32, check_precision
+from jotlight.networks.precision import BF16, F32
 from jotlight.torch.distributed import choose_device, thread_limit
 from jotlight.torch.network import Network as TorchNetwork
 
@@ -17,15 +17,15 @@ _REPETITIONS = 5
 """Number of measurements of each data type; the fastest counts."""
 
 
-def filter_dtype_of(precision: str) -> torch.dtype:
-    """Return the data type of the products of a precision.
+def filter_dtype_of(network: Network, precision: str) -> torch.dtype:
+    """Return the data type of the products of a network in a precision.
 
     Raises
     ------
     ValueError
-        For an unknown precision.
+        For an unknown precision, and for one that would not change the products of the network.
     """
-    check_precision(precision)
+    network.with_precision(precision)
     return PRECISIONS[precision]
 
 
@@ -52,7 +52,8 @@ def fastest_precision(
     Returns
     -------
     str
-        ``"f32"`` or ``"bf16"``.
+        ``"f32"`` or ``"bf16"``. It is ``"f32"`` for a network whose products have no bfloat16, such
+        as the network of two layers.
 
     Examples
     --------
@@ -60,6 +61,10 @@ def fastest_precision(
     >>> fastest_precision(network, batch=2, patch=16) in PRECISIONS
     True
     """
+    try:
+        network.with_precision(BF16)
+    except ValueError:
+        return F32
     module = TorchNetwork(network).to(choose_device(device))
     parameters = [p for p in module.parameters() if p.requires_grad]
     inputs = 1 if network.tied else network.sensor.frames

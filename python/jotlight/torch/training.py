@@ -107,7 +107,8 @@ def train(
         of the size medium and above, or ``"adam"``.
     precision : str
         ``"f32"``, or ``"bf16"`` for products of filter banks in bfloat16, which some
-        processors compute faster; :func:`~jotlight.torch.fastest_precision` measures it.
+        processors compute faster; :func:`~jotlight.torch.fastest_precision` measures it. The
+        network of two layers refuses ``"bf16"``.
     rng : int, optional
         Seed of patches and bits. Default: a fresh one, or that of the run to resume.
     test : array or sequence of arrays, optional
@@ -177,7 +178,7 @@ def train(
     steps = whole_number("steps", STEPS if steps is None else steps, 1)
     batch = whole_number("batch", BATCH if batch is None else batch, 1)
     positive_number("learning_rate", learning_rate)
-    filter_dtype = filter_dtype_of(precision)
+    filter_dtype = filter_dtype_of(network, precision)
     check_choice("optimizer", optimizer, OPTIMIZERS)
     seconds = None if seconds is None else positive_number("seconds", seconds)
     source = as_patch_source(images)
