@@ -37,6 +37,8 @@ def test_the_module_agrees_with_the_engine():
     np.testing.assert_allclose(found, expected, atol=1e-5)
     rebuilt = PlanesNetwork(trained).to_network()
     np.testing.assert_array_equal(rebuilt.estimate_probability(planes, 9), found)
+    rounded = PlanesNetwork(trained.with_precision("bf16")).to_network()
+    assert (rounded.precision, rebuilt.precision) == ("bf16", "f32")
 
 
 def test_a_batch_holds_different_mosaics_and_the_true_colors():

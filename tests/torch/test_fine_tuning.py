@@ -82,6 +82,15 @@ def test_more_bits_than_the_network_knows_are_used():
     assert after > before
 
 
+@pytest.mark.parametrize("learning_rate", [3e-3, 30.0])  # the start is the best with the second
+def test_the_tuned_network_has_the_precision_of_the_start(learning_rate):
+    start = SHORT_RANGE.with_precision("bf16")
+    bits = MANY.expose(SCENE, rng=0)
+    tuned, history = tune(start, bits, steps=8, learning_rate=learning_rate)
+    assert (history.held_out[-1] < history.held_out[0]) == (learning_rate < 1)
+    assert tuned.precision == "bf16"
+
+
 def test_the_passes_of_a_step_are_those_of_the_engine():
     bits = MANY.expose(SCENE, rng=0)
     channels = [count_pixels(bits, MANY, None)]

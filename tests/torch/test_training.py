@@ -166,6 +166,14 @@ def test_the_fastest_precision_is_measured(start):
     train_small(start, precision=name, steps=1)
 
 
+@pytest.mark.parametrize("name", ["small", "conditional"])
+def test_the_trained_network_has_the_precision_of_the_start(name):
+    network, _ = train_small(STARTS[name].with_precision("bf16"), steps=1)
+    exact, _ = train_small(STARTS[name], steps=1)
+    assert (network.precision, exact.precision) == ("bf16", "f32")
+    np.testing.assert_array_equal(parameter_vector(network), parameter_vector(exact))
+
+
 @pytest.mark.parametrize(
     "start", [STARTS["jots"], jl.Network.initial(SENSOR), jl.Network.conditional("two-layer")]
 )

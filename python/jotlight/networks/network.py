@@ -311,7 +311,10 @@ class Network(EngineBacked, TorchHints):
         check_served(self.sensor, sensor, self.trials_range, tied=self.tied)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the network to a `.safetensors` file, with its sensor and history as metadata."""
+        """Write the network to a `.safetensors` file, with its sensor and history as metadata.
+
+        The file does not store the precision, so :meth:`load` returns a network in "f32".
+        """
         write_network(path, self)
 
     @classmethod

@@ -39,7 +39,8 @@ class Network(nn.Module):
     """A network whose parameters PyTorch can train.
 
     It returns intensities in [0, S], as :class:`jotlight.Network` does, and they are
-    differentiable.
+    differentiable. It computes in float32, also for a network whose precision is "bf16", and
+    :meth:`to_network` returns a network of the same precision.
 
     Parameters
     ----------
@@ -226,7 +227,7 @@ class Network(nn.Module):
             )
             for index, layer in enumerate(self.origin.layers)
         ]
-        return self.rebuild(layers)
+        return self.rebuild(layers).with_precision(self.origin.precision)
 
     def rebuild(self, layers: list[Layer]) -> EngineNetwork:
         """Return a network of the engine with other layers; a subclass can override it."""

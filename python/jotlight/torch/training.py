@@ -131,7 +131,8 @@ def train(
     Returns
     -------
     network : Network
-        The trained network. Its `history` holds the settings and about 500 of the records.
+        The trained network, in the precision of the one at the start. Its `history` holds the
+        settings and about 500 of the records.
     history : History
         Cost ε, gradient norm, and test PSNR of each step. The last record belongs to the result,
         so there is one more record than steps. Its `step` is the number of steps that were taken.
@@ -250,7 +251,7 @@ def _trained(
     """Return the trained network of a module, which started as `network`, with its history."""
     trained = module.to_network()
     if network.trials_range is None:
-        trained = Network(trained.layers, sensor)
+        trained = Network(trained.layers, sensor).with_precision(network.precision)
     trained.history = {
         **network.history,
         "run": settings,
