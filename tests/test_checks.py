@@ -108,8 +108,15 @@ def test_a_path_in_place_of_images_is_named(folder):
         as_image(folder)
 
 
-@pytest.mark.parametrize("images", [None, 3, (image for image in ())])
-def test_images_need_a_length(images):
+class Sized:
+    """An object with a length, but without elements."""
+
+    def __len__(self):
+        return 1
+
+
+@pytest.mark.parametrize("images", [None, 3, (image for image in ()), Sized()])
+def test_images_need_a_length_and_elements(images):
     with pytest.raises(TypeError, match=r"an array \(N, H, W\) or a list of images, got"):
         require_image_list(images)
 

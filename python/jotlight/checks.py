@@ -234,9 +234,9 @@ def require_image_list(images: object, name: str = "images") -> None:
       ...
     TypeError: images: expected an array (N, H, W) or a list of images, got None
     """
-    call = "[jotlight.read_image(path, gray=True) for path in paths]"
-    refuse_image_path(name, images, call)
-    if not hasattr(images, "__len__"):
+    refuse_image_path(name, images, "[jotlight.read_image(path, gray=True) for path in paths]")
+    iterations = {"__iter__", "__getitem__"}.intersection(dir(images))
+    if not (iterations and hasattr(images, "__len__")):
         raise TypeError(
             f"{name}: expected an array (N, H, W) or a list of images, got {shown(images)}"
         )

@@ -77,6 +77,7 @@ def test_a_network_trained_on_synthetic_scenes_is_tested_on_them(run):
 
 def test_a_network_trained_on_synthetic_scenes_is_tested_on_the_test_images(run, photo_folder):
     arguments = ["--batch", 4, "--steps", 1, "--optimizer", "adam", "--test", photo_folder]
+    arguments += ["--white", 255]
     assert run("train", "synthetic", "-o", NETWORK, *arguments)[0] == 0
     assert (
         run("train", photo_folder, "-o", "same.safetensors", *SMALL, "--test", photo_folder)[0] == 0
@@ -233,7 +234,8 @@ def test_on_a_terminal_a_live_line_shows_the_run(photo_folder, tmp_path):
         (["photos", "-o", NETWORK, "--resume", "--restart"], "expected one of them"),
         (["photos", "-o", NETWORK, "-k", 0], "oversampling: expected"),
         (["bad", "-o", NETWORK], "bad/b.png"),
-        (["synthetic", "-o", NETWORK], "patch: expected none for a callable"),
+        (["synthetic", "-o", NETWORK], "expected none for a callable, such as that of synthetic"),
+        (["synthetic", "-o", NETWORK, "--white", 3], "white: is a level of images in files"),
     ],
 )
 def test_bad_input_gets_one_line_before_any_work_and_leaves_no_files(

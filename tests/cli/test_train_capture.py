@@ -87,6 +87,7 @@ def test_a_network_can_be_trained_for_fewer_frames_and_for_counts(run, tmp_path,
         ("--sensor counts.npy", "counts of an unknown number of trials"),
         ("--sensor counts.npy --start x.safetensors", "leave out --sensor"),
         ("--sensor counts.npy --frames 16 --key a", "--sensor-key names an array of the capture"),
+        ("--sensor counts.npy --frames 16 --white 3", "white: is a level of images in files"),
         ("synthetic --sensor-key a", "sensor-key: is for a capture; name one with --sensor"),
         ("synthetic --rotate 90", "rotate: is for a capture; name one with --sensor"),
         (

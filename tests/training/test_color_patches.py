@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jotlight.sensing.mosaic import Mosaic
-from jotlight.training import ColorPatches
+from jotlight.training import ColorPatches, PhotographPatches
 
 PHOTOGRAPH = np.random.default_rng(0).integers(0, 256, (40, 50, 3), np.uint8)
 
@@ -44,3 +44,10 @@ def test_gray_photographs_are_left_out():
     assert len(source) == 1
     with pytest.raises(ValueError, match="photographs: expected at least one"):
         ColorPatches([PHOTOGRAPH[..., 0]])
+
+
+def test_a_source_in_place_of_photographs_is_refused():
+    with pytest.raises(
+        TypeError, match=r"expected a list of uint8 arrays, .*got PhotographPatches"
+    ):
+        ColorPatches(PhotographPatches([PHOTOGRAPH]))

@@ -57,6 +57,17 @@ def test_generated_images_are_new_in_every_patch():
     assert "make" in source.fingerprint()
 
 
+def test_a_generated_image_smaller_than_the_patch_is_refused():
+    sizes = iter([8, 8, 6])
+    source = GeneratedPatches(lambda rng, number: np.ones((number, 9, next(sizes)), np.float32))
+    assert source.draw(rng(), 8).values.shape == (8, 8)
+    message = (
+        "images: expected a callable of images of at least 8 x 8 pixels, .* got 9 x 6; .*patch="
+    )
+    with pytest.raises(ValueError, match=message):
+        source.draw(rng(), 8)
+
+
 @pytest.mark.slow
 def test_a_mixture_draws_from_its_sources_by_weight():
     weights = {0.1: 1, 0.5: 2, 0.9: 5}

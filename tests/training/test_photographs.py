@@ -1,5 +1,7 @@
 """Patches of photographs: planes, scales, and tones."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import tifffile
@@ -115,6 +117,14 @@ def test_files_are_read_as_8_bit_levels(tmp_path):
         PhotographPatches.read([tmp_path / "broken.png"])
 
 
+@pytest.mark.parametrize("read", [PhotographPatches.read, read_photographs])
+@pytest.mark.parametrize("path", ["photo.png", Path("photo.png")], ids=["str", "Path"])
+def test_a_single_path_in_place_of_a_list_is_refused(read, path):
+    message = r"paths: expected a list .*pass \['photo\.png'\], or sorted\(.*\.iterdir\(\)\)"
+    with pytest.raises(TypeError, match=message):
+        read(path)
+
+
 def test_the_white_of_files_of_16_bits_can_be_stated(tmp_path):
     levels = np.arange(0, 1024, 4, dtype=np.uint16).reshape(16, 16)
     tifffile.imwrite(tmp_path / "photograph.tif", levels)
@@ -132,6 +142,8 @@ def test_patches_are_as_high_as_the_photograph_is_wide():
 @pytest.mark.parametrize(
     ("photographs", "settings", "message"),
     [
+        ("a.png", {}, r"expected a list of uint8 arrays, .*read_photographs\(paths\), got a path"),
+        (PhotographPatches([GRAY]), {}, "expected a list of uint8 arrays, .*got PhotographPatches"),
         ([], {}, "photographs: expected at least one, got none"),
         ([COLOR / 255], {}, r"uint8 arrays, got float64 for number 0; \(255 \* image\)"),
         ([GRAY, "name.png"], {}, "photographs: expected uint8 arrays, got str for number 1"),

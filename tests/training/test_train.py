@@ -111,6 +111,8 @@ def test_maps_enter_by_the_median_of_valid_jots(tmp_path):
 
 
 COLOR, SMALL = np.full((16, 16, 3), 0.5), np.full((16, 6), 0.5)
+SOURCE = jl.training.ImagePatches(IMAGES)
+PHOTOGRAPHS = jl.training.PhotographPatches([np.ones((16, 16), np.uint8)])
 NO_NUMBER = np.full((99, 16, 16), np.nan)
 
 
@@ -134,7 +136,9 @@ def test_gray_levels_are_reported():
         ({"images": IMAGES[:, None]}, ValueError, r"write array\.reshape\("),
         ({"images": COLOR}, ValueError, r"write np\.moveaxis\(array, -1, 0\)$"),
         ({"images": [IMAGES[0], -IMAGES[1]]}, ValueError, r"images\[1\]: expected .* 0 or more"),
-        ({"images": scenes, "patch": 8}, ValueError, "patch: expected none for a callable"),
+        ({"images": SOURCE}, TypeError, r"got ImagePatches; .* jotlight\.torch\.train, which"),
+        ({"test": PHOTOGRAPHS}, TypeError, "test: expected an array .*got <.*PhotographPatches"),
+        ({"images": scenes, "patch": 8}, ValueError, "patch: expected none .*synthetic scenes, "),
         ({"images": lambda rng, n: None}, ValueError, "got NoneType"),
         ({"images": lambda rng, n: rng.random((n, 16))}, ValueError, "an array"),
         ({"images": lambda rng, n: rng.random((n + 1, 8, 8))}, ValueError, "an array"),

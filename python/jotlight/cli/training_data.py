@@ -46,6 +46,9 @@ def read_training_images(
     """
     if options.test_key is not None and options.test is None:
         raise ValueError("test-key: names an array of --test, which is missing")
+    is_synthetic = images == SYNTHETIC and not Path(images).exists()
+    if options.white is not None and options.test is None and (images is None or is_synthetic):
+        raise ValueError("white: is a level of images in files, and there are none; leave it out")
     if images is None:
         if options.key is not None:
             raise ValueError(
@@ -55,7 +58,7 @@ def read_training_images(
         return [photograph(name, gray=True) for name in PHOTOGRAPHS], _read_tests(
             options, max_intensity
         )
-    if images == SYNTHETIC and not Path(images).exists():
+    if is_synthetic:
         if options.key is not None:
             raise ValueError("key: names an array in a .npz, and synthetic scenes are no file")
         tests = _read_tests(options, max_intensity)

@@ -99,7 +99,8 @@ def train(
     batch : int, optional
         Number of patches per step. Default: 16.
     patch : int, optional
-        Height and width of a patch. Default: 48, or the side of the smallest image.
+        Height and width of a patch. Default: 48, or the side of the smallest image, or of the
+        first image of a callable.
     learning_rate : float
         Largest learning rate: about the largest change of a parameter per step.
     optimizer : str

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from jotlight.sensing.mosaic import Mosaic
 from jotlight.training.patch_sources import Patch
-from jotlight.training.photographs import PhotographPatches
+from jotlight.training.photographs import PhotographPatches, require_photographs
 from jotlight.training.random_mosaics import random_mosaic
 
 _TINTED, _LARGEST_TINT = 0.25, 0.7
@@ -53,6 +53,7 @@ class ColorPatches(PhotographPatches):
         scaled: float = 0.5,
         max_scale: float = 3.0,
     ) -> None:
+        require_photographs(photographs)
         colors = [each for each in photographs if np.ndim(each) == 3]
         self.mosaics = mosaics
         super().__init__(colors, linear=linear, scaled=scaled, max_scale=max_scale)

@@ -96,7 +96,8 @@ class GeneratedPatches(PatchSource):
     Parameters
     ----------
     make : callable
-        Function of a random generator and a number N that returns N new images, (N, H, W).
+        Function of a random generator and a number N that returns N new images, (N, H, W). The
+        first of them states the largest patch, so the others must not be smaller.
 
     Examples
     --------
@@ -110,8 +111,21 @@ class GeneratedPatches(PatchSource):
         self.max_side = min(generate_images(make, np.random.default_rng(0), 1)[0].shape)
 
     def draw(self, rng: np.random.Generator, side: int) -> Patch:
-        """Return a random patch of a new image."""
+        """Return a random patch of a new image.
+
+        Raises
+        ------
+        TypeError, ValueError
+            When the function returns anything but an image that contains the patch.
+        """
         image = generate_images(self._make, rng, 1)[0]
+        height, width = image.shape
+        if min(height, width) < side:
+            raise ValueError(
+                f"images: expected a callable of images of at least {side} x {side} pixels, the "
+                f"size of a patch, got {height} x {width}; return larger images, or pass a smaller "
+                "patch="
+            )
         mean = float(image.mean())
         return Patch(_random_symmetry(rng, _random_cutout(rng, image, side)), mean)
 

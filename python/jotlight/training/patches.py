@@ -21,6 +21,7 @@ from jotlight.training.images import (
     describe_smallest,
     generate_images,
 )
+from jotlight.training.patch_sources import PatchSource
 
 _DEFAULT_PATCH = 64
 """Default height and width of a patch, in pixels."""
@@ -70,13 +71,19 @@ class PatchSampler:
         TypeError, ValueError
             When images, patch, batch, and network do not fit together.
         """
+        if isinstance(images, PatchSource):
+            raise TypeError(
+                f"images: expected images or a callable, got {type(images).__name__}; pass the "
+                "arrays, or train with jotlight.torch.train, which takes sources of patches"
+            )
         sensor = patch_sensor(sensor)
         border = network.halo + (0 if sensor.kernel == "box" else _SMOOTH_KERNEL_RADIUS)
         batch = None if batch is None else whole_number("batch", batch, 1)
         if callable(images):
             if patch is not None:
                 raise ValueError(
-                    f"patch: expected none for a callable, whose images are used whole, got {patch}"
+                    "patch: expected none for a callable, such as that of synthetic scenes, whose "
+                    f"images are used whole, got {patch}"
                 )
             if batch is None:
                 sample = generate_images(images, np.random.default_rng(0), 1)[0]

@@ -75,8 +75,7 @@ class PhotographPatches(PatchSource):
         scaled: float = 0.5,
         max_scale: float = 3.0,
     ) -> None:
-        if len(photographs) == 0:
-            raise ValueError("photographs: expected at least one, got none")
+        require_photographs(photographs)
         self._set(color, linear, scaled, max_scale)
         self.photographs = [
             planes_of(photograph, index) for index, photograph in enumerate(photographs)
@@ -177,6 +176,8 @@ def read_photographs(
 
     Raises
     ------
+    TypeError
+        For a single path in place of a list.
     OSError, ValueError
         When a file cannot be read; the message names it.
 
@@ -190,6 +191,12 @@ def read_photographs(
     >>> read_photographs([path])
     [array([[  0, 255]], dtype=uint8)]
     """
+    if isinstance(paths, str | os.PathLike):
+        single = os.fspath(paths)
+        raise TypeError(
+            f"paths: expected a list of paths, got the single path {single!r}; pass [{single!r}], "
+            f"or sorted(pathlib.Path({single!r}).iterdir()) for the files of a folder"
+        )
     photographs = []
     for number, path in enumerate(paths, 1):
         image = read_image(path, white=white)
@@ -197,6 +204,20 @@ def read_photographs(
         if progress is not None:
             progress(number / len(paths))
     return photographs
+
+
+def require_photographs(photographs: object) -> None:
+    """Raise TypeError unless photographs are a list or an array, and ValueError if it is empty."""
+    if isinstance(photographs, str | os.PathLike | PatchSource):
+        kind = (
+            "a path" if isinstance(photographs, str | os.PathLike) else type(photographs).__name__
+        )
+        raise TypeError(
+            "photographs: expected a list of uint8 arrays, such as that of "
+            f"jotlight.training.read_photographs(paths), got {kind}"
+        )
+    if len(photographs) == 0:  # type: ignore[arg-type]
+        raise ValueError("photographs: expected at least one, got none")
 
 
 def planes_of(photograph: npt.NDArray[np.uint8], index: int) -> Planes:
