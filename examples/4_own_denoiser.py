@@ -17,7 +17,7 @@ bits = sensor.expose(image, rng=0)
 
 # %%
 # A denoiser maps an image to an image. The noise of its input is white, with the standard deviation
-# 1/2 (``jl.vst.NOISE``) at every brightness.
+# 1/2 (``jl.vst.NOISE``) at every brightness, and less where nearly all bits are equal.
 
 
 def my_denoiser(z):

@@ -69,6 +69,14 @@ def test_stabilized_noise_has_the_standard_deviation_noise(bits, probability):
     assert deviation == pytest.approx(jl.vst.NOISE, rel=0.5 / bits + 1e-5)
 
 
+@pytest.mark.parametrize(("share", "expected"), [(0.12, 0.48), (0.03, 0.35), (0.97, 0.35)])
+def test_the_noise_is_smaller_where_nearly_all_bits_are_equal(share, expected):
+    weights = methods.binom.pmf(np.arange(17), 16, share)
+    z = jl.vst.anscombe(np.arange(17), 16)
+    deviation = np.sqrt(weights @ (z - weights @ z) ** 2)
+    assert deviation == pytest.approx(expected, abs=0.01)
+
+
 @pytest.mark.parametrize("inverse", jl.vst.INVERSES)
 @pytest.mark.parametrize("bits", [1, 16, 1000])
 def test_values_outside_of_the_range_of_anscombe_give_0_or_k(bits, inverse):

@@ -60,7 +60,10 @@ def compare(
     white: White = None,
     threads: Threads = None,
 ) -> None:
-    """Simulate the bits of a photograph, and compare its estimates by every method."""
+    """Simulate the bits of a photograph, and compare its estimates by every method.
+
+    PSNR and SSIM are for a peak of 1.
+    """
     exposed = Sensor(**sensor.to_kwargs())
     names = [*split_names(method), *map(network_name, split_names(quality))]
     selected: dict[str, AnyMethod | None] = _select(exposed, names)

@@ -96,8 +96,10 @@ def train(
 
     Ctrl-C stops the run. With --resume it continues as if it had never been stopped.
 
-    The cost is half the squared error of a patch. --calibration needs --sensor. The network is
-    then trained for the median jot.
+    The cost is half the squared error of a patch. With --bits-per-pixel MIN:MAX, it is relative to
+    an error that is easy to reach. For deep networks, one patch in 16 has a random brightness. The
+    test PSNR is for a peak of 1. --calibration needs --sensor. The network is then trained for the
+    median jot.
 
     Several processes can train a deep network: torchrun --nproc-per-node 2 -m jotlight train
     """

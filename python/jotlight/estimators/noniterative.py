@@ -60,7 +60,8 @@ def noniterative(
     denoiser : str or callable
         A name in `jotlight.denoise.DENOISERS`, such as "tv" or "nlm", or a callable. A callable
         takes an image (H, W) of float32 with white noise of standard deviation 1/2
-        (:data:`jotlight.estimators.vst.NOISE`) and returns one of the same shape.
+        (:data:`jotlight.estimators.vst.NOISE`), less where nearly all bits are equal, and returns
+        one of the same shape.
     inverse : {"exact", "algebraic"}
         See :func:`jotlight.estimators.vst.inverse_anscombe`.
     out : ndarray of float32, optional

@@ -1,7 +1,7 @@
 """Variance stabilization of counts: equations (6) and (7), and the exact unbiased inverse.
 
 After :func:`anscombe` the noise of a count is close to normal with standard deviation
-:data:`NOISE` at any intensity. Any denoiser for white Gaussian noise then applies.
+:data:`NOISE`, unless nearly all bits are equal. Any denoiser for white Gaussian noise then applies.
 """
 
 import math
@@ -16,7 +16,11 @@ from jotlight.parameter_names import check_choice
 from jotlight.sensing.values import flatten, number_or_map, numbers_from_zero
 
 NOISE = 0.5
-"""The standard deviation of the noise after :func:`anscombe`."""
+"""The standard deviation of the noise after :func:`anscombe`.
+
+It is smaller where nearly all bits are 0 or nearly all are 1. At K = 16, it is 0.48 where 12 % of
+the bits are 1, and 0.35 where 3 % are.
+"""
 
 INVERSES = ("exact", "algebraic")
 """The names of the inverses in :func:`inverse_anscombe`."""

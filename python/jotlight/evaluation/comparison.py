@@ -93,6 +93,8 @@ def compare(
 ) -> Comparison:
     """Expose an image, and return its estimates by several methods, with their quality.
 
+    PSNR and SSIM are for a peak of 1, also for a brighter image and for another `max_intensity`.
+
     Parameters
     ----------
     methods : mapping of str, sequence, one method, or None

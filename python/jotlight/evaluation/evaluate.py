@@ -143,6 +143,8 @@ def evaluate(
 ) -> Evaluation:
     """Return the quality of a method on images that the sensor exposes.
 
+    PSNR and SSIM are for a peak of 1, also for brighter images and for another `max_intensity`.
+
     Parameters
     ----------
     method : str, Network, or callable

@@ -74,8 +74,8 @@ class EngineBacked:
 
         In bfloat16, the filters of layers that read several planes, and these planes, are rounded
         to 8 bits of precision. Sums, splines, and the layers that read the data, or a single plane,
-        remain in float32. The PSNR changes by 0.002 dB or less on average. This is faster only on
-        processors with AMX. Others emulate the rounding, in the time of "f32".
+        remain in float32. The PSNR of photographs changes by 0.0006 dB or less on average. This is
+        faster only on processors with AMX. Others emulate the rounding, in the time of "f32".
 
         Raises
         ------

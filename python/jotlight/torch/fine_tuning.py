@@ -86,9 +86,8 @@ def fine_tune(
         The capture: bits, or counts L of shape (..., H, W). The images of a stack and the channels
         of a color capture train together.
     sensor : Sensor, optional
-        Sensor of the capture, with the box kernel and at least two trials per pixel. Its dead jots,
-        dark counts, and efficiency enter as in :meth:`jotlight.Network.reconstruct`, which states
-        the default, too.
+        Sensor of the capture, with the box kernel. Its dead jots, dark counts, and efficiency enter
+        as in :meth:`jotlight.Network.reconstruct`, which states the default, too.
     channel_axis : int, optional
         Axis of counts that holds color channels. Default: none.
     steps : int

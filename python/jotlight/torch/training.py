@@ -113,7 +113,8 @@ def train(
     rng : int, optional
         Seed of patches and bits. Default: a fresh one, or that of the run to resume.
     test : array or sequence of arrays, optional
-        Images, whole, whose PSNR is measured about 20 times, always with the same bits.
+        Images, whole, whose PSNR for a peak of 1 is measured about 20 times, always with the same
+        bits.
     checkpoint : path, optional
         File for the state of the run, as in :func:`jotlight.train`.
     resume : bool
@@ -154,6 +155,16 @@ def train(
 
     Notes
     -----
+    The cost of a network for one K is ½‖ĉ - c‖², averaged over the patches. For K-conditioned,
+    color, and film networks, the squared errors of a patch are divided by an error that is easy to
+    reach with its K and its light, and the intensities of bright pixels are compressed. Costs of
+    different kinds of networks therefore do not compare.
+
+    For a network for one K, one patch in 16 is not exposed as the sensor states: its brightness is
+    multiplied by a random factor from 1/50 to 50. So the network learns black and saturation, which
+    photographs seldom have. K-conditioned, color, and film networks get random exposures. One patch
+    in 16, or one in 3 for color networks, has a mean of 0.002 to 8 photons per jot and frame.
+
     A thread draws the patches of the next step while a step is computed.
 
     Under PyTorch's launcher, ``torchrun --nproc-per-node 2 script.py``, the processes share the

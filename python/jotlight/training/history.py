@@ -27,8 +27,9 @@ class Record:
     step : int
         Number of the step, from 0.
     loss : float
-        Cost ε: ½‖ĉ - c‖², averaged over patches. In fine-tuning on bits: their negative
-        log-likelihood in nats per bit.
+        Cost ε: ½‖ĉ - c‖², averaged over patches. For K-conditioned, color, and film networks, the
+        errors are compressed and relative, as :func:`jotlight.torch.train` states. In fine-tuning
+        on bits: their negative log-likelihood in nats per bit.
     gradient_norm : float
         ‖∇ε‖.
     test_psnr : float, optional

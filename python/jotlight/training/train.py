@@ -80,8 +80,8 @@ def train(
         Seed of patches and bits. The same seed gives the same network on one machine, bit for bit,
         for any number of threads. Default: a fresh one, or that of the run to resume.
     test : array or sequence of arrays, optional
-        Test images. Their mean PSNR is measured 100 to 200 times in a run, or in each of fewer
-        than 100 steps, on whole images and always with the same bits.
+        Test images. Their mean PSNR, for a peak of 1, is measured 100 to 200 times in a run, or in
+        each of fewer than 100 steps, on whole images and always with the same bits.
     admissible : AdmissibleSet, optional
         𝒜. Default: `jotlight.training.SafeSet()`.
     checkpoint : path, optional
