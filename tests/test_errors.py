@@ -1,5 +1,7 @@
 """Errors and warnings."""
 
+import importlib
+import sys
 import threading
 import warnings
 
@@ -7,6 +9,7 @@ import pytest
 
 from jotlight.errors import (
     JotlightWarning,
+    MissingExtraError,
     PeriodicRatesWarning,
     error_message,
     hide_warnings,
@@ -53,6 +56,14 @@ def test_warnings_are_hidden_in_one_thread_only():
     finally:
         done.set()
         thread.join()
+
+
+def test_without_deepinv_the_error_of_its_adapters_names_the_extra(monkeypatch):
+    pytest.importorskip("torch")
+    monkeypatch.delitem(sys.modules, "jotlight.torch.deepinv", raising=False)
+    monkeypatch.setitem(sys.modules, "deepinv", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'jotlight\[deepinv\]'"):
+        importlib.import_module("jotlight.torch.deepinv")
 
 
 def test_a_current_folder_that_is_gone_is_named(tmp_path, monkeypatch):

@@ -94,6 +94,27 @@ def test_only_conditional_modules_take_the_number_of_trials():
             Network(network).run_layers(data, trials)
 
 
+@pytest.mark.parametrize("make", [lambda: conditional("small"), lambda: residual("small")])
+def test_a_sensor_in_place_of_the_number_of_trials_is_refused(make):
+    with pytest.raises(
+        TypeError, match=r"trials: expected K, .*: pass sensor\.trials"
+    ):
+        Network(make()).run_layers(torch.zeros(1, 1, 4, 4), jl.Sensor(frames=16))
+
+
+@pytest.mark.parametrize("name", ["save", "reconstruct", "halo", "precision"])
+def test_what_the_engine_has_is_named_on_the_module(name):
+    module = Network(residual("small"))
+    with pytest.raises(
+        AttributeError, match=rf"'Network' .*'{name}'; write (module\.to_n.*)$"
+    ) as info:
+        getattr(module, name)
+    call = str(info.value).partition("write ")[2]
+    assert eval(call, {"module": module}) is not None
+    with pytest.raises(AttributeError, match=r"has no attribute 'other'$"):
+        _ = module.other
+
+
 @every_network
 def test_a_network_passes_through_the_module_unchanged(tmp_path, make):
     start = make()

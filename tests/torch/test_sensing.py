@@ -275,6 +275,19 @@ def test_a_layer_prints_its_arguments():
     assert repr(Sensing(jl.Sensor(frames=4))) == expected
 
 
+@pytest.mark.parametrize(
+    "options", [{"gain": [1.0, 2.0, 3.0]}, {"threshold": [1, 2, 3]}, {"bit_depth": 4}]
+)
+def test_other_sensors_are_referred_to_the_function_that_simulates_them(options):
+    sensor = jl.Sensor(frames=3, **options)
+    with pytest.raises(
+        ValueError, match=r"sensor: expected .*; (.*), jotlight\.Sensor\.exp"
+    ) as error:
+        Sensing(sensor)
+    call = re.search(r"; (sensor\.expose\(image\)),", str(error.value))[1]
+    assert len(eval(call, {"sensor": sensor, "image": np.full((4, 5), 0.5)})) == 3
+
+
 def test_other_types_are_refused():
     with pytest.raises(TypeError, match=r"sensor: expected a jotlight\.Sensor, .*got 8"):
         Sensing(8)

@@ -143,6 +143,8 @@ def test_gray_levels_are_reported():
         ({"images": lambda rng, n: rng.random((n, 16))}, ValueError, "an array"),
         ({"images": lambda rng, n: rng.random((n + 1, 8, 8))}, ValueError, "an array"),
         ({"optimizer": jl.training.Adam}, TypeError, "or an object with take_step"),
+        ({"admissible": 1}, TypeError, r"admissible: expected .*SafeSet\(\), got 1$"),
+        ({"admissible": jl.training.SafeSet}, TypeError, r"SafeSet\(\), got <class"),
         ({"optimizer": None}, TypeError, "optimizer: expected one of"),
         ({"images": lambda rng, n: rng.integers(9, size=(n, 8, 8))}, TypeError, "floats"),
         ({"images": lambda rng, n: NO_NUMBER[:n]}, ValueError, "finite intensities"),

@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from deepinv.models import Denoiser, Reconstructor
-from deepinv.optim import DataFidelity
-from deepinv.physics import Physics
 from torch import Tensor
 
+from jotlight.errors import MissingExtraError
 from jotlight.estimators.mle import mle
 from jotlight.networks.network import Network
 from jotlight.sensing.bits import Bits
@@ -21,6 +19,13 @@ from jotlight.sensing.likelihood import Likelihood
 from jotlight.sensing.sensor import Sensor
 from jotlight.torch.network import Network as TorchNetwork
 from jotlight.torch.sensing import Sensing
+
+try:
+    from deepinv.models import Denoiser, Reconstructor
+    from deepinv.optim import DataFidelity
+    from deepinv.physics import Physics
+except ImportError as error:
+    raise MissingExtraError("the adapters for deepinv: pip install 'jotlight[deepinv]'") from error
 
 
 class SensorPhysics(Physics):  # type: ignore[misc, unused-ignore]

@@ -2,7 +2,7 @@
 
 import dataclasses
 import os
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -112,6 +112,12 @@ class Network(nn.Module):
         """
         return cls(path, device=device)
 
+    def __getattr__(self, name: str) -> Any:
+        if hasattr(EngineNetwork, name):
+            text = f"{type(self).__name__!r} object has no attribute {name!r}; "
+            raise AttributeError(f"{text}write module.to_network().{name}", name=name, obj=self)
+        return super().__getattr__(name)
+
     def forward(self, data: Tensor, sensor: Sensor | None = None) -> Tensor:
         """Return intensities in [0, S], shape (N, 1, H, W), as the engine's network does.
 
@@ -178,8 +184,8 @@ class Network(nn.Module):
 
         Raises
         ------
-        ValueError
-            When K is missing for a K-conditioned network, or present for another one.
+        TypeError, ValueError
+            When K is missing for a K-conditioned network, present for another one, or a sensor.
         """
         filters, coefficients = self._interpolate(trials)
         sums = self._filter_all(data, filters, coefficients)
@@ -296,6 +302,11 @@ class Network(nn.Module):
 
         With `is_zeros`, the last spline is one minus that of the network.
         """
+        if isinstance(trials, Sensor):
+            raise TypeError(
+                "trials: expected K, the number of trials per pixel, got a sensor; run_layers does "
+                "not take one: pass sensor.trials for a K-conditioned network, or call the module"
+            )
         if (self._trials_range is None) != (trials is None):
             raise ValueError(
                 "trials: expected K for a K-conditioned network, and None for any other network, "

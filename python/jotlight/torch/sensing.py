@@ -6,7 +6,8 @@ from torch.nn import functional
 
 import jotlight._engine as engine
 from jotlight.parameter_names import check_choice
-from jotlight.sensing.sensor import KERNELS, Sensor, require_sensor
+from jotlight.sensing.reading_groups import require_plain_bits
+from jotlight.sensing.sensor import KERNELS, Sensor, require_any_sensor
 from jotlight.torch.data_checks import check_intensities, shape_advice, warn_about_levels
 from jotlight.torch.padding import mirror_pad
 from jotlight.torch.response import detection_probability, log_probabilities
@@ -20,9 +21,15 @@ GRADIENTS = "straight-through", "expectation"
 _MIN_LIKELIHOOD_RATE = 1e-12
 """Smallest rate s in the likelihood, because the slope of log P is infinite at s = 0."""
 
+_SIMULATION = "sensor.expose(image), jotlight.Sensor.expose, simulates it, without a gradient"
+"""What to do with other sensors."""
+
 
 class Sensing(nn.Module):
     """A sensor as a layer: equations (2) and (3).
+
+    :meth:`jotlight.Sensor.expose` also simulates other sensors, such as brackets and readings of
+    several bits, but on the CPU and without a gradient.
 
     Parameters
     ----------
@@ -60,7 +67,8 @@ class Sensing(nn.Module):
             ("gradient", gradient, GRADIENTS),
         ):
             check_choice(name, value, choices)
-        require_sensor(sensor)
+        require_any_sensor(sensor)
+        require_plain_bits(sensor, _SIMULATION)
         self.sensor, self.output, self.gradient = sensor, output, gradient
         self._degree = KERNELS.index(sensor.kernel)
         self._taps = engine.kernel_taps(self._degree, sensor.oversampling)

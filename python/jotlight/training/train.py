@@ -142,6 +142,11 @@ def train(
     steps = whole_number("steps", chosen.steps if steps is None else steps, 0)
     seed = Checkpoint.choose_seed(rng, checkpoint, resume)
     admissible = SafeSet() if admissible is None else admissible
+    if isinstance(admissible, type) or not hasattr(admissible, "project"):
+        raise TypeError(
+            "admissible: expected an object with a method project, such as "
+            f"jotlight.training.SafeSet(), got {admissible!r}"
+        )
     check_threads(threads)
     seconds = None if seconds is None else positive_number("seconds", seconds)
     sampler = PatchSampler.for_network(network, sensor, images, patch, batch, chosen.pixels, seed)
