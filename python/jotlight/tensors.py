@@ -53,7 +53,10 @@ def read_tensors(path: Path, format_: str, version: str) -> tuple[Tensors, dict[
     if kind != format_:
         got = f"a {kind}" if kind.startswith("jotlight") else "a safetensors file of another kind"
         if kind.endswith("checkpoint"):
-            got += "; the run that wrote it continues with resume=True (--resume) to a network"
+            got += (
+                "; the run that wrote it continues with resume=True (--resume), and then returns a "
+                "network"
+            )
         raise ValueError(f"{path}: expected a {format_}, got {got}")
     if metadata.get("version") != version:
         raise ValueError(

@@ -96,9 +96,7 @@ def test_only_conditional_modules_take_the_number_of_trials():
 
 @pytest.mark.parametrize("make", [lambda: conditional("small"), lambda: residual("small")])
 def test_a_sensor_in_place_of_the_number_of_trials_is_refused(make):
-    with pytest.raises(
-        TypeError, match=r"trials: expected K, .*: pass sensor\.trials"
-    ):
+    with pytest.raises(TypeError, match=r"trials: expected K, .*: pass sensor\.trials"):
         Network(make()).run_layers(torch.zeros(1, 1, 4, 4), jl.Sensor(frames=16))
 
 

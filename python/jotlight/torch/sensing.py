@@ -21,7 +21,7 @@ GRADIENTS = "straight-through", "expectation"
 _MIN_LIKELIHOOD_RATE = 1e-12
 """Smallest rate s in the likelihood, because the slope of log P is infinite at s = 0."""
 
-_SIMULATION = "sensor.expose(image), jotlight.Sensor.expose, simulates it, without a gradient"
+_SIMULATION = "jotlight.Sensor.expose simulates such a sensor, without a gradient"
 """What to do with other sensors."""
 
 
