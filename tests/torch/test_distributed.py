@@ -16,6 +16,7 @@ torch = pytest.importorskip("torch")
 from jotlight.torch import fine_tune, fine_tuning, train  # noqa: E402
 from jotlight.torch.distributed import ProcessGroup, choose_device, rank  # noqa: E402
 from servers import http_server  # noqa: E402
+from training_runs import end_after  # noqa: E402
 
 SCENE = np.kron([[0.1, 0.7, 0.3], [0.9, 0.2, 0.5], [0.4, 0.8, 0.1]], np.ones((16, 16)))
 BITS = jl.Sensor(frames=8).expose(SCENE, rng=0)
@@ -28,10 +29,18 @@ from jotlight.torch import train
 
 network = jl.Network.residual(jl.Sensor(oversampling=3), "small", rng=0)
 images = np.random.default_rng(0).random((5, 20, 24), np.float32)
-records = []
+records, last = [], int(sys.argv[2])
+
+
+def callback(record):
+    records.append(record)
+    if record.step >= last:
+        raise StopIteration
+
+
 trained, history = train(
     network, images, steps=4, batch=5, patch=12, rng=3, threads=1, device="cpu",
-    test=list(images[:1]), callback=records.append, checkpoint=sys.argv[1] + "/run",
+    test=list(images[:1]), callback=callback, checkpoint=sys.argv[1] + "/run",
 )
 if records:
     trained.save(sys.argv[1] + "/trained.safetensors")
@@ -40,11 +49,12 @@ if records:
 
 
 @pytest.mark.slow
-def test_two_processes_train_the_network_that_one_process_trains(tmp_path):
+@pytest.mark.parametrize("last", [9, 1])  # with 1, the callback of the main process ends both
+def test_two_processes_train_the_network_that_one_process_trains(tmp_path, last):
     (tmp_path / "train.py").write_text(SCRIPT, "utf-8")
     launcher = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
     printed = subprocess.run(
-        [*launcher, "--nproc-per-node", "2", tmp_path / "train.py", tmp_path],
+        [*launcher, "--nproc-per-node", "2", tmp_path / "train.py", tmp_path, str(last)],
         check=True,
         capture_output=True,
         text=True,
@@ -54,11 +64,11 @@ def test_two_processes_train_the_network_that_one_process_trains(tmp_path):
     # The main process alone prints.
     (line,) = printed.splitlines()
     history, number = json.loads(line)
-    assert number == 5
+    assert number == len(history["step"]) == min(5, last + 2)
     assert (tmp_path / "run").is_file()
     alone, history_alone = train(
         jl.Network.residual(jl.Sensor(oversampling=3), "small", rng=0), IMAGES, steps=4, batch=5,
-        patch=12, rng=3, threads=1, device="cpu", test=list(IMAGES[:1]),
+        patch=12, rng=3, threads=1, device="cpu", test=list(IMAGES[:1]), callback=end_after(last),
     )  # fmt: skip
     np.testing.assert_allclose(history["loss"], history_alone.loss, rtol=1e-4)
     np.testing.assert_allclose(history["gradient_norm"], history_alone.gradient_norm, rtol=1e-3)
