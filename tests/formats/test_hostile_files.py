@@ -184,6 +184,7 @@ DATA_SET_KEYS = st.sampled_from(["w", "h", "c", "bitpack", "bitpack_dim", "file_
 FRAME_KEYS = st.sampled_from(["file_path", "offset", "bitpack_dim"])
 
 
+@settings(max_examples=40)
 @given(
     st.dictionaries(DATA_SET_KEYS, JSON),
     JSON | st.lists(st.dictionaries(FRAME_KEYS, JSON), max_size=3),

@@ -61,7 +61,7 @@ def test_an_object_in_front_of_its_background_is_found():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [0, pytest.param(3, marks=pytest.mark.exhaustive)])
 def test_three_objects_are_found_although_they_cover_much_of_the_scene(seed):
     scene = photographed("three", 192, sensor=jl.Sensor(frames=64), photons=0.2, rng=seed)
     bits = in_memory(scene)
@@ -124,7 +124,9 @@ def test_models_with_more_freedom_find_the_motion_of_the_camera_too(model):
     ("motion", "shape"),
     [
         ("shake", (64, 64)),
-        *(pytest.param(each, (96, 96), marks=pytest.mark.slow) for each in ("shake", "layers")),
+        pytest.param("shake", (96, 96), marks=pytest.mark.slow),
+        pytest.param("layers", (64, 64), marks=pytest.mark.slow),
+        pytest.param("layers", (96, 96), marks=[pytest.mark.slow, pytest.mark.exhaustive]),
     ],
 )
 def test_any_number_of_threads_gives_the_same_motion_and_sums(motion, shape):

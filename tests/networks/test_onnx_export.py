@@ -79,18 +79,22 @@ def test_the_model_has_the_quality_of_the_engine_on_a_photograph(quality, tmp_pa
     assert jl.metrics.psnr(estimate, image) > 23
 
 
+def without_dim_scenes(monkeypatch):
+    """Models do not combine trials, correct dark regions, or look at squares of pixels."""
+    for name in ("may_be_dim", "may_have_dark_regions", "has_few_photons"):
+        monkeypatch.setattr(inference, name, lambda *_: False)
+
+
 @pytest.mark.parametrize("sensor", SENSORS.values(), ids=SENSORS)
 def test_the_model_of_a_conditional_network_serves_every_exposure(sensor, tmp_path, monkeypatch):
-    monkeypatch.setattr(inference, "has_few_photons", lambda image, sensor, trials: False)
+    without_dim_scenes(monkeypatch)
     assert_agrees(jl.pretrained(sensor), None, random_counts(sensor, (37, 50)), tmp_path)
 
 
 @pytest.mark.parametrize("photons", [0.01, 0.1, 1.0, 5.0, 10.0, 25.0])
 @pytest.mark.parametrize("frames", [1, 16, 256, 1000])
 def test_the_model_agrees_from_dark_to_saturated(frames, photons, tmp_path, monkeypatch):
-    # Models do not combine the trials of dim scenes, and have no squares of pixels.
-    for name in ("may_be_dim", "has_few_photons"):
-        monkeypatch.setattr(inference, name, lambda image, sensor, trials: False)
+    without_dim_scenes(monkeypatch)
     sensor = jl.Sensor(frames=frames, gain=photons * frames)
     image = jl.datasets.photograph("camera")[100:164, 180:260]
     scene = sensor.expose(image, rng=0).counts()
