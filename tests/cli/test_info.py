@@ -35,6 +35,20 @@ def test_gray_levels_may_be_counts_or_an_image(run, tmp_path, name):
     assert "values int32, 0 to 4" in lines_of(run, name, "--counts")
 
 
+def test_an_estimate_is_an_image_and_no_capture(run, photo):
+    assert run("simulate", photo, "-o", "bits.npy", "-k", "1", "-t", "4")[0] == 0
+    assert run("reconstruct", "bits.npy", "-o", "e.png", "-m", "mle")[0] == 0
+    lines = lines_of(run, "e.png")
+    assert "kind image" in lines
+    assert "method mle" in lines
+    assert not any("counts" in line.split()[0] for line in lines)
+    status, output = run("reconstruct", "e.png", "-o", "f.png", "-t", "255", "-m", "mle")
+    assert status == 1
+    assert "made of bits.npy by mle; name the capture itself, or pass --counts" in output
+    assert run("convert", "e.png", "-o", "f.npy", "--counts")[0] == 0
+    assert np.load("f.npy").max() == 255
+
+
 def test_a_stack_of_gray_levels_is_counts(run, tmp_path):
     tifffile.imwrite(tmp_path / "a.tif", np.stack([COUNTS] * 7), photometric="minisblack")
     lines = lines_of(run, "a.tif")

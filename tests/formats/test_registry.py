@@ -10,7 +10,7 @@ import jotlight as jl
 from examples import READERS
 from jotlight.formats.detect import detect_format
 from jotlight.formats.registry import FORMATS, WRITERS
-from jotlight.formats.writing import choose_output_format
+from jotlight.formats.writing import choose_output_format, write_capture
 
 
 def test_every_format_has_examples_that_are_damaged_and_fuzzed():
@@ -89,6 +89,30 @@ def test_a_folder_of_captures_gets_a_pattern_that_opens_them(tmp_path, folder):
     (tmp_path / folder / "c.npy").rmdir()
     [pattern] = re.findall("'(.*)'", str(error.value))
     assert [len(bits) for bits in jl.open(pattern)] == [4, 4]
+
+
+@pytest.mark.parametrize("name", ["png", "tiff"])
+@pytest.mark.parametrize("other", ["a.npy", "b.h5", "c.zarr", "d.npy.gz"])
+def test_a_folder_of_images_and_other_captures_is_refused(tmp_path, name, other):
+    image = np.arange(20, dtype=np.int32).reshape(4, 5)
+    write_capture(image, tmp_path / f"1.{name}", name)
+    write_capture(image, tmp_path / f"2.{name}", name)
+    (tmp_path / ".hidden.npy").touch()
+    (tmp_path / "settings.json").touch()
+    assert detect_format(tmp_path) == name
+    (tmp_path / other).touch()
+    message = rf"got files of several formats, such as {other} and 1\.{name}; name one of them"
+    with pytest.raises(ValueError, match=message):
+        jl.open(tmp_path)
+    opened = jl.open(tmp_path, format=name, frames=slice(0, 2))
+    np.testing.assert_array_equal(opened, 2 * image)
+
+
+def test_a_folder_of_both_kinds_of_images_is_refused(tmp_path):
+    for name in ("a.png", "b.tif"):
+        jl.save(np.ones((4, 5), np.int32), tmp_path / name)
+    with pytest.raises(ValueError, match=r"several formats, such as b\.tif and a\.png"):
+        jl.open(tmp_path)
 
 
 def test_a_folder_of_raw_files_may_be_one_capture(tmp_path):

@@ -6,6 +6,8 @@ from collections import Counter
 from pathlib import Path
 
 from jotlight.errors import counted
+from jotlight.formats.format import Format
+from jotlight.formats.images.captures import PNG, TIFF
 from jotlight.formats.locations import check_exists
 from jotlight.formats.magic import file_type
 from jotlight.formats.registry import FORMATS
@@ -39,7 +41,8 @@ def detect_format(path: Path) -> str:
     OSError
         When the path cannot be read.
     ValueError
-        When no format matches. Raw frames have no header, so most of them match none.
+        When no format matches, or a folder holds files of several formats. Raw frames have no
+        header, so most of them match none.
 
     Examples
     --------
@@ -53,6 +56,8 @@ def detect_format(path: Path) -> str:
     # Raw formats match by a trailer, so formats with a header come first.
     for format_ in sorted(FORMATS.values(), key=lambda format_: format_.is_raw):
         if format_.matches is not None and format_.matches(path):
+            if path.is_dir() and format_ in (PNG, TIFF):
+                _refuse_several_formats(path, format_)
             return format_.name
     extension = path.suffix.lower()
     if any(extension in format_.extensions for format_ in FORMATS.values()):
@@ -80,17 +85,44 @@ def detect_format(path: Path) -> str:
     )
 
 
+def _capture_extensions(*, is_raw: bool) -> set[str]:
+    """Return the extensions of all formats with a header, or of all raw formats."""
+    formats = (each for each in FORMATS.values() if each.is_raw == is_raw)
+    return {
+        extension
+        for each in formats
+        for extension in (*each.extensions, *(each.writer.extensions if each.writer else ()))
+    }
+
+
+def _refuse_several_formats(folder: Path, format_: Format) -> None:
+    """Raise ValueError if a folder of images also holds captures of other formats.
+
+    Other folders of one capture have files whose names identify it, whatever lies beside them.
+    """
+    files = sorted(each for each in folder.iterdir() if each.name[0] != ".")
+    captures = _capture_extensions(is_raw=False) - set(format_.extensions)
+    own, others = (
+        [file.name for file in files if file.name.lower().endswith(tuple(extensions))]
+        for extensions in (format_.extensions, captures)
+    )
+    if own and others:
+        raise ValueError(
+            f"{folder}: expected one capture, got files of several formats, such as "
+            f"{others[0]} and {own[0]}; name one of them, or pass "
+            f"format={format_.name!r} (--format {format_.name}) to read only "
+            f"{' and '.join(format_.extensions)} files as the frames of one capture"
+        )
+
+
 def _explain_folder(folder: Path) -> None:
     """Raise ValueError for a folder without files, with photographs, or with many captures."""
     if not any(folder.iterdir()):
         raise ValueError(f"{folder}: expected a capture, got an empty folder")
     endings = Counter(each.suffix for each in sorted(folder.iterdir()) if each.is_file())
-    raw, captures = (
-        {ending for each in FORMATS.values() if each.is_raw == is_raw for ending in each.extensions}
-        for is_raw in (True, False)
-    )
+    captures = _capture_extensions(is_raw=False)
     # A folder of raw files may be one capture.
-    if any(ending.lower() in raw for ending in endings):
+    if any(ending.lower() in _capture_extensions(is_raw=True) for ending in endings):
         return
     endings.pop(".json", None)  # descriptions
     if not endings:

@@ -17,6 +17,7 @@ from jotlight.checks import positive_number
 from jotlight.files import refuse_folder
 from jotlight.formats.arrays import read_npy
 from jotlight.formats.images.png_chunks import GRAYSCALE, SIGNATURE, PngHeader, check_png
+from jotlight.formats.images.png_notes import KEYWORD, read_png_note
 from jotlight.formats.images.tiff_directories import open_checked_tiff
 from jotlight.formats.limits import check_claimed_size
 from jotlight.images.color import FloatImage, fit_channels, luma
@@ -276,7 +277,7 @@ def _embedded(kind: str, text: str) -> dict[str, Any]:
     from PIL.PngImagePlugin import PngInfo
 
     info = PngInfo()
-    info.add_text("Description", text)
+    info.add_text(KEYWORD, text)
     return {"pnginfo": info}
 
 
@@ -292,6 +293,8 @@ def read_note(path: str | os.PathLike[str]) -> dict[str, Any]:
     {'method': 'mle'}
     """
     path = Path(path)
+    if path.suffix.lower() == ".png":
+        return read_png_note(path)
     try:
         if path.suffix.lower() in (".tif", ".tiff"):
             with open_checked_tiff(path) as file:
@@ -302,7 +305,7 @@ def read_note(path: str | os.PathLike[str]) -> dict[str, Any]:
             from PIL import Image as PillowImage
 
             with PillowImage.open(path) as image:
-                text = image.info.get("Description") or image.info.get("comment", b"")
+                text = image.info.get("comment", b"")
         content = json.loads(text)
     except Exception:  # any type: the file may be damaged, which its reader reports
         return {}
@@ -329,5 +332,5 @@ def _write_png16(
     stream = io.BytesIO()
     png.from_array(rows, "L;16" if values.ndim == 2 else "RGB;16").write(stream)
     header, *chunks = png.Reader(bytes=stream.getvalue()).chunks()
-    text = [(b"tEXt", b"Description\0" + json.dumps(dict(note)).encode())] if note else []
+    text = [(b"tEXt", f"{KEYWORD}\0{json.dumps(dict(note))}".encode())] if note else []
     png.write_chunks(file, [header, *text, *chunks])

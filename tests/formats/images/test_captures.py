@@ -9,6 +9,7 @@ from PIL import Image
 import jotlight as jl
 from jotlight.formats.images import captures
 from jotlight.formats.reading import open_capture
+from jotlight.images.io import image_writer
 
 COUNTS = np.random.default_rng(0).integers(0, 300, (5, 6, 7), np.uint16)
 
@@ -76,6 +77,27 @@ def test_floats_are_refused_as_counts(tmp_path):
     tifffile.imwrite(tmp_path / "a.tif", np.ones((4, 5), np.float32))
     with pytest.raises(ValueError, match="floats are an image of intensities"):
         jl.open(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("depth", [8, 16])
+@pytest.mark.parametrize("in_folder", [False, True])
+def test_an_estimate_is_no_capture_unless_the_caller_says_so(tmp_path, depth, in_folder):
+    note = {"capture": "night.npy", "method": "mle", "sensor": {"frames": 4}}
+    image = np.linspace(0, 1, 42).reshape(6, 7)
+    path = tmp_path if in_folder else tmp_path / "b.png"
+    jl.save(COUNTS[0, :, :7].astype(np.int32), tmp_path / "a.png")
+    for content in (note, {"jotlight": {"run": note}}):
+        image_writer("b.png", depth=depth, note=content)(tmp_path / "b.png", image)
+        with pytest.raises(ValueError, match=r"b\.png: .* made of night\.npy by mle; .*--counts"):
+            jl.open(path)
+    read = jl.open(tmp_path / "b.png", counts=True)
+    np.testing.assert_array_equal(read, np.rint(image * (2**depth - 1)))
+
+
+def test_notes_of_other_programs_are_no_estimates(tmp_path):
+    for note in ({"method": "sum"}, {"jotlight": 1}, {"jotlight": {"run": "mle"}}):
+        image_writer("a.png", note=note)(tmp_path / "a.png", np.full((6, 7), 0.5))
+        assert jl.open(tmp_path / "a.png").max() == 128
 
 
 @pytest.mark.parametrize("depth", [1, 2, 4, 8, 16])

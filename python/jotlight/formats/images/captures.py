@@ -1,6 +1,5 @@
 """Counts in TIFF or grayscale PNG files, or in folders of them, and masks of dead jots."""
 
-import functools
 import io
 import math
 from collections.abc import Callable
@@ -24,6 +23,7 @@ from jotlight.formats.images.png_chunks import (
     check_png,
     read_png_header,
 )
+from jotlight.formats.images.png_notes import read_png_note
 from jotlight.formats.images.tiff_directories import (
     move_samples_last,
     open_checked_tiff,
@@ -61,10 +61,28 @@ def open_png(path: Path, options: OpenOptions) -> Capture:
     """Return the counts in a grayscale PNG, or in a folder of them in natural order.
 
     A PNG with a depth of 1 bit is a frame of bits. The levels of files in a folder are decoded when
-    they are read.
+    they are read. Estimates that jotlight wrote are refused unless the caller asks for counts.
     """
-    read = functools.partial(read_png, from_header=path.is_dir())
+    from_header = path.is_dir()
+
+    def read(file: Path) -> tuple[Frames, None, None]:
+        if not options.counts:
+            _refuse_estimate(file)
+        return read_png(file, from_header=from_header)
+
     return _open_images(path, _PNG_EXTENSIONS, PNG.name, read)
+
+
+def _refuse_estimate(path: Path) -> None:
+    """Raise ValueError if the note of a PNG says that jotlight computed its gray levels."""
+    note = read_png_note(path)
+    made = note["jotlight"].get("run") if isinstance(note.get("jotlight"), dict) else note
+    if isinstance(made, dict) and "method" in made and "sensor" in made:
+        raise ValueError(
+            f"{path}: expected counts, got an estimate for display, which jotlight made of "
+            f"{made.get('capture', 'a capture')} by {made['method']}; name the capture itself, or "
+            "pass counts=True (--counts) to read the gray levels as counts"
+        )
 
 
 def _matches(path: Path, name: str, extensions: tuple[str, ...]) -> bool:
