@@ -277,3 +277,15 @@ def test_the_name_of_a_single_capture_replaces_its_place(run, captures, command)
     assert code == 0, out
     assert Path("1.tif").is_file()
     assert not Path("{name}.tif").exists()
+
+
+def test_another_capture_does_not_change_the_names_of_results(run, captures):
+    other = captures[2].parent.rename("other")
+    args = ("reconstruct", "captures/*/*.npy", "-o", "v/{name}.zarr", "--window", 16, "-m", "mle")
+    assert "2 captures: 2 made" in run(*args)[1]
+    other.rename(captures[2].parent)
+    code, out = run(*args)
+    assert code == 0
+    assert "3 captures: 1 made, 2 complete before" in out
+    found = sorted(path.relative_to("v").as_posix() for path in Path("v").glob("*/*"))
+    assert found == ["a/1.zarr", "a/2.zarr", "b/1.zarr"]

@@ -77,9 +77,42 @@ def test_a_file_whose_name_looks_like_a_glob_is_a_file(tmp_path):
     assert find_captures([str(path)]) == [str(path)]
 
 
-def test_names_are_different():
-    assert name_captures(["x/a.npy", "x/a.npy.gz"]) == ["a.npy", "a.npy.gz"]
-    assert name_captures(["https://host/d/a.npy", "https://host/d/b.npy"]) == ["a", "b"]
+def test_only_equal_names_keep_their_endings():
+    captures = ["x/a.npy", "x/b.npy", "x/a.npy.gz"]
+    assert name_captures(captures, ["x/*"]) == ["a.npy", "b", "a.npy.gz"]
+    # `a.npy` would be the short name of the last one.
+    captures = ["x/a.npy", "x/a.npy.gz", "x/a.npy.bin"]
+    assert name_captures(captures, ["x/*"]) == ["a.npy", "a.npy.gz", "a.npy.bin"]
+
+
+@pytest.mark.parametrize(
+    "start", ["day", "/data/day", "../day", "s3://bucket/day", "https://h/day"]
+)
+@pytest.mark.parametrize(
+    ("pattern", "capture", "name"),
+    [
+        ("*/*.npy", "a/1.npy", "a/1"),
+        ("*/b/*.npy", "a/b/1.npy", "a/b/1"),
+        ("a/*.npy", "a/1.npy", "1"),
+        ("**/*.npy", "1.npy", "1"),
+        ("a[12]/c/1.npy", "a1/c/1.npy", "a1/c/1"),
+        ("a/1.npy", "a/1.npy", "1"),
+    ],
+)
+def test_the_name_of_a_capture_does_not_depend_on_other_matches(start, pattern, capture, name):
+    patterns, alone = [f"{start}/{pattern}"], [f"{start}/{capture}"]
+    assert name_captures(alone, patterns) == [name]
+    other = f"{start}/{capture.replace('1.npy', '2.npy')}"
+    assert name_captures([*alone, other], patterns)[0] == name
+
+
+def test_several_patterns_share_a_folder():
+    assert name_captures(["x/a/1.npy", "x/b/1.npy"], ["x/a/*.npy", "x/b/*.npy"]) == ["a/1", "b/1"]
+    assert name_captures(["x/a/1.npy", "x/1.npy"], ["x/a/1.npy", "x/1.npy"]) == ["a/1", "1"]
+
+
+def test_a_protocol_of_two_names_does_not_change_names():
+    assert name_captures(["gs://bucket/day/a/1.npy"], ["gcs://bucket/day/*/1.npy"]) == ["a/1"]
 
 
 def test_several_captures_need_a_place_for_their_names():

@@ -59,3 +59,23 @@ def test_a_map_that_alone_matches_is_kept(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     named = ["a.npy", str(tmp_path / "a.mask.npy")]
     assert without_companions(named) == ["a.npy"]
+
+
+@pytest.mark.parametrize("ending", ["npy", "npy.gz"])
+def test_a_pattern_leaves_out_maps_of_captures_that_it_does_not_match(tmp_path, ending):
+    sensor = jl.Sensor(dark_counts=np.full((4, 8), 0.01), mask=np.eye(4, 8, dtype=bool))
+    bits = sensor.expose(np.ones((4, 8)), rng=0)
+    jl.save(bits, tmp_path / f"a_maps.{ending}")
+    jl.save(jl.Bits(bits.packed), tmp_path / "b_other.npy")
+    np.save(tmp_path / "c_other.mask.npy", bits.packed)
+    names = [tmp_path / "b_other.npy", tmp_path / "c_other.mask.npy"]
+    maps = sorted(tmp_path.glob("a_maps*.*.npy"))
+    assert len(maps) == 2
+    pattern = f"{tmp_path}/*_*[rsk].npy"
+    if ending == "npy":
+        names.insert(0, tmp_path / "a_maps.npy")
+    assert find_captures([pattern]) == expand(pattern) == list(map(str, names))
+    # A damaged description names nothing, and the map is not passed over in silence.
+    description = tmp_path / ("a_maps.json" if ending == "npy" else "a_maps.npy.gz.json")
+    description.write_text(description.read_text().replace("sha256", "sha255", 1))
+    assert set(map(str, maps)) < set(expand(f"{tmp_path}/*.npy"))

@@ -61,7 +61,7 @@ def process(
         raise ValueError("part: is for job arrays without dask; leave out --scheduler, --workers")
     part = None if has_cluster else Part.requested(run.part)
     paths = find_captures(captures, run.storage_options())
-    names = name_captures(paths)
+    names = name_captures(paths, captures)
     outputs = name_outputs(output, names)
     (check_name if run.window is None else check_video_name)(output)
     check_outputs(outputs, [Path(path) for path in paths if not is_url(path)])

@@ -103,4 +103,4 @@ def name_output(output: Path, capture: str) -> Path:
         return output
     from jotlight.dask.names import name_captures, name_outputs
 
-    return name_outputs(output, name_captures([capture]))[0]
+    return name_outputs(output, name_captures([capture], [capture]))[0]

@@ -1,14 +1,16 @@
 """The captures of a run, and the names of their results."""
 
 import dataclasses
+import glob
 import itertools
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from jotlight.formats.locations import find_matches, is_url, without_companions
+from jotlight.formats.locations import find_matches, is_glob, is_url, without_companions
 
 _PLACE = "{name}"
 
@@ -117,7 +119,7 @@ def find_captures(
 ) -> list[str]:
     """Return the captures that paths, URLs, and globs name, without repetition.
 
-    Descriptions and maps that belong to a named capture are left out. A shell may have named them.
+    Descriptions and maps that belong to captures are left out. A shell may have named them.
 
     `storage_options` are those of the file systems of URLs.
 
@@ -132,32 +134,45 @@ def find_captures(
     return without_companions(list(found))
 
 
-def name_captures(captures: Sequence[str]) -> list[str]:
-    """Return a different name for each capture: its path below their common folder.
+def name_captures(captures: Sequence[str], patterns: Sequence[str]) -> list[str]:
+    """Return a different name for each capture: its path below a folder, without its ending.
 
-    The ending is left out where the names still differ.
+    The folder is the one that all patterns share: of a glob, the folders before the first one with
+    a wildcard, and of another path, its own folder. So the name of a capture does not depend on
+    which others match. Only names that would be equal keep their endings.
 
     Examples
     --------
-    >>> name_captures(["data/a/1.npy", "data/b/1.npy"])
-    ['a/1', 'b/1']
-    >>> name_captures(["s3://bucket/day/1.npy", "s3://bucket/day/1.bin"])
+    >>> name_captures(["data/a/1.npy"], ["data/*/*.npy"])
+    ['a/1']
+    >>> name_captures(["s3://bucket/day/1.npy", "s3://bucket/day/1.bin"], ["s3://bucket/day/*"])
     ['1.npy', '1.bin']
-    >>> name_captures(["capture.npy"])
+    >>> name_captures(["data/capture.npy"], ["data/capture.npy"])
     ['capture']
     """
-    paths = [
-        PurePosixPath(each if is_url(each) else Path(each).absolute().as_posix())
-        for each in captures
-    ]
-    parents = [path.parent.parts for path in paths]
-    pairs = itertools.takewhile(lambda level: len(set(level)) == 1, zip(*parents, strict=False))
+    folders = [_fixed_folder(pattern) for pattern in patterns]
+    pairs = itertools.takewhile(lambda level: len(set(level)) == 1, zip(*folders, strict=False))
     shared = len(list(pairs))
-    names = [PurePosixPath(*path.parts[shared:]) for path in paths]
+    names = [PurePosixPath(*_parts(each)[shared:]) for each in captures]
     short = [name.with_name(_stem(name.name)).as_posix() for name in names]
-    if len(set(short)) == len(short):
-        return short
-    return [name.as_posix() for name in names]
+    found = Counter(short)
+    complete = [name.as_posix() for name in names]
+    chosen = [
+        brief if found[brief] == 1 else name for brief, name in zip(short, complete, strict=True)
+    ]
+    return chosen if len(set(chosen)) == len(chosen) else complete
+
+
+def _fixed_folder(pattern: str) -> tuple[str, ...]:
+    """Return the parts of the folder of a path, or of a glob those before the first wildcard."""
+    *folder, _ = _parts(pattern)
+    if is_glob(pattern):
+        folder = list(itertools.takewhile(lambda part: not glob.has_magic(part), folder))
+    return tuple(folder)
+
+
+def _parts(path: str) -> tuple[str, ...]:
+    return PurePosixPath(path if is_url(path) else Path(path).absolute().as_posix()).parts
 
 
 def _stem(name: str) -> str:

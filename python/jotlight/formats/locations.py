@@ -10,6 +10,7 @@ from typing import Any
 from jotlight.argument_types import complete_path, pattern_advice, was_url
 from jotlight.formats.description import companion_files
 from jotlight.formats.file_systems import expand_url, url_state
+from jotlight.sensing.maps import MAPS
 
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.\-]+(::[A-Za-z0-9+.\-/]+)*://")
 
@@ -79,10 +80,9 @@ def is_glob(path: str) -> bool:
 def expand(path: str, storage_options: dict[str, Any] | None = None) -> list[str]:
     """Return what a pattern matches, as :func:`find_matches`, without descriptions and maps.
 
-    They are left out if they belong to another file that matches (:func:`without_companions`).
+    :func:`without_companions` says which ones are left out.
     """
-    found = find_matches(path, storage_options)
-    return without_companions(found) if len(found) > 1 else found
+    return without_companions(find_matches(path, storage_options))
 
 
 def find_matches(path: str, storage_options: dict[str, Any] | None = None) -> list[str]:
@@ -105,18 +105,32 @@ def find_matches(path: str, storage_options: dict[str, Any] | None = None) -> li
 
 
 def without_companions(paths: list[str]) -> list[str]:
-    """Return paths without the descriptions and maps that belong to another one of them.
+    """Return paths without the descriptions and maps that belong to captures.
 
-    URLs are all kept, because their descriptions would have to be fetched.
+    Left out are the descriptions and maps of another one of the paths, and maps that a description
+    beside them names, unless there is nothing else. URLs are all kept, because their descriptions
+    would have to be fetched.
 
     Examples
     --------
     >>> without_companions(["a.npy", "a.json", "b.npy"])
     ['a.npy', 'b.npy']
     """
-    cubes = [Path(path).absolute() for path in paths if not is_url(path)]
-    companions = set[Path]().union(*map(companion_files, cubes))
-    return [path for path in paths if is_url(path) or Path(path).absolute() not in companions]
+    files = {path: Path(path).absolute() for path in paths if not is_url(path)}
+    companions = set[Path]().union(*map(companion_files, files.values()))
+    kept = [path for path in paths if files.get(path) not in companions]
+    captures = [path for path in kept if path not in files or not _is_map(files[path])]
+    return captures or kept
+
+
+def _is_map(file: Path) -> bool:
+    """Return whether a description beside a file names it as a map of its sensor."""
+    for ending in (f".{name}.npy" for name in MAPS):
+        if file.name.endswith(ending):
+            stem = file.name.removesuffix(ending)
+            cubes = (file.with_name(stem), file.with_name(f"{stem}.npy"))
+            return any(file in companion_files(cube) for cube in cubes)
+    return False
 
 
 def file_state(path: str, storage_options: dict[str, Any] | None = None) -> tuple[int, int]:

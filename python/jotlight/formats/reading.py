@@ -60,9 +60,9 @@ def open(
     ----------
     path : path
         A file, or a folder of files; a URL that fsspec supports, such as ``s3://bucket/a.npy``; or
-        a glob of many captures, such as ``captures/*.npy``. Files that belong to a capture that
-        matches, such as maps of its sensor, are left out, except at URLs. Captures at URLs are read
-        in ranges, except for those compressed by gzip, which are fetched as a whole.
+        a glob of many captures, such as ``captures/*.npy``. Files that belong to a capture, such as
+        maps of its sensor, are left out, except at URLs. Captures at URLs are read in ranges,
+        except for those compressed by gzip, which are fetched as a whole.
     format : str, optional
         One of ``jotlight.formats.FORMATS``. Default: detected from the content. Raw frames
         (`.bin`) have no header, so their format is required.
