@@ -10,6 +10,7 @@ import pytest
 import scipy.io
 
 import jotlight as jl
+from jotlight.images.io import read_note
 
 
 @pytest.fixture
@@ -69,6 +70,19 @@ def test_only_the_sum_of_several_images_is_reported(run, tmp_path):
         status, output = run("reconstruct", "counts.npy", "-t", 16, "-m", "mle", "-o", "out.npy")
         assert status == 0
         assert ("the sum of a stack of" in output) == warned
+
+
+def test_images_of_counts_that_are_aligned_are_not_summed(run):
+    counts = jl.Sensor(frames=256).expose(np.full((24, 24), 0.5), rng=0).to_array()
+    np.save("counts.npy", counts.reshape(32, 8, 24, 24).sum(1))
+    for arguments in (
+        ("reconstruct", "--motion", "-o", "a.tif"),
+        ("film", "--window=8", "-o", "f.npy"),
+    ):
+        status, output = run(arguments[0], "counts.npy", "-t", 256, "-m", "mle", *arguments[1:])
+        assert status == 0, output
+        assert "the sum of a stack of" not in output
+    assert "the sum of a stack of" not in str(read_note("a.tif")["provenance"])
 
 
 @pytest.mark.parametrize("value", ["2.5", "-0.5", "16.25", "2.5e0", "2_0.5", "inf"])

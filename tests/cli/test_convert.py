@@ -1,6 +1,7 @@
 """`jotlight convert`, and what `info` and `reconstruct` do with captures."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,6 +36,35 @@ def test_convert_sums_bits_where_the_format_holds_counts(run, tmp_path):
     jl.save(jl.Bits.from_array(array), tmp_path / "a.npy")
     assert run("convert", "a.npy", "-o", "a.tif")[0] == 0
     np.testing.assert_array_equal(jl.open(tmp_path / "a.tif"), array.sum(0))
+
+
+@pytest.mark.parametrize("name", ["b.npy", "b.tif", "b.h5", "b.zarr"])
+def test_images_of_counts_are_summed_only_on_request(run, tmp_path, name):
+    stack = np.arange(60).reshape(3, 4, 5)
+    np.save("a.npy", stack)
+    status, output = run("convert", "a.npy", "-o", name)
+    assert status == 1
+    assert "a.npy: holds 3 images of counts, and no format to write has place" in output
+    assert not Path(name).exists()
+    status, output = run("convert", "a.npy", "-o", name, "--sum")
+    assert status == 0
+    assert "the sum of a stack of 3 images of counts" in output
+    np.testing.assert_array_equal(jl.open(name), stack.sum(0))
+    assert "the sum of a stack of 3 images" in str(jl.formats.open_capture(name).provenance.origin)
+    assert run("convert", "a.npy", "-o", "c.npy", "--frame-range", "1:2")[0] == 0
+    np.testing.assert_array_equal(jl.open("c.npy"), stack[1])
+
+
+def test_the_sum_of_other_captures_is_refused(run, tmp_path):
+    jl.save(jl.Bits.from_array(random_frames(4, 6, 8)), tmp_path / "a.npy")
+    np.save("counts.npy", np.ones((4, 5), int))
+    for data in ("a.npy", "counts.npy"):
+        status, output = run("convert", data, "-o", "b.tif", "--sum")
+        assert status == 1
+        assert f"sum: {data} is no stack of images of counts; leave it out" in output
+    status, output = run("convert", "*.npy", "-o", "{name}.tif", "--sum")
+    assert status == 1
+    assert "sum: is for one stack of images of counts; name one capture" in output
 
 
 def test_a_capture_at_a_url_is_converted(run, tmp_path):

@@ -132,6 +132,8 @@ def _open(options: CaptureOptions, path: Path) -> Capture:
             f"but the capture has readings of {opened.sensor.bit_depth} bits; `jotlight "
             "reconstruct` takes measured --dark-counts, --efficiency, and --mask for them"
         )
+    if isinstance(opened, CountStack):
+        return dataclasses.replace(opened, provenance=opened.sum_provenance)
     return opened
 
 

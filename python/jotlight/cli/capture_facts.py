@@ -4,7 +4,7 @@ import numpy as np
 
 from jotlight.cli.console import progress
 from jotlight.cli.jot_checks import jot_remarks
-from jotlight.formats.capture import Capture
+from jotlight.formats.capture import Capture, CountStack
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.pixel_counts import carried_sensor
 from jotlight.sensing.readings import Readings
@@ -12,10 +12,15 @@ from jotlight.sensing.sensor import Sensor
 
 
 def notes(capture: Capture) -> list[tuple[str, str]]:
-    """Return the assumptions about a file, and the files from which it was converted."""
+    """Return the assumptions about a file, and the files from which it was converted.
+
+    Of a stack of images of counts, the sum is shown.
+    """
+    is_summed = isinstance(capture, CountStack) and capture.sensor is None
+    provenance = capture.sum_provenance if is_summed else capture.provenance
     facts: list[tuple[str, str]] = []
-    for step in capture.provenance.lineage() if capture.provenance is not None else ():
-        if step is not capture.provenance:
+    for step in provenance.lineage() if provenance is not None else ():
+        if step is not provenance:
             facts.append(("from", f"{step.format}, {step.name}"))
         facts += [("" if index else "assumed", note) for index, note in enumerate(step.notes)]
     return facts

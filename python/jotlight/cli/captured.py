@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from jotlight.calibration import Calibration
 from jotlight.checks import Counts
@@ -43,6 +43,12 @@ class Captured:
             return self.data.readings(self.sensor)
         with progress(1) as begin:
             return self.data.sum(begin("summing"))
+
+    def with_sum_provenance(self) -> Self:
+        """Return the same with the provenance of the sum, if images of counts are summed."""
+        if isinstance(self.data, Bits) or self.sensor.bit_depth > 1:
+            return self
+        return dataclasses.replace(self, provenance=self.data.sum_provenance)
 
     def notes(self) -> list[str]:
         """Return the assumptions about the file and the sensor, one line each."""

@@ -1,5 +1,6 @@
 """``jotlight convert``: a capture in another format."""
 
+import dataclasses
 from pathlib import Path, PurePath
 from typing import Annotated, Any
 
@@ -13,7 +14,7 @@ from jotlight.cli.run_options import CapturePaths, RunOptions, name_output
 from jotlight.dask.jobs import conversion_record, conversion_text
 from jotlight.dask.records import read_json
 from jotlight.files import atomic_write, write_file
-from jotlight.formats.capture import Capture
+from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.formats.description import companion_files
 from jotlight.formats.locations import file_state, is_url
@@ -36,6 +37,13 @@ def convert(
             "output implies."
         ),
     ] = None,
+    add_up: Annotated[
+        bool,
+        Parameter(
+            name="--sum",
+            help="Write the sum of several images of counts. Default: they are refused.",
+        ),
+    ] = False,
     capture: CaptureOptions = CaptureOptions(),
     run: RunOptions = RunOptions(),
 ) -> None:
@@ -49,10 +57,12 @@ def convert(
     if not data:
         raise ValueError("expected a capture: a file, a folder, a URL, or a glob")
     if run.is_requested(data):
+        if add_up:
+            raise ValueError("sum: is for one stack of images of counts; name one capture")
         _convert_many(data, output, to, capture, run)
         return
     path = data[0] if is_url(data[0]) else Path(data[0])
-    _convert_one(path, name_output(output, data[0]), to, capture)
+    _convert_one(path, name_output(output, data[0]), to, capture, add_up=add_up)
 
 
 def _convert_many(
@@ -76,14 +86,16 @@ def _convert_many(
     process(data, output, capture, run, None, check_name, make_job)
 
 
-def _convert_one(data: Path | str, output: Path, to: str | None, capture: CaptureOptions) -> None:
+def _convert_one(
+    data: Path | str, output: Path, to: str | None, capture: CaptureOptions, *, add_up: bool
+) -> None:
     """Convert one capture, and report it."""
     name = choose_output_format(output, to)
     outputs = {output}
     if name in ("npy", "npy.gz"):
         outputs |= companion_files(output)
     check_outputs_of([data] if isinstance(data, Path) else [], outputs)
-    opened, checksum = with_checksum(capture.open(data))
+    opened, checksum = with_checksum(_summable(capture.open(data), data, add_up=add_up))
     record = conversion_record(output)
     if record.exists() and "run" not in read_json(record):
         raise ValueError(f"{record}: the record of the copy belongs here; choose another name")
@@ -95,6 +107,22 @@ def _convert_one(data: Path | str, output: Path, to: str | None, capture: Captur
         written = _write(opened, output, name)
         write_file(temporary, conversion_text(run, *checksum(), content))
     report(f"{output}: {name}, {written}", *provenance_notes(opened.provenance))
+
+
+def _summable(opened: Capture, data: Path | str, *, add_up: bool) -> Capture:
+    """Return a capture, whose images of counts may be added up, or raise ValueError."""
+    is_stack = isinstance(opened, CountStack) and opened.sensor is None and len(opened) > 1
+    if add_up and not is_stack:
+        raise ValueError(f"sum: {data} is no stack of images of counts; leave it out")
+    if not isinstance(opened, CountStack) or not is_stack:
+        return opened
+    if not add_up:
+        raise ValueError(
+            f"{data}: holds {len(opened)} images of counts, and no format to write has place for "
+            "more than one; --sum writes their sum, --frame-range selects one, and `jotlight film` "
+            "and `jotlight reconstruct --motion` read the stack itself"
+        )
+    return dataclasses.replace(opened, provenance=opened.sum_provenance)
 
 
 def _write(opened: Capture, output: Path, name: str) -> str:

@@ -71,8 +71,11 @@ def reconstruct_image(
             if outputs.uncertainty is not None and merged is None:
                 check_errors_known(job.method, captured.sensor)
             aligned = motion.facts_of(path)
+        if merged is None:
+            job = dataclasses.replace(job, captured=job.captured.with_sum_provenance())
         title = job.choice.title
-        metadata = outputs.metadata(captured.sensor, job.choice.method, captured.provenance)
+        origin = job.captured.provenance
+        metadata = outputs.metadata(captured.sensor, job.choice.method, origin)
         if motion.motion:
             metadata |= origin_of(job, checksum(), aligned)
             motion.write(files[len(paths) : len(all_paths)], merged, path, metadata)

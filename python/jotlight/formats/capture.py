@@ -51,6 +51,13 @@ class CountStack:
         """Number of binary readings behind each count of the sum, or None if it is unknown."""
         return None if self.trials is None else self.trials * len(self.images)
 
+    @property
+    def sum_provenance(self) -> Provenance:
+        """Provenance of the sum of the images, which says how many were added."""
+        if len(self) == 1:
+            return self.provenance
+        return self.provenance.with_notes(f"the sum of a stack of {len(self)} images of counts")
+
     def with_trials_of(self, sensor: Sensor) -> Self:
         """Return the stack with the trials of each image that a sensor of all images states.
 

@@ -327,7 +327,7 @@ def _open_once(
         actual = capture.images.shape[2] if isinstance(capture, CountStack) else capture.width
         if width != actual:
             raise ValueError(f"width: expected {actual}, the width of {path}, got {width}")
-    selected = select(capture, frames, rotate, flip, key, are_readings=readings)
+    selected = select(capture, frames, rotate, flip, key)
     data = frames_of(selected)
     if entry.verify is not None and isinstance(data, Frames):
         data.verify = functools.partial(entry.verify, path)

@@ -23,8 +23,6 @@ def select(
     rotate: int,
     flip: str | None,
     key: str | None = None,
-    *,
-    are_readings: bool = False,
 ) -> Capture:
     """Return some frames of a capture, rotated and then mirrored.
 
@@ -38,8 +36,6 @@ def select(
     flip : {"horizontal", "vertical"}, optional
     key : str, optional
         Name of the array from which the capture was read, for the provenance.
-    are_readings : bool
-        Whether images are frames of readings of several bits, which are not summed.
 
     Raises
     ------
@@ -59,12 +55,7 @@ def select(
         return provenance.with_notes(*notes).reoriented(quarters, flip)
 
     if isinstance(capture, CountStack):
-        images, provenance = capture.images, capture.provenance
-        if len(images) > 1 and not (are_readings or capture.sensor):
-            provenance = provenance.with_notes(
-                f"the sum of a stack of {len(images)} images of counts"
-            )
-        provenance = annotate(provenance)
+        images, provenance = capture.images, annotate(capture.provenance)
         stated = capture.sensor
         if stated is not None:
             stated = stated if frames is None else stated.select_frames(frames)
