@@ -53,6 +53,26 @@ def test_variables_are_chosen_by_name(tmp_path):
         jl.open(tmp_path / "a.mat", key="x").counts()
 
 
+@pytest.mark.parametrize(
+    "kind", ["int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"]
+)
+def test_counts_have_any_type_of_integers(tmp_path, kind):
+    from scipy.io import savemat
+
+    counts = np.minimum(COUNTS[0], 100).astype(kind)
+    savemat(tmp_path / "a.mat", {"x": counts})
+    np.testing.assert_array_equal(jl.open(tmp_path / "a.mat", counts=True), counts)
+
+
+@pytest.mark.parametrize("kind", ["uint32", "int64", "uint64"])
+def test_integers_that_are_no_counts_are_refused(tmp_path, kind):
+    from scipy.io import savemat
+
+    savemat(tmp_path / "a.mat", {"x": np.full((3, 4), np.iinfo(kind).max)})
+    with pytest.raises(ValueError, match=r"a\.mat: expected counts from 0 to 2147483647, got"):
+        jl.open(tmp_path / "a.mat", counts=True)
+
+
 def test_threads_that_share_a_capture_load_it_one_at_a_time(tmp_path, monkeypatch):
     import scipy.io
 

@@ -24,7 +24,8 @@ VARIABLE = "OUTPUT"
 """Name of the variable that the software of cameras and jotlight write."""
 
 _NUMERIC_CLASSES = {
-    *("logical", "uint8", "int8", "uint16", "int16", "uint32", "int32", "single", "double"),
+    *("logical", "uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64"),
+    *("single", "double"),
 }
 """Classes of variables that can contain frames."""
 
