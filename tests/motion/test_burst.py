@@ -85,10 +85,21 @@ def test_counts_must_state_their_trials():
         as_burst(CountStack(COUNTS, PROVENANCE))
 
 
-@pytest.mark.parametrize("data", [BITS, None, "bits", jl.Sensor()])
+@pytest.mark.parametrize("data", [BITS, COUNTS, None, "bits", jl.Sensor()])
 def test_other_data_are_refused(data):
-    with pytest.raises(TypeError, match=r"data: expected jotlight\.Bits, or a stack of counts"):
+    with pytest.raises(TypeError, match=r"data: expected jotlight\.Bits, or images of counts that"):
         as_burst(data)
+
+
+def test_counts_in_an_array_are_taken_as_the_error_says(tmp_path):
+    sensor = jl.Sensor(frames=7 * len(COUNTS))
+    for function in (jl.merge, jl.align):
+        with pytest.raises(TypeError, match=r'open_capture\("counts\.npy", counts=True\) reads'):
+            function(COUNTS, sensor)
+    np.save(tmp_path / "counts.npy", COUNTS)
+    stack = jl.formats.open_capture(tmp_path / "counts.npy", counts=True)
+    burst = as_burst(stack.with_trials_of(sensor))
+    np.testing.assert_array_equal(content(burst, range(len(COUNTS))), COUNTS)
 
 
 def test_sums_that_exceed_the_range_of_counts_are_refused():

@@ -112,8 +112,9 @@ def as_burst(data: Bits | CountStack | Readings) -> Burst:
             sensor: Any = data.sensor
             require_alike_frames(sensor)
         raise TypeError(
-            "data: expected jotlight.Bits, or a stack of counts that jotlight.open returns, got "
-            f"{type(data).__name__}; Bits.from_array packs frames (T, H, W) of 0 and 1"
+            "data: expected jotlight.Bits, or images of counts that jotlight.formats.open_capture "
+            f"returns, got {type(data).__name__}; Bits.from_array packs frames (T, H, W) of 0 and "
+            '1, and open_capture("counts.npy", counts=True) reads counts that numpy.save wrote'
         )
     burst = _burst_of_bits(data) if isinstance(data, Bits) else _burst_of_counts(data)
     if burst.trials * len(burst) >= 2**31:
