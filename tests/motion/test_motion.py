@@ -34,6 +34,13 @@ def test_displacements_are_linear_in_time():
     assert motion.at(3).shape == (2, 40, 70)
 
 
+@pytest.mark.parametrize("time", [[1, 2], "a", None, np.nan, np.inf, np.zeros(3), True])
+def test_times_that_are_no_numbers_are_refused(time):
+    for function in (random_motion().at, random_motion().seen_from):
+        with pytest.raises(ValueError, match="time: expected one finite number of frames, got"):
+            function(time)
+
+
 def test_known_displacements_are_not_rounded():
     motion = random_motion()
     np.testing.assert_array_equal(motion.nodes_at_times(motion.times), motion.nodes)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from jotlight.argument_types import as_path, as_tensors_path
-from jotlight.checks import real_number
+from jotlight.checks import real_number, shown
 from jotlight.motion.figure import draw_change, draw_paths
 from jotlight.motion.labels import choose
 from jotlight.motion.reference_time import move_labels, move_nodes
@@ -141,8 +141,8 @@ class Motion:
 
     def nodes_at(self, time: float) -> npt.NDArray[np.float32]:
         """Return u at the centers of the tiles at a time, (m, 2, rows, columns)."""
-        if not np.isfinite(time):
-            raise ValueError(f"time: expected a finite number of frames, got {time}")
+        if not np.isfinite(real_number(time)):
+            raise ValueError(f"time: expected one finite number of frames, got {shown(time)}")
         return self.nodes_at_times(np.array([time], np.float64))[:, 0]
 
     def nodes_at_times(self, times: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:
@@ -157,7 +157,22 @@ class Motion:
         return np.asarray(np.clip(nodes, -MAX_DISPLACEMENT, MAX_DISPLACEMENT))
 
     def at(self, time: float) -> npt.NDArray[np.float32]:
-        """Return u of each jot at a time, (2, H, W): rows and columns in jots."""
+        """Return u of each jot at a time, (2, H, W): rows and columns in jots.
+
+        Before the first and after the last of `times`, all points keep the velocities that they
+        have there. `times` are the centers of blocks of frames, so this serves the half blocks at
+        both ends of a burst. Farther away, u is a guess that no bits support.
+
+        Parameters
+        ----------
+        time : float
+            Time in frames; 0 is the first frame.
+
+        Raises
+        ------
+        ValueError
+            When the time is not one finite number.
+        """
         return choose(self.labels, [interpolate(nodes, self.size) for nodes in self.nodes_at(time)])
 
     def seen_from(self, time: float) -> "Motion":
