@@ -220,6 +220,19 @@ def test_a_run_over_captures_says_which_one_has_no_bits(run, captures, kind):
     assert run("reconstruct", "captures/other.npy", "-o", "o.tif", "-t", 64)[0] == 0
 
 
+def test_the_windows_of_counts_are_those_of_a_film(run, captures):
+    np.save("stack.npy", np.full((8, 16, 24), 3, np.uint16))
+    np.save("image.npy", np.full((16, 24), 3, np.uint16))
+    options = ("-t", 64, "--window", 4, "-m", "mle")
+    for name, proposed in (("stack.npy", True), ("image.npy", False)):
+        code, out = run("reconstruct", name, "-o", "v.zarr", *options)
+        assert code == 1
+        assert f"{name}: expected bits in a run over captures or windows, got counts" in out
+        assert ("use `jotlight film` for windows of its images" in out) == proposed
+    assert run("film", "stack.npy", "-o", "film.npy", *options)[0] == 0
+    assert len(np.load("film.npy")) == 2
+
+
 @pytest.mark.parametrize(("gain", "is_film"), [("64,8,1", False), ("64,8,1,...", True)])
 def test_a_film_is_proposed_only_for_a_bracket_that_repeats(run, captures, photo, gain, is_film):
     run("simulate", photo, "-o", "captures/bracket.npy", "-k", 1, "-t", 48, "--gain", gain)

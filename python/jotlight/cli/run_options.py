@@ -14,8 +14,8 @@ CapturePaths = Annotated[
     str,
     Parameter(
         converter=convert_file,
-        help="Captures of bits or counts: files, folders, URLs such as s3://bucket/a.npy, or globs "
-        "of them in quotation marks.",
+        help="A capture of bits or counts, or several captures of bits: files, folders, URLs such "
+        "as s3://bucket/a.npy, or globs of them in quotation marks.",
     ),
 ]
 
@@ -28,8 +28,8 @@ class RunOptions:
     window: Annotated[
         int | None,
         Parameter(
-            help="Number of frames of a window. Each window becomes an image of a .zarr. "
-            "Default: one image of all frames."
+            help="Number of frames of a window of a capture of bits. Each window becomes an image "
+            "of a .zarr. Default: one image of all frames."
         ),
     ] = None
     step: Annotated[

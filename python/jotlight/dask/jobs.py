@@ -122,9 +122,10 @@ def _open(path: str, options: _HashableOptions, _state: tuple[int, int]) -> Bits
     capture = open_capture(path, **options)
     if not isinstance(capture, Bits):
         kind = "counts" if capture.sensor is None else "readings of several bits"
+        film = ", or use `jotlight film` for windows of its images" if len(capture) > 1 else ""
         raise ValueError(
             f"{path}: expected bits in a run over captures or windows, got {kind}; run this "
-            "capture by itself, as a whole"
+            f"capture by itself, as a whole{film}"
         )
     return capture
 
