@@ -94,7 +94,8 @@ def test_messages_about_images_of_counts_propose_what_to_write(run, capture):
         return output if status == 0 else output.removeprefix("error: ")
 
     assert "from 3 images of counts (12 frames) each" in film_of(3, 40)
-    assert "; 1 image of counts (4 frames) at the end lie in no window" in film_of(3, 40)
+    assert "; 1 image of counts (4 frames) at the end lies in no window" in film_of(3, 40)
+    assert "; 2 images of counts (8 frames) at the end lie in no window" in film_of(4, 40)
     expected = "window: expected 1 to the capture's 10 images of counts, got 12"
     assert film_of(12, 40).startswith(f"{expected}; for 12 frames, 4 in each image, write --window")
     assert film_of(12, 50).splitlines() == [expected]
@@ -207,7 +208,7 @@ def test_windows_without_overlap_remember_nothing(run, moving):
         (["-o", "a.npy", "--window", 41], "1 to the capture's 40 frames, got 41"),
         (["-o", "a.npy", "--window", 4, "--frames", 4], "--frame-range selects"),
         (["-o", "a.npy", "--window", 4, "--step", 0], "1 frame or more"),
-        (["-o", "a.gif", "--window", 4, "--depth", 16], "got 16 for .gif"),
+        (["-o", "a.gif", "--window", 4, "--depth", 16], "choose .tif or .npy for floats"),
         (["-o", "a", "--window", 4, "--depth", 12], "got 12 for .png"),
         (
             ["-o", "a.npy", "--window", 8, "--step", 6, "--motion", "--memory"],

@@ -203,5 +203,8 @@ def parse_frame_range(text: str | None) -> slice | None:
         return None
     match = re.fullmatch(r"(\d{0,15}):(\d{0,15})(?::(\d{0,15}))?", text.strip(), re.ASCII)
     if match is None or (match[3] and int(match[3]) == 0):
-        raise ValueError(f"frame-range: expected A:B, A: or :B in whole numbers, got {text!r}")
+        raise ValueError(
+            "frame-range: expected A:B, A:, :B, or A:B:STEP in whole numbers from 0 upward, and a "
+            f"step of 1 or more, got {text!r}"
+        )
     return slice(*(int(number) if number else None for number in match.groups()))

@@ -95,7 +95,7 @@ class FilmOptions(OutputOptions):
         if self.white is not None and floats:
             raise ValueError(f"white: is for display, not for the floats of {self.output}")
         # A name without ending is that of a folder of .png.
-        check_depth(self.output.suffix.lower() or ".png", self.depth)
+        check_depth(self.output.suffix.lower() or ".png", self.depth, floats=".tif or .npy")
         check_fps(self.output, self.fps)
         if self.output.suffix == "" and self.output.exists():
             raise FileExistsError(
@@ -196,6 +196,7 @@ def _write(
         facts |= origin_of(job, checksum(), aligned)
         records.write(files, [outputs.output], job, facts)
     unused = len(data) - spans[-1].stop
+    lie = "lies" if unused == 1 else "lie"
     each = job.captured.sensor.frames // outputs.window
     report(
         f"{outputs.output}: {len(spans)} image{'s' * (len(spans) > 1)} of "
@@ -203,7 +204,7 @@ def _write(
         f"{' and from those before that agree' if has_memory and summary.accepted else ''}, "
         f"values {scale * minimum:.3g} to {scale * maximum:.3g} ({_display(outputs, tone)}), by "
         f"{job.choice.title} in {seconds:.3g} s"
-        + (f"; {_amount(data, unused, each)} at the end lie in no window" if unused else "")
+        + (f"; {_amount(data, unused, each)} at the end {lie} in no window" if unused else "")
     )
     report(*summary.lines(job.settings.get("demosaicing")))
     return Brightness(maximum, brightness)

@@ -261,12 +261,15 @@ def image_writer(
     return write
 
 
-def check_depth(suffix: str, depth: int) -> None:
-    """Raise ValueError unless files with an ending may have a number of bits per value."""
+def check_depth(suffix: str, depth: int, *, floats: str = ".tif, .exr, or .npy") -> None:
+    """Raise ValueError unless files with an ending may have a number of bits per value.
+
+    The message proposes the endings of `floats`.
+    """
     if depth not in (8, 16) or (depth == 16 and suffix != ".png"):
         raise ValueError(
             f"depth: expected 8, or 16 for .png, got {depth} for {suffix}; leave it out (--depth), "
-            "and choose .tif, .exr, or .npy for floats"
+            f"and choose {floats} for floats"
         )
 
 
