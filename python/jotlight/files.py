@@ -223,11 +223,7 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
         When `path` already exists, the folder that contains it is not writable, or a write failed.
     """
     path = Path(path)
-    if path.exists():
-        kind = "folder" if path.is_dir() else "file"
-        raise FileExistsError(
-            f"cannot write {path}: this {kind} already exists; choose another name"
-        )
+    _refuse_existing(path)
     _check_parent(path)
     with _reserved(path, path) as temporary:
         with explained_creation(path):
@@ -239,8 +235,17 @@ def atomic_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
                 for name in names:
                     flush_to_disk(Path(folder, name))
                 flush_to_disk(Path(folder))
+            _refuse_existing(path)  # which another process may have written meanwhile
             temporary.rename(path)
             flush_to_disk(path.parent)
+
+
+def _refuse_existing(path: Path) -> None:
+    if path.exists():
+        kind = "folder" if path.is_dir() else "file"
+        raise FileExistsError(
+            f"cannot write {path}: this {kind} already exists; choose another name"
+        )
 
 
 @contextlib.contextmanager

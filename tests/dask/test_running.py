@@ -1,4 +1,5 @@
 import dataclasses
+import errno
 import sys
 from collections import namedtuple
 from pathlib import Path
@@ -70,6 +71,41 @@ def test_a_damaged_capture_does_not_stop_the_others(tmp_path):
     assert outcome.failed == {"job1": "is damaged"}
     assert shown == ["job1: is damaged"]
     assert jobs[1].finished == 0
+
+
+@pytest.mark.parametrize("error", [FileNotFoundError("gone"), ValueError("damaged")])
+@pytest.mark.parametrize("place", ["compute", "finish"])
+def test_a_result_that_another_process_completes_meanwhile_is_no_failure(tmp_path, error, place):
+    class LateJob(FakeJob):
+        def compute(self, unit, threads, mapped):
+            super().compute(unit, threads, mapped)
+            if place == "compute" and unit == 1:
+                self.complete = is_complete
+                raise error
+
+        def finish(self):
+            self.complete = is_complete
+            raise error
+
+    for is_complete in (True, False):
+        job, shown = LateJob("late", tmp_path / "late.zarr"), []
+        outcome = run_jobs([job, *jobs_in(tmp_path, 1)], ThisProcess(), warn=shown.append)
+        assert outcome.made == ["job0"]
+        assert job.computed == ([0, 1] if place == "compute" else [0, 1, 2])
+        assert outcome.elsewhere == (["late"] if is_complete else [])
+        assert outcome.failed == ({} if is_complete else {"late": str(error)})
+        assert len(shown) == len(outcome.failed)
+
+
+def test_an_error_of_the_disk_is_a_failure_also_if_the_result_is_there(tmp_path):
+    class FullDiskJob(FakeJob):
+        def finish(self):
+            self.complete = True
+            raise OSError(errno.EIO, "Input/output error")
+
+    outcome = run_jobs([FullDiskJob("job", tmp_path / "a.zarr")], ThisProcess())
+    assert outcome.elsewhere == []
+    assert "Input/output error" in outcome.failed["job"]
 
 
 def test_complete_results_are_not_made_again_and_killed_runs_continue(tmp_path):

@@ -1,3 +1,4 @@
+import errno
 import json
 import shutil
 
@@ -5,6 +6,7 @@ import numpy as np
 import pytest
 import zarr
 
+from jotlight.dask import store as module
 from jotlight.dask.records import AnotherRunError, read_record
 from jotlight.dask.store import VideoStore, open_finished, open_unfinished
 
@@ -208,6 +210,27 @@ def test_a_run_continues_with_the_groups_it_began_with(tmp_path):
     assert store_at(tmp_path / "v.zarr", group=3).resumed() == store
     other = store_at(tmp_path / "v.zarr", {**RUN, "method": "x"})
     assert other.resumed() is other
+
+
+def test_another_process_never_finds_a_part_of_an_image(tmp_path, monkeypatch):
+    store = store_at(tmp_path / "v.zarr")
+    fill(store)
+    whole = (store.part / "video.zarr/c.1.0.0").read_bytes()
+
+    def write_half(path, image):
+        path.write_bytes(whole[: len(whole) // 2])
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    with monkeypatch.context() as context:
+        context.setattr(module, "write_image", write_half)
+        with pytest.raises(OSError, match=r"cannot write .*v\.zarr: No space left"):
+            store.write_image(1, np.ones(store.shape[1:], np.float32))
+    assert (store.part / "video.zarr/c.1.0.0").read_bytes() == whole
+    store.finish()
+    assert {each.name for each in store.path.iterdir()} == {
+        "zarr.json",
+        *(f"c.{index}.0.0" for index in range(5)),
+    }
 
 
 def test_failed_writes_name_the_video(tmp_path):

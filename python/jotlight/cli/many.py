@@ -177,6 +177,8 @@ def _report(outcome: Outcome, targets: dict[str, Target], part: Part | None) -> 
     lines = [f"{made} made{share}"]
     if outcome.existed:
         lines.append(f"{len(outcome.existed)} complete before")
+    if outcome.elsewhere:
+        lines.append(f"{len(outcome.elsewhere)} completed meanwhile by another process")
     if outcome.failed:
         lines.append(f"{len(outcome.failed)} failed")
     if len(targets) == 1 and outcome.made:

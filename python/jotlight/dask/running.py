@@ -30,6 +30,8 @@ class Outcome:
     made: list[str] = dataclasses.field(default_factory=list)
     existed: list[str] = dataclasses.field(default_factory=list)
     """Captures whose results were complete before."""
+    elsewhere: list[str] = dataclasses.field(default_factory=list)
+    """Captures whose results another process with the same run has completed meanwhile."""
     partial: list[str] = dataclasses.field(default_factory=list)
     """Captures of which this part of the run has made its share."""
     failed: dict[str, str] = dataclasses.field(default_factory=dict)
@@ -270,11 +272,11 @@ class _Run:
                 self._finish(job)
 
     def units(self) -> Generator[tuple[int, Job, int]]:
-        """Yield the index of the job, the job, and the unit. Failed jobs have no more units."""
+        """Yield the index of the job, the job, and the unit. Jobs that ended have no more units."""
         for index, own in self.todo.items():
             job = self._jobs[index]
             for unit in own:
-                if job.name not in self.outcome.failed:
+                if not self._has_ended(job):
                     yield index, job, unit
 
     def complete(self, index: int, failure: BaseException | None) -> None:
@@ -286,8 +288,12 @@ class _Run:
         if self._left[index] == 0:
             self._finish(job)
 
+    def _has_ended(self, job: Job) -> bool:
+        """Return whether a job has failed, or another process has completed it."""
+        return job.name in self.outcome.failed or job.name in self.outcome.elsewhere
+
     def _finish(self, job: Job) -> None:
-        if job.name in self.outcome.failed:
+        if self._has_ended(job):
             return
         if not self._finishes and not job.is_single:
             self.outcome.partial.append(job.name)
@@ -300,9 +306,26 @@ class _Run:
             self.outcome.made.append(job.name)
 
     def _fail(self, job: Job, error: BaseException) -> None:
-        if job.name in self.outcome.failed:
+        if self._has_ended(job):
+            return
+        if _is_made_elsewhere(job, error):
+            self.outcome.elsewhere.append(job.name)
             return
         known = isinstance(error, ValueError | OSError | RuntimeError)
         text = error_message(error) if known else f"{type(error).__name__}: {error}".splitlines()[0]
         self.outcome.failed[job.name] = text
         self._warn(f"{job.name}: {text}")
+
+
+def _is_made_elsewhere(job: Job, error: BaseException) -> bool:
+    """Return whether a job failed because another process with the same run has completed it.
+
+    That process moves the files of a video, so this one finds them missing. Errors of the disk,
+    such as a failed flush after a file has its name, are not excused.
+    """
+    if not isinstance(error, FileNotFoundError | ValueError):
+        return False
+    try:
+        return job.is_complete()
+    except (OSError, ValueError):
+        return False

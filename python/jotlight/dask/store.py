@@ -183,10 +183,16 @@ class VideoStore:
         write_file(temporary / "run.json", json.dumps(content, indent=1), output=self.path)
 
     def write_image(self, index: int, image: npt.NDArray[Any]) -> None:
-        """Write an image. Its file is a chunk of the array."""
-        path = self._chunk(index)
-        with explained_failure(self.path, path):
-            write_image(path, np.ascontiguousarray(image, np.dtype(self.dtype).newbyteorder("<")))
+        """Write an image. Its file is a chunk of the array.
+
+        The file gets its name when it is whole, so another process that computes the same image,
+        or completes the array, never finds a part of it.
+        """
+        temporary = self.part / f"image-{uuid.uuid4().hex}"
+        content = np.ascontiguousarray(image, np.dtype(self.dtype).newbyteorder("<"))
+        with explained_failure(self.path, temporary):
+            write_image(temporary, content)
+            temporary.replace(self._chunk(index))
 
     def _chunk(self, index: int) -> Path:
         return self.part / "video.zarr" / self._chunk_name(index)
