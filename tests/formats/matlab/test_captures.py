@@ -179,6 +179,25 @@ def test_info_holds_checksums_and_the_numbers_that_other_software_reads(tmp_path
         assert hashlib.sha256((tmp_path / "a" / name).read_bytes()).hexdigest() == checksum
 
 
+@pytest.mark.parametrize("shape", [(3, 4, 9), (1, 5, 16), (300, 6, 7)])
+def test_other_software_reads_the_parts(tmp_path, shape):
+    from scipy.io import loadmat, whosmat
+
+    bits = random_bits(shape)
+    jl.save(bits, tmp_path / "a", format="matlab")
+    parts = sorted((tmp_path / "a").glob("part_*.mat"))
+    assert len(parts) == 1 + (shape[0] > 256)
+    arrays = [loadmat(part)["OUTPUT"] for part in parts]
+    assert {array.dtype for array in arrays} == {np.dtype(np.uint8)}
+    np.testing.assert_array_equal(np.moveaxis(np.concatenate(arrays, 2), 2, 0), bits.to_array())
+    assert whosmat(parts[-1]) == [("OUTPUT", arrays[-1].shape, "uint8")]
+
+
+def test_a_part_is_much_smaller_than_its_frames(tmp_path):
+    jl.save(jl.Bits.from_array(np.zeros((64, 64, 64), bool)), tmp_path / "a", format="matlab")
+    assert (tmp_path / "a/part_1.mat").stat().st_size < 64**3 / 100
+
+
 @pytest.mark.slow
 def test_equal_frames_make_equal_files_at_any_time(tmp_path):
     bits = random_bits((3, 4, 9))

@@ -1,11 +1,15 @@
 """MATLAB: a `.mat` with frames (H, W, T), or a folder of `part_1.mat`, `part_2.mat` and so on."""
 
 import dataclasses
+import io
 import json
+import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from jotlight.errors import warn
 from jotlight.files import atomic_folder
@@ -16,6 +20,7 @@ from jotlight.formats.format import Format, OpenOptions, Writer
 from jotlight.formats.hdf5.captures import load_library
 from jotlight.formats.magic import has_type
 from jotlight.formats.matlab.files import VARIABLE, open_mat
+from jotlight.formats.matlab.sizes import COMPRESSED, HEADER_BYTES
 from jotlight.formats.packing import pack_lazily
 from jotlight.formats.safe_paths import check_inside
 from jotlight.interrupts import interruptible
@@ -28,7 +33,7 @@ from jotlight.sensing.provenance import Provenance
 _FRAMES_PER_PART, _BYTES_PER_PART = 256, 1 << 26
 """Maximum number of frames, and of their bytes, in each file that jotlight writes."""
 
-_HEADER, _HEADER_BYTES = b"MATLAB 5.0 MAT-file, written by jotlight", 116
+_HEADER, _TEXT_BYTES = b"MATLAB 5.0 MAT-file, written by jotlight", 116
 """Text at the beginning of each file that jotlight writes, and the length of the place for it."""
 
 _INFO = "info.json"
@@ -159,8 +164,6 @@ def _check_own_info(info: dict[str, Any], parts: list[str]) -> None:
 
 def _write_bits(bits: Bits, path: Path) -> None:
     """Write a folder of parts and `info.json`."""
-    from scipy.io import savemat
-
     if len(bits.shape) != 3:
         raise ValueError(
             f"matlab: expected bits of one channel, got {bits.shape[3]}; write to a name that ends "
@@ -174,12 +177,9 @@ def _write_bits(bits: Bits, path: Path) -> None:
             part = bits.packed[start : start + part_frames, ...]
             unpacked = np.unpackbits(np.asarray(part), axis=2, count=width)
             file = folder / f"part_{index + 1}.mat"
-            # SciPy keeps a third dimension of 1, which MATLAB itself would drop.
             with open_output(file) as output:
-                content = {VARIABLE: np.moveaxis(unpacked, 0, 2)}
-                interruptible(savemat)(output, content, do_compression=True)
-                output.seek(0)  # SciPy writes the time; without it, equal frames make equal files
-                output.write(_HEADER.ljust(_HEADER_BYTES))
+                for content in interruptible(_make_part)(unpacked):
+                    output.write(content)
             checksums[file.name] = file_checksum(file)
         # Other software reads no_parts and no_frames.
         info = {
@@ -191,6 +191,25 @@ def _write_bits(bits: Bits, path: Path) -> None:
         }
         with open_output(folder / _INFO) as output:
             output.write(seal(info).encode())
+
+
+def _make_part(frames: npt.NDArray[np.uint8]) -> tuple[bytes, bytes, bytes]:
+    """Return the content of a `.mat` of frames (T, H, W): its header, a tag, and the variable.
+
+    The variable is compressed here, because SciPy would search for long matches. In bits, they take
+    long to find, and make the file hardly smaller.
+    """
+    from scipy.io import savemat
+
+    stream = io.BytesIO()
+    # SciPy keeps a third dimension of 1, which MATLAB itself would drop.
+    savemat(stream, {VARIABLE: np.moveaxis(frames, 0, 2)})
+    content = stream.getbuffer()
+    # SciPy writes the time into the text; without it, equal frames make equal files.
+    header = _HEADER.ljust(_TEXT_BYTES) + content[_TEXT_BYTES:HEADER_BYTES]
+    compressor = zlib.compressobj(strategy=zlib.Z_RLE)
+    variable = compressor.compress(content[HEADER_BYTES:]) + compressor.flush()
+    return header, struct.pack("=II", COMPRESSED, len(variable)), variable
 
 
 MATLAB = Format(

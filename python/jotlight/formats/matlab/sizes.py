@@ -15,7 +15,7 @@ from jotlight.formats.limits import check_claimed_size
 from jotlight.formats.magic import ByteOrder
 from jotlight.formats.stubs import open_binary
 
-_COMPRESSED = 15
+COMPRESSED = 15
 """Type of a compressed variable."""
 _MATRIX = 14
 """Type of an uncompressed variable."""
@@ -25,7 +25,8 @@ _NUMERIC_CLASSES = range(6, 16)
 """Classes of variables that hold numbers. Of other variables, jotlight reads only the name."""
 _COMPLEX = 0x0800
 """Flag of a variable with complex numbers."""
-_HEADER_BYTES = 128
+HEADER_BYTES = 128
+"""Number of bytes before the first variable."""
 _TAG_BYTES = 8
 _PREFIX_BYTES = 1 << 16
 """Number of bytes that are inspected at the start of a variable."""
@@ -42,10 +43,10 @@ def check_sizes(path: Path) -> list[int]:
     """
     sizes = []
     with open_binary(path) as file:
-        order = _byte_order(file.read(_HEADER_BYTES))
+        order = _byte_order(file.read(HEADER_BYTES))
         for kind, size in _read_tags(file, order, path.stat().st_size):
             prefix = file.read(min(size, _PREFIX_BYTES))
-            if kind == _COMPRESSED:
+            if kind == COMPRESSED:
                 size = _check_compressed(prefix, size, order)
             else:
                 _check_parts(prefix, size, order)
@@ -57,9 +58,9 @@ def check_streams(file: BinaryIO) -> None:
     """Raise ValueError unless all compressed variables are complete and fit their checksums."""
     file_bytes = file.seek(0, os.SEEK_END)
     file.seek(0)
-    order = _byte_order(file.read(_HEADER_BYTES))
+    order = _byte_order(file.read(HEADER_BYTES))
     for kind, size in _read_tags(file, order, file_bytes):
-        if kind == _COMPRESSED:
+        if kind == COMPRESSED:
             _check_stream(file, size, order)
 
 
@@ -67,7 +68,7 @@ def extract_variable(file: BinaryIO, number: int) -> bytes:
     """Return a file with one of the variables of a file, counted from 0. Only it is read."""
     file_bytes = file.seek(0, os.SEEK_END)
     file.seek(0)
-    header = file.read(_HEADER_BYTES)
+    header = file.read(HEADER_BYTES)
     tags = _read_tags(file, _byte_order(header), file_bytes)
     _, size = next(itertools.islice(tags, number, None))
     start = file.tell() - _TAG_BYTES
@@ -83,7 +84,7 @@ def _byte_order(header: bytes) -> ByteOrder:
 
 def _read_tags(file: BinaryIO, order: ByteOrder, file_bytes: int) -> Iterator[tuple[int, int]]:
     """Yield the type and the size of each variable, with the file at its first byte."""
-    position = _HEADER_BYTES
+    position = HEADER_BYTES
     for _ in range(_MAX_VARIABLES):
         file.seek(position)
         tag = file.read(_TAG_BYTES)
@@ -92,7 +93,7 @@ def _read_tags(file: BinaryIO, order: ByteOrder, file_bytes: int) -> Iterator[tu
         kind, size = _word(tag, 0, order), _word(tag, 4, order)
         position += _TAG_BYTES
         available = file_bytes - position
-        if len(tag) < _TAG_BYTES or size > available or kind not in (_COMPRESSED, _MATRIX):
+        if len(tag) < _TAG_BYTES or size > available or kind not in (COMPRESSED, _MATRIX):
             raise ValueError("it is truncated or damaged")
         yield kind, size
         position += size
