@@ -12,6 +12,7 @@ from jotlight.dask.store import PART, open_finished, open_unfinished
 from jotlight.formats.checksums import file_checksum
 from jotlight.images.io import read_image, read_note
 from jotlight.sensing.mosaic import Mosaic
+from jotlight.sensing.provenance import Provenance
 
 _NOTED = (".tif", ".tiff", ".exr", ".png", ".jpg", ".jpeg")
 """Endings of images that contain a note."""
@@ -141,7 +142,21 @@ def _origin_rows(origin: dict[str, Any]) -> Facts:
     ]
     if isinstance(origin.get("sensor"), dict):
         facts.append(("sensor", _text(origin["sensor"])))
-    return facts
+    return [*facts, *_provenance(origin.get("provenance"))]
+
+
+def _provenance(stored: Any) -> Facts:
+    """Return the rows about how the frames were read: which of them, turned, and assumptions.
+
+    `stored` is an object of :meth:`Provenance.to_json`, or lines of :meth:`Provenance.describe`.
+    """
+    lines = stored if isinstance(stored, list) else []
+    if isinstance(stored, dict):
+        try:
+            lines = Provenance.from_json(stored).describe()
+        except ValueError as error:
+            lines = [f"damaged ({error})"]
+    return [("" if index else "provenance", str(line)) for index, line in enumerate(lines)]
 
 
 def _images(shape: Any) -> tuple[str, str]:
@@ -170,6 +185,7 @@ def _run_facts(run: dict[str, Any]) -> Facts:
         ("capture", f"{run.get('file') or run.get('capture')}, {run.get('bytes')} bytes"),
         ("format", str(run.get("format"))),
         *_shapes(run),
+        *_provenance(run.get("provenance")),
     ]
     if "window" in run:
         facts.append(("windows", f"{run['window']} frames, one from each {run.get('step')}"))
