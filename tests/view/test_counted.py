@@ -145,7 +145,7 @@ def moving(name):
 def test_an_aligned_window_equals_that_of_the_library(name):
     data, span = moving(name), range(4, 44)
     viewed = Viewed.from_data(data)
-    merged = merge_window(viewed, span, "mle")
+    merged, _ = merge_window(viewed, span, "mle")
     shown = made(viewed, span, "network-medium", merged)
     expected = jl.merge(data[4:44])
     np.testing.assert_array_equal(shown.image, jl.reconstruct(expected))

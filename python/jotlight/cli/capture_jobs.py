@@ -7,7 +7,6 @@ from typing import Any
 
 from jotlight.chunks import windows
 from jotlight.cli.inputs import Inputs, Reconstruction
-from jotlight.cli.records import maps_sha256
 from jotlight.cli.run_options import RunOptions
 from jotlight.dask.estimator import Estimator, check_countable, checked
 from jotlight.dask.jobs import (
@@ -20,6 +19,7 @@ from jotlight.dask.jobs import (
 )
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
+from jotlight.evaluation.records import maps_sha256
 from jotlight.formats.writing import choose_output_format
 from jotlight.images.io import image_writer
 from jotlight.networks.color_network import ColorNetwork

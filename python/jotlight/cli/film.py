@@ -20,7 +20,7 @@ from jotlight.cli.inputs import Inputs, Reconstruction
 from jotlight.cli.jot_checks import caution_about_jots
 from jotlight.cli.method_options import MethodOptions
 from jotlight.cli.motion_options import FilmMotionOptions
-from jotlight.cli.output_options import OutputOptions, describe_tone, tone_facts
+from jotlight.cli.output_options import OutputOptions, describe_tone
 from jotlight.cli.reconstruction import Brightness, report_assumptions
 from jotlight.cli.records import Records, origin_of
 from jotlight.cli.sensor_options import CapturedSensorOptions
@@ -28,6 +28,7 @@ from jotlight.estimators.brightness import BRIGHTNESS_QUANTILE, UNITS
 from jotlight.estimators.demosaicing import TITLES
 from jotlight.evaluation.choice import FILM_NETWORK
 from jotlight.evaluation.reconstruct import reconstruct
+from jotlight.evaluation.records import tone_facts
 from jotlight.files import atomic_write_together
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum

@@ -130,10 +130,12 @@ def _note_facts(path: Path) -> Facts:
 
 
 def _origin_rows(origin: dict[str, Any]) -> Facts:
-    first = ("capture", "bytes", "window", "step", "method")
+    first = ("capture", "bytes", "frames", "window", "step", "method", "difference_to")
     names = (*first, *_HOW, "software")
     facts = [
-        (name.replace("_sha256", ""), _text(origin[name])) for name in names if origin.get(name)
+        (name.replace("_sha256", "").replace("_", " "), _text(origin[name]))
+        for name in names
+        if origin.get(name)
     ]
     facts += [
         ("read", f"{origin.get(f'{content}_bytes')} bytes, crc32 {origin[f'{content}_crc32']}")

@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from cyclopts import Parameter
 
-from jotlight._engine import __version__
 from jotlight.cli.common_options import OUTPUT_PANEL
 from jotlight.errors import percent_advice, warn
 from jotlight.estimators.brightness import UNITS, unit_scale
 from jotlight.estimators.uncertainty import Uncertainty
+from jotlight.evaluation.records import image_facts, tone_facts
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
 from jotlight.images.saving import find_white
@@ -34,11 +34,6 @@ _SHOWN = ".png"
 def describe_tone(tone: Tone) -> str:
     """Return the curve and the white of an image for display."""
     return f"{tone.curve} curve, white at {tone.white:.3g}"
-
-
-def tone_facts(tone: Tone | None) -> dict[str, Any]:
-    """Return the curve and the white of an image for display, for its record; {} for floats."""
-    return {} if tone is None else {"curve": tone.curve, "white": float(tone.white)}
 
 
 @Parameter(name="*", group=OUTPUT_PANEL)
@@ -99,14 +94,9 @@ class OutputOptions:
         self, sensor: Sensor, method: str, provenance: Provenance | None
     ) -> dict[str, Any]:
         """Return the facts that a file of floats states about itself."""
-        return {
-            "software": f"jotlight {__version__}",
-            "units": UNITS[self.units],
-            "largest_value": sensor.max_intensity * float(self.scale(sensor)),
-            "method": method,
-            "sensor": {**sensor.scalars(), **dict.fromkeys(sensor.maps(), "a map")},
-            "provenance": None if provenance is None else provenance.to_json(),
-        }
+        largest = sensor.max_intensity * float(self.scale(sensor))
+        units = UNITS[self.units]
+        return image_facts(sensor, method, provenance, units=units, largest_value=largest)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

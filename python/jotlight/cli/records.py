@@ -1,6 +1,5 @@
 """Records of the origin of results: notes in files that have a place for them, or files beside."""
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,12 +14,12 @@ from jotlight.cli.applied_calibration import (
 )
 from jotlight.cli.captured import Captured
 from jotlight.evaluation.choice import Choice
+from jotlight.evaluation.records import maps_sha256
 from jotlight.evaluation.weights import weights_sha256
 from jotlight.files import write_file
 from jotlight.formats.checksums import file_checksum
 from jotlight.formats.locations import file_state
 from jotlight.sensing.bits import Bits
-from jotlight.sensing.sensor import Sensor
 
 _NO_PLACE = (".npy", ".npz")
 """Endings of files that have no place for a note."""
@@ -119,12 +118,6 @@ class Records:
             if outputs[index].is_file():
                 content["sha256"] = file_checksum(outputs[index])
             write_file(file, json.dumps(content, indent=2) + "\n")
-
-
-def maps_sha256(sensor: Sensor) -> dict[str, str]:
-    """Return the SHA-256 of the values of each map of a sensor, by name."""
-    maps = sensor.maps().items()
-    return {name: hashlib.sha256(map_.tobytes()).hexdigest() for name, map_ in maps}
 
 
 def origin_of(

@@ -15,6 +15,7 @@ from jotlight.cli.console import caution, report
 from jotlight.cli.jot_checks import mask_hot_jots
 from jotlight.cli.sensor_options import CapturedSensorOptions
 from jotlight.formats.capture import CountStack
+from jotlight.formats.checksums import file_checksum
 from jotlight.formats.images.maps import is_map, read_map, read_mask
 from jotlight.formats.locations import is_url
 from jotlight.sensing.alike_frames import exposure_cycle
@@ -177,8 +178,11 @@ def _opening(
     lines = _sensor_lines(sensor, captured)
     if sensor.find_hot_jots:
         lines += _hot_jot_lines(path, {**arguments, "frames": repr(frames)}, captured)
+    facts: dict[str, Any] = {"hot_jots": captured.hot_jots}
+    if sensor.calibration is not None:
+        facts["calibration_sha256"] = file_checksum(sensor.calibration)
     return Opening(
-        path, tuple(words), arguments, tuple(lines), frames, of_window, sensor.find_hot_jots
+        path, tuple(words), arguments, tuple(lines), frames, of_window, sensor.find_hot_jots, facts
     )
 
 

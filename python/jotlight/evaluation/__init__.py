@@ -10,7 +10,7 @@ In reading order:
   and its settings. ``info``: how an image was made. ``channels``, ``mosaics``,
   ``different_readings``: data other than gray plain bits. ``clipping`` and
   ``dark_counts`` warn about a largest intensity, and dark counts, that the data contradict.
-  ``weights``: the files of the networks behind a result.
+  ``weights``: the files of the networks behind a result. ``records``: what it was made of.
 - ``uncertainty``: an interval for each pixel. ``intervals``, ``interval_pixels``, and
   ``error_scale`` are for gray images, ``color_intervals`` is for mosaics, and ``channel_intervals``
   for three channels. ``known_errors``: the errors behind an interval. ``known_estimate`` checks an

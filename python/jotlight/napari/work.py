@@ -47,7 +47,8 @@ def align_window(source: LayerSource, index: int) -> LayerData:
     span, viewed = source.spans[index], source.viewed
     method = "mle" if source.method == COUNTS else source.method
     aligned = LayerSource(viewed, source.window, source.step, method)
-    image = aligned.image(index, merge_window(viewed, span, method))
+    merged, _ = merge_window(viewed, span, method)
+    image = aligned.image(index, merged)
     name = f"{viewed.title}, frames {span.start} to {span.stop - 1}, aligned, {method}"
     return display_layer(image, image, name)
 

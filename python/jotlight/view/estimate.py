@@ -17,6 +17,7 @@ from jotlight.motion.align import align
 from jotlight.motion.burst import refuse_pixels
 from jotlight.motion.jot_kinds import frames_of_kinds
 from jotlight.motion.merge import merge
+from jotlight.motion.motion import Motion
 from jotlight.motion.reading_counts import counts_for_motion
 from jotlight.networks.pretrained import CONDITIONAL_SIZE
 from jotlight.sensing.bits import Bits
@@ -277,10 +278,11 @@ def alignment_reason(viewed: Viewable) -> str | None:
 
 def merge_window(
     viewed: Viewable, frames: range, method: str, check: Check = lambda: None
-) -> Merged | None:
-    """Return the bits of a window, aligned to its middle, for a method.
+) -> tuple[Merged | None, Motion]:
+    """Return the bits of a window, aligned to its middle, for a method; and their motion.
 
-    It is None for a scene that stands still behind a mosaic, whose pixels see one color each.
+    The bits are None for a scene that stands still behind a mosaic, whose pixels see one color
+    each.
 
     Raises
     ------
@@ -304,5 +306,5 @@ def merge_window(
     data = viewed.part(frames)
     motion = align(data, sensor, progress=progress)
     if sensor.mosaic is not None and motion.model == "none":
-        return None
-    return merge(data, sensor, motion=motion, progress=progress)
+        return None, motion
+    return merge(data, sensor, motion=motion, progress=progress), motion

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from jotlight.errors import warn
 from jotlight.estimators.brightness import unit_scale
 from jotlight.sensing.merged import Merged
 from jotlight.view.display import display, display_difference, fit_white
@@ -61,7 +62,8 @@ class Pipeline:
         self.last: Estimate | None = None
         """The estimate of the most recent image, for the values under the pointer."""
         self._running = RunningCounts(workshop.viewed)
-        self._merged: tuple[tuple[range, float], Merged | None] | None = None
+        self._merged: tuple[tuple[range, float], Merged | None, list[str]] | None = None
+        """The aligned bits of a window, and the warnings of their alignment."""
         self._white = 1.0
         self._errors: tuple[Estimate, npt.NDArray[np.float32]] | None = None
         """The standard errors of an estimate."""
@@ -174,7 +176,11 @@ class Pipeline:
         frames, method = request.state.span, request.state.method
         key = frames, choose(self.viewed, len(frames), method).max_intensity
         if self._merged is None or self._merged[0] != key:
-            self._merged = key, merge_window(self.viewed, frames, method, request.check)
+            with collected() as notes:
+                merged, _ = merge_window(self.viewed, frames, method, request.check)
+            self._merged = key, merged, notes
+        for note in self._merged[2]:  # they concern every image of the same bits
+            warn(note)
         return self._merged[1]
 
     def _image_message(

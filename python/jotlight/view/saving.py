@@ -6,16 +6,26 @@ from typing import Any
 
 import numpy as np
 
-from jotlight._engine import __version__
 from jotlight.estimators.brightness import UNITS
+from jotlight.evaluation.choice import COLOR_NETWORK
+from jotlight.evaluation.records import image_facts, maps_sha256, tone_facts
+from jotlight.evaluation.weights import weights_sha256
+from jotlight.formats.capture import CountStack
+from jotlight.formats.checked_reading import with_checksum
+from jotlight.formats.locations import file_state, is_url
 from jotlight.images.exr import check_exr
 from jotlight.images.io import image_writer
+from jotlight.motion.motion import Motion
 from jotlight.parameter_names import check_choice
+from jotlight.sensing.bits import Bits
+from jotlight.sensing.merged import Merged
+from jotlight.sensing.provenance import Provenance
+from jotlight.sensing.readings import Readings
 from jotlight.view.display import display_difference, displayable, fit_white, tone_of
-from jotlight.view.estimate import Estimate, estimate, merge_window
+from jotlight.view.estimate import DEMOSAICING, Estimate, choose, estimate, merge_window
 from jotlight.view.running_counts import RunningCounts
 from jotlight.view.state import COUNTS, ViewState
-from jotlight.view.viewed import Viewable
+from jotlight.view.viewed import Frames, Viewable
 
 ENDINGS = {"png": "image/png", "tif": "image/tiff", "exr": "image/x-exr"}
 """Endings of files and their media types."""
@@ -64,46 +74,90 @@ def save_view(viewed: Viewable, state: ViewState, ending: str) -> bytes:
             f"{state.span.stop - 1}; older frames of a live capture have left memory"
         )
     counts = RunningCounts(viewed).move(state.span)
-    merged = None
+    merged, motion = None, None
     if state.align and state.method != COUNTS:
-        merged = merge_window(viewed, state.span, state.method)
+        merged, motion = merge_window(viewed, state.span, state.method)
     made = estimate(viewed, state.span, state.method, counts, merged)
     other = None
     if state.compare is not None and state.method != COUNTS:
         other = estimate(viewed, state.span, state.compare, counts, merged)
+    values, shown = _values(viewed, made, other, state, ending)
+    note = _note(viewed, state, made, other, motion) | shown
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, f"view.{ending}")
-        depth = 16 if ending == "png" else 8
-        write = image_writer(file, depth=depth, note=_note(viewed, state, made, other))
-        write(file, _values(viewed, made, other, state, ending))
+        write = image_writer(file, depth=16 if ending == "png" else 8, note=note)
+        write(file, values)
         return file.read_bytes()
 
 
 def _values(
     viewed: Viewable, made: Estimate, other: Estimate | None, state: ViewState, ending: str
-) -> Any:
-    """Return the values to write: intensities, or for PNG values from 0 to 1."""
+) -> tuple[Any, dict[str, Any]]:
+    """Return the values to write: intensities, or for PNG values from 0 to 1.
+
+    Also return the curve and the white of a PNG.
+    """
     if ending != "png":
-        return displayable(made.image if other is None else made.image - other.image)
+        return displayable(made.image if other is None else made.image - other.image), {}
     white = fit_white(viewed, state.span, made) if state.white is None else state.white
     if other is not None:
-        return display_difference(made, other, white).levels / np.float32(255)
-    return tone_of(made, state, white)(displayable(made.image))
+        difference = display_difference(made, other, white)
+        shown = {"curve": difference.tone["curve"], "white": white}
+        return difference.levels / np.float32(255), shown
+    tone = tone_of(made, state, white)
+    return tone(displayable(made.image)), tone_facts(tone)
 
 
 def _note(
-    viewed: Viewable, state: ViewState, made: Estimate, other: Estimate | None
+    viewed: Viewable,
+    state: ViewState,
+    made: Estimate,
+    other: Estimate | None,
+    motion: Motion | None,
 ) -> dict[str, Any]:
-    """Return the facts that a file of floats states about itself."""
-    provenance = viewed.provenance
+    """Return what a file states about its image, as files of `jotlight reconstruct` do."""
+    sensor, units, weights = viewed.sensor(state.window), made.counted.units, None
+    if state.method != COUNTS:
+        choice = choose(viewed, state.window, state.method)
+        sensor = sensor.replace(max_intensity=choice.max_intensity)
+        units = UNITS["intensity"]
+        weights = weights_sha256(sensor, choice.method, choice.quality)
+    largest = 1.0 if state.method == COUNTS else sensor.max_intensity
+    part = viewed.part(state.span)
+    provenance = part.provenance or viewed.provenance
+    has_planes = sensor.mosaic is not None and state.method not in (COUNTS, COLOR_NETWORK)
     return {
-        "software": f"jotlight {__version__}",
-        "units": made.counted.units if state.method == COUNTS else UNITS["intensity"],
-        "method": made.title,
-        "difference_to": None if other is None else other.title,
-        "frames": [state.start, state.start + state.window],
-        "sensor": {**made.sensor.scalars(), **dict.fromkeys(made.sensor.maps(), "a map")},
-        "provenance": None if provenance is None else provenance.to_json(),
+        **image_facts(sensor, state.method, provenance, units=units, largest_value=largest),
+        **_capture_facts(viewed, part),
+        "frames": f"{state.start}:{state.span.stop}",
+        "difference_to": None if other is None else other.method,
+        "weights_sha256": weights,
+        "maps_sha256": maps_sha256(sensor),
+        "options": (
+            {"demosaicing": DEMOSAICING} if has_planes and not isinstance(made.data, Merged) else {}
+        ),
+        "motion": None if motion is None else _motion_facts(motion),
+        **viewed.opening.facts,
+    }
+
+
+def _motion_facts(motion: Motion) -> dict[str, Any]:
+    """Return how the frames were aligned."""
+    return {"model": "auto", "upsample": 1, "found": motion.model, "at": motion.reference}
+
+
+def _capture_facts(viewed: Viewable, part: Frames) -> dict[str, Any]:
+    """Return the name of a capture, and the size and the CRC-32 of the frames of a window."""
+    path = viewed.opening.path
+    if isinstance(part, Readings):
+        part = CountStack(part.frames, Provenance("", ""))  # of which only the frames matter
+    size, checksum = with_checksum(part)[1]()
+    content = "packed" if isinstance(part, Bits) else "counts"
+    return {
+        "capture": viewed.title,
+        "bytes": None if path is None or is_url(path) else file_state(path)[0],
+        f"{content}_bytes": size,
+        f"{content}_crc32": f"{checksum:08x}",
     }
 
 

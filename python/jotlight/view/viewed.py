@@ -59,6 +59,8 @@ class Opening:
         "threshold", or both.
     searches_all : bool
         Whether the sensor depends on all frames, because its hot jots are searched in them.
+    facts : dict
+        Further facts for the records of images: "calibration_sha256" and "hot_jots".
     """
 
     path: str | None = None
@@ -68,6 +70,7 @@ class Opening:
     frames: slice = dataclasses.field(default_factory=lambda: slice(None))
     of_window: tuple[str, ...] = ()
     searches_all: bool = False
+    facts: dict[str, Any] = dataclasses.field(default_factory=dict)
 
 
 class Viewable(Protocol):
