@@ -10,8 +10,9 @@ import pytest
 import zarr
 
 import jotlight as jl
-from jotlight.dask.jobs import CaptureSource, ConversionJob
-from jotlight.images.io import read_image
+from jotlight.dask.capture_source import CaptureSource
+from jotlight.dask.jobs import ConversionJob
+from jotlight.images.io import read_image, read_note
 
 
 def test_videos_have_both_precisions(run, captures):
@@ -289,3 +290,58 @@ def test_another_capture_does_not_change_the_names_of_results(run, captures):
     assert "3 captures: 1 made, 2 complete before" in out
     found = sorted(path.relative_to("v").as_posix() for path in Path("v").glob("*/*"))
     assert found == ["a/1.zarr", "a/2.zarr", "b/1.zarr"]
+
+
+@pytest.fixture
+def unequal(tmp_path, monkeypatch):
+    """Return captures of a dim, an ordinary, and a bright scene, which do not state the largest."""
+    monkeypatch.chdir(tmp_path)
+    scene = np.linspace(0.1, 1, 16 * 48, dtype=np.float32).reshape(16, 48)
+    for name, light in (("dim", 0.02), ("mid", 0.5), ("bright", 3.0)):
+        bits = jl.Sensor(frames=64).expose(light * scene, rng=0)
+        np.save(f"{name}.npy", np.asarray(bits.packed))
+    return "*.npy"
+
+
+def test_one_white_for_all_images_is_requested(run, unequal):
+    base = ("reconstruct", unequal, "-o", "o/{name}.png", "-m", "mle", "--depth", 16)
+    code, out = run(*base, "--white", 2)
+    assert code == 0, out
+    assert "is shown as white" not in out
+    for name in ("dim", "mid", "bright"):
+        image = jl.mle(jl.open(f"{name}.npy"), jl.Sensor(frames=64, max_intensity=4.8))
+        expected = np.clip(image / np.float32(2), 0, 1)
+        np.testing.assert_allclose(read_image(f"o/{name}.png"), expected, atol=1e-4)
+        stated = json.loads(Path(f"o/{name}.png.json").read_text())
+        assert (stated["curve"], stated["white"]) == ("linear", 2.0)
+        assert read_note(Path(f"o/{name}.png"))["jotlight"]["white"] == 2.0
+    assert "3 complete before" in run(*base, "--white", 2)[1]
+    code, err = run(*base, "--white", 3)
+    assert code == 1
+    assert "its white was 2.0, and is 3.0 now" in err
+
+
+@pytest.mark.filterwarnings("default:.*is shown as white")
+def test_a_white_that_the_image_decides_is_recorded_and_names_the_capture(run, unequal):
+    code, out = run("reconstruct", unequal, "-o", "o/{name}.png", "-m", "mle")
+    assert code == 0, out
+    whites = {
+        name: json.loads(Path(f"o/{name}.png.json").read_text())["white"]
+        for name in ("dim", "mid", "bright")
+    }
+    assert whites["dim"] < whites["mid"] == 1 < whites["bright"]
+    for name in ("dim", "bright"):
+        assert f"{name}: {whites[name]:.3g}, the 99.5th percentile, is shown as white" in out
+    assert "mid: " not in out
+    lines = [" ".join(line.split()) for line in run("info", "o/dim.png")[1].splitlines()]
+    assert {"curve linear", f"white {whites['dim']}"} <= set(lines)
+
+
+def test_the_curve_and_a_stated_largest_intensity_are_those_of_a_single_image(run, unequal):
+    options = ("-m", "mle", "--max-intensity", 4)
+    for extra in ((), ("--curve", "log"), ("--curve", "gamma", "--white", 2)):
+        assert run("reconstruct", "mid.npy", "-o", "one.png", *options, *extra)[0] == 0
+        name = f"{len(extra)}"
+        many = ("-o", f"{name}{{name}}.png")
+        assert run("reconstruct", "mid.npy", "dim.npy", *many, *options, *extra)[0] == 0
+        np.testing.assert_array_equal(read_image("one.png"), read_image(f"{name}mid.png"))

@@ -116,7 +116,10 @@ def test_a_capture_that_changed_is_another_run(run, captures):
         (("-o", "v/{name}.zarr", "--window", 16, "--part", "4/3"), "expected a part such as"),
         (("-o", "v/{name}.zarr", "--window", 16, "--workers", 0), "workers: expected 1 or more"),
         (("-o", "{name}.tif", "--motion"), "motion: is for one image of one capture, but --wind"),
-        (("-o", "{name}.png", "--curve", "linear"), "film`, which takes --window and --curve"),
+        (("-o", "{name}.png", "--curve", "wrong"), "curve: expected one of linear, gamma"),
+        (("-o", "{name}.png", "--white", 0), "white: expected a finite intensity above 0, got 0"),
+        (("-o", "{name}.tif", "--white", 2), "white: is for a .png or .jpg, not for the floats"),
+        (("-o", "{name}.zarr", "--window", 9, "--white", 2), "which takes --window and --white"),
         (("-o", "{name}.png", "--preview", "p.png"), "preview: is for one image of one capture"),
         (
             ("-o", "v/{name}.zarr", "--window", 16, "--part", "1/3", "--workers", 2),

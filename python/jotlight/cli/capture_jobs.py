@@ -7,10 +7,11 @@ from typing import Any
 
 from jotlight.chunks import windows
 from jotlight.cli.inputs import Inputs, Reconstruction
+from jotlight.cli.output_options import ImageOutputOptions
 from jotlight.cli.run_options import RunOptions
+from jotlight.dask.capture_source import CaptureSource
 from jotlight.dask.estimator import Estimator, check_countable, checked
 from jotlight.dask.jobs import (
-    CaptureSource,
     ConversionJob,
     ImageJob,
     Job,
@@ -72,7 +73,7 @@ def reconstruction_job(
     source: CaptureSource,
     inputs: Inputs,
     run: RunOptions,
-    depth: int,
+    outputs: ImageOutputOptions,
     sensors: dict[Sensor, Sensor],
 ) -> Job:
     """Return the job that reconstructs a capture: a video if there are windows, else an image."""
@@ -84,6 +85,9 @@ def reconstruction_job(
     if run.window is not None:
         return _video_job(target, bits, source, run, estimator, facts)
     side = estimator.sensor.oversampling
+    # Results of the same run have the same requested curve and white.
+    shown = {"curve": outputs.curve, "white": outputs.white}
+    facts |= {name: value for name, value in shown.items() if value is not None}
     return ImageJob(
         target.name,
         source,
@@ -93,7 +97,9 @@ def reconstruction_job(
         target.output,
         run_record(target.name, bits, source, **facts),
         4 * math.prod(_result_shape(bits, 1, estimator)),
-        depth,
+        outputs.depth,
+        outputs.curve,
+        outputs.stated_white(prepared.white),
     )
 
 

@@ -75,7 +75,8 @@ def _convert_many(
     """Convert many captures, or one to counts of its windows."""
     from jotlight.cli.capture_jobs import Target, conversion_job
     from jotlight.cli.many import process
-    from jotlight.dask.jobs import CaptureSource, Job
+    from jotlight.dask.capture_source import CaptureSource
+    from jotlight.dask.jobs import Job
 
     def make_job(target: Target, bits: Bits, source: CaptureSource) -> Job:
         return conversion_job(target, bits, source, run, to)

@@ -9,8 +9,9 @@ from jotlight.cli.capture_jobs import Target, check_video_name
 from jotlight.cli.capture_options import CaptureOptions, parse_frame_range
 from jotlight.cli.console import caution, progress, report
 from jotlight.cli.run_options import RunOptions
+from jotlight.dask.capture_source import CaptureSource
 from jotlight.dask.cluster import connected
-from jotlight.dask.jobs import CaptureSource, Job
+from jotlight.dask.jobs import Job
 from jotlight.dask.names import Part, find_captures, name_captures, name_outputs
 from jotlight.dask.records import AnotherRunError
 from jotlight.dask.running import (

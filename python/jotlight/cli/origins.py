@@ -173,6 +173,7 @@ def _record_facts(record: dict[str, Any]) -> Facts:
         if f"{content}_crc32" in read:
             size, checksum = read.get(f"{content}_bytes"), read[f"{content}_crc32"]
             facts.append(("read", f"{size} bytes of {title}, crc32 {checksum}"))
+    facts += [(name, str(record[name])) for name in ("curve", "white") if name in record]
     if "minimum" in record:
         facts.append(("values", f"{record['minimum']:.4g} to {record['maximum']:.4g}"))
     return facts

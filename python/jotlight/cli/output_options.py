@@ -14,9 +14,9 @@ from jotlight.errors import percent_advice, warn
 from jotlight.estimators.brightness import UNITS, unit_scale
 from jotlight.estimators.uncertainty import Uncertainty
 from jotlight.evaluation.records import image_facts, tone_facts
+from jotlight.images.exposure import display_tone
 from jotlight.images.image_stack import stack_writer
 from jotlight.images.io import DISPLAYED, FLOATS, image_writer
-from jotlight.images.saving import find_white
 from jotlight.images.tone import CURVES, Tone, check_curve
 from jotlight.parameter_names import check_choice
 from jotlight.sensing.provenance import Provenance
@@ -181,7 +181,7 @@ class ImageOutputOptions(OutputOptions):
         scale = self.scale(sensor)
         tones = []
         if self.output.suffix.lower() in DISPLAYED:
-            tones.append(self._output_tone(estimate, white))
+            tones.append(display_tone(estimate, self.curve, self.stated_white(white)))
             note = metadata | tone_facts(tones[0])
             write = image_writer(self.output, depth=self.depth, note=note)
             write(remaining.pop(0), tones[0](estimate))
@@ -207,8 +207,9 @@ class ImageOutputOptions(OutputOptions):
                 )
         return tones
 
-    def _output_tone(self, estimate: npt.NDArray[np.float32], white: float | None) -> Tone:
-        """Return the tone curve of an output in .png or .jpg."""
-        if self.curve is not None:
-            return self.fit_tone(estimate)
-        return Tone("linear", self.white or white or find_white(estimate))
+    def stated_white(self, largest: float | None) -> float | None:
+        """Return the white of an output in .png or .jpg, or None if the image decides it.
+
+        `largest` is the largest intensity, if it is stated.
+        """
+        return largest if self.white is None and self.curve is None else self.white

@@ -67,18 +67,23 @@ def reconstruct(
         caution_about_motion([job.captured.data], job.captured.sensor, threads)
 
 
-def _refuse_options_of_images(outputs: ImageOutputOptions, motion: ImageMotionOptions) -> None:
+def _refuse_options_of_images(
+    outputs: ImageOutputOptions, motion: ImageMotionOptions, run: RunOptions
+) -> None:
     """Raise ValueError for options that a run over many captures or windows does not accept."""
     plain = ImageOutputOptions(output=outputs.output, depth=outputs.depth)
+    if run.window is None:  # each capture becomes an image, which may be for display
+        plain = replace(plain, curve=outputs.curve, white=outputs.white)
     of_films = {each.name for base in (OutputOptions, MotionOptions) for each in fields(base)}
     for given, default in ((outputs, plain), (motion, ImageMotionOptions())):
         for name in (each.name for each in fields(given)):
             if getattr(given, name) != getattr(default, name):
                 option = name.replace("_", "-")
+                is_of_films = run.window is not None and name in of_films
                 film = f", or use `jotlight film`, which takes --window and --{option}"
                 raise ValueError(
                     f"{option}: is for one image of one capture, but --window, globs, and several "
-                    f"captures make many; name one capture{film if name in of_films else ''}"
+                    f"captures make many; name one capture{film if is_of_films else ''}"
                 )
 
 
@@ -95,17 +100,18 @@ def _reconstruct_many(
     """Reconstruct many captures, or the windows of one."""
     from jotlight.cli.capture_jobs import Target, check_image_name, reconstruction_job
     from jotlight.cli.many import process
-    from jotlight.dask.jobs import CaptureSource, Job
+    from jotlight.dask.capture_source import CaptureSource
+    from jotlight.dask.jobs import Job
     from jotlight.dask.names import find_captures
 
     find_captures(data, run.storage_options())  # an error for a glob that matches nothing
-    _refuse_options_of_images(outputs, motion)
+    _refuse_options_of_images(outputs, motion, run)
     method.request()  # an error for an unknown method, before captures are opened
     sensors: dict[Sensor, Sensor] = {}
 
     def make_job(target: Target, bits: Bits, source: CaptureSource) -> Job:
         inputs = Inputs(Path(target.path), method, capture, sensor, motion)
-        return reconstruction_job(target, bits, source, inputs, run, outputs.depth, sensors)
+        return reconstruction_job(target, bits, source, inputs, run, outputs, sensors)
 
     def check_name(output: Path) -> None:
         check_image_name(output, outputs.depth)

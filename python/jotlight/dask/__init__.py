@@ -17,6 +17,7 @@ In reading order:
   and what a worker does with a chunk. ``streaming``: windows in one process, in constant memory.
 - ``estimator``: a method with its sensor, as workers run it.
 - ``jobs``, ``names``, ``running``: runs over many captures, their results, and their processes.
+  ``capture_source``: a capture, as each of them opens it.
   ``cluster``, ``preload``: workers on this machine, or a scheduler. ``gathering``: the parts of a
   job array.
 - ``store``, ``image_files``, ``records``: results in zarr arrays, and what they were made of.

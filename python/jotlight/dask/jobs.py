@@ -5,7 +5,6 @@ its results itself, and can be repeated.
 """
 
 import dataclasses
-import functools
 import json
 import shutil
 from pathlib import Path
@@ -14,24 +13,20 @@ from typing import Any, Protocol
 import numpy as np
 
 from jotlight._engine import __version__
+from jotlight.dask.capture_source import CaptureSource
 from jotlight.dask.estimator import Estimator
 from jotlight.dask.records import Record, check_same_run, read_json
 from jotlight.dask.spans import Spans
 from jotlight.dask.store import VideoStore
 from jotlight.dask.streaming import WindowCounter
+from jotlight.evaluation.records import tone_facts
 from jotlight.files import atomic_write_together, create_parent, write_file
 from jotlight.formats.checked_reading import with_checksum
 from jotlight.formats.checksums import file_checksum
-from jotlight.formats.locations import file_state
-from jotlight.formats.reading import open_capture
 from jotlight.formats.writing import write_capture
+from jotlight.images.exposure import display_tone
 from jotlight.images.io import DISPLAYED, image_writer
-from jotlight.images.saving import find_white
-from jotlight.images.tone import Tone
 from jotlight.sensing.bits import Bits
-
-_KEPT = 4
-"""Number of captures that a process keeps open."""
 
 
 class Job(Protocol):
@@ -64,70 +59,6 @@ class Job(Protocol):
 
     def finish(self) -> None:
         """Complete the result after all units."""
-
-
-@dataclasses.dataclass(frozen=True)
-class CaptureSource:
-    """A capture, as each process opens it."""
-
-    path: str
-    """A path or a URL."""
-    options: tuple[tuple[str, Any], ...] = ()
-    """Options of :func:`jotlight.formats.open_capture`."""
-    state: tuple[int, int] = (0, 0)
-    """Number of bytes of its files, and their last change in nanoseconds."""
-
-    @classmethod
-    def of(cls, path: str, options: dict[str, Any]) -> "CaptureSource":
-        """Return the source of a capture in its present state.
-
-        Raises
-        ------
-        OSError
-            When there is no such capture.
-        """
-        state = file_state(path, options.get("storage_options"))
-        return cls(path, tuple(options.items()), state)
-
-    def open(self) -> Bits:
-        """Return the bits. A process keeps the captures that it used last, until they change.
-
-        Raises
-        ------
-        OSError, ValueError
-            When the capture cannot be read, or holds counts.
-        """
-        return _open(self.path, _HashableOptions(self.options), self.state)
-
-    def describe(self) -> Record:
-        """Return the options that say how the capture is read, as values of JSON."""
-        hidden = ("isolate", "means", "storage_options")
-        return {
-            name: repr(value) if isinstance(value, slice) else value
-            for name, value in self.options
-            if value not in (None, 0) and name not in hidden
-        }
-
-
-class _HashableOptions(dict[str, Any]):
-    """Options that are equal if their texts are, because slices cannot be hashed."""
-
-    def __hash__(self) -> int:  # type: ignore[override]
-        return hash(repr(self))
-
-
-@functools.lru_cache(_KEPT)
-def _open(path: str, options: _HashableOptions, _state: tuple[int, int]) -> Bits:
-    """Return the bits of a capture. Each state of it is opened by itself."""
-    capture = open_capture(path, **options)
-    if not isinstance(capture, Bits):
-        kind = "counts" if capture.sensor is None else "readings of several bits"
-        film = ", or use `jotlight film` for windows of its images" if len(capture) > 1 else ""
-        raise ValueError(
-            f"{path}: expected bits in a run over captures or windows, got {kind}; run this "
-            f"capture by itself, as a whole{film}"
-        )
-    return capture
 
 
 @dataclasses.dataclass(frozen=True)
@@ -200,6 +131,10 @@ class ImageJob:
     """What the image is made of, and how."""
     nbytes: int
     depth: int = 8
+    curve: str | None = None
+    """Tone curve of a .png or .jpg. None for the linear one."""
+    white: float | None = None
+    """White of a .png or .jpg. None if the image decides it."""
 
     @property
     def is_single(self) -> bool:
@@ -228,7 +163,7 @@ class ImageJob:
         )
         counts = next(counter.windows(0, 1))
         image = dataclasses.replace(self.estimator, threads=threads)(counts[None])[0]
-        record = {
+        record: Record = {
             "run": self.run,
             "input": {
                 "packed_bytes": counter.checksum.size,
@@ -237,9 +172,11 @@ class ImageJob:
             "minimum": float(image.min()),
             "maximum": float(image.max()),
         }
-        write = image_writer(self.output, depth=self.depth, note={"jotlight": record})
         if self.output.suffix.lower() in DISPLAYED:
-            image = Tone("linear", find_white(image))(image)
+            tone = display_tone(image, self.curve, self.white, self.name)
+            record |= tone_facts(tone)
+            image = tone(image)
+        write = image_writer(self.output, depth=self.depth, note={"jotlight": record})
         with atomic_write_together([self.output], [self.record]) as (file, text):
             write(file, image)
             content = {"format": "jotlight image", **record, "sha256": file_checksum(file)}

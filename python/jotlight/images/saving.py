@@ -1,10 +1,9 @@
 """Images and films of any kind of number, as files for display or for measurements."""
 
 import itertools
-import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +13,7 @@ from jotlight.checks import positive_number, refuse_masked, to_array, type_of
 from jotlight.errors import warn
 from jotlight.files import atomic_write
 from jotlight.formats.capture import CountStack
+from jotlight.images.exposure import Exposure, expose, find_white
 from jotlight.images.io import DISPLAYED, image_writer
 from jotlight.images.tone import PERCENTILE, Tone
 from jotlight.images.video import DEFAULT_FPS, is_floats, video_writer
@@ -30,9 +30,6 @@ _ADVICE = {
     "Uncertainty": "take one of its maps, such as uncertainty.standard_error",
 }
 """What to save in place of data, by the names of their types."""
-
-_DARK = 0.1
-"""Images whose bright pixels are below this fraction of white are exposed automatically."""
 
 _SEQUENCES = (Sequence, np.ndarray, Bits, CountStack)
 """Types of films with a known number of images."""
@@ -240,29 +237,10 @@ def _checked(image: npt.ArrayLike, is_displayed: bool) -> npt.NDArray[Any]:
     return values
 
 
-class _Exposure(NamedTuple):
-    """How an image is shown. The larger one of two suits both."""
-
-    is_lit: bool
-    white: float
-    is_clipped: bool
-    """Whether pixels are brighter than white, or white is not the full scale."""
-    is_percentile: bool = False
-
-    def report(self, name: str) -> None:
-        """Warn about white unless it is the full scale."""
-        if self.is_clipped:
-            percentile = f", the {PERCENTILE}th percentile," if self.is_percentile else ""
-            warn(
-                f"{name}: {self.white:.3g}{percentile} is shown as white; white= (--white) sets "
-                "another value"
-            )
-
-
 class _Clipping:
     """Counts the pixels that are brighter than the white of a film."""
 
-    def __init__(self, exposure: _Exposure) -> None:
+    def __init__(self, exposure: Exposure) -> None:
         self._white = exposure.white
         # A warning about white announced that a few pixels of each image are brighter.
         self._announced = 1 - PERCENTILE / 100 if exposure.is_clipped else None
@@ -293,53 +271,18 @@ class _Clipping:
             )
 
 
-def _exposed(images: Iterable[npt.ArrayLike]) -> tuple[_Exposure, Iterable[npt.ArrayLike]]:
+def _exposed(images: Iterable[npt.ArrayLike]) -> tuple[Exposure, Iterable[npt.ArrayLike]]:
     """Return how to show all images of a sequence or the first one of others, and all images."""
     if isinstance(images, Bits) and len(images) > 0:
-        return _Exposure(True, 1.0, False), images
+        return Exposure(True, 1.0, False), images
     if isinstance(images, _SEQUENCES):
-        exposures = (_expose(_checked(image, True)) for image in images)
+        exposures = (expose(_checked(image, True)) for image in images)
         exposure = max(exposures, default=None)
     else:
         iterator: Iterator[npt.ArrayLike] = iter(images)
         first = next(iterator, None)
-        exposure = None if first is None else _expose(_checked(first, True))
+        exposure = None if first is None else expose(_checked(first, True))
         images = itertools.chain([] if first is None else [first], iterator)
     if exposure is None:
         raise ValueError("images: expected at least one, got none")
     return exposure, images
-
-
-def find_white(values: npt.NDArray[Any]) -> float:
-    """Return the value that :func:`save_image` shows as white if none is given.
-
-    A warning states it, if it is not the full scale.
-
-    Examples
-    --------
-    >>> find_white(np.array([[0.2, 0.9]])), find_white(np.full((2, 2), 99, np.uint8))
-    (1.0, 255.0)
-    """
-    exposure = _expose(values)
-    exposure.report("image")
-    return exposure.white
-
-
-def _expose(values: npt.NDArray[Any]) -> _Exposure:
-    if values.dtype == np.bool_:
-        return _Exposure(True, 1.0, False)
-    full = float(np.iinfo(values.dtype).max) if values.dtype in (np.uint8, np.uint16) else 1.0
-    largest, has_scale = float(values.max()), values.dtype.kind == "f" or full > 1
-    # In most images, counting the bright pixels suffices, which is faster than the percentile.
-    limit = math.ceil(_DARK * full) if full > 1 else _DARK  # whole, so that NumPy converts nothing
-    number = np.count_nonzero(values > limit)
-    if has_scale and largest <= full and number > (1 - PERCENTILE / 100) * values.size + 1:
-        return _Exposure(True, full, False)
-    bright = float(np.percentile(values, PERCENTILE))
-    if has_scale and largest <= full and bright >= _DARK * full:
-        return _Exposure(True, full, False)
-    # A few bright pixels must not make an ordinary image brighter.
-    white = max(bright, full) if has_scale and largest > full else bright
-    if white <= 0:
-        white = largest if largest > 0 else full
-    return _Exposure(largest > 0, white, True, white == bright)

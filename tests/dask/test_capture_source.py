@@ -1,7 +1,7 @@
 import numpy as np
 
 import jotlight as jl
-from jotlight.dask.jobs import CaptureSource
+from jotlight.dask.capture_source import CaptureSource
 
 
 def test_a_process_opens_a_capture_again_that_was_recorded_again(tmp_path):
