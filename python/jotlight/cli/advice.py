@@ -1,6 +1,7 @@
 """Advice where a network does not fit a capture, or where the scene moves."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
 
 from jotlight.cli.console import caution
 from jotlight.evaluation.choice import Choice
@@ -12,6 +13,8 @@ from jotlight.motion.reading_counts import counts_of_readings
 from jotlight.networks.pretrained import CONDITIONAL_SIZE
 from jotlight.sensing.alike_frames import find_cycle
 from jotlight.sensing.sensor import Sensor
+
+T = TypeVar("T")
 
 _DIM = 0.7
 """Brightness of a scene below which the shipped networks lose quality."""
@@ -47,8 +50,27 @@ def range_advice(choice: Choice, maximum: float, brightness: float) -> str | Non
     return None
 
 
-def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int | None) -> None:
-    """Print a remark if the scene moves in one of some parts of a capture.
+def representatives(items: Sequence[T]) -> list[T]:
+    """Return the first, the middle, and the last item, which stand for all.
+
+    Examples
+    --------
+    >>> representatives(range(10)), representatives("ab"), representatives([])
+    ([0, 5, 9], ['a', 'b'], [])
+    """
+    number = len(items)
+    return [items[index] for index in sorted({0, number // 2, number - 1})] if number else []
+
+
+def caution_about_motion(
+    parts: Iterable[Capture],
+    sensor: Sensor,
+    threads: int | None,
+    *,
+    advice: str = "--motion aligns its frames",
+    name: str | None = None,
+) -> bool:
+    """Print a remark if the scene moves in one of some parts of a capture, and return whether.
 
     Parameters
     ----------
@@ -58,9 +80,13 @@ def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int 
         The sensor of each part.
     threads : int, optional
         Number of threads. Default: all.
+    advice : str
+        How to align the frames.
+    name : str, optional
+        The capture, if the user has named several.
     """
     if find_cycle(sensor) is None:
-        return  # their ones change without motion
+        return False  # their ones change without motion
     for part in parts:
         converted = counts_of_readings(part, sensor)
         counts = part if converted is None else converted.counts
@@ -68,9 +94,11 @@ def caution_about_motion(parts: Iterable[Capture], sensor: Sensor, threads: int 
         score = motion_score(counts, threshold=own.threshold, threads=threads)
         if score > THRESHOLD:
             way = (
-                "--motion aligns its frames"
+                advice
                 if is_mergeable(sensor) and (converted is None or converted.is_mergeable)
                 else "an image from fewer frames is sharper"
             )
-            caution("motion", f"the scene moves, so the image is blurred; {way}")
-            return
+            scene = "the scene" if name is None else f"the scene of {name}"
+            caution("motion", f"{scene} moves, so the image is blurred; {way}")
+            return True
+    return False

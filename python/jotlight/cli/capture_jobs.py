@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from jotlight.chunks import windows
+from jotlight.cli.captured import provenance_notes
 from jotlight.cli.inputs import Inputs, Reconstruction
 from jotlight.cli.output_options import ImageOutputOptions
+from jotlight.cli.reconstruction import assumptions
 from jotlight.cli.run_options import RunOptions
 from jotlight.dask.capture_source import CaptureSource
 from jotlight.dask.estimator import Estimator, check_countable, checked
@@ -75,20 +77,23 @@ def reconstruction_job(
     run: RunOptions,
     outputs: ImageOutputOptions,
     sensors: dict[Sensor, Sensor],
-) -> Job:
-    """Return the job that reconstructs a capture: a video if there are windows, else an image."""
+) -> tuple[Job, list[str]]:
+    """Return the job that reconstructs a capture: a video if there are windows, else an image.
+
+    Also return what it assumes, one line each.
+    """
     prepared = inputs.prepare_opened(
         bits, target.output, window=run.window, step=run.step, may_be_color=True
     )
     estimator = _estimator(prepared, inputs, sensors)
     facts = _method_facts(estimator, prepared, inputs)
     if run.window is not None:
-        return _video_job(target, bits, source, run, estimator, facts)
+        return _video_job(target, bits, source, run, estimator, facts), assumptions(prepared)
     side = estimator.sensor.oversampling
     # Results of the same run have the same requested curve and white.
     shown = {"curve": outputs.curve, "white": outputs.white}
     facts |= {name: value for name, value in shown.items() if value is not None}
-    return ImageJob(
+    job = ImageJob(
         target.name,
         source,
         len(bits),
@@ -101,17 +106,23 @@ def reconstruction_job(
         outputs.curve,
         outputs.stated_white(prepared.white),
     )
+    return job, assumptions(prepared)
 
 
 def conversion_job(
     target: Target, bits: Bits, source: CaptureSource, run: RunOptions, to: str | None
-) -> Job:
-    """Return the job that converts a capture: to counts of windows, or to another format."""
+) -> tuple[Job, list[str]]:
+    """Return the job that converts a capture: to counts of windows, or to another format.
+
+    Also return what was assumed about the file, one line each.
+    """
+    notes = provenance_notes(bits.provenance)
     if run.window is not None:
-        return _video_job(target, bits, source, run, None, {"method": "counts"})
+        return _video_job(target, bits, source, run, None, {"method": "counts"}), notes
     name = choose_output_format(target.output, to)
     record = run_record(target.name, bits, source, to=name)
-    return ConversionJob(target.name, source, target.output, name, record, bits.packed.nbytes)
+    size = bits.packed.nbytes
+    return ConversionJob(target.name, source, target.output, name, record, size), notes
 
 
 def _video_job(

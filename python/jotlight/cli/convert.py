@@ -78,7 +78,7 @@ def _convert_many(
     from jotlight.dask.capture_source import CaptureSource
     from jotlight.dask.jobs import Job
 
-    def make_job(target: Target, bits: Bits, source: CaptureSource) -> Job:
+    def make_job(target: Target, bits: Bits, source: CaptureSource) -> tuple[Job, list[str]]:
         return conversion_job(target, bits, source, run, to)
 
     def check_name(output: Path) -> None:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from cyclopts import Parameter
 
 from jotlight.chunks import windows
-from jotlight.cli.advice import caution_about_motion
+from jotlight.cli.advice import caution_about_motion, representatives
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.color_choice import has_colors, without_demosaicing
 from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
@@ -133,7 +133,7 @@ def film(
     whole = _sensor_of_all(job, outputs.window)
     caution_about_jots(dataclasses.replace(job.captured, sensor=whole), threads)
     if not motion.motion:
-        parts = (job.captured.data[span] for span in _samples(spans))
+        parts = (job.captured.data[span] for span in representatives(spans))
         caution_about_motion(parts, job.captured.sensor, threads)
 
 
@@ -174,7 +174,7 @@ def _write(
             if not is_floats(outputs.output):
                 # Sums of moving frames are about as bright as merged ones, and take less time.
                 begin("choosing the tone curve", 0)
-                samples = [_estimate(job, data[span], threads) for span in _samples(spans)]
+                samples = [_estimate(job, data[span], threads) for span in representatives(spans)]
                 tone = outputs.fit_tone(np.stack(samples))
             with video_writer(
                 outputs.output, len(spans), tone=tone, fps=outputs.fps, depth=outputs.depth
@@ -335,11 +335,6 @@ def _estimate(job: Reconstruction, part: Capture, threads: int | None) -> Image:
         **job.settings,
     )
     return image
-
-
-def _samples(spans: list[slice]) -> list[slice]:
-    """Return the first, the middle and the last window, which stand for all."""
-    return [spans[index] for index in sorted({0, len(spans) // 2, len(spans) - 1})]
 
 
 def _display(outputs: FilmOptions, tone: Tone | None) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 from jotlight.cli.capture_jobs import Target, check_video_name
 from jotlight.cli.capture_options import CaptureOptions, parse_frame_range
 from jotlight.cli.console import caution, progress, report
+from jotlight.cli.run_notes import caution_about_moving_scenes, report_notes
 from jotlight.cli.run_options import RunOptions
 from jotlight.dask.capture_source import CaptureSource
 from jotlight.dask.cluster import connected
@@ -30,8 +31,8 @@ from jotlight.sensing.bits import Bits
 _MAX_SHOWN = 20
 """Number of failed captures whose errors are repeated at the end."""
 
-MakeJob = Callable[[Target, Bits, CaptureSource], Job]
-"""A function that returns the job of a capture."""
+MakeJob = Callable[[Target, Bits, CaptureSource], tuple[Job, list[str]]]
+"""A function that returns the job of a capture, and what it assumes, one line each."""
 
 
 def process(
@@ -74,18 +75,22 @@ def process(
     chosen = [
         target for target in targets if part is None or part.has_capture(target.number, len(paths))
     ]
-    jobs, refused = _make_jobs(chosen, capture, run, make_job)
+    made, refused = _make_jobs(chosen, capture, run, make_job)
+    jobs = [job for _, job, _ in made]
     with _executor(run, threads, part) as executor, progress(1) as begin:
+        report_notes([notes for *_, notes in made])
         outcome = run_jobs(
-            [job for _, job in jobs],
+            jobs,
             executor,
             part=part,
-            numbers=[target.number for target, _ in jobs],
+            numbers=[target.number for target, *_ in made],
             captures=len(paths),
             progress=begin(counted(len(chosen), "capture") if len(names) > 1 else names[0]),
             # A single error is reported at the end.
             warn=lambda text: caution("failed", text) if len(chosen) > 1 else None,
         )
+    new = {*outcome.made, *outcome.partial}
+    caution_about_moving_scenes([job for job in jobs if job.name in new], threads)
     outcome.failed = {**refused, **outcome.failed}
     _report(outcome, {target.name: target for target in chosen}, part)
 
@@ -102,8 +107,10 @@ def _executor(run: RunOptions, threads: int | None, part: Part | None) -> Iterat
 
 def _make_jobs(
     targets: list[Target], capture: CaptureOptions, run: RunOptions, make_job: MakeJob
-) -> tuple[list[tuple[Target, Job]], dict[str, str]]:
+) -> tuple[list[tuple[Target, Job, list[str]]], dict[str, str]]:
     """Return the jobs of all captures that can be processed, and the errors of the others.
+
+    With each job, return what it assumes, one line each.
 
     Raises
     ------
@@ -112,7 +119,7 @@ def _make_jobs(
         is the error, after warnings of the damaged ones.
     """
     options = _opening(capture, run)
-    jobs: list[tuple[Target, Job]] = []
+    jobs: list[tuple[Target, Job, list[str]]] = []
     damaged: dict[str, Exception] = {}
     unfit: dict[str, Exception] = {}
     with progress(max(1, len(targets))) as begin:
@@ -127,7 +134,7 @@ def _make_jobs(
                 damaged[target.name] = error
                 continue
             try:
-                jobs.append((target, make_job(target, bits, source)))
+                jobs.append((target, *make_job(target, bits, source)))
             except AnotherRunError:
                 raise
             except (OSError, ValueError) as error:

@@ -109,7 +109,7 @@ def _reconstruct_many(
     method.request()  # an error for an unknown method, before captures are opened
     sensors: dict[Sensor, Sensor] = {}
 
-    def make_job(target: Target, bits: Bits, source: CaptureSource) -> Job:
+    def make_job(target: Target, bits: Bits, source: CaptureSource) -> tuple[Job, list[str]]:
         inputs = Inputs(Path(target.path), method, capture, sensor, motion)
         return reconstruction_job(target, bits, source, inputs, run, outputs, sensors)
 

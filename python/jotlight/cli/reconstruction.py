@@ -202,16 +202,18 @@ def _describe_convergence(histories: ConvergenceHistories) -> str:
     return text
 
 
+def assumptions(job: Reconstruction) -> list[str]:
+    """Return what was assumed about the file, the sensor, and the method, one line each."""
+    captured, calibration = job.captured, job.calibration
+    *about_file, about_sensor = captured.notes()
+    applied = [] if calibration is None else calibration.notes(captured.sensor, captured.provenance)
+    return [*about_file, *applied, about_sensor, *job.choice.notes]
+
+
 def report_assumptions(job: Reconstruction, brightness: Brightness) -> None:
     """Print what was assumed, and what could be better."""
-    captured, label = job.captured, f"by {job.choice.method}"
-    *about_file, about_sensor = captured.notes()
-    applied = (
-        []
-        if job.calibration is None
-        else job.calibration.notes(captured.sensor, captured.provenance)
-    )
-    report(*about_file, *applied, about_sensor, *job.choice.notes)
+    label = f"by {job.choice.method}"
+    report(*assumptions(job))
     remark = range_advice(job.choice, brightness.maximum, brightness.quantile)
     if remark is not None:
         caution(label, remark)
