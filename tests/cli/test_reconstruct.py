@@ -56,6 +56,21 @@ def test_the_frames_of_images_of_counts_are_those_of_all_together(run, tmp_path,
     assert run("reconstruct", "counts.npy", "-o", "out.npy", "--frames", 192)[0] == 0
 
 
+def test_the_frames_are_those_of_the_selected_images_of_counts(run, tmp_path):
+    bits = jl.Sensor(frames=64).expose(np.full((8, 9), 0.5), rng=0)
+    sums = bits.to_array().reshape(16, 4, 8, 9).sum(axis=1).astype(np.uint16)
+    np.save(tmp_path / "sums.npy", sums)
+    base = ("reconstruct", "sums.npy", "-o", "a.npy", "-m", "mle", "--frame-range", "0:8")
+    code, output = run(*base, "--frames", 32)
+    assert code == 0
+    assert "assumed, with 4 frames in each of the 8 images of counts: Sensor(frames=32" in output
+    np.testing.assert_array_equal(np.load(tmp_path / "a.npy"), jl.mle(bits[:32]))
+    assert "with 8 frames in each of the 8 images" in run(*base, "--frames", 64)[1]
+    code, output = run(*base, "--frames", 30)
+    assert code == 1
+    assert "expected a multiple of the 8 images of counts" in output
+
+
 def test_the_assumed_sensor_of_a_cube_without_a_description_is_printed(run, tmp_path):
     np.save(tmp_path / "cube.npy", np.full((4, 6, 2), 0b01010101, np.uint8))
     status, output = run("reconstruct", "cube.npy", "-o", "out.npy", "-m", "mle")

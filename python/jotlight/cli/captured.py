@@ -9,6 +9,7 @@ from jotlight.calibration import Calibration
 from jotlight.checks import Counts
 from jotlight.chunks import windows
 from jotlight.cli.console import progress
+from jotlight.errors import counted
 from jotlight.files import check_outputs
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.description import companion_files
@@ -57,11 +58,19 @@ class Captured:
         elif isinstance(self.data, Bits):
             origin = "the bits do not state their sensor; assumed"
         else:
-            origin = "assumed"
+            origin = "assumed" + _frames_of_each(self.data, self.sensor)
         hot = []
         if self.hot_jots is not None:
             hot = [f"hot jots in the scene, which are treated as dead: {self.hot_jots}"]
         return [*provenance_notes(self.provenance), *hot, f"{origin}: {self.sensor!r}"]
+
+
+def _frames_of_each(stack: CountStack, sensor: Sensor) -> str:
+    """Return the frames that each of several images of counts is taken to have, in words."""
+    if len(stack) == 1 or stack.trials is None:
+        return ""
+    each = counted(stack.trials // sensor.oversampling**2, "frame")
+    return f", with {each} in each of the {len(stack)} images of counts"
 
 
 def provenance_notes(provenance: Provenance | None) -> list[str]:

@@ -40,7 +40,11 @@ class SensorOptions:
     ] = None
     frames: Annotated[
         int | None,
-        Parameter(alias="-t", help=f"{_FRAMES} Default: those of the capture, or 1."),
+        Parameter(
+            alias="-t",
+            help=f"{_FRAMES} Of images of counts, those of all images that --frame-range selects, "
+            "together. Default: those of the capture, or 1.",
+        ),
     ] = None
     gain: Annotated[
         str | None,
@@ -210,10 +214,7 @@ class CalibratedSensorOptions(SensorOptions):
 class PlannedSensorOptions(CalibratedSensorOptions):
     """Parameters of a sensor whose quality is predicted."""
 
-    frames: Annotated[
-        int | None,
-        Parameter(alias="-t", help=f"{_FRAMES} Default: 4096."),
-    ] = None
+    frames: Annotated[int | None, Parameter(alias="-t", help=f"{_FRAMES} Default: 4096.")] = None
     gain: Annotated[
         str | None,
         Parameter(
