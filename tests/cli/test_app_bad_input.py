@@ -49,7 +49,7 @@ import jotlight as jl
         (["film", "b*.npy", "-o", "a.npy", "--window", "1"], "name one; `jotlight reconstruct`"),
         (["calibrate", "b*.npy", "-o", "a.safetensors"], "name one; `jotlight reconstruct`"),
         (["view", "b*.npy"], "name one; `jotlight reconstruct`"),
-        (["film", "s3://a/b.npy", "-o", "a.npy", "--window", "1"], "take a URL"),
+        (["calibrate", "s3://a/b.npy", "-o", "a.safetensors"], "take a URL"),
         (["simulate", "*.png", "-o", "a.npy"], "not taken here: name one image"),
         (["compare", "*.png"], "not taken here: name one image"),
         (["evaluate", "*.png"], "not taken here: name the folder of the images"),

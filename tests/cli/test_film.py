@@ -1,5 +1,7 @@
 """`jotlight film`: windows of frames, with and without motion."""
 
+import json
+
 import numpy as np
 import pytest
 import tifffile
@@ -12,6 +14,7 @@ from jotlight.evaluation.methods import METHODS
 from jotlight.motion.film import film
 from jotlight.motion.film_estimates import estimate_film
 from moving import record
+from servers import http_server
 
 SENSOR = jl.Sensor(frames=40, gain=10.0, max_intensity=14.0)
 SCENE = np.linspace(0.2, 12, 24 * 30).reshape(24, 30)
@@ -328,3 +331,18 @@ def test_a_film_of_color_bits_has_the_colors_of_reconstruct(run, tmp_path):
     opened = jl.open(tmp_path / "colors.npy")
     expected = [jl.reconstruct(opened[start : start + 16]) for start in (0, 16)]
     np.testing.assert_allclose(np.load(tmp_path / "out.npy"), expected, atol=1e-5)
+
+
+def test_a_film_of_a_url_equals_that_of_the_file(run, tmp_path):
+    pytest.importorskip("fsspec", reason="no URLs: pip install 'jotlight[dask]'")
+    jl.save(jl.Sensor(frames=16).expose(np.full((6, 16), 0.5), rng=0), tmp_path / "b.npy")
+    options = ("--window", 4, "-m", "mle")
+    with http_server(tmp_path) as server:
+        code, out = run("film", f"{server.url}/b.npy", "-o", "remote.npy", *options)
+        assert code == 0, out
+        code, out = run("film", f"{server.url}/none.npy", "-o", "c.npy", *options)
+        assert (code, "there is no file" in out) == (1, True)
+    assert run("film", "b.npy", "-o", "local.npy", *options)[0] == 0
+    np.testing.assert_array_equal(np.load("remote.npy"), np.load("local.npy"))
+    origin = json.loads((tmp_path / "remote.npy.json").read_text())["origin"]
+    assert origin["capture"] == "b.npy"

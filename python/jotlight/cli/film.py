@@ -14,7 +14,7 @@ from jotlight.chunks import windows
 from jotlight.cli.advice import caution_about_motion, representatives
 from jotlight.cli.capture_options import CaptureOptions
 from jotlight.cli.color_choice import has_colors, without_demosaicing
-from jotlight.cli.common_options import FILM_PANEL, CapturePath, Threads
+from jotlight.cli.common_options import FILM_PANEL, Threads, convert_file
 from jotlight.cli.console import progress, report
 from jotlight.cli.inputs import Inputs, Reconstruction
 from jotlight.cli.jot_checks import caution_about_jots
@@ -32,6 +32,7 @@ from jotlight.evaluation.records import tone_facts
 from jotlight.files import atomic_write_together
 from jotlight.formats.capture import Capture
 from jotlight.formats.checked_reading import with_checksum
+from jotlight.formats.locations import is_url
 from jotlight.images.io import check_depth
 from jotlight.images.tone import Tone
 from jotlight.images.video import DEFAULT_FPS, check_fps, is_floats, video_writer
@@ -105,7 +106,12 @@ class FilmOptions(OutputOptions):
 
 
 def film(
-    data: CapturePath,
+    data: Annotated[
+        str,
+        Parameter(
+            converter=convert_file, help="A capture of bits or counts: a file, a folder, or a URL."
+        ),
+    ],
     /,
     *,
     outputs: FilmOptions,
@@ -120,7 +126,8 @@ def film(
     With --motion, each image shows the middle of its window, or the last frame with --causal. The
     motion is carried from image to image.
     """
-    inputs = Inputs(data, method, capture, sensor, motion)
+    path = data if is_url(data) else Path(data)
+    inputs = Inputs(path, method, capture, sensor, motion)
     outputs.check()
     motion.check()
     inputs.check_outputs([outputs.output])
