@@ -54,6 +54,7 @@ def test_the_longest_chain_of_units_is_short(imports):
                 "bits_checks",
                 "channels",
                 "counting",
+                "crop",
                 "frames",
                 "lazy",
                 "preview",

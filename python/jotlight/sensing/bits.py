@@ -15,10 +15,10 @@ from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.bits_checks import check_fits, refuse_many_channels, warn_about_axes
 from jotlight.sensing.channels import channel_views
 from jotlight.sensing.counting import count_ones_of_one
+from jotlight.sensing.crop import OneFrame, Region, note_part, split_index
 from jotlight.sensing.frames import (
     Frames,
     check_unpacked_size,
-    format_frame_range,
     frame_index,
     read_in_chunks,
     refuse_no_frames,
@@ -152,12 +152,15 @@ class Bits(ArrayHints):
         return int(self.packed.shape[0])
 
     @overload
-    def __getitem__(self, frames: SupportsIndex) -> npt.NDArray[np.bool_]: ...
+    def __getitem__(self, index: SupportsIndex | OneFrame) -> npt.NDArray[np.bool_]: ...
     @overload
-    def __getitem__(self, frames: slice) -> Self: ...
+    def __getitem__(self, index: slice | tuple[slice, ...]) -> Self: ...
 
-    def __getitem__(self, frames: SupportsIndex | slice) -> npt.NDArray[np.bool_] | Self:
-        """Return one frame as an array, or a view of several, whose sensor has as many frames.
+    def __getitem__(self, index: Any) -> npt.NDArray[np.bool_] | Self:
+        """Return one frame as an array, or several, whose sensor has as many frames.
+
+        ``bits[:, 10:40, 16:48]`` has some rows and columns of jots, and so have the maps and the
+        mosaic of its sensor. Its pixels must be whole.
 
         Examples
         --------
@@ -166,25 +169,24 @@ class Bits(ArrayHints):
         array([[ True, False]])
         >>> bits[:2]
         <Bits: 2 frames of 1 x 2 jots>
+        >>> bits[:2, :, 1:]
+        <Bits: 2 frames of 1 x 1 jots>
         """
+        frames, parts = split_index(index)
         if not isinstance(frames, slice):
-            return self._frame(frames)
+            place = frame_index("bits", frames, len(self))
+            return np.asarray(self[place:][(slice(1), *parts)].to_array()[0])
         refuse_no_frames("bits", frames, len(self))
-        packed = self.packed[frames]
+        region = Region.of("bits", parts, self.shape, self.sensor)
+        packed, width = self.packed[frames], self.width
         sensor = self.sensor and self.sensor.select_frames(frames)
-        provenance = self.provenance
-        if provenance is not None and len(packed) < len(self):
-            start, stop, step = frames.indices(len(self))
-            taken = format_frame_range(slice(start, stop, None if step == 1 else step))
-            provenance = provenance.with_notes(f"frames {taken} of {len(self)}")
-        part = type(self)(packed, self.width, sensor, provenance)
+        if region is not None:
+            packed, width = region.crop_packed(packed), len(region.columns)
+            sensor = sensor and region.crop_sensor(sensor)
+        provenance = note_part(self.provenance, frames, region, self.shape)
+        part = type(self)(packed, width, sensor, provenance)
         part.tested_for_periods = self.tested_for_periods
         return part
-
-    def _frame(self, index: SupportsIndex) -> npt.NDArray[np.bool_]:
-        """Return one frame, (H, W) or (H, W, C)."""
-        place = frame_index("bits", index, len(self))
-        return np.asarray(self[place:][:1].to_array()[0])
 
     def __iter__(self) -> Iterator[npt.NDArray[np.bool_]]:
         """Yield each frame as an array, (H, W) or (H, W, C)."""

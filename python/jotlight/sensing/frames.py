@@ -172,7 +172,7 @@ class Frames:
         number = len(range(start, stop, step))
         read = self.read
         if step == 1:
-            derived = self._derive(
+            derived = self.derive(
                 key, (number, *self.shape[1:]), lambda a, b: read(start + a, start + b)
             )
             if self.mapped is not None:
@@ -183,19 +183,19 @@ class Frames:
             indices = range(start + a * step, start + b * step, step)
             return np.concatenate([read(index, index + 1) for index in indices])
 
-        return self._derive(key, (number, *self.shape[1:]), read_each)
+        return self.derive(key, (number, *self.shape[1:]), read_each)
 
     def _select_part(self, key: tuple[Any, ...]) -> "Frames":
         """Return the part of each frame that `key` selects, such as a channel."""
         shape = np.broadcast_to(np.uint8(0), self.shape)[key].shape
         if len(key) >= self.ndim + 1 or shape[0] != len(self):
             raise TypeError(f"expected a part of each frame, got {key!r}")
-        return self._derive(key, shape, lambda a, b: self.read(a, b)[key])
+        return self.derive(key, shape, lambda a, b: self.read(a, b)[key])
 
-    def _derive(
+    def derive(
         self, key: Any, shape: tuple[int, ...], read: Callable[[int, int], npt.NDArray[Any]]
     ) -> "Frames":
-        """Return the frames that an index selects."""
+        """Return the frames that an index selects, or that a function makes of all of them."""
         derived = Frames(shape, read, self.dtype, self.verify)
         derived.origin, derived.selections = self.origin, (*self.selections, key)
         return derived
@@ -216,7 +216,7 @@ def _open_again(
     """
     frames = origin()
     for key in selections:
-        frames = frames[key]
+        frames = key(frames) if callable(key) else frames[key]
     if frames.shape != shape or frames.dtype != dtype:
         raise ValueError(
             f"expected frames of shape {shape} in {dtype}, got {frames.shape} in {frames.dtype}; a "

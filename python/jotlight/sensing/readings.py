@@ -13,6 +13,7 @@ from jotlight.sensing import preview
 from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.bits_checks import check_fits, refuse_many_channels
 from jotlight.sensing.channels import channel_views
+from jotlight.sensing.crop import OneFrame, Region, crop_frames, note_part, split_index
 from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.sensor_like import SensorLike
@@ -94,19 +95,26 @@ class Readings(ArrayHints):
         return int(self.shape[0])
 
     @overload
-    def __getitem__(self, frames: SupportsIndex) -> npt.NDArray[np.uint16]: ...
+    def __getitem__(self, index: SupportsIndex | OneFrame) -> npt.NDArray[np.uint16]: ...
     @overload
-    def __getitem__(self, frames: slice) -> Self: ...
+    def __getitem__(self, index: slice | tuple[slice, ...]) -> Self: ...
 
-    def __getitem__(self, frames: SupportsIndex | slice) -> npt.NDArray[np.uint16] | Self:
-        """Return one frame as an array, or a view of several, whose sensor has as many frames."""
-        if isinstance(frames, slice):
-            refuse_no_frames("readings", frames, len(self))
-            return type(self)(
-                self.frames[frames], self.sensor.select_frames(frames), self.provenance
-            )
-        index = frame_index("readings", frames, len(self))
-        return np.asarray(self.read(index, index + 1)[0])
+    def __getitem__(self, index: Any) -> npt.NDArray[np.uint16] | Self:
+        """Return one frame as an array, or a view of several, whose sensor has as many frames.
+
+        ``readings[:, 10:40, 16:48]`` has some rows and columns of jots, as that of
+        :class:`jotlight.Bits`.
+        """
+        frames, parts = split_index(index)
+        if not isinstance(frames, slice):
+            place = frame_index("readings", frames, len(self))
+            return np.asarray(self[(slice(place, place + 1), *parts)].to_array()[0])
+        refuse_no_frames("readings", frames, len(self))
+        region = Region.of("readings", parts, self.shape, self.sensor)
+        taken, sensor = self.frames[frames], self.sensor.select_frames(frames)
+        if region is not None:
+            taken, sensor = crop_frames(taken, region), region.crop_sensor(sensor)
+        return type(self)(taken, sensor, note_part(self.provenance, frames, region, self.shape))
 
     def windows(self, n: int, step: int | None = None) -> Iterator[Self]:
         """Return an iterator over windows of `n` frames, which begin every `step` frames.
