@@ -142,7 +142,7 @@ def test_a_file_is_read_only_when_its_region_is_needed(tmp_path, bit_depth):
     assert read == [(0, 2)]
     assert part.provenance.notes[-2:] == (
         "frames 4:12 of 20",
-        "rows 3:9 and columns 5:20 of 16 x 24 jots",
+        "rows 3:9 and columns 5:20 of 16 x 24",
     )
     jl.save(part, tmp_path / "b.npy")
     np.testing.assert_array_equal(np.asarray(jl.open(tmp_path / "b.npy")), expected)

@@ -13,6 +13,7 @@ from jotlight.formats import FORMATS, open_capture
 from jotlight.formats.capture import Capture, CountStack
 from jotlight.formats.orientation import FLIPS
 from jotlight.formats.scaled import unscale
+from jotlight.sensing.crop import parse_region
 from jotlight.sensing.frames import read_frames
 from jotlight.sensing.scaled_counts import SCALES, scaled_counts_hint
 
@@ -65,6 +66,14 @@ class CaptureOptions:
     flip: Annotated[
         str | None,
         Parameter(help=f"Mirror after the rotation: {' or '.join(FLIPS)}. Default: none."),
+    ] = None
+    region: Annotated[
+        str | None,
+        Parameter(
+            help="Some of the rows and columns, counted from 0 after the rotation, in jots. "
+            "10:40,16:48 is rows 10 to 39 and columns 16 to 47. Maps, calibrations, and mosaics of "
+            "other options are those of the region. Default: all."
+        ),
     ] = None
 
     isolate: Annotated[
@@ -129,7 +138,8 @@ class CaptureOptions:
 
     def _open(self, path: Path | str, *, readings: bool = False) -> Capture:
         scaled = self.counts_scale is not None
-        return open_capture(
+        region = None if self.region is None else parse_region(self.region)
+        opened = open_capture(
             path,
             format=self.format,
             width=self.width,
@@ -143,6 +153,7 @@ class CaptureOptions:
             means=scaled,
             readings=readings,
         )
+        return opened if region is None else opened[:, *region]
 
     def to_argv(self, key_option: str = "--key") -> list[str]:
         """Return the options as words of a command line, which may rename `--key`."""
@@ -152,6 +163,7 @@ class CaptureOptions:
             "--frame-range": self.frame_range,
             "--rotate": self.rotate or None,
             "--flip": self.flip,
+            "--region": self.region,
             key_option: self.key,
             "--counts-scale": self.counts_scale,
             "--trials": self.trials,

@@ -162,6 +162,7 @@ def _opening(capture: CaptureOptions, run: RunOptions) -> dict[str, Any]:
         "frames": parse_frame_range(capture.frame_range),
         "rotate": capture.rotate,
         "flip": capture.flip,
+        "region": capture.region,
         "key": capture.key,
         "counts": capture.counts,
         "unpacked": capture.unpacked,

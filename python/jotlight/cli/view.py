@@ -103,6 +103,10 @@ def view(
     until Ctrl-C. Only this machine can reach it.
     """
     require_server()
+    if capture.region is not None:
+        raise ValueError(
+            "region: is not for the viewer; `jotlight convert --region` writes a part of a capture"
+        )
     from jotlight.view.serving import Server
 
     viewed: Viewable

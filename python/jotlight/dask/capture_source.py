@@ -8,6 +8,7 @@ from jotlight.dask.records import Record
 from jotlight.formats.locations import file_state
 from jotlight.formats.reading import open_capture
 from jotlight.sensing.bits import Bits
+from jotlight.sensing.crop import parse_region
 
 _KEPT = 4
 """Number of captures that a process keeps open."""
@@ -20,7 +21,7 @@ class CaptureSource:
     path: str
     """A path or a URL."""
     options: tuple[tuple[str, Any], ...] = ()
-    """Options of :func:`jotlight.formats.open_capture`."""
+    """Options of :func:`jotlight.formats.open_capture`, and "region", the text of a region."""
     state: tuple[int, int] = (0, 0)
     """Number of bytes of its files, and their last change in nanoseconds."""
 
@@ -66,7 +67,8 @@ class _HashableOptions(dict[str, Any]):
 @functools.lru_cache(_KEPT)
 def _open(path: str, options: _HashableOptions, _state: tuple[int, int]) -> Bits:
     """Return the bits of a capture. Each state of it is opened by itself."""
-    capture = open_capture(path, **options)
+    region = options.get("region")
+    capture = open_capture(path, **{k: v for k, v in options.items() if k != "region"})
     if not isinstance(capture, Bits):
         kind = "counts" if capture.sensor is None else "readings of several bits"
         film = ", or use `jotlight film` for windows of its images" if len(capture) > 1 else ""
@@ -74,4 +76,4 @@ def _open(path: str, options: _HashableOptions, _state: tuple[int, int]) -> Bits
             f"{path}: expected bits in a run over captures or windows, got {kind}; run this "
             f"capture by itself, as a whole{film}"
         )
-    return capture
+    return capture if region is None else capture[:, *parse_region(region)]

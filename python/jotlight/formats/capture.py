@@ -14,6 +14,7 @@ from jotlight.layout import is_single_image
 from jotlight.notebook import card, normalize
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import warn_about_axes
+from jotlight.sensing.crop import OneFrame, Region, crop_frames, split_index
 from jotlight.sensing.frames import Frames, frame_index, read_in_chunks, refuse_no_frames
 from jotlight.sensing.provenance import Provenance
 from jotlight.sensing.readings import Readings
@@ -130,21 +131,28 @@ class CountStack:
         return len(self.images)
 
     @overload
-    def __getitem__(self, images: slice) -> Self: ...
+    def __getitem__(self, index: slice | tuple[slice, ...]) -> Self: ...
     @overload
-    def __getitem__(self, images: SupportsIndex) -> npt.NDArray[Any]: ...
-    def __getitem__(self, images: SupportsIndex | slice) -> Self | npt.NDArray[Any]:
+    def __getitem__(self, index: SupportsIndex | OneFrame) -> npt.NDArray[Any]: ...
+    def __getitem__(self, index: Any) -> Self | npt.NDArray[Any]:
         """Return an image, (H, W) or (H, W, C), or a stack of a slice of the images.
 
-        A slice reads nothing.
+        ``counts[:, 10:40, 16:48]`` has some rows and columns. A slice reads nothing.
         """
-        if isinstance(images, slice):
-            refuse_no_frames("counts", images, len(self))
-            sensor = self.sensor and self.sensor.select_frames(images)
-            return dataclasses.replace(self, images=self.images[images], sensor=sensor)
-        index = frame_index("counts", images, len(self))
-        image: npt.NDArray[Any] = np.asarray(self.images[index : index + 1])[0]
-        return image
+        frames, parts = split_index(index)
+        if not isinstance(frames, slice):
+            place = frame_index("counts", frames, len(self))
+            part: Any = self[(slice(place, place + 1), *parts)].images
+            image: npt.NDArray[Any] = np.asarray(part)[0]
+            return image
+        refuse_no_frames("counts", frames, len(self))
+        region = Region.of("counts", parts, self.images.shape, self.sensor)
+        images, sensor = self.images[frames], self.sensor and self.sensor.select_frames(frames)
+        if region is None:
+            return dataclasses.replace(self, images=images, sensor=sensor)
+        images, sensor = crop_frames(images, region), sensor and region.crop_sensor(sensor)
+        provenance = self.provenance.with_notes(region.describe(self.images.shape))
+        return dataclasses.replace(self, images=images, sensor=sensor, provenance=provenance)
 
     def __iter__(self) -> Iterator[npt.NDArray[Any]]:
         """Yield each image."""

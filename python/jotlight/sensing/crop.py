@@ -1,6 +1,7 @@
 """A part of each frame: some rows and columns of jots, and the sensor that has them."""
 
 import dataclasses
+import re
 from typing import Any, Self, SupportsIndex, TypeVar
 
 import numpy as np
@@ -76,6 +77,11 @@ class Region:
         """The rows and the columns as slices."""
         return slice(self.rows.start, self.rows.stop), slice(self.columns.start, self.columns.stop)
 
+    def describe(self, shape: tuple[int, ...]) -> str:
+        """Return the region of data of some shape, (T, H, W) or (T, H, W, C), in words."""
+        rows, columns = map(format_frame_range, self.slices)
+        return f"rows {rows} and columns {columns} of {shape[1]} x {shape[2]}"
+
     def crop_packed(self, packed: Packed | Frames) -> Packed | Frames:
         """Return the region of packed bits, (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C).
 
@@ -139,6 +145,29 @@ def _jots(name: str, title: str, part: slice, length: int, side: int) -> range:
     return found
 
 
+def parse_region(text: str) -> tuple[slice, slice]:
+    """Return the rows and the columns of R0:R1,C0:C1.
+
+    Raises
+    ------
+    ValueError
+        For another text.
+
+    Examples
+    --------
+    >>> parse_region("10:40,16:48"), parse_region(":40,:")
+    ((slice(10, 40, None), slice(16, 48, None)), (slice(None, 40, None), slice(None, None, None)))
+    """
+    match = re.fullmatch(r"(\d{0,9}):(\d{0,9}),(\d{0,9}):(\d{0,9})", text.strip(), re.ASCII)
+    if match is None:
+        raise ValueError(
+            "region: expected rows and columns R0:R1,C0:C1 in whole numbers, such as 10:40,16:48, "
+            f"got {text!r}"
+        )
+    ends = [int(number) if number else None for number in match.groups()]
+    return slice(*ends[:2]), slice(*ends[2:])
+
+
 def note_part(
     provenance: Provenance | None, frames: slice, region: Region | None, shape: tuple[int, ...]
 ) -> Provenance | None:
@@ -148,7 +177,7 @@ def note_part(
     --------
     >>> region = Region(range(8), range(2, 9))
     >>> print(note_part(Provenance("npy", "a.npy"), slice(4), region, (9, 8, 16)))
-    a.npy (npy; frames 0:4 of 9; rows 0:8 and columns 2:9 of 8 x 16 jots)
+    a.npy (npy; frames 0:4 of 9; rows 0:8 and columns 2:9 of 8 x 16)
     """
     if provenance is None:
         return None
@@ -156,12 +185,7 @@ def note_part(
     if len(range(start, stop, step)) < shape[0]:
         taken = format_frame_range(slice(start, stop, None if step == 1 else step))
         provenance = provenance.with_notes(f"frames {taken} of {shape[0]}")
-    if region is not None:
-        rows, columns = map(format_frame_range, region.slices)
-        provenance = provenance.with_notes(
-            f"rows {rows} and columns {columns} of {shape[1]} x {shape[2]} jots"
-        )
-    return provenance
+    return provenance if region is None else provenance.with_notes(region.describe(shape))
 
 
 def split_index(index: Any) -> tuple[Any, tuple[Any, ...]]:
