@@ -6,6 +6,7 @@ import pytest
 import jotlight as jl
 from jotlight.networks.color_network import ColorNetwork
 from jotlight.networks.pretrained import MOSAIC_FILE
+from jotlight.sensing.mosaic import Mosaic
 
 SENSOR = jl.Sensor(oversampling=2, frames=4)
 IMAGE = jl.datasets.photograph()[100:140, 180:220]
@@ -153,6 +154,28 @@ def test_a_mosaic_of_the_size_of_the_image_is_compared():
     pattern = np.random.default_rng(0).choice(list("RGBW"), size=(24, 20))
     found = jl.compare(["mle"], image, jl.Sensor(frames=64, mosaic=pattern), channel_axis=-1)
     assert found.results[0].psnr > 10
+
+
+@pytest.mark.parametrize("method", ["mle", None])
+def test_the_white_balance_changes_no_score(method):
+    image = jl.datasets.photograph("astronaut")[100:132, 180:212]
+    factors = np.float32([1.25, 1.0, 1.5])
+    sensor = jl.Sensor(frames=8, mosaic=Mosaic("RGGB", white_balance=factors))
+    balanced = jl.reconstruct(sensor.expose(image, rng=0), method=method)
+    expected = jl.metrics.psnr(balanced / factors, image)
+    (result,) = jl.compare({"own": method}, image, sensor).results
+    assert result.psnr == pytest.approx(expected, abs=1e-4)
+    np.testing.assert_allclose(result.estimate, balanced / factors, atol=1e-6)
+    assert jl.metrics.psnr(balanced, image) < expected - 0.5
+
+
+def test_colors_of_a_mosaic_are_on_the_last_axis():
+    image = np.full((24, 20, 3), [0.6, 0.4, 0.2])
+    sensor = jl.Sensor(frames=8, mosaic="RGGB")
+    found, again = (jl.compare("mle", image, sensor, channel_axis=axis) for axis in (None, -1))
+    np.testing.assert_array_equal(found.results[0].estimate, again.results[0].estimate)
+    with pytest.raises(ValueError, match="image: expected red, green, and blue"):
+        jl.compare("mle", image[..., 0], sensor)
 
 
 def test_one_channel_is_gray():

@@ -6,6 +6,7 @@ import pytest
 
 import jotlight as jl
 from jotlight.evaluation.evaluate import METRICS, Evaluation, Score
+from jotlight.sensing.mosaic import Mosaic
 
 SENSOR = jl.Sensor(oversampling=2, frames=2)
 IMAGES = [np.random.default_rng(i).random((12 + i, 14), np.float32) for i in range(4)]
@@ -71,6 +72,17 @@ def test_images_of_a_mosaic_have_their_colors_on_the_last_axis():
     assert result.scores[0].ssim == expected
     with pytest.raises(ValueError, match="image: expected red, green, and blue"):
         jl.evaluate("mle", list(images[..., 0]), sensor)
+
+
+def test_the_white_balance_changes_no_score():
+    image = np.random.default_rng(9).random((12, 13, 3), np.float32)
+    factors = np.float32([1.25, 1.0, 1.5])
+    sensor = SENSOR.replace(mosaic=Mosaic("RGGB", white_balance=factors))
+    balanced = jl.reconstruct(sensor.expose(image, rng=0), method="mle")
+    [score] = jl.evaluate("mle", [image], sensor).scores
+    assert score.psnr == pytest.approx(jl.metrics.psnr(balanced / factors, image), abs=1e-4)
+    assert score.ssim == pytest.approx(jl.metrics.ssim(balanced / factors, image, channel_axis=-1))
+    assert jl.metrics.psnr(balanced, image) < score.psnr - 0.5
 
 
 def test_the_method_receives_sensor_and_threads():

@@ -200,8 +200,7 @@ def _behind_filters(joint: JointLikelihood, near: Array, mosaic: Mosaic, pattern
     bright = brightest_mean(values, pattern) * sensitivity
     known = joint.information(np.maximum(bright, min_intensity(joint.sensor)))
     weights = np.where(joint.trials > 0, known * sensitivity**2, 0.0)
-    plain = dataclasses.replace(mosaic, white_balance=np.ones(COLORS))
-    colors = demosaic(values, plain, "differences", weights)
+    colors = demosaic(values, mosaic.without_white_balance(), "differences", weights)
     return np.asarray(mosaic.light(np.maximum(colors, 0)))
 
 

@@ -73,7 +73,7 @@ class MosaicPixels:
     @classmethod
     def of(cls, counted: PixelCounts, mosaic: Mosaic, threads: int | None = None) -> Self:
         """Return the pixels of an image; estimates of their colors have no white balance."""
-        return cls(counted, dataclasses.replace(mosaic, white_balance=np.ones(3)), threads)
+        return cls(counted, mosaic.without_white_balance(), threads)
 
     @property
     def sensor(self) -> Sensor:

@@ -103,11 +103,14 @@ def compare(
         recommended method. Without a mapping, None: all methods that are installed and serve the
         sensor. ``network.with_precision("bf16")`` is a network in another precision.
     image : array_like of float, shape (H, W)
-        Intensities. With `channel_axis` also of a color image, which a sensor with a mosaic needs.
+        Intensities. A sensor with a mosaic needs red, green, and blue, (H, W, 3). With
+        `channel_axis`, other sensors take color images, too.
     sensor : Sensor
-        Sensor that exposes the image.
+        Sensor that exposes the image. The white balance of its mosaic is ignored, because the true
+        image has none.
     channel_axis : int, optional
-        Axis of the image that holds 1 or 3 channels. Default: none.
+        Axis of the image that holds 1 or 3 channels. Default: the last one if the sensor has a
+        mosaic, and else none.
     rng : int, numpy.random.Generator, or None
         Seed of the bits.
     threads : int, optional
@@ -135,7 +138,10 @@ def compare(
     ['mine', 'mle']
     """
     require_sensor(sensor, may_differ=True, takes_mosaics=True)
+    sensor = sensor.without_white_balance()
     pixels = as_image(image)
+    if sensor.mosaic is not None and channel_axis is None and pixels.ndim == 3:
+        channel_axis = -1  # where the mosaic finds the colors
     layout = Layout.of("image", pixels, channel_axis)
     if layout.is_stack or layout.number not in (1, 3):
         raise ValueError(f"image: expected a gray or RGB image, got {_describe(layout)}")

@@ -153,7 +153,8 @@ def evaluate(
     images : sequence of arrays (H, W), or one array (N, H, W)
         Intensities. With `channel_axis`, each image has one more axis.
     sensor : Sensor
-        Sensor that exposes the images.
+        Sensor that exposes the images. The white balance of its mosaic is ignored, because the
+        true images have none.
     channel_axis : int, optional
         Axis of each image that holds color channels. Default: the last one if the sensor has a
         mosaic, and else none.
@@ -191,6 +192,7 @@ def evaluate(
     if not isinstance(rng, int | np.integer):
         raise TypeError(f"rng: expected an int, the seed of the first image, got {rng!r}")
     require_any_sensor(sensor)
+    sensor = sensor.without_white_balance()  # the true images have none
     if sensor.mosaic is not None and channel_axis is None:
         channel_axis = -1  # where the mosaic finds the colors
     images = _list_images(images, channel_axis)

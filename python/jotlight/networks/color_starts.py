@@ -1,6 +1,5 @@
 """The classical colors that a color network improves."""
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -48,8 +47,8 @@ def start_of_mosaic(
         return gray.reconstruct(planes, own, threads=threads), None
 
     values, weights, _ = estimate_values(counted, mosaic, estimate)
-    plain = dataclasses.replace(mosaic, white_balance=np.ones(3))
-    return np.moveaxis(demosaic(values, plain, "differences", weights), -1, 0)
+    colors = demosaic(values, mosaic.without_white_balance(), "differences", weights)
+    return np.moveaxis(colors, -1, 0)
 
 
 def start_of_channels(

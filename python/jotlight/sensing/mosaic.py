@@ -189,6 +189,16 @@ class Mosaic:
         pixels = self.full(height // oversampling, width // oversampling)
         return pixels.repeat(oversampling, axis=0).repeat(oversampling, axis=1)
 
+    def without_white_balance(self) -> Self:
+        """Return the mosaic with the white balance 1, so that estimates are intensities.
+
+        Examples
+        --------
+        >>> Mosaic("RGGB", white_balance=[1.2, 1, 1.5]).without_white_balance()
+        Mosaic('RGGB')
+        """
+        return dataclasses.replace(self, white_balance=np.ones(3))
+
     def crop(self, rows: range, columns: range) -> Self:
         """Return the mosaic of a part of the image.
 

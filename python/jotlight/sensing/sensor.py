@@ -216,6 +216,19 @@ class Sensor(Exposure):
             object.__setattr__(new, "gain", number_in_range("gain", gain, *LIMITS))
         return new
 
+    def without_white_balance(self) -> Self:
+        """Return the sensor whose estimates are intensities, in the units of the scene.
+
+        Examples
+        --------
+        >>> from jotlight.sensing.mosaic import Mosaic
+        >>> Sensor(mosaic=Mosaic("RGGB", white_balance=[1.2, 1, 1.5])).without_white_balance()
+        Sensor(mosaic=Mosaic('RGGB'))
+        """
+        if self.mosaic is None:
+            return self
+        return self.replace(mosaic=self.mosaic.without_white_balance(), gain=self.gain)
+
     def engine_arguments(self) -> dict[str, Any]:
         """Return the sensor as the engine's simulation expects it."""
         reading_groups.refuse_different_readings(self)
