@@ -50,7 +50,7 @@ def test_frames_that_look_packed_are_accepted(tmp_path):
     for cube in (dark, dark * 0, dark * 0 + 255, np.packbits(random_frames((5, 6, 40)), axis=2)):
         np.save(tmp_path / "a.npy", cube)
         np.testing.assert_array_equal(jl.open(tmp_path / "a.npy").packed, cube)
-    jl.save(jl.Bits(np.tile(np.uint8([0, 1]), (2, 9, 9))), tmp_path / "a.npy")
+    jl.save(jl.Bits(np.tile(np.uint8([0, 1]), (2, 9, 9)), 144), tmp_path / "a.npy")
     assert jl.open(tmp_path / "a.npy").shape == (2, 9, 144)
 
 

@@ -8,23 +8,8 @@ import numpy.typing as npt
 from jotlight.formats.capture import CountStack
 from jotlight.sensing.bits import Bits
 from jotlight.sensing.bits_checks import refuse_many_channels
+from jotlight.sensing.byte_levels import WHITE, largest_number
 from jotlight.sensing.frames import Frames, read_in_chunks
-
-_INSPECTED_BYTES = 1 << 20
-"""Number of bytes that :func:`check_packed` reads at each of three positions."""
-
-_MIN_NONZERO = 8
-"""Minimum number of bytes above 0 at which frames can be recognized as unpacked."""
-
-_HIGHEST_BIT = 128
-"""Value of the highest bit of a byte: the first of eight jots."""
-
-_MIN_COUNTS = 256
-"""Minimum number of bytes above 0 at which counts can be recognized.
-
-If eight jots see the same light, the highest bit of such a byte is set with a probability of 1/8 or
-more, so that all of them miss it with a probability below 1e-14.
-"""
 
 
 def pack_lazily(frames: npt.NDArray[Any] | Frames, name: str) -> Frames:
@@ -74,33 +59,17 @@ def pack_stack(stack: CountStack) -> Bits:
 
 
 def check_packed(frames: npt.NDArray[np.uint8] | Frames, name: str) -> None:
-    """Raise ValueError when frames look as if each byte were one bit, or a count.
-
-    Unpacked frames hold only 0 and 1, or only 0 and 255, although many bytes are above 0. Counts
-    below 128 never set the highest bit. The function reads the first frames. If few bytes are above
-    0 there, it also reads frames from the middle and from the end.
-    """
-    if frames.size == 0:
-        # A file without frames can claim frames of any size, so no memory is allocated for one.
-        return
-    frame_bytes = max(1, frames.nbytes // max(1, len(frames)))
-    number = max(1, _INSPECTED_BYTES // frame_bytes)
-    nonzero, levels = np.zeros(frames.shape[1:], np.bool_), {0}
-    for start in (0, max(0, len(frames) - number) // 2, max(0, len(frames) - number)):
-        part = np.asarray(frames[start : start + number, ...])
-        nonzero |= part.any(axis=0)
-        levels |= set(np.unique(part).tolist())
-        if max(levels) < _HIGHEST_BIT and np.count_nonzero(part) >= _MIN_COUNTS and max(levels) > 1:
-            raise ValueError(
-                f"{name}: the inspected bytes are at most {max(levels)}, as in images of counts; "
-                "pass counts=True (--counts) for counts, or unpacked=False (--packed) for frames "
-                "of packed bits"
-            )
-        if part.all() or levels not in ({0}, {0, 1}, {0, 255}):
-            return
-        if nonzero.sum() >= _MIN_NONZERO:
-            raise ValueError(
-                f"{name}: the inspected frames hold nothing but 0 and {max(levels)}, as unpacked "
-                "frames do; pass unpacked=True (--unpacked) for one bit in each byte, or "
-                "unpacked=False (--packed) for eight"
-            )
+    """Raise ValueError when frames look as if each byte were one bit, or a count."""
+    highest = largest_number(frames)
+    if highest in WHITE:
+        raise ValueError(
+            f"{name}: the inspected frames hold nothing but 0 and {highest}, as unpacked "
+            "frames do; pass unpacked=True (--unpacked) for one bit in each byte, or "
+            "unpacked=False (--packed) for eight"
+        )
+    if highest is not None:
+        raise ValueError(
+            f"{name}: the inspected bytes are at most {highest}, as in images of counts; "
+            "pass counts=True (--counts) for counts, or unpacked=False (--packed) for frames "
+            "of packed bits"
+        )

@@ -16,8 +16,9 @@ In reading order:
 * ``channels`` and ``pixel_counts``: the channels of color data, and the counts of their pixels.
   ``data_lists`` and ``stacks`` serve several images, ``output_images`` and ``gray_outputs`` the
   array `out` of methods. ``subsampling`` draws some of the bits of each pixel;
-* checks and messages: ``bits_checks``, ``alike_frames``, ``scaled_counts`` (which recognizes
-  means), ``array_hints``, and ``description`` (sensors as texts);
+* checks and messages: ``bits_checks``, ``byte_levels`` (which recognizes unpacked bits),
+  ``alike_frames``, ``scaled_counts`` (which recognizes means), ``array_hints``, and
+  ``description`` (sensors as texts);
 * ``periodic_rates`` with ``filter_hints``: a test for a mosaic that is not stated;
 * ``response`` and ``reference``: the response of a jot, and numbers that represent a sensor;
 * ``operators``, ``likelihood``, and ``problem``: the spread of light, the objective of

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from jotlight.checks import refuse_masked, to_array, type_of
 from jotlight.chunks import windows
-from jotlight.sensing import lazy, preview
+from jotlight.sensing import byte_levels, lazy, preview
 from jotlight.sensing.array_hints import ArrayHints
 from jotlight.sensing.bits_checks import check_fits, refuse_many_channels, warn_about_axes
 from jotlight.sensing.channels import channel_views
@@ -50,7 +50,8 @@ class Bits(ArrayHints):
     Raises
     ------
     TypeError, ValueError
-        When the array, the width, and the sensor do not fit together.
+        When the array, the width, and the sensor do not fit together. Without a width, also when
+        each byte looks like one bit or a count.
 
     Examples
     --------
@@ -77,6 +78,8 @@ class Bits(ArrayHints):
                 "packed: expected shape (T, H, ceil(W / 8)) or (T, H, ceil(W / 8), C), "
                 f"without a dimension of 0, got {packed.shape}"
             )
+        if width is None and isinstance(packed, np.ndarray):
+            byte_levels.refuse_numbers(packed)
         full = 8 * packed.shape[2]
         self.packed = packed
         self.width = full if width is None else operator.index(width)
