@@ -13,9 +13,10 @@ In reading order:
   ``sensor_like`` is what bits need of a sensor, ``counting`` counts their ones, ``lazy`` makes lazy
   arrays, ``crop`` takes some rows and columns, and ``preview`` shows them;
 * ``merged``: counts whose pixels have different numbers of trials;
-* ``channels`` and ``pixel_counts``: the channels of color data, and the counts of their pixels.
-  ``data_lists`` and ``stacks`` serve several images, ``output_images`` and ``gray_outputs`` the
-  array `out` of methods. ``subsampling`` draws some of the bits of each pixel;
+* ``channels`` and ``pixel_counts``: the channels of color data, and the counts of their pixels,
+  whose trials may be stated (``stated_trials``). ``data_lists`` and ``stacks`` serve several
+  images, ``output_images`` and ``gray_outputs`` the array `out` of methods. ``subsampling`` draws
+  some of the bits of each pixel;
 * checks and messages: ``bits_checks``, ``byte_levels`` (which recognizes unpacked bits),
   ``alike_frames``, ``scaled_counts`` (which recognizes means), ``array_hints``, and
   ``description`` (sensors as texts);

@@ -22,6 +22,7 @@ from jotlight.sensing.reading_groups import without_mosaic
 from jotlight.sensing.readings import Readings, image_of_readings
 from jotlight.sensing.scaled_counts import check_range, check_whole, warn_about_frames
 from jotlight.sensing.sensor import Sensor, require_sensor
+from jotlight.sensing.stated_trials import merge_counts, with_trials
 from jotlight.sensing.values import check_any_valid, checked_trials
 
 Estimate = npt.NDArray[np.float32]
@@ -244,6 +245,8 @@ def prepare_data(
     if sensor.bit_depth > 1:
         return image_of_readings(data, sensor, trials, channel_axis), sensor
     counts = as_counts(cast(npt.ArrayLike, data))
+    if trials is not None and not sensor.has_plain_bits:
+        sensor, trials = with_trials(sensor, checked_trials(trials, counts)), None
     layout = Layout.of("counts", counts, channel_axis)
     images: Any = np.ascontiguousarray(layout.split(counts))
     # With an oversampling, the jots are not counted.
@@ -257,7 +260,7 @@ def prepare_data(
             trials = layout.arrange(np.broadcast_to(trials, images.shape))
         checked = checked_trials(trials, counts)
         own = layout.split(checked) if isinstance(checked, np.ndarray) else [checked] * len(images)
-        images = [_merge_counts(*each, sensor) for each in zip(images, own, strict=True)]
+        images = [merge_counts(*each, sensor) for each in zip(images, own, strict=True)]
     return (images[0] if layout.is_single else GrayImages(images, layout)), sensor
 
 
@@ -270,11 +273,6 @@ def _gray_images_of_list(data: Sequence[Bits | Readings | Merged]) -> GrayImages
     layout = layouts.pop()
     channels: list[Any] = [one for images in each for one in images.data]
     return GrayImages(channels, Layout((len(data), *layout.shape), layout.channel_axis))
-
-
-def _merge_counts(counts: npt.NDArray[np.int32], trials: Any, sensor: Sensor) -> Merged:
-    valid = True if sensor.mask is None else ~sensor.mask
-    return Merged(np.where(valid, counts, np.int32(0)), np.where(valid, trials, 0.0), sensor)
 
 
 def gray_images(data: PreparedData) -> GrayImages:
