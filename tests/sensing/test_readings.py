@@ -149,11 +149,12 @@ SENSOR = jl.Sensor(frames=2, bit_depth=2)
     [
         (np.full((2, 3, 3), 4), SENSOR, ValueError, "expected 0 to 3 for 2 bits, got 4 to 4"),
         (np.full((2, 3, 3), -1), SENSOR, ValueError, "expected 0 to 3 for 2 bits"),
-        (np.ones((2, 3, 3)), SENSOR, TypeError, "expected whole numbers, got float64"),
+        (np.ones((2, 3, 3)), SENSOR, TypeError, r"got float64; numpy\.rint\(array\)\.astype"),
+        (np.ones((2, 3, 3), bool), SENSOR, TypeError, "expected whole numbers, got bool$"),
         (np.ones(3, int), SENSOR, ValueError, r"expected shape \(T, H, W\)"),
-        (np.ones((2, 3, 3, 9), int), SENSOR, ValueError, "at most 4 channels"),
+        (np.ones((2, 3, 3, 9), int), SENSOR, ValueError, r"at most 4 .* \[Readings\(frames, sensor"),
         (np.ones((3, 3, 3), int), SENSOR, ValueError, "expected the sensor's 2 frames, got 3"),
-        (np.ones((2, 3, 3), int), jl.Sensor(frames=2), ValueError, "expected single bits"),
+        (np.ones((2, 3, 3), int), jl.Sensor(frames=2), ValueError, r"Sensor\(frames=2, bit_depth=4\)"),
         (np.ones((2, 3, 3), int), 4, TypeError, r"expected a jotlight\.Sensor"),
         (np.ma.ones((2, 3, 3), int), SENSOR, TypeError, "masked"),
     ],
@@ -161,6 +162,14 @@ SENSOR = jl.Sensor(frames=2, bit_depth=2)
 def test_bad_readings_are_refused(array, sensor, error, message):
     with pytest.raises(error, match=message):
         jl.Readings(array, sensor)
+
+
+def test_readings_of_another_depth_are_refused():
+    readings = jl.Readings(np.ones((2, 3, 3), int), SENSOR)
+    for depth in (1, 5):
+        sensor = SENSOR.replace(bit_depth=depth)
+        with pytest.raises(ValueError, match=r"sensor\.replace\(bit_depth=2\) is a sensor with re"):
+            jl.mle(readings, sensor)
 
 
 def test_bits_of_a_sensor_with_several_bits_are_refused():

@@ -79,9 +79,10 @@ drop the axis of length 1, as array[:, 0] does
     if len(shape) != 4 or shape[3] <= MAX_CHANNELS:
         return
     singles = [axis for axis, length in enumerate(shape[:2]) if length == 1]
+    kind, build = ("Readings",) * 2 if name == "readings" else ("Bits", "Bits.from_array")
     advice = (
-        "for a stack (N, T, H, W), pass a list of Bits to methods: "
-        "[Bits.from_array(frames, sensor) for frames in stack]"
+        f"for a stack (N, T, H, W), pass a list of {kind} to methods: "
+        f"[{build}(frames, sensor) for frames in stack]"
     )
     if singles:
         advice = f"drop the axis of length 1, as array[{'0' if 0 in singles else ':, 0'}] does"
@@ -100,11 +101,10 @@ def check_fits(shape: tuple[int, ...], sensor: SensorLike, *, bit_depth: int = 1
     if sensor.bit_depth != bit_depth:
         own = f"readings of {sensor.bit_depth} bits" if sensor.bit_depth > 1 else "single bits"
         other = "single bits" if bit_depth == 1 else f"readings of {bit_depth} bits"
-        raise ValueError(
-            f"data: expected {own}, as the sensor states, got {other}; "
-            "jotlight.Readings(array, sensor) are readings of several bits, and "
-            "sensor.replace(bit_depth=1) is a sensor with single bits"
-        )
+        advice = f"sensor.replace(bit_depth={bit_depth}) is a sensor with {other}"
+        if bit_depth == 1:
+            advice = f"jotlight.Readings(array, sensor) are readings of several bits, and {advice}"
+        raise ValueError(f"data: expected {own}, as the sensor states, got {other}; {advice}")
     frames, height, width = shape[:3]
     if frames != sensor.frames:
         some = f"bits[:{sensor.frames}] (--frame-range 0:{sensor.frames}), or "

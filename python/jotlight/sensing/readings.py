@@ -64,7 +64,8 @@ class Readings(ArrayHints):
         refuse_masked("readings", array)
         values: Any = array if isinstance(array, Frames) else to_array("readings", array)
         if values.dtype.kind not in "iu":
-            raise TypeError(f"readings: expected whole numbers, got {values.dtype}")
+            advice = "; numpy.rint(array).astype(int) rounds floats" * (values.dtype.kind == "f")
+            raise TypeError(f"readings: expected whole numbers, got {values.dtype}{advice}")
         if values.ndim == 2:
             values = values[None]
         if values.ndim not in (3, 4) or values.size == 0:
@@ -76,7 +77,13 @@ class Readings(ArrayHints):
         self.frames = values
         self.sensor = sensor
         self.provenance = provenance
-        check_fits(self.shape, sensor, bit_depth=max(2, sensor.bit_depth))
+        if sensor.bit_depth == 1:
+            raise ValueError(
+                "sensor: expected the bits of a reading, 2 to 16, such as "
+                f"Sensor(frames={self.shape[0]}, bit_depth=4), got {sensor!r} with single bits; "
+                "jotlight.Bits.from_array(array, sensor) packs single bits"
+            )
+        check_fits(self.shape, sensor, bit_depth=sensor.bit_depth)
         if isinstance(values, np.ndarray):
             self._check_range(values)
 
