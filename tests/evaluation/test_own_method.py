@@ -108,8 +108,26 @@ def test_a_function_that_takes_bits_for_an_array_gets_a_note():
             call()
         assert expected in caught.value.__notes__[0]
     with pytest.raises(AttributeError) as caught:
-        jl.reconstruct(ones, sensor, method=lambda data: data.missing)
-    assert not hasattr(caught.value, "__notes__")
+        jl.reconstruct(ones, sensor, method=lambda bits: bits.counts())
+    assert "received counts, an array (16, 16), which has no" in caught.value.__notes__[0]
+
+
+@pytest.mark.parametrize(
+    ("method", "reason"),
+    [
+        (lambda: 0, "too many positional arguments"),
+        (lambda bits, sensor, scale: bits, "missing a required argument: 'scale'"),
+        (lambda bits, *, scale: bits, "missing a required.* argument: 'scale'"),
+    ],
+)
+def test_a_function_with_other_parameters_is_refused(method, reason):
+    counts, sensor = np.ones((8, 8), int), jl.Sensor(frames=4)
+    with pytest.raises(TypeError, match=rf"expected a function f\(data, sensor\) .*: {reason}"):
+        jl.reconstruct(counts, sensor, method=method)
+    scaled = jl.reconstruct(counts, sensor, method=lambda data, *, scale: data * scale, scale=0.25)
+    np.testing.assert_array_equal(scaled, np.full((8, 8), 0.25))
+    with pytest.raises(TypeError, match="got an unexpected keyword argument 'other'"):
+        jl.reconstruct(counts, sensor, method=lambda data: data / 4, other=2)
 
 
 def test_a_function_that_takes_a_plane_of_a_mosaic_for_the_image_gets_a_note():
@@ -125,9 +143,10 @@ def test_a_function_that_takes_a_plane_of_a_mosaic_for_the_image_gets_a_note():
     for method in (reshaped, whole, lambda bits: bits.counts()):
         with pytest.raises((ValueError, AttributeError)) as caught:
             jl.reconstruct(bits, method=method)
-        [note] = caught.value.__notes__
+        note = caught.value.__notes__[-1]
         expected = "receives the counts (h, w) of each plane of the mosaic, the pixels behind one"
         assert note.startswith(f"{method.__name__} {expected}")
+        assert "jotlight.metrics.psnr(function(bits), image)" in note
         assert error_message(caught.value).endswith(note)
     with pytest.raises(ValueError, match="weight") as caught:
         jl.reconstruct(bits, method="mle", weight=1)

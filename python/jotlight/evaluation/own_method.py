@@ -161,12 +161,13 @@ def run_own(
         return data.layout.arrange(np.stack(each))
     checked, expected = _prepare(data, sensor)
     arguments, keywords = arguments_of(method, checked, sensor, threads)
+    keywords |= options
+    _check_parameters(method, arguments, keywords)
     try:
-        returned = method(*arguments, **{**keywords, **options})
+        returned = method(*arguments, **keywords)
         result = np.asarray(returned)
     except (TypeError, AttributeError) as error:
-        if isinstance(checked, Bits | Readings | Merged):
-            error.add_note(_about(checked, name))
+        error.add_note(_about(checked, name))
         raise
     if result.dtype.kind not in "biuf":
         kind = "None; does it return its image?" if returned is None else str(result.dtype)
@@ -205,7 +206,9 @@ def noting_planes(method: object, estimate: Callable[..., Any]) -> Callable[...,
         except Exception as error:
             error.add_note(
                 f"{_name(method)} receives the counts (h, w) of each plane of the mosaic, the "
-                "pixels behind one filter of its pattern, and returns an image of the same shape"
+                "pixels behind one filter of its pattern, and returns an image of the same shape; "
+                "they are Merged where the trials or the readings differ; a function that returns "
+                "the colors can be called by itself: jotlight.metrics.psnr(function(bits), image)"
             )
             raise
 
@@ -217,8 +220,27 @@ def _name(method: object) -> str:
     return str(getattr(method, "__name__", repr(method)))
 
 
-def _about(data: Bits | Readings | Merged, name: str) -> str:
-    """Return what a function of the caller received, for one that expects an array."""
+def _check_parameters(
+    method: OwnMethod, arguments: tuple[Any, ...], keywords: dict[str, Any]
+) -> None:
+    """Raise TypeError unless a function takes the arguments with which it will be called."""
+    try:
+        signature = inspect.signature(method)
+    except (TypeError, ValueError):  # functions in C may have no signature
+        return
+    try:
+        signature.bind(*arguments, **keywords)
+    except TypeError as error:
+        raise TypeError(
+            "method: expected a function f(data, sensor) or f(data), with the options as further "
+            f"parameters, got {_name(method)}{signature}: {error}"
+        ) from None
+
+
+def _about(data: Data, name: str) -> str:
+    """Return what a function of the caller received, for one that expects something else."""
+    if isinstance(data, np.ndarray):
+        return f"{name} received counts, an array {data.shape}, which has no methods of Bits"
     if isinstance(data, Merged):
         return f"{name} received Merged; merged.ones is an array of counts"
     if isinstance(data, Readings):

@@ -130,7 +130,8 @@ def reconstruct(
     method : str, Network, ColorNetwork, or callable, optional
         A name in ``jotlight.evaluation.methods.METHODS``, a network (also a module of
         ``jotlight.torch``), or a function ``f(data, sensor)`` or ``f(data)`` that returns an
-        image. Behind a mosaic, a function gets the counts (h, w) of each plane of the pattern.
+        image. Behind a mosaic, a function gets the counts (h, w) of each plane of the pattern, or
+        Merged where the trials or the readings differ; it cannot replace the demosaicing.
         Default: the network "medium". With the box kernel, the default is "held-out" above 1,000
         trials per pixel, and the color network for three channels, or a mosaic, of up to 1,000
         trials per pixel. Your own color network takes the same data as that one.
